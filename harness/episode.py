@@ -206,7 +206,7 @@ class Episode:
             wall_time_s=time.perf_counter() - began,
             decisions=self._sequence,
             collisions=self._simulation.truth.collisions,
-            struck=self._simulation.truth.struck,
+            struck=self._simulation.truth.hits_by_movers,
             min_clearance_m=figures["min_clearance_m"],
             path_length_m=figures["path_length_m"],
             route_length_m=self._scenario.route_length(),

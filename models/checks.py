@@ -76,7 +76,7 @@ def check(
 
 
 class _View:
-    """What one sensor sees, and from where."""
+    """View of one sensor from its site."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, mount: Mount, site: int) -> None:
         self.model = model
@@ -91,7 +91,7 @@ class _View:
         self.visible = np.flatnonzero(visible)
 
     def meets(self, geom: int) -> bool:
-        """Whether any beam of the first sweep meets the geom within range."""
+        """Return whether any beam of the first sweep meets the geom within range."""
         beams = directions(self.mount.device.beam_table(), 0) @ self.R_world_sensor.T
         reach = self.model.geom_rbound[geom]
         center = self.data.geom_xpos[geom] - self.origin
@@ -112,7 +112,7 @@ def _old_mujoco(version: str) -> Iterator[Finding]:
 
 
 def _missed_geoms(model: mujoco.MjModel, engine: str) -> Iterator[Finding]:
-    """Geoms that no contact meets and that `mj_multiRay` misses.
+    """Yield a finding for geoms that no contact meets and that `mj_multiRay` misses.
 
     It leaves out a body whose colliding geoms' common bounding sphere a ray does not meet, and with
     it what else of the body sticks out of that sphere.
@@ -130,7 +130,7 @@ def _missed_geoms(model: mujoco.MjModel, engine: str) -> Iterator[Finding]:
 
 
 def _sticks_out(model: mujoco.MjModel, geom: int) -> bool:
-    """Whether a geom leaves the bounding sphere of its body's colliding ones."""
+    """Return whether a geom leaves the bounding sphere of its body's colliding ones."""
     body = model.geom_bodyid[geom]
     bounds = model.bvh_aabb[model.body_bvhadr[body]]  # centre, half sides; frame of inertia
     R = np.empty(9)
@@ -184,7 +184,7 @@ def _near_clip(model: mujoco.MjModel, mounts: Sequence[Mount]) -> Iterator[Findi
 
 
 def _opaque(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Geoms (g,) that rays meet at all; a material's alpha replaces the geom's own."""
+    """Return geoms (g,) that rays meet at all; a material's alpha replaces the geom's own."""
     alpha = model.geom_rgba[:, 3].copy()
     has_material = model.geom_matid >= 0
     alpha[has_material] = model.mat_rgba[model.geom_matid[has_material], 3]
@@ -193,13 +193,13 @@ def _opaque(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 def _visible(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Geoms (g,) that the beams of a sweep meet."""
+    """Return geoms (g,) that the beams of a sweep meet."""
     others: NDArray[np.bool_] = model.geom_group != ROBOT_GROUP
     return _opaque(model) & others
 
 
 def _is_below(model: mujoco.MjModel, base: int) -> NDArray[np.bool_]:
-    """Bodies (b,) that are `base` or hang from it; a parent's number is below its child's."""
+    """Return bodies (b,) that are `base` or hang from it; parents come before their children."""
     below = np.zeros(model.nbody, bool)
     below[base] = True
     for body in range(base + 1, model.nbody):

@@ -30,20 +30,20 @@ UNKNOWN_CLASS = CLASSES.index("unknown")
 
 
 def class_of_geoms(model: mujoco.MjModel) -> NDArray[np.uint8]:  # (ngeom,)
-    """The class of each geom: the first number of its `user` data in MJCF; unknown without one.
+    """Return each geom's class, the first number of its `user` data in MJCF; unknown without one.
 
     Raises:
         ValueError: A number is not that of a class.
     """
     if model.nuser_geom == 0:
         return np.full(model.ngeom, UNKNOWN_CLASS, np.uint8)
-    told = model.geom_user[:, 0]
-    strange = np.flatnonzero((told != np.floor(told)) | (told < 0) | (told >= len(CLASSES)))
+    values = model.geom_user[:, 0]
+    strange = np.flatnonzero((values != np.floor(values)) | (values < 0) | (values >= len(CLASSES)))
     if len(strange):
         first = int(strange[0])
         raise ValueError(
-            f"geom '{model.geom(first).name}': got class {told[first]:g} in its user data, "
+            f"geom '{model.geom(first).name}': got class {values[first]:g} in its user data, "
             f"expected a whole number from 0 to {len(CLASSES) - 1}"
         )
-    classes: NDArray[np.uint8] = told.astype(np.uint8)
+    classes: NDArray[np.uint8] = values.astype(np.uint8)
     return classes

@@ -2,7 +2,7 @@
 
 A model of an estimator, not an estimator: from true motion it makes the error that such an
 estimator would have, and beside it the covariance that the estimator would state, which follows
-from the configured figures and the motion it believes in, never from the error that was drawn.
+from the configured figures and the estimated motion, never from the error that was drawn.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ DRAW_BLOCK = 128
 
 @dataclass(frozen=True)
 class OdometryConfig:
-    """How good the pose estimate is; all zero is the truth itself.
+    """Errors of the pose estimate; all zero is the truth itself.
 
     Dead reckoning accumulates the first four errors without bound; a stack that localizes against a
     map has none of them but the bounded error of `bias_sigma`, which is the default. Axes are
@@ -89,7 +89,7 @@ class OdometryConfig:
 
 @dataclass(frozen=True)
 class PoseError:
-    """Believed less true pose: a shift, and a turn about the vertical through the body.
+    """Estimated minus true pose: a shift, and a turn about the vertical through the body.
 
     Attributes:
         shift: (x, y, z) world, m.
@@ -125,7 +125,7 @@ class Odometry:
             position: (3,) true, world, m.
             heading: True, rad.
             period: Time between two estimates, s.
-            legs: The body stands on legs, which tell its height.
+            legs: Whether the body stands on legs, which measure its height.
         """
         self._legs = legs
         self._config = config
@@ -172,15 +172,15 @@ class Odometry:
         self._sequence += 1
         walk, bounded, jitter = self._draws()
         if self._reckons:
-            believed = self._reckon(np.array([x, y, z]), turn)
-            self._propagate(believed, turn * (1.0 + self._scales[1]))
+            estimated = self._reckon(np.array([x, y, z]), turn)
+            self._propagate(estimated, turn * (1.0 + self._scales[1]))
             self._reckoned += self._walk_spread * math.sqrt(distance) * walk
         kept = zip(self._bounded, self._fresh_spread, bounded, strict=True)
         self._bounded = [self._decay * old + spread * draw for old, spread, draw in kept]
         self._jitter = list(map(operator.mul, self._jitter_spread, jitter))
 
     def state(self) -> dict[str, Array]:
-        """What it keeps between estimates; the scales and draws follow from the seed."""
+        """Return the state kept between estimates; the scales and draws follow from the seed."""
         return {
             "sequence": np.array(self._sequence, np.int64),
             "position": np.array(self._position),
@@ -193,7 +193,7 @@ class Odometry:
         }
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Go on from what `state` returned."""
+        """Continue from what `state` returned."""
         self._sequence = int(state["sequence"])
         x, y, z = map(float, state["position"].tolist())
         self._position = [x, y, z]
@@ -228,19 +228,19 @@ class Odometry:
         )
 
     def _reckon(self, step: Array, turn: float) -> Array:
-        """Add a true step to the dead reckoning; returns it as it is believed, (3,) world, m."""
+        """Add a true step to the dead reckoning; return the estimated step, (3,) world, m."""
         scale, turn_scale = self._scales
         c, s = math.cos(self._reckoned[3]), math.sin(self._reckoned[3])
         x, y, z = step.tolist()
-        believed: Array = scale * np.array([c * x - s * y, s * x + c * y, z])
-        self._reckoned[:2] += believed[:2] - step[:2]
+        estimated: Array = scale * np.array([c * x - s * y, s * x + c * y, z])
+        self._reckoned[:2] += estimated[:2] - step[:2]
         if not self._legs:
-            self._reckoned[Z] += believed[Z] - step[Z]
+            self._reckoned[Z] += estimated[Z] - step[Z]
         self._reckoned[3] += turn_scale * turn
-        return believed
+        return estimated
 
     def _propagate(self, step: Array, turn: float) -> None:
-        """P <- F P F' + Q, linearised about the believed step.
+        """Propagate P <- F P F' + Q, linearised about the estimated step.
 
         The prediction of the extended Kalman filter (Thrun, Burgard and Fox, Probabilistic
         Robotics, 2005, section 3.3), with the two constant scales as states.
@@ -267,8 +267,8 @@ def _spread(position: float, heading: float) -> Array:  # (4,)
     return np.array([position, position, position, heading])
 
 
-def believed_trail(trail: Trail, errors: list[PoseError]) -> Trail:
-    """The trail with each true pose replaced by what was believed then; one error for each."""
+def estimated_trail(trail: Trail, errors: list[PoseError]) -> Trail:
+    """Return the trail of estimated poses, given the error of each."""
     shifts = np.array([error.shift for error in errors])
     half = 0.5 * np.array([error.turn for error in errors])
     c, s = np.cos(half), np.sin(half)

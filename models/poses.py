@@ -38,7 +38,7 @@ class Trail:
     def before_now(
         self, ages: NDArray[np.floating]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Positions (m, 3) and rotations (m, 3, 3) at ages (m,) >= 0 before now, s.
+        """Return positions (m, 3) and rotations (m, 3, 3) at ages (m,) >= 0 before now, s.
 
         Between samples both are interpolated linearly and the quaternion scaled to unit length
         again, which for the hundredths of a radian between samples is a rotation at constant speed.
@@ -58,7 +58,7 @@ class Trail:
         return positions, rotation_matrices(quaternions)
 
     def every(self, stride: int) -> Trail:
-        """Each `stride`-th pose, counted back from now."""
+        """Return each `stride`-th pose, counted back from now."""
         return Trail(
             self.positions[::-1][::stride][::-1],
             self.quaternions[::-1][::stride][::-1],
@@ -67,7 +67,7 @@ class Trail:
 
 
 def rotation_matrices(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:  # (m, 3, 3)
-    """Rotations of unit quaternions (m, 4) w x y z."""
+    """Return the rotations of unit quaternions (m, 4) w x y z."""
     w, x, y, z = quaternions.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -8,7 +8,7 @@ import numpy as np
 
 
 def stream(seed: int, name: str, sequence: int) -> np.random.Generator:
-    """The random numbers of one event, whatever was drawn before it.
+    """Return the random numbers of one event, independent of all other draws.
 
     Args:
         seed: The episode's, >= 0.

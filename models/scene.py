@@ -19,7 +19,7 @@ FLOOR = CLASSES.index("floor")
 
 @dataclass(frozen=True)
 class Scene:
-    """What an episode simulates.
+    """A simulated scene: model, controller and sensors.
 
     Attributes:
         model: The compiled model.

@@ -41,7 +41,7 @@ def distance_to(
 def holds(
     model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: NDArray[np.float64]
 ) -> bool:
-    """Whether a point (3,) in the world is inside a geom; behind a plane counts as inside.
+    """Return whether a point (3,) in the world is inside a geom; behind a plane counts as inside.
 
     Meshes are taken as closed surfaces; of a signed distance field nothing is said: False.
     """
@@ -82,7 +82,7 @@ SKEW_DIRECTIONS = np.array([[0.48, 0.6, 0.64], [-0.64, 0.48, 0.6], [0.6, -0.64, 
 def _holds_mesh(
     model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: NDArray[np.float64]
 ) -> bool:
-    """A ray from inside a closed surface crosses it an odd number of times; most of three."""
+    """Return whether a point is inside a mesh, by parity of crossings along most of three rays."""
     return sum(_crossings(model, data, geom, point, ray) % 2 for ray in SKEW_DIRECTIONS) >= 2
 
 

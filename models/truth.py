@@ -51,7 +51,7 @@ class Truth:
         self.places, self.steps = np.zeros((window, 3)), 0
         self._touching = False
         self.collisions = 0
-        self.struck = 0
+        self.hits_by_movers = 0
         self.touched = ""
 
     def see(self, obstacle: int) -> None:
@@ -69,12 +69,12 @@ class Truth:
         by_mover = bool(self._is_mover[obstacle])
         self.touched = self._model.body(self._model.geom_bodyid[obstacle]).name if by_mover else ""
         if by_mover and self._speed() < REST_SPEED:
-            self.struck += 1
+            self.hits_by_movers += 1
         else:
             self.collisions += 1
 
     def _speed(self) -> float:
-        """Of the base over the last moments, m/s: a standing trot sways."""
+        """Return the mean speed of the base over the window, m/s: a standing trot sways."""
         places = self._lately()
         if len(places) < 2:
             return 0.0
@@ -82,14 +82,14 @@ class Truth:
         return float(np.linalg.norm(places[-1] - places[0])) / time
 
     def _lately(self) -> NDArray[np.float64]:
-        """Where the base was at the last steps, (n, 3), the latest last."""
+        """Return the positions of the base at the last steps, (n, 3), the latest last."""
         oldest = self.steps % len(self.places)
         if self.steps < len(self.places):
             return self.places[:oldest].copy()
         return np.concatenate((self.places[oldest:], self.places[:oldest]))
 
     def clearance(self, data: mujoco.MjData, limit: float = CLEARANCE_REACH) -> float:
-        """Least distance from any robot geom to any geom but the floor, m, at most `limit`.
+        """Return the least distance from robot geoms to all geoms but the floor, m, up to `limit`.
 
         Bounding spheres rule out the far pairs; `mj_geomDistance` measures the rest.
         """
@@ -107,23 +107,23 @@ class Truth:
         return least
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """What one step hands to the next."""
+        """Return the state between steps."""
         return {
             "touching": np.array(self._touching, np.int64),
             "collisions": np.array(self.collisions, np.int64),
-            "struck": np.array(self.struck, np.int64),
+            "struck": np.array(self.hits_by_movers, np.int64),
             "places": self._lately(),
         }
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Go on from what `state` returned.
+        """Continue from what `state` returned.
 
         Raises:
             ValueError: The places are none, or more than are kept.
         """
         self._touching = bool(state["touching"])
         self.collisions = int(state["collisions"])
-        self.struck = int(state["struck"])
+        self.hits_by_movers = int(state["struck"])
         places = state["places"]
         if places.shape[1:] != (3,) or len(places) > len(self.places):
             raise ValueError(f"places: got {places.shape}, expected at most {self.places.shape}")

@@ -14,7 +14,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.models.odometry import Odometry, PoseError, believed_trail
+from wayproof.models.odometry import Odometry, PoseError, estimated_trail
 from wayproof.models.poses import Trail
 
 Array = NDArray[np.float64]
@@ -115,7 +115,7 @@ class PoseEstimate:
             rolling: Whether a sensor has a rolling shutter, so that the stack needs the trail.
         """
         errors = [*self._errors, self.error] if rolling else [self.error]
-        believed = believed_trail(trail, errors)
+        believed = estimated_trail(trail, errors)
         message = pb.Pose(
             position=believed.positions[-1].tolist(),
             quaternion=believed.quaternions[-1].tolist(),

@@ -126,7 +126,7 @@ class Recorder:
             velocity=simulation.data.qvel[:3].tolist(),
             clearance_m=clearance,
             collisions=truth.collisions,
-            hit_by_mover=truth.struck,
+            hit_by_mover=truth.hits_by_movers,
         )
         for mover in simulation.traffic.states() if simulation.traffic else ():
             message.movers.add(**mover._asdict())

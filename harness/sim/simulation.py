@@ -127,7 +127,7 @@ class Simulation:
         )
         truth.see(met)
         self._move_traffic(now_ns)
-        return left or truth.collisions > 0 or truth.struck > 0
+        return left or truth.collisions > 0 or truth.hits_by_movers > 0
 
     def drain_setpoints(self) -> bytes:
         """Rows of the setpoints that the controller got since the last call."""

@@ -50,7 +50,7 @@ class TerminationMonitor:
         mission, truth = self._scenario.mission, self._truth
         if truth.collisions:
             return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
-        if truth.struck:
+        if truth.hits_by_movers:
             return "collision", f"was hit by {truth.touched} while at rest at {self._place()}"
         if not self._rotation[8] > self._min_uprightness:  # z axis along the world's
             return "fall", f"tilted beyond {self._scenario.spec.max_tilt:g} rad at {self._place()}"

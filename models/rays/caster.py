@@ -150,7 +150,7 @@ class TileCaster:
 def _poses(
     pattern: Pattern, origins: NDArray[np.float64], R_world_sensor: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Origins (m, 3) and rotations (m, 3, 3) of the pose_indices."""
+    """Return origins (m, 3) and rotations (m, 3, 3) of the scan poses."""
     o = _several("origins", origins, (3,))
     R = _several("R_world_sensor", R_world_sensor, (3, 3))
     m = max(len(o), len(R))

@@ -64,7 +64,7 @@ class Geometry:
         self._take(at_rest, np.arange(len(ids)), ids)
 
     def refresh(self, data: mujoco.MjData) -> None:
-        """Take over the poses of all that can move."""
+        """Update the poses of all that can move."""
         if len(self._moving_rows):
             self._take(data, self._moving_rows, self._moving_ids)
 
@@ -75,7 +75,7 @@ class Geometry:
 
 
 def visible(model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Ids of the geoms that `mj_ray` would consider.
+    """Return the ids of the geoms that `mj_ray` would consider.
 
     Groups outside 0..5 count as the nearest of these, and a material's alpha replaces the geom's
     own: both as MuJoCo does, which the tests hold.
@@ -92,7 +92,7 @@ def visible(model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> NDArray[np.
 
 
 def shape_name(model: mujoco.MjModel, geom: int) -> str:
-    """What MuJoCo calls the shape of a geom, such as `mesh`."""
+    """Return MuJoCo's name of a geom's shape, such as `mesh`."""
     kind = mujoco.mjtGeom(int(model.geom_type[geom]))
     return str(kind.name.removeprefix("mjGEOM_").lower())
 
@@ -100,7 +100,7 @@ def shape_name(model: mujoco.MjModel, geom: int) -> str:
 def _bodies(
     kinds: NDArray[np.int32], sizes: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Half axes of the ellipsoid and half sides of the box whose sum each geom is, (g, 3) each."""
+    """Return half axes of the ellipsoid and half sides of the box that sum to each geom, (g, 3)."""
     axes, sides = np.zeros_like(sizes), np.zeros_like(sizes)
     for g, (kind, size) in enumerate(zip(kinds, sizes, strict=True)):
         if kind == mujoco.mjtGeom.mjGEOM_SPHERE:

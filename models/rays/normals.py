@@ -19,7 +19,7 @@ def surface_normals(
     face: NDArray[np.int32],
     points: Array,
 ) -> Array:
-    """Unit normals in the world at points on geoms, as `mujoco.mj_ray` reports them.
+    """Return unit normals in the world at points on geoms, as `mujoco.mj_ray` reports them.
 
     A normal points out of the solid, and of a mesh to where its faces are wound about, whichever
     side the ray came from: from inside it does not face the ray.
@@ -28,7 +28,7 @@ def surface_normals(
         data: Geom poses at which the rays were cast, and the model.
         surfaces: The meshes and height fields that the rays were cast against.
         geom_id: (n,) what was met, -1 for a miss.
-        face: (n,) where on a mesh or a height field, as `surfaces` told.
+        face: (n,) triangle of a mesh or a height field, as `surfaces` reported.
         points: (n, 3) in the world, m; any where nothing was met.
 
     Returns:
@@ -69,7 +69,7 @@ def _ellipsoid(p: Array, size: Array) -> Array:
 
 
 def _cylinder(p: Array, size: Array) -> Array:
-    """The surface that a point is on is the one it is least inside of."""
+    """Return normals of the side or the disc, whichever the point is least inside of."""
     across = np.hypot(p[:, 0], p[:, 1]) - size[:, 0]
     along = np.abs(p[:, 2]) - size[:, 1]
     end = np.sign(p[:, 2])[:, None] * (0.0, 0.0, 1.0)

@@ -81,7 +81,7 @@ class Surfaces:
         return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
     def _place(self, data: mujoco.MjData) -> Placed:
-        """The geoms where they are, in the order of the tree over the boxes about them there."""
+        """Place the geoms at their poses, in the order of the tree over their boxes there."""
         ids, roots = self._geoms.T
         position, R = data.geom_xpos[ids], data.geom_xmat[ids].reshape(-1, 3, 3)
         corners = self._soup.boxes[roots].reshape(-1, 2, 3)
@@ -104,7 +104,7 @@ def _refuse_what_has_no_triangles(model: mujoco.MjModel, ids: NDArray[np.int32])
 
 
 def _gather(model: mujoco.MjModel, ids: NDArray[np.int32]) -> tuple[Soup, NDArray[np.int32]]:
-    """Triangles of all assets of some geoms, and the root of each geom's tree, (g,)."""
+    """Return triangles of all assets of some geoms, and the root of each geom's tree, (g,)."""
     roots = np.empty(len(ids), np.int32)
     root_of: dict[tuple[int, int], int] = {}
     trees: list[Tree] = []
@@ -129,7 +129,7 @@ def _gather(model: mujoco.MjModel, ids: NDArray[np.int32]) -> tuple[Soup, NDArra
 
 
 def _table(corners: Array) -> Array:
-    """Rows of `Soup.triangles` for corners (t, 3, 3)."""
+    """Return rows of `Soup.triangles` for corners (t, 3, 3)."""
     following = np.roll(corners, -1, axis=1)
     edges = following - corners  # (t, 3, 3)
     # From the middle of an edge: both triangles at it get the same numbers, but for the sign.
@@ -141,7 +141,7 @@ def _table(corners: Array) -> Array:
 
 
 def _corners(model: mujoco.MjModel, kind: int, asset: int) -> Array:
-    """Triangles of a mesh or a height field in its frame, wound about their outer normal."""
+    """Return triangles of a mesh or a height field in its frame, wound about their outer normal."""
     return _mesh(model, asset) if kind == MESH else _height_field(model, asset)
 
 
@@ -176,7 +176,7 @@ def _height_field(model: mujoco.MjModel, field: int) -> Array:
 
 
 def _wall(crest: Array, foot: Array) -> Array:
-    """Triangles between a polyline (k, 3) and the one below it."""
+    """Return triangles between a polyline (k, 3) and the one below it."""
     return np.concatenate(
         [
             np.stack([foot[:-1], foot[1:], crest[1:]], axis=1),

@@ -59,7 +59,7 @@ def aim(start: int, n: int, beams: Array, R: Array, v: Array) -> None:
 def copy_origins(
     start: int, n: int, pose_indices: NDArray[np.int32], origins: Array, starts: Array
 ) -> None:
-    """Origins of the n beams from `start`, each at its moment."""
+    """Copy the origins of the n beams from `start`, each at its scan pose."""
     for i in range(n):
         k = pose_indices[start + i]
         starts[0, i], starts[1, i], starts[2, i] = origins[k, 0], origins[k, 1], origins[k, 2]

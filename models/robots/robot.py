@@ -16,10 +16,10 @@ ROBOT_PREFIX = "robot_"
 
 
 class Setpoint:
-    """Where the body should be now, as sampled from a trajectory.
+    """Commanded state of the body at one instant, as sampled from a trajectory.
 
-    Eight numbers in a row, told by name: two setpoints are made at every physics step, and kernels
-    take a row as it is.
+    Eight numbers in a row with a name each: two setpoints are made at every physics step, and
+    kernels take a row as it is.
 
     Attributes:
         row: (8,) position, velocity, heading and yaw rate; not to be written.
@@ -36,7 +36,7 @@ class Setpoint:
         heading: float = 0.0,
         yaw_rate: float = 0.0,
     ) -> None:
-        """Write a row down; units as told by the properties."""
+        """Fill the row; the properties state the units."""
         self.row = np.array([*position, *velocity, heading, yaw_rate])
 
     @classmethod
@@ -69,9 +69,9 @@ class Setpoint:
         return float(self.row[7])
 
     def __repr__(self) -> str:
-        """All of it, by name."""
-        told = f"position={self.position}, velocity={self.velocity}"
-        return f"Setpoint({told}, heading={self.heading}, yaw_rate={self.yaw_rate})"
+        """Show every field by name."""
+        motion = f"position={self.position}, velocity={self.velocity}"
+        return f"Setpoint({motion}, heading={self.heading}, yaw_rate={self.yaw_rate})"
 
 
 @dataclass(frozen=True)
@@ -124,11 +124,11 @@ class Controller(Protocol):
         ...
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Copies of all that one step hands to the next, by name; MuJoCo's own state apart."""
+        """Return copies of all state between steps, by name; MuJoCo's own state apart."""
         ...
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Go on from what `state` returned, bit by bit."""
+        """Continue from what `state` returned, bit by bit."""
         ...
 
 
@@ -141,7 +141,7 @@ class Robot(Protocol):
         ...
 
     def mjcf(self) -> str:
-        """The robot alone, as MJCF: root body `base` with a free joint, geoms in ROBOT_GROUP."""
+        """Write the robot alone: root body `base` with a free joint, geoms in ROBOT_GROUP."""
         ...
 
     def controller(self, model: mujoco.MjModel, prefix: str) -> Controller:

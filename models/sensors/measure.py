@@ -77,7 +77,7 @@ def report(
     range_limit: float,
     silence: np.uint16,
 ) -> NDArray[np.uint16]:
-    """Steps 1, 2 and 4 of `measure` in one pass over the beams, (n,) mm.
+    """Apply steps 1, 2 and 4 of `measure` in one pass over the beams; return (n,) mm.
 
     Args:
         distance: (n,) along the beams, m; -1 for a miss.

@@ -9,7 +9,7 @@ from wayproof.models._jit import kernel
 
 
 def encode(ranges_mm: NDArray[np.uint16], rows: int) -> bytes:
-    """Two bytes for each of the ranges (n,), mm, of so many rows.
+    """Return two bytes for each of the ranges (n,), mm, of so many rows.
 
     Raises:
         ValueError: The rows are not of equal length.
@@ -21,7 +21,7 @@ def encode(ranges_mm: NDArray[np.uint16], rows: int) -> bytes:
 
 
 def decode(data: bytes, rows: int) -> NDArray[np.uint16]:
-    """The ranges (n,), mm, of 2 n bytes that `encode` made.
+    """Return the ranges (n,), mm, of 2 n bytes by `encode`.
 
     Raises:
         ValueError: There are not two bytes for each range of equal rows.
@@ -37,7 +37,7 @@ def write_differences(
     image: NDArray[np.uint16],  # (rows, columns) mm
     planes: NDArray[np.uint8],  # (2, rows, columns) out
 ) -> None:
-    """What each range has more than the one before it in its row; less wraps around."""
+    """Write each range's difference from the one before in its row, modulo 2^16."""
     for row in range(image.shape[0]):
         before = np.uint16(0)
         for k in range(image.shape[1]):

@@ -22,7 +22,7 @@ FLAT = 1e-9
 
 
 def read_heights(path: Path, options: ImportOptions) -> Found:
-    """The field, its low corner at the origin and its heights above the floor.
+    """Read a height field, its low corner at the origin and its heights above the floor.
 
     Raises:
         WorldFileError: No array or image of heights, or one without any rise.

@@ -99,7 +99,7 @@ def import_world(
 
 
 def complete(found: Found) -> Ends:
-    """Operating area, start and goal: the file's own, or chosen and noted where it tells none.
+    """Operating area, start and goal: the file's own, or chosen and noted where it gives none.
 
     Raises:
         WorldFileError: There is too much to choose a start and a goal in.
@@ -116,8 +116,8 @@ def complete(found: Found) -> Ends:
     start, goal = found.start, found.goal
     if start is None or goal is None:
         chosen = _chosen_ends(found, found.low, found.high)
-        for name, told, point in zip(("start", "goal"), (start, goal), chosen, strict=True):
-            if told is None:
+        for name, given, point in zip(("start", "goal"), (start, goal), chosen, strict=True):
+            if given is None:
                 found.notes.append(f"{name} chosen: ({point[0]:g}, {point[1]:g})")
         start, goal = start or chosen[0], goal or chosen[1]
     heading = found.start_heading

@@ -20,7 +20,7 @@ ENDINGS = (".stl", ".obj")
 
 
 def read_mesh(path: Path, options: ImportOptions) -> Found:
-    """The mesh, in pieces.
+    """Read a mesh, in pieces.
 
     Raises:
         WorldFileError: No trimesh, no mesh, or more triangles than allowed.
@@ -31,7 +31,7 @@ def read_mesh(path: Path, options: ImportOptions) -> Found:
 
 
 def mesh_parts(path: Path, scale: NDArray[np.float64], notes: list[str]) -> list[Part]:
-    """The connected pieces of a mesh file, each a part of its own.
+    """Read the connected pieces of a mesh file, each a part of its own.
 
     MuJoCo lets beams meet the triangles, but bodies collide with a mesh's convex hull: apart, the
     pieces of a scene do not close the space between them.
@@ -39,7 +39,7 @@ def mesh_parts(path: Path, scale: NDArray[np.float64], notes: list[str]) -> list
     Args:
         path: `.stl` or `.obj`.
         scale: (3,) metres to a unit.
-        notes: Told which pieces are not convex.
+        notes: Notes on pieces that are not convex are appended.
 
     Raises:
         WorldFileError: As `read_mesh`.
@@ -69,7 +69,7 @@ def mesh_parts(path: Path, scale: NDArray[np.float64], notes: list[str]) -> list
 
 
 def _check_count(path: Path) -> None:
-    """Refuse what says to be too much before a parser makes arrays of it."""
+    """Refuse a declared count that is too large before a parser makes arrays of it."""
     data = path.read_bytes()
     if path.suffix.lower() == ".obj":
         count = data.count(b"\nf") + data.count(b"\nv ")
@@ -99,7 +99,7 @@ def _load(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
 
 def _pieces(faces: NDArray[np.int64], count: int) -> list[NDArray[np.int64]]:
-    """Triangles (k, 3) of each connected piece."""
+    """Return the triangles (k, 3) of each connected piece."""
     tails, heads = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     edges = sparse.csr_matrix((np.ones(len(tails), np.bool_), (tails, heads)), (count, count))
     labels = csgraph.connected_components(edges, directed=False)[1][faces[:, 0]]
@@ -114,7 +114,7 @@ def _piece(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Mesh:
 
 
 def _is_convex(piece: Mesh) -> bool:
-    """Whether no vertex lies beyond the plane of a triangle, but for a share of the size."""
+    """Return whether no vertex lies beyond a triangle's plane, but for a share of the size."""
     a, b, c = (piece.vertices[piece.faces[:, n]] for n in range(3))
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)

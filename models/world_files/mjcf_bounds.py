@@ -61,7 +61,7 @@ SIDES = {"2d": 1, "cube": 6, "skybox": 6}
 
 
 class Bounds:
-    """What the files of one scene ask for together."""
+    """Sums of what the files of one scene demand together."""
 
     def __init__(self, top: Path) -> None:
         """Begin with nothing."""
@@ -69,14 +69,14 @@ class Bounds:
         self._pixels = self._heights = self._numbers = 0.0
 
     def check(self, path: Path, element: Element) -> None:
-        """Refuse what an element asks for by itself, or with all before it.
+        """Refuse what an element demands, by itself or with all before it.
 
         Args:
             path: Of the file that it stands in.
             element: One element, without its children.
 
         Raises:
-            WorldFileError: Naming the element, what it asks for and the bound.
+            WorldFileError: Naming the element, its number and the bound.
         """
         for name, text in element.attributes.items():
             if name in MAX_VALUES:
@@ -121,7 +121,7 @@ class Bounds:
 
 
 def copies(path: Path, element: Element) -> float:
-    """How often the content of an element stands in the scene: more than once by `replicate`.
+    """Return the copies of an element's content in the scene: more than one by `replicate`.
 
     Raises:
         WorldFileError: Its count is no number.

@@ -1,7 +1,7 @@
 """Files of an MJCF scene, checked before MuJoCo opens any of them.
 
 All that a scene names, and all that its includes and attached models name, has to lie in its folder
-or below, be a plain file of a bounded size, and load no code. What they ask for is counted over all
+or below, be a plain file of a bounded size, and load no code. What they demand is counted over all
 of them, copies included.
 """
 
@@ -32,7 +32,7 @@ MAX_MODEL_FILES = 200
 
 
 def check_scene(top: Path) -> None:
-    """Refuse a scene that reaches out of its folder, loads code or asks for too much.
+    """Refuse a scene that reaches out of its folder, loads code or demands too much.
 
     Raises:
         WorldFileError: Naming the file, the element and its line.
@@ -41,7 +41,7 @@ def check_scene(top: Path) -> None:
 
 
 class _Total:
-    """How much stands in a file or below an element, copies included."""
+    """Counts of what stands in a file or below an element, copies included."""
 
     def __init__(self, geoms: float = 0.0, bodies: float = 0.0, copied: float = 0.0) -> None:
         self.geoms, self.bodies, self.copied = geoms, bodies, copied
@@ -52,7 +52,7 @@ class _Total:
         self.copied += other.copied
 
     def repeated(self, times: float) -> _Total:
-        """All of it so many times; what is there more than once counts as copied."""
+        """Return all counts times a number; what is there more than once counts as copied."""
         copied = self.copied if times <= 1.0 else (self.geoms + self.bodies)
         return _Total(times * self.geoms, times * self.bodies, times * copied)
 
@@ -68,7 +68,7 @@ class _Scene:
         self._assets: set[tuple[Path, int, Path]] = set()
 
     def check(self, path: Path, opened: list[Path]) -> _Total:
-        """One file of MJCF and all that it leads to."""
+        """Check one file of MJCF and all that it leads to."""
         self._files += 1
         if len(opened) >= MOST_NESTED or path in opened:
             what = f"<include> or <model> of '{path.name}': in a circle, or too deep"

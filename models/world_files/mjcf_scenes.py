@@ -1,7 +1,7 @@
 """MuJoCo scenes (`.xml`, `.mjcf`): every solid geom at its starting pose, made static.
 
 Includes, attached models and assets are those in the scene's folder or below; what would load code
-or ask for more memory than a scene needs is refused.
+or demand more memory than a scene needs is refused.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ NOT_COMPILED = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)
 
 
 def read_mjcf(path: Path, options: ImportOptions) -> Found:
-    """Every solid geom of a scene.
+    """Read every solid geom of a scene.
 
     Raises:
         WorldFileError: No MJCF; a file outside the folder; a plugin; a count above its bound; a
@@ -56,13 +56,13 @@ def read_mjcf(path: Path, options: ImportOptions) -> Found:
 
 
 def is_world_file(tree: Element) -> bool:
-    """Whether a scene tells what a mission needs, as `wayproof import` writes it."""
+    """Return whether a scene holds a mission, as `wayproof import` writes it."""
     custom = [child for part in tree.all("custom") for child in part.all("text")]
     return any(child.attributes.get("name") == f"{CUSTOM_PREFIX}format" for child in custom)
 
 
 def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
-    """The parts of a compiled scene, and what its `<custom>` tells.
+    """Return the parts of a compiled scene, and the contents of its `<custom>`.
 
     Geoms that meet no contact are left out, unless none does.
 
@@ -141,7 +141,7 @@ def _part(path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: in
 
 
 def _name(model: mujoco.MjModel, geom: int) -> str:
-    """The geom's name, or that of its body; empty if neither has one."""
+    """Return the geom's name, or that of its body; empty if neither has one."""
     body = model.geom_bodyid[geom]
     return str(model.geom(geom).name or (model.body(body).name if body else ""))
 

@@ -13,14 +13,14 @@ UnknownCells = Literal["occupied", "free"]
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """What a file does not say itself.
+    """Options for what a file does not contain.
 
     Attributes:
         height: To which flat maps are extruded, and the rise of a height image from black to white,
             m.
-        resolution: Side of a cell where the file tells none (`.3dmap`, height fields), m.
+        resolution: Side of a cell where the file gives none (`.3dmap`, height fields), m.
         scale: Metres to a unit of a mesh.
-        unknown: What a flat map's cells are that nobody has seen.
+        unknown: Treatment of unknown cells of a flat map.
         skip_missing: Whether models that a file includes and that are not there are left out.
     """
 
@@ -45,7 +45,7 @@ class ImportOptions:
 
 
 class Ends(NamedTuple):
-    """What a mission needs besides the solids.
+    """Start, goal and area: what a mission needs besides the solids.
 
     Attributes:
         low: Lower corner of the operating area, m.
@@ -64,16 +64,16 @@ class Ends(NamedTuple):
 
 @dataclass
 class Found:
-    """What stands in a file.
+    """Contents of an imported file.
 
     Attributes:
         parts: Everything solid but the floor.
         plane: Whether the file has a level plane at height 0: the floor.
         notes: What was left out or taken otherwise than written, a line each.
-        start: On the floor, if the file tells one, m.
+        start: Point on the floor, m; None if the file gives none.
         start_heading: rad.
         goal: Likewise, m.
-        low: Lower corner of the operating area, if the file tells one, m.
+        low: Lower corner of the operating area, m; None if the file gives none.
         high: Upper corner.
         route_length: Published length of a route from start to goal, m.
         source: What it was made from.
@@ -95,7 +95,7 @@ class Found:
     format: str = ""
 
     def ends(self) -> Ends | None:
-        """What the file tells of a mission, if it tells all."""
+        """Return what a mission needs, if the file gives all of it."""
         if self.low is None or self.high is None or self.start is None or self.goal is None:
             return None
         if self.start_heading is None:

@@ -93,7 +93,7 @@ class Part:
 
 
 def _extents(part: Part) -> tuple[Vector3, Vector3]:
-    """Corners about the part in its own frame."""
+    """Return corners about the part in its own frame."""
     s = part.size
     if part.shape == "heights":
         return (-s[0], -s[1], -s[3]), (s[0], s[1], s[2])
@@ -115,7 +115,7 @@ def bounds_of(parts: Iterable[Part]) -> NDArray[np.float64]:
 
 
 def moved(part: Part, position: ArrayLike, R: NDArray[np.float64]) -> Part:
-    """The part, whose pose was told in a frame, in the frame that this one stands in.
+    """Return the part in a frame's outer frame, given its pose in that frame.
 
     Args:
         part: In the inner frame.

@@ -42,7 +42,7 @@ def check_file(path: Path, most: int = MAX_BYTES) -> None:
 
 
 def read_text(path: Path, most: int = MAX_BYTES) -> str:
-    """A whole text file.
+    """Read a whole text file.
 
     Raises:
         WorldFileError: No such file, empty, too large, or no UTF-8.
@@ -55,7 +55,7 @@ def read_text(path: Path, most: int = MAX_BYTES) -> str:
 
 
 def beside(path: Path, name: str) -> Path:
-    """A file that another one names, which has to lie in its folder or below.
+    """Return a file that another one names, which has to lie in its folder or below.
 
     Raises:
         WorldFileError: The name leads out of the folder.

@@ -31,7 +31,7 @@ FLAT = 1e-9
 
 
 def read_sdf(path: Path, options: ImportOptions) -> Found:
-    """Every collision shape of every model.
+    """Read every collision shape of every model.
 
     Raises:
         WorldFileError: Naming the element and its line that cannot be taken over.
@@ -73,7 +73,7 @@ class _Reading:
     def take_model(
         self, path: Path, model: Element, placed: Placement, state: _State | None = None
     ) -> None:
-        """All links of a model that stands at T_world_model, or where a saved state put it."""
+        """Read all links of a model at T_world_model, or at its saved pose."""
         frames = Frames(path, model)
         static = model.first("static")
         self._moving += static is None or static.text.strip() not in ("1", "true")
@@ -132,8 +132,8 @@ class _Reading:
         file = beside(path, _local(uri.text))
         if not file.is_file():
             raise WorldFileError(path, f"<mesh>: no file '{uri.text.strip()}' beside it", uri.line)
-        told = shape.first("scale")
-        scale = [1.0] * 3 if told is None else numbers(path, told, 3)
+        element = shape.first("scale")
+        scale = [1.0] * 3 if element is None else numbers(path, element, 3)
         yield from mesh_parts(file, np.array(scale), self.found.notes)
 
     def _include(self, path: Path, include: Element, placed: Placement) -> None:
@@ -166,7 +166,7 @@ class _Reading:
 
 
 class _State:
-    """Where Gazebo saved a model: of it and of each link, T_world."""
+    """Saved poses of a model and of each of its links, T_world."""
 
     def __init__(self, path: Path, model: Element) -> None:
         scale = model.first("scale")
@@ -193,14 +193,14 @@ def _saved_state(path: Path, world: Element) -> dict[str, _State]:
 
 
 def _local(uri: str) -> str:
-    """What follows `model://` or `file://`: a path that is looked for beside the file."""
+    """Return the path after `model://` or `file://`, which is looked up beside the file."""
     return uri.strip().partition("://")[2] or uri.strip()
 
 
 def _check_floor(path: Path, shape: Element, placed: Placement) -> None:
-    """A plane has to be the floor: level, facing up, at height 0."""
-    told = shape.first("normal")
-    normal = np.array([0.0, 0.0, 1.0] if told is None else numbers(path, told, 3))
+    """Refuse a plane that is not the floor: level, facing up, at height 0."""
+    element = shape.first("normal")
+    normal = np.array([0.0, 0.0, 1.0] if element is None else numbers(path, element, 3))
     up = placed.R @ normal / np.linalg.norm(normal)
     if abs(up[2] - 1.0) > FLAT or abs(placed.position[2]) > FLAT:
         what = f"<plane>: at height {placed.position[2]:g} m, expected level at 0, as the floor"
@@ -220,7 +220,7 @@ def _box(path: Path, shape: Element) -> Part:
 
 
 def _round(path: Path, shape: Element) -> Part:
-    """A cylinder or a capsule: `length` is that of the straight part."""
+    """Return a cylinder or a capsule; `length` is that of the straight part."""
     (radius,), (length,) = _child(path, shape, "radius"), _child(path, shape, "length")
     kind = "cylinder" if shape.tag == "cylinder" else "capsule"
     return Part(kind, (radius, length / 2.0), (0.0, 0.0, 0.0))  # type: ignore[arg-type]

@@ -29,7 +29,7 @@ class Placement:
     R: NDArray[np.float64]
 
     def __matmul__(self, inner: Placement) -> Placement:
-        """The inner frame's inner frame, in the outer frame."""
+        """Compose poses: return the inner frame's inner frame in the outer frame."""
         return Placement(self.position + self.R @ inner.position, self.R @ inner.R)
 
 
@@ -37,7 +37,7 @@ ORIGIN = Placement(np.zeros(3), np.eye(3))
 
 
 def numbers(path: Path, element: Element, count: int) -> list[float]:
-    """The finite numbers that an element holds.
+    """Return the finite numbers that an element holds.
 
     Raises:
         WorldFileError: It holds something else, or not so many.
@@ -47,8 +47,10 @@ def numbers(path: Path, element: Element, count: int) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not np.isfinite(values).all():
-        got, told = element.text.strip()[:60], f"{count} numbers" if count > 1 else "a number"
-        raise WorldFileError(path, f"<{element.tag}>: got '{got}', expected {told}", element.line)
+        got, expected = element.text.strip()[:60], f"{count} numbers" if count > 1 else "a number"
+        raise WorldFileError(
+            path, f"<{element.tag}>: got '{got}', expected {expected}", element.line
+        )
     return values
 
 
@@ -56,7 +58,7 @@ class Frames:
     """The frames of one model or of the world."""
 
     def __init__(self, path: Path, scope: Element) -> None:
-        """Collect them; poses are read when they are asked for."""
+        """Collect the frames; each pose is read when it is first needed."""
         self._path = path
         self._framed = {
             child.attributes["name"]: child
@@ -67,7 +69,7 @@ class Frames:
         self._asked: list[str] = []
 
     def of(self, element: Element) -> Placement:
-        """Where an element of this scope stands in it.
+        """Return the pose of an element of this scope in it.
 
         Raises:
             WorldFileError: No such frame, a circle of frames, or no pose of six numbers.

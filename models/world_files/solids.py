@@ -24,7 +24,7 @@ RINGS, SECTORS = 12, 24
 
 
 def solid_of(part: Part) -> Solid:
-    """The part as a solid in the world; an ellipsoid by triangles that lie within it."""
+    """Return the part as a solid in the world; an ellipsoid by triangles within it."""
     if part.shape == "box":
         yaw, pitch, roll = _angles(part.R_world_part)
         return Box(part.position, vector(part.size), yaw, part.kind, pitch, roll)
@@ -54,7 +54,7 @@ def _angles(R: NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def _ground(part: Part) -> Solid:
-    """A height field where it stands upright, its triangles where it is turned."""
+    """Return a height field where it stands upright, its triangles where it is turned."""
     assert part.heights is not None
     half_x, half_y, rise, base = part.size
     ny, nx = part.heights.shape

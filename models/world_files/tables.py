@@ -20,7 +20,7 @@ MAX_OFFSET = 500.0
 
 
 def read_table(path: Path, options: ImportOptions) -> Found:
-    """Spheres from a table.
+    """Read spheres from a table.
 
     Raises:
         WorldFileError: Naming the line that is none.

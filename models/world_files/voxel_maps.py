@@ -82,12 +82,12 @@ class TooMany(ValueError):
 
 
 def _run(taken: NDArray[np.bool_]) -> int:
-    """How many are true from the first on."""
+    """Return the length of the run of true values from the first on."""
     return len(taken) if taken.all() else int(np.argmin(taken))
 
 
 def read_voxel_map(path: Path, options: ImportOptions) -> Found:
-    """The occupied cells as merged boxes; the map's low corner is the world's origin.
+    """Read occupied cells as merged boxes; the map's low corner is the world's origin.
 
     Raises:
         WorldFileError: Naming the line that is no cell of the map.

@@ -1,7 +1,7 @@
 """World files: one MJCF that MuJoCo compiles as it is, with what a mission needs in `<custom>`.
 
 Numbers are written so that they read back as the same bits. A world of a file is named after the
-file and a hash of its text, so that a log tells which one it was.
+file and a hash of its text, so that a log identifies it.
 """
 
 from __future__ import annotations
@@ -83,11 +83,11 @@ class FileWorld(World):
 
     @property
     def identity(self) -> str:
-        """Name and hash of the text, as a log tells them."""
+        """Name and hash of the text, as in a log."""
         return f"{self.name}@{hashlib.sha256(self.text.encode()).hexdigest()[:HASH_DIGITS]}"
 
     def mjcf(self) -> str:
-        """The file's own text."""
+        """Return the file's own text."""
         return self.text
 
     @cached_property
@@ -96,7 +96,7 @@ class FileWorld(World):
         return np.array(ends, np.float64).reshape(2, -1, 3)
 
     def contains_obstacle(self, point: ArrayLike, radius: float) -> str | None:
-        """As for any world; only solids whose bounds are near are asked, for there may be many."""
+        """Test as any world does, but only solids with near bounds, for there may be many."""
         at = np.asarray(point, np.float64)
         outside = np.maximum(np.maximum(self._corners[0] - at, at - self._corners[1]), 0.0)
         near = np.flatnonzero(np.linalg.norm(outside, axis=1) <= radius)
@@ -120,7 +120,7 @@ def read_world_file(path: Path) -> FileWorld:
 
 
 def world_of(text: str, path: Path | str = "world") -> FileWorld:
-    """The world that a world file's text describes.
+    """Return the world that a world file's text describes.
 
     Args:
         text: The file's own.
@@ -156,10 +156,10 @@ def world_of(text: str, path: Path | str = "world") -> FileWorld:
 
 
 def world_text(found: Found, ends: Ends, name: str) -> str:
-    """The world file of what an importer found; the same bytes for the same parts.
+    """Write the world file of an import; equal parts give equal bytes.
 
     Args:
-        found: Its parts, and what it tells about them.
+        found: Parts and mission of the import.
         ends: Operating area, start and goal.
         name: Of the model.
     """
@@ -247,7 +247,7 @@ def _geom_of(name: str, place: str, kind: str) -> str:
 
 
 def _numbers(values: Iterable[float]) -> str:
-    """Each as the shortest text that reads back as the same bits."""
+    """Write each number as the shortest text that reads back as the same bits."""
     return " ".join(repr(float(value)).removesuffix(".0") for value in values)
 
 

@@ -38,7 +38,7 @@ class Element:
         return (child for child in self.children if child.tag == tag)
 
     def first(self, tag: str) -> Element | None:
-        """The first child of that name."""
+        """Return the first child of that name."""
         return next(self.all(tag), None)
 
 
@@ -62,7 +62,7 @@ def read_xml(path: Path) -> Element:
 
 
 class _Builder:
-    """Collects elements as expat tells them."""
+    """Collector of the elements that expat reports."""
 
     def __init__(self, path: Path) -> None:
         self.root = Element("", {}, 0)

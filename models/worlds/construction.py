@@ -41,10 +41,10 @@ STEP_HEIGHT = 0.03
 
 
 def construction(seed: int, difficulty: float = 0.5) -> World:
-    """A site of 17 x 12 m, start and goal at its two ends.
+    """Generate a site of 17 x 12 m, start and goal at its two ends.
 
     Difficulty adds pieces. Holes have barriers about them up to a difficulty of 0.5; beyond, more
-    and more of them lie open, and only a missing floor tells of them.
+    and more of them lie open, visible only as missing floor.
 
     Raises:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
@@ -82,9 +82,9 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
 
 
 def _holes(rng: np.random.Generator, ends: tuple[Vector3, Vector3]) -> list[Rectangle]:
-    """One to three holes, well apart from one another, from the fence and from both ends."""
+    """Draw one to three holes, well apart from one another, from the fence and from both ends."""
     holes: list[Rectangle] = []
-    wanted = int(rng.integers(1, 4))
+    count = int(rng.integers(1, 4))
     for _ in range(5 * FEW_PLACEMENTS):
         size = rng.uniform(0.8, 1.8, 2)
         low = rng.uniform(np.add(LOW[:2], 2.2), np.subtract(HIGH[:2], 2.2) - size)
@@ -94,7 +94,7 @@ def _holes(rng: np.random.Generator, ends: tuple[Vector3, Vector3]) -> list[Rect
         if min(apart) >= 2.0:
             (x0, y0), (x1, y1) = corners.tolist()
             holes.append(((x0, y0), (x1, y1)))
-        if len(holes) == wanted:
+        if len(holes) == count:
             break
     return holes
 
@@ -105,7 +105,7 @@ def _gap(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _barrier(hole: Rectangle) -> Group:
-    """Posts at the corners of a hole and two rails on each side."""
+    """Return posts at the corners of a hole and two rails on each side."""
     (x0, y0), (x1, y1) = hole
     corners = [(round(x, 3), round(y, 3)) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))]
     posts = [Cylinder((*at, 0.0), (*at, 1.0), TUBE_RADIUS, "barrier") for at in corners]
@@ -118,7 +118,7 @@ def _barrier(hole: Rectangle) -> Group:
 
 
 def _anywhere(rng: np.random.Generator, holes: list[Rectangle]) -> tuple[float, float]:
-    """A place not within a metre of a hole."""
+    """Draw a place not within a metre of a hole."""
     while True:
         place = rng.uniform(LOW[:2], HIGH[:2])
         if all(_gap(np.array([place, place]), np.array(hole)) > 1.0 for hole in holes):
@@ -154,7 +154,7 @@ def _scaffold(rng: np.random.Generator, x: float, y: float) -> Group:
 
 
 def _ramp(rng: np.random.Generator, x: float, y: float) -> Group:
-    """A wedge 0.3 m high that leans on a platform."""
+    """Return a wedge 0.3 m high that leans on a platform."""
     width, length, height = 1.0, 1.5, 0.3
     profile = [(x, 0.0), (x + length, 0.0), (x + length, height)]
     vertices = [
@@ -168,7 +168,7 @@ def _ramp(rng: np.random.Generator, x: float, y: float) -> Group:
 
 
 def _stairs(rng: np.random.Generator, x: float, y: float) -> Group:
-    """Five steps, each as high as a quadruped steps over."""
+    """Return five steps, each as high as a quadruped steps over."""
     return tuple(
         Box.between(
             (x + 0.3 * i, y - 0.5, i * STEP_HEIGHT),
@@ -180,19 +180,19 @@ def _stairs(rng: np.random.Generator, x: float, y: float) -> Group:
 
 
 def _plank(rng: np.random.Generator, x: float, y: float) -> Group:
-    """A plank on the floor, to be walked over."""
+    """Return a plank on the floor, to be walked over."""
     half = (round(rng.uniform(0.6, 1.2), 3), 0.1, 0.0125)
     return (Box((x, y, 0.0125), half, round(rng.uniform(0.0, pi), 3), "plank"),)
 
 
 def _stack(rng: np.random.Generator, x: float, y: float) -> Group:
-    """A stack of building material."""
+    """Return a stack of building material."""
     half = np.round(rng.uniform((0.3, 0.3, 0.2), (0.6, 0.4, 0.6)), 3).tolist()
     return (Box((x, y, half[2]), (half[0], half[1], half[2]), 0.0, "crate"),)
 
 
 def _bars(rng: np.random.Generator, x: float, y: float) -> Group:
-    """A trestle: a thin bar that lies at chest height across two legs."""
+    """Return a trestle: a thin bar that lies at chest height across two legs."""
     length = round(rng.uniform(0.6, 1.0), 3)
     height = round(rng.uniform(0.3, 0.9), 3)
     legs = [

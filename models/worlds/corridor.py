@@ -25,7 +25,7 @@ END_DISTANCE = 1.1
 
 
 def corridor(seed: int, difficulty: float = 0.5) -> World:
-    """A corridor 2.0-2.4 m wide and 16 m long with one or two bends.
+    """Generate a corridor 2.0-2.4 m wide and 16 m long with one or two bends.
 
     Difficulty scales the number of crates: 2 to 4 at 0.5.
 

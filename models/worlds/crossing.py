@@ -28,7 +28,7 @@ FORKLIFT_SHARE = 0.25
 
 
 def crossing(seed: int, difficulty: float = 0.5) -> World:
-    """A 17 x 11 m hall, start and goal at its two ends, lanes across between them.
+    """Generate a 17 x 11 m hall, start and goal at its two ends, lanes across between them.
 
     Difficulty raises the number of movers from 2 to 8, and their speed.
 

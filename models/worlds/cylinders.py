@@ -42,7 +42,7 @@ END_DISTANCE = 1.3
 
 
 def cylinders(seed: int, difficulty: float = 0.5) -> World:
-    """Pillars in a 16 x 10 m hall, start and goal at its two ends.
+    """Generate pillars in a 16 x 10 m hall, start and goal at its two ends.
 
     Difficulty raises the share of the cells that are filled and narrows the way left open.
 
@@ -82,7 +82,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
 
 
 def _filled_cells(rng: np.random.Generator, share: float) -> NDArray[np.float64]:  # (n, 2)
-    """Centres of the cells that are filled after smoothing, m."""
+    """Return centres of the cells that are filled after smoothing, m."""
     inside = np.subtract(HIGH[:2], LOW[:2]) - 2 * WALL_THICKNESS
     filled = rng.uniform(size=tuple((inside / CELL).astype(int))) < share
     around = np.ones((3, 3), np.int64)
@@ -94,7 +94,7 @@ def _filled_cells(rng: np.random.Generator, share: float) -> NDArray[np.float64]
 
 
 def _way(rng: np.random.Generator, start: Vector3, goal: Vector3) -> NDArray[np.float64]:  # (n, 2)
-    """Points 0.1 m apart along a polyline from start to goal through two points between."""
+    """Return points 0.1 m apart along a polyline from start to goal through two points between."""
     x = np.linspace(start[0], goal[0], 4)
     y = [start[1], *rng.uniform(LOW[1] + END_DISTANCE, HIGH[1] - END_DISTANCE, 2), goal[1]]
     along = np.linspace(x[0], x[-1], round(10 * (x[-1] - x[0])))

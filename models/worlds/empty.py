@@ -15,7 +15,7 @@ END_DISTANCE = 1.2
 
 
 def empty(seed: int, difficulty: float = 0.5) -> World:
-    """A 12 x 12 m room, start and goal at least 6 m apart, at any difficulty.
+    """Generate a 12 x 12 m room, start and goal at least 6 m apart, at any difficulty.
 
     Raises:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.

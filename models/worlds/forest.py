@@ -35,7 +35,7 @@ MAX_BRANCHES = 3
 
 
 def forest(seed: int, difficulty: float = 0.5) -> World:
-    """A wood of 17 x 12 m, start and goal at its two ends.
+    """Generate a wood of 17 x 12 m, start and goal at its two ends.
 
     Difficulty raises the number of trees, of branches that a ground robot passes under and a drone
     does not, and of bushes.

@@ -28,7 +28,7 @@ LAST_APPEARANCE = 14.0
 
 
 def ghosts(seed: int, difficulty: float = 0.5) -> World:
-    """A 16 x 9 m hall, start and goal at its two ends, panels about the straight line between.
+    """Generate a 16 x 9 m hall with panels about the straight line from end to end.
 
     Difficulty raises their number from 2 to 12. Each stands still as long as it exists, 3 to 12 s,
     and none appears within half a metre of a robot.

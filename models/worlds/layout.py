@@ -82,13 +82,13 @@ def room_walls(low: Vector3, high: Vector3, kind: str = "wall") -> tuple[Box, ..
 def heading_towards(
     rng: np.random.Generator, start: Sequence[float], goal: Sequence[float]
 ) -> float:
-    """The bearing of the goal, up to half a radian off, rad."""
+    """Draw a heading within half a radian of the goal's bearing, rad."""
     bearing = atan2(goal[1] - start[1], goal[0] - start[0])
     return round(bearing + rng.uniform(-0.5, 0.5), 3)
 
 
 def mirrored(world: World, flip_x: bool, flip_y: bool) -> World:
-    """A world of upright boxes seen in a mirror across x, y, both or neither, in its outline."""
+    """Mirror a world of upright boxes across x, y, both or neither, within its outline."""
 
     def place(point: Vector3) -> Vector3:
         x, y, z = point
@@ -188,7 +188,7 @@ class _Crowd:
         self._high = np.array([solid.high for solid in world.solids])
 
     def leaves_room_for(self, solid: Solid) -> bool:
-        """Whether a solid stands free of every other and of start and goal."""
+        """Return whether a solid stands clear of every other and of start and goal."""
         if solid.distance_in_plane(self._ends, ALL_HEIGHTS).min() < END_CLEARANCE:
             return False
         points, size = _cover(solid)
@@ -203,7 +203,7 @@ class _Crowd:
 
 
 def _cover(solid: Solid) -> tuple[NDArray[np.float64], float]:
-    """Middles (k, 2) and the radius of circles that together cover a footprint, m."""
+    """Return centres (k, 2) and the radius of circles that together cover a footprint, m."""
     if isinstance(solid, Cylinder | Capsule):
         axis = np.array([solid.tail[:2], solid.head[:2]])
         count = int(np.linalg.norm(axis[1] - axis[0]) / (2 * COVER_SPACING)) + 1
@@ -216,7 +216,7 @@ def _cover(solid: Solid) -> tuple[NDArray[np.float64], float]:
 
 
 def slabs_around(low: Vector3, high: Vector3, holes: Sequence[Rectangle]) -> tuple[Box, ...]:
-    """A floor 0.3 m thick with rectangular holes that do not overlap.
+    """Return a floor 0.3 m thick with rectangular holes that do not overlap.
 
     Args:
         low: Corner of the floor; z is not used, the floor's surface is at 0.

@@ -25,7 +25,7 @@ MAX_WAY_LENGTH = 15.0
 
 
 def maze(seed: int, difficulty: float = 0.5) -> World:
-    """A maze of 6 x 5 cells, the goal as far as 15 m along its passages.
+    """Generate a maze of 6 x 5 cells, the goal as far as 15 m along its passages.
 
     Difficulty narrows the passages from 2.45 to 1.95 m and leaves fewer loops: at 1 there is one
     way alone.
@@ -64,7 +64,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
 
 
 def _tree(rng: np.random.Generator) -> set[frozenset[Cell]]:
-    """Pairs of neighbours without a wall between them, by a random depth-first search."""
+    """Draw pairs of neighbours without a wall between them, by a random depth-first search."""
     path = [(int(rng.integers(COLUMNS)), int(rng.integers(ROWS)))]
     seen, open_sides = set(path), set()
     while path:
@@ -80,14 +80,14 @@ def _tree(rng: np.random.Generator) -> set[frozenset[Cell]]:
 
 
 def _add_loops(rng: np.random.Generator, open_sides: set[frozenset[Cell]], share: float) -> None:
-    """Take out a share of the walls inside, in place."""
+    """Remove a share of the inner walls, in place."""
     for side in _sides():
         if rng.uniform() < share:
             open_sides.add(side)
 
 
 def _sides() -> list[frozenset[Cell]]:
-    """Every pair of neighbours, in a fixed order."""
+    """Return every pair of neighbours, in a fixed order."""
     cells = [(i, j) for i in range(COLUMNS) for j in range(ROWS)]
     return [frozenset((a, b)) for a in cells for b in _neighbours(a) if a < b]
 
@@ -99,7 +99,7 @@ def _neighbours(cell: Cell) -> list[Cell]:
 
 
 def _far_cell(open_sides: set[frozenset[Cell]], first: Cell, most: int) -> Cell:
-    """The cell farthest from the first along the passages, at most so many steps away."""
+    """Return the cell farthest from the first along the passages, up to a number of steps."""
     steps, queue = {first: 0}, deque([first])
     while queue:
         cell = queue.popleft()
@@ -111,7 +111,7 @@ def _far_cell(open_sides: set[frozenset[Cell]], first: Cell, most: int) -> Cell:
 
 
 def _walls(open_sides: set[frozenset[Cell]], pitch: float, origin: float) -> list[Box]:
-    """The walls that stand, each as long as it goes on in one line."""
+    """Return the standing walls, each as long as it runs in one line."""
     walls = []
     shut = [tuple(sorted(side)) for side in _sides() if side not in open_sides]
     for across in (0, 1):  # walls across x, that is along y; then along x

@@ -19,7 +19,7 @@ ASIDE_DISTANCE = 0.3
 
 
 class Place(NamedTuple):
-    """Where a mover is.
+    """Pose of a mover.
 
     Attributes:
         position: Of its frame's origin, world, m.
@@ -78,11 +78,13 @@ class Mover:
 
     @cached_property
     def milestones(self) -> tuple[float, ...]:
-        """How far along the route each point is, m."""
-        told = [0.0]
+        """Arc length of each point of the route, m."""
+        lengths = [0.0]
         for tail, head in zip(self.route, self.route[1:], strict=False):
-            told.append(told[-1] + hypot(head[0] - tail[0], head[1] - tail[1], head[2] - tail[2]))
-        return tuple(told)
+            lengths.append(
+                lengths[-1] + hypot(head[0] - tail[0], head[1] - tail[1], head[2] - tail[2])
+            )
+        return tuple(lengths)
 
     @property
     def length(self) -> float:
@@ -91,13 +93,13 @@ class Mover:
 
     @cached_property
     def size(self) -> tuple[float, float]:
-        """How far it reaches from its origin along its own x and y axes, m."""
+        """Half extents along its own x and y axes, m."""
         x = max(max(-solid.low[0], solid.high[0]) for solid in self.solids)
         y = max(max(-solid.low[1], solid.high[1]) for solid in self.solids)
         return x, y
 
     def place(self, moving_ns: int) -> Place:
-        """Where it is after going, not standing, for so many nanoseconds."""
+        """Return the pose after moving, not standing, for a number of nanoseconds."""
         if len(self.route) == 1:
             return Place(self.route[0], 0.0, 0.0)
         gone = self.begin + self.speed * (moving_ns * 1e-9)

@@ -91,7 +91,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
 
 
 def _cuts(rng: np.random.Generator) -> list[float]:
-    """Where the rooms of one side begin and end, in x."""
+    """Return the limits of the rooms of one side, in x, m."""
     even = np.linspace(LOW[0] + WALL_THICKNESS, HIGH[0] - WALL_THICKNESS, ROOM_COUNT + 1)
     even[1:-1] += rng.uniform(-0.6, 0.6, ROOM_COUNT - 1)
     return [round(float(x), 3) for x in even]
@@ -104,7 +104,7 @@ def _partitions(
     south: bool,
     door: float,
 ) -> list[Box]:
-    """The hallway's wall on one side, with a door for each room, and the walls between rooms."""
+    """Return the hallway's wall on one side with a door for each room, and the walls between."""
     near = sides[0] - THICKNESS if south else sides[1]
     y = (near, near + THICKNESS)
     outer = LOW[1] + WALL_THICKNESS if south else HIGH[1] - WALL_THICKNESS
@@ -131,7 +131,7 @@ def _wall(
 def _leaf(
     rng: np.random.Generator, hinge: float, y: tuple[float, float], south: bool, door: float
 ) -> Box:
-    """The leaf of a door, opened into its room until it nearly meets the wall again."""
+    """Return the leaf of a door, opened into its room until it nearly meets the wall again."""
     width = door / 2  # of one of two leaves; the other has been taken out
     opened = rng.uniform(0.85, 0.95) * pi
     yaw = -opened if south else opened
@@ -150,13 +150,13 @@ def _end(
 
 
 def _table(rng: np.random.Generator) -> Group:
-    """A board on four legs."""
+    """Return a board on four legs."""
     length, width = rng.uniform(1.0, 1.6), rng.uniform(0.6, 0.8)
     return _on_legs(rng, (length, width), height=0.73, thickness=0.03)
 
 
 def _chair(rng: np.random.Generator) -> Group:
-    """A seat on four legs."""
+    """Return a seat on four legs."""
     return _on_legs(rng, (0.45, 0.45), height=0.45, thickness=0.05)
 
 

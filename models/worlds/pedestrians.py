@@ -47,14 +47,14 @@ TRIES = 60
 def with_traffic(
     world: World, count: int, speed: float, seed: int, stands_off: float = STAND_OFF
 ) -> World:
-    """Add up to `count` people who walk to and fro across the shortest way.
+    """Add up to `count` people that walk to and fro across the shortest way.
 
     Args:
         world: To be peopled; what moves in it stays.
-        count: People; one who finds no way of 2 m across is left out.
+        count: Number of people; those without a free line of 2 m across are left out.
         speed: m/s, the same for all.
         seed: Of their ways.
-        stands_off: See `Mover`; 0 for people who do not look.
+        stands_off: See `Mover`; 0 for people that do not stop.
 
     Raises:
         ValueError: A negative count or speed, or no way from start to goal.
@@ -83,7 +83,7 @@ def with_traffic(
 def _crossing(
     rng: np.random.Generator, world: World, free: NDArray[np.bool_], way: NDArray[np.float64]
 ) -> tuple[Vector3, Vector3] | None:
-    """A free straight line across a random place of the way, if it is long enough."""
+    """Draw a free straight line across a random place of the way, if it is long enough."""
     lengths = np.linalg.norm(np.diff(way, axis=0), axis=1)
     at = rng.uniform(0.15, 0.85) * lengths.sum()
     leg = min(int(np.searchsorted(np.cumsum(lengths), at)), len(lengths) - 1)
@@ -107,7 +107,7 @@ def _crossing(
 def _reach(
     world: World, free: NDArray[np.bool_], origin: NDArray[np.float64], beam: NDArray[np.float64]
 ) -> float:
-    """How far one can walk from a point in a direction, m."""
+    """Return the free distance from a point in a direction, m."""
     reach = 0.0
     while reach < LONGEST_WAY / 2:
         point = origin + (reach + RESOLUTION) * beam

@@ -66,7 +66,7 @@ def _rows(rng: np.random.Generator, across: Range, walled: bool) -> list[Range]:
 
 
 def _shelves(rng: np.random.Generator, along: Range, cross_aisles: int) -> list[Range]:
-    """Where the shelves of one row begin and end."""
+    """Draw the limits of the shelves of one row."""
     widths = rng.uniform(MIN_AISLE_WIDTH, WIDEST_CROSS_AISLE, cross_aisles)
     least = np.full(cross_aisles + 1, SHORTEST)
     lengths = _stretched(rng, least, along[1] - along[0] - float(widths.sum()))
@@ -82,13 +82,13 @@ def _shelves(rng: np.random.Generator, along: Range, cross_aisles: int) -> list[
 def _stretched(
     rng: np.random.Generator, least: NDArray[np.float64], total: float
 ) -> NDArray[np.float64]:  # like `least`
-    """Lengths of at least `least` that sum to `total`."""
+    """Draw lengths of at least `least` that sum to `total`."""
     shares = rng.uniform(0.5, 1.5, len(least))
     return np.asarray(least + (total - least.sum()) * shares / shares.sum())
 
 
 def _shelf(rng: np.random.Generator, along: Range, across: Range) -> list[Box]:
-    """A solid block, a rack that stands on legs, or a rack that overhangs a narrower base."""
+    """Draw a solid block, a rack on legs, or a rack that overhangs a narrower base."""
     height = rng.uniform(*HEIGHTS)
     kind = rng.choice(["solid", "legs", "base"])
     if kind == "solid":
@@ -101,7 +101,7 @@ def _shelf(rng: np.random.Generator, along: Range, across: Range) -> list[Box]:
 
 
 def _rack(along: Range, across: Range, lowest: float, height: float) -> list[Box]:
-    """Boards from `lowest` to `height`, some 0.8 m apart, between two end frames."""
+    """Return boards from `lowest` to `height`, some 0.8 m apart, between two end frames."""
     foot = 0.0 if lowest == LOWEST_BOARD else lowest
     frames = [
         _box(side, across, (foot, height))
@@ -115,7 +115,7 @@ def _rack(along: Range, across: Range, lowest: float, height: float) -> list[Box
 
 
 def _beams(rng: np.random.Generator, along: Range, rows: list[Range]) -> list[Box]:
-    """Beams or conveyors from row to row, each over an aisle of its own."""
+    """Draw beams or conveyors from row to row, each over an aisle of its own."""
     aisles = [(near[1], far[0]) for near, far in pairwise(rows)]
     count = min(len(aisles), int(rng.integers(1, 3)))
     beams = []

@@ -53,7 +53,7 @@ def is_solvable(
     goal: ArrayLike,
     clearance: float = 0.0,
 ) -> bool:
-    """Whether an upright cylinder can move from start to goal without touching a solid.
+    """Return whether an upright cylinder can move from start to goal without touching a solid.
 
     Args:
         world: Truth.
@@ -78,7 +78,7 @@ def is_solvable_in_any(
     goal: ArrayLike,
     clearance: float = 0.0,
 ) -> bool:
-    """Whether one of several altitude bands alone suffices; sufficient for a body that flies."""
+    """Return whether one of several altitude bands suffices, which suffices for a flying body."""
     return any(is_solvable(world, radius, *band, start, goal, clearance) for band in bands)
 
 
@@ -91,7 +91,7 @@ def shortest_path_length(
     goal: ArrayLike,
     clearance: float = 0.0,
 ) -> float | None:
-    """Length of the shortest way in the plane, m, or None when there is none.
+    """Return length of the shortest way in the plane, m, or None when there is none.
 
     The 8-connected grid path (Dijkstra), pulled taut through free cells: without that a straight
     line at 22.5 degrees would count 8 % too long. Arguments as for `is_solvable`.
@@ -111,7 +111,7 @@ def shortest_path(
     goal: ArrayLike,
     clearance: float = 0.0,
 ) -> NDArray[np.float64] | None:  # (n, 2)
-    """Corners of that way, both ends included, m; None when there is none."""
+    """Return the corners of that way, both ends included, m; None when there is none."""
     free = free_cells(world, radius + clearance, (band_low, band_high))
     cells = _grid_path(free, cell_of(world, start), cell_of(world, goal))
     if cells is None:
@@ -146,7 +146,7 @@ def first_solvable(
 
 
 def passage_radius(difficulty: float) -> float:
-    """Radius of the disc that a world lets through, m.
+    """Return radius of the disc that a world lets through, m.
 
     `REFERENCE_RADIUS` up to a difficulty of 0.5, then less, down to `TIGHTEST_RADIUS`.
     """
@@ -155,7 +155,7 @@ def passage_radius(difficulty: float) -> float:
 
 
 def free_cells(world: World, radius: float, band: Band) -> NDArray[np.bool_]:  # (nx, ny)
-    """Cells whose centre is farther than `radius` from every solid that stands in the band.
+    """Return the cells whose centre is farther than `radius` from every solid in the band.
 
     Nor is a cell free for a body on the ground that is as near to a hole in the floor.
     """
@@ -200,7 +200,7 @@ def _cells_between(
 def _far_from_holes(
     world: World, shape: tuple[int, ...], radius: float
 ) -> NDArray[np.bool_]:  # (nx, ny)
-    """Cells farther than `radius` from all that no slab of the floor bears."""
+    """Return cells farther than `radius` from all that no slab of the floor bears."""
     hole = np.ones(shape, np.bool_)
     for slab in world.floor or ():
         clear_around(hole, world, slab, 0.0)
@@ -211,7 +211,7 @@ def _far_from_holes(
 
 
 def label_regions(free: NDArray[np.bool_]) -> NDArray[np.int32]:  # (nx, ny)
-    """Number the 8-connected regions of free cells from 1; 0 is not free."""
+    """Return number the 8-connected regions of free cells from 1; 0 is not free."""
     labels: NDArray[np.int32] = ndimage.label(free, _EIGHT_CONNECTED)[0]
     return labels
 
@@ -231,7 +231,7 @@ def cell_of(world: World, point: ArrayLike) -> tuple[int, int]:
 def _grid_path(
     free: NDArray[np.bool_], start: tuple[int, int], goal: tuple[int, int]
 ) -> NDArray[np.int64] | None:  # (n, 2)
-    """Cells of a shortest 8-connected path, both ends included."""
+    """Return cells of a shortest 8-connected path, both ends included."""
     if not (free[start] and free[goal]):
         return None
     first = int(np.ravel_multi_index(start, free.shape))
@@ -249,7 +249,7 @@ def _grid_path(
 
 
 def _grid_graph(free: NDArray[np.bool_]) -> sparse.csr_matrix:
-    """Edges between neighbouring free cells, in metres."""
+    """Return edges between neighbouring free cells, in metres."""
     nodes = np.arange(free.size).reshape(free.shape)
     pairs = [
         (np.s_[:-1, :], np.s_[1:, :], 1.0),
@@ -268,7 +268,7 @@ def _grid_graph(free: NDArray[np.bool_]) -> sparse.csr_matrix:
 
 
 def _taut(free: NDArray[np.bool_], cells: NDArray[np.int64]) -> list[int]:
-    """Indices of the path's corners: from each, the farthest cell in line of sight is next."""
+    """Return the indices of the path's corners: from each, the farthest cell in sight is next."""
     corners = [0]
     while corners[-1] < len(cells) - 1:
         corners.append(_farthest_in_sight(free, cells, corners[-1]))
@@ -282,7 +282,7 @@ def warm_up() -> None:
 
 @kernel
 def _farthest_in_sight(free: NDArray[np.bool_], cells: NDArray[np.int64], here: int) -> int:
-    """The last cell of a path that is seen from one of them, at least the next one."""
+    """Return the last cell of a path that is seen from one of them, at least the next one."""
     x, y = cells[here]
     for ahead in range(len(cells) - 1, here + 1, -1):
         dx, dy = cells[ahead, 0] - x, cells[ahead, 1] - y

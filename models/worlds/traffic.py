@@ -79,26 +79,26 @@ class Traffic:
             data.mocap_quat[self._mocap[number]] = _quaternion(place.yaw)
 
     def state(self) -> dict[str, NDArray[np.int64]]:
-        """What one step hands to the next."""
+        """Return the state between steps."""
         return {
             "moving_ns": np.array(self.moving_ns, np.int64),
             "present": np.array(self.present, np.int64),
         }
 
     def restore(self, state: dict[str, NDArray[np.int64]]) -> None:
-        """Go on from what `state` returned; `show` puts the movers there."""
+        """Continue from what `state` returned; `show` puts the movers there."""
         self.moving_ns = [int(value) for value in state["moving_ns"]]
         self.present = [bool(value) for value in state["present"]]
 
     def states(self) -> list[MoverState]:
-        """Where every mover is; one that does not exist, where it would be."""
-        told = []
+        """Return the pose of every mover; an absent one has the pose it would have."""
+        states = []
         for mover, moving_ns, present in zip(
             self._movers, self.moving_ns, self.present, strict=True
         ):
             place = mover.place(moving_ns)
-            told.append(MoverState(mover.name, present, place.position, _quaternion(place.yaw)))
-        return told
+            states.append(MoverState(mover.name, present, place.position, _quaternion(place.yaw)))
+        return states
 
     def _is_present(
         self, number: int, time_ns: int, place: Place, robot: tuple[float, float]
@@ -112,7 +112,7 @@ class Traffic:
         return hypot(robot[0] - place.position[0], robot[1] - place.position[1]) > room
 
     def _is_blocked(self, mover: Mover, place: Place, robot: tuple[float, float]) -> bool:
-        """Whether the robot is in the mover's way and too near."""
+        """Return whether the robot is in the mover's way and too near."""
         if not mover.stands_off:
             return False
         dx, dy = robot[0] - place.position[0], robot[1] - place.position[1]

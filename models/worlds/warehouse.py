@@ -33,7 +33,7 @@ END_TO_END = (12.0, 17.0)
 
 
 def warehouse(seed: int, difficulty: float = 0.5) -> World:
-    """A 20 x 14 m hall, start and goal 12-17 m apart at its two ends.
+    """Generate a 20 x 14 m hall, start and goal 12-17 m apart at its two ends.
 
     Difficulty scales the number of crates: 6 to 12 at 0.5.
 
@@ -76,7 +76,7 @@ def _ends(rng: np.random.Generator) -> tuple[Vector3, Vector3]:
 
 
 def _partition(rng: np.random.Generator, x: float) -> list[Box]:
-    """A wall across the hall with one doorway, which ends below the ceiling in a lintel."""
+    """Draw a wall across the hall with one doorway, which ends below the ceiling in a lintel."""
     width = rng.uniform(1.6, 1.8)
     door = rng.uniform(LOW[1] + 1.5, HIGH[1] - 1.5 - width)
     door_height = rng.uniform(2.2, 2.4)
@@ -91,7 +91,7 @@ def _partition(rng: np.random.Generator, x: float) -> list[Box]:
 
 
 def _storage(rng: np.random.Generator, begin: float) -> list[Box]:
-    """Shelves from `begin` on, their rows along the hall or across it."""
+    """Draw shelves from `begin` on, their rows along the hall or across it."""
     x, y = (begin, SHELVES_END), (LOW[1] + WALL_THICKNESS, HIGH[1] - WALL_THICKNESS)
     if rng.integers(2):
         return shelf_rows(rng, along=x, across=y, walled=True)
@@ -99,6 +99,6 @@ def _storage(rng: np.random.Generator, begin: float) -> list[Box]:
 
 
 def _transposed(box: Box) -> Box:
-    """The box with x and y exchanged."""
+    """Return the box with x and y exchanged."""
     (x, y, z), (half_x, half_y, half_z) = box.centre, box.half_extents
     return replace(box, centre=(y, x, z), half_extents=(half_y, half_x, half_z))

@@ -103,7 +103,7 @@ class World:
         return self.solid_names[nearest] if distances[nearest] <= radius else None
 
     def mjcf(self) -> str:
-        """The scene as MJCF without a reference outside itself, the same bytes for the same world.
+        """Write the scene as MJCF without outside references; equal worlds give equal bytes.
 
         All that stays sits directly in the world body: up to some hundred solids this is the layout
         in which MuJoCo's own ray caster is fastest. What moves is a mocap body each.
@@ -140,7 +140,7 @@ def _geom_of(name: str, solid: Solid) -> str:
 
 
 def _body(mover: Mover) -> str:
-    """A mover as a mocap body, where it starts."""
+    """Write a mover as a mocap body at its start."""
     place = mover.place(0)
     turn = f"{cos(place.yaw / 2):.9f} 0 0 {sin(place.yaw / 2):.9f}"
     geoms = "\n".join(map(_geom_of, mover.solid_names, mover.solids))

@@ -19,7 +19,7 @@ from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.pose_estimate import PoseEstimate
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE
-from wayproof.models.odometry import Odometry, OdometryConfig, PoseError, believed_trail
+from wayproof.models.odometry import Odometry, OdometryConfig, PoseError, estimated_trail
 from wayproof.models.poses import Trail, rotation_matrices
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -123,7 +123,7 @@ def heading_quaternion(angle):
 def test_a_believed_trail_is_shifted_and_turned_by_each_its_own_error():
     trail = Trail(np.zeros((2, 3)), np.stack([heading_quaternion(0.3)] * 2), 0.01)
     errors = [PoseError((1.0, 2.0, 3.0), 0.1), PoseError()]
-    believed = believed_trail(trail, errors)
+    believed = estimated_trail(trail, errors)
     assert believed.positions.tolist() == [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]
     np.testing.assert_allclose(believed.quaternions[0], heading_quaternion(0.4), atol=1e-15)
     assert (believed.quaternions[1] == trail.quaternions[1]).all()

@@ -107,7 +107,7 @@ def test_who_looks_stops_before_a_robot_and_who_does_not_goes_on():
     looking = Stage(walker(stands_off=0.8), robot=(2.0, 3.0, 1.0))
     looking.run(4.0)
     assert looking.position()[1] == pytest.approx(3.0 - 0.8 - 0.36 - 0.25, abs=0.003)
-    assert looking.truth.struck == looking.truth.collisions == 0
+    assert looking.truth.hits_by_movers == looking.truth.collisions == 0
     looking.put((0.0, 3.0, 1.0))
     looking.run(1.0)
     assert looking.position()[1] == pytest.approx(1.59 + 1.0, abs=0.006)
@@ -125,11 +125,11 @@ def test_what_is_aside_or_behind_is_not_in_the_way():
 def test_a_robot_at_rest_is_struck_and_one_in_motion_collides():
     at_rest = Stage(walker(stands_off=0.0), robot=(2.0, 2.0, 1.0))
     at_rest.run(2.2)
-    assert (at_rest.truth.struck, at_rest.truth.collisions) == (1, 0)
+    assert (at_rest.truth.hits_by_movers, at_rest.truth.collisions) == (1, 0)
     assert at_rest.truth.touched == "walker"
     moving = Stage(walker(stands_off=0.0, speed=0.0), robot=(0.0, 0.0, 1.0))
     moving.run(2.2, velocity=(1.0, 0.0, 0.0))
-    assert (moving.truth.struck, moving.truth.collisions) == (0, 1)
+    assert (moving.truth.hits_by_movers, moving.truth.collisions) == (0, 1)
     assert moving.truth.touched == "walker"
 
 
@@ -143,7 +143,7 @@ def test_a_wall_never_strikes():
         mujoco.mj_kinematics(scene.model, data)
         mujoco.mj_collision(scene.model, data)
         watch(truth, data, scene.base)
-    assert (truth.struck, truth.collisions, truth.touched) == (0, 1, "")
+    assert (truth.hits_by_movers, truth.collisions, truth.touched) == (0, 1, "")
 
 
 @pytest.mark.parametrize("steps", [0, 3, 100, 101, 102, 250])

@@ -42,7 +42,7 @@ MAX_ASYMMETRY = 0.01
 
 
 class Leg(NamedTuple):
-    """Where a leg is in the source, and its shape in the base's frame at rest.
+    """A leg in the source, and its shape in the base's frame at rest.
 
     Attributes:
         links: Body ids of hip, thigh and calf.
@@ -74,7 +74,7 @@ class Leg(NamedTuple):
 
 
 def legged_mjcf(source: Source, spec: SpecFile) -> str:
-    """The robot alone, as the trot controller wants it.
+    """Write the robot alone, in the form of the trot controller.
 
     Raises:
         RobotSpecError: It has not the usual layout, or the spec does not fit it.
@@ -110,7 +110,7 @@ def legged_mjcf(source: Source, spec: SpecFile) -> str:
 
 
 def check_legged(spec: SpecFile, model: mujoco.MjModel) -> None:
-    """Refuse a radius or height that the standing robot reaches beyond.
+    """Refuse a radius or height that the standing robot exceeds.
 
     Args:
         spec: The robot's.
@@ -125,7 +125,7 @@ def check_legged(spec: SpecFile, model: mujoco.MjModel) -> None:
 
 
 def _trace(source: Source, leg: str, foot: str) -> Leg:
-    """From the foot up to the base."""
+    """Trace a leg from its foot up to the base."""
     model, data = source.model, source.data
     geom = find(model, Objects.mjOBJ_GEOM, foot)
     if geom is not None and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE:
@@ -174,7 +174,7 @@ def _sign(source: Source, joint: int, along: int) -> float:
 
 
 def _torque(model: mujoco.MjModel, joint: int) -> float:
-    """What the actuator of a joint can give, whatever its kind; nan if nothing limits it."""
+    """Return the torque limit of a joint's actuator, of any kind; NaN without one."""
     kinds = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
     name = model.joint(joint).name
     moving = np.isin(model.actuator_trntype, kinds) & (model.actuator_trnid[:, 0] == joint)

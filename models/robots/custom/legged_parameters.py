@@ -36,7 +36,7 @@ UNLIMITED_SPEED = 1e6
 
 
 def legged_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Parameters:
-    """What the trot controller is tuned by, read off the robot in a compiled model.
+    """Return the trot controller's parameters for the robot in a compiled model.
 
     Raises:
         ValueError: The stance is beyond the legs or the joints' ranges.
@@ -148,7 +148,7 @@ def _times(values: tuple[float, float, float], factor: float) -> tuple[float, fl
 
 
 def _geometry(model: mujoco.MjModel, prefix: str) -> Geometry:
-    """Means over the legs of the robot as it was written, its links at rest along the base."""
+    """Return means over the legs of the written robot, links at rest along the base."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = model.body(prefix + "base").id

@@ -18,7 +18,7 @@ from wayproof.models.sensors.devices import Rangefinder
 
 
 def kept_mjcf(source: Source, spec: SpecFile) -> str:
-    """The robot alone, without what is only for show and without files.
+    """Write the robot alone, without decoration and without files.
 
     Raises:
         RobotSpecError: It has something that cannot be kept.
@@ -110,7 +110,7 @@ class OwnController:
                 raise UserCodeError(self._who, f"wrote {name} that is not finite")
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """What one step hands to the next; see `Controller`."""
+        """Return the state between steps; see `Controller`."""
         with user_code(self._who):
             state = {name: np.array(value) for name, value in self._made.state().items()}
         for name, array in state.items():
@@ -119,7 +119,7 @@ class OwnController:
         return state
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
-        """Go on from what `state` returned; see `Controller`."""
+        """Continue from what `state` returned; see `Controller`."""
         with user_code(self._who):
             self._made.restore(state)
 

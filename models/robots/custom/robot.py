@@ -36,7 +36,7 @@ HASH_DIGITS = 12
 
 
 class Kind(NamedTuple):
-    """What a built-in controller makes of a robot.
+    """Functions of a built-in controller's kind of robot.
 
     Attributes:
         motion: Ground or air.
@@ -125,7 +125,7 @@ class CustomRobot:
         )
 
     def mjcf(self) -> str:
-        """The robot alone, as MJCF: root body `base` with a free joint, geoms in ROBOT_GROUP.
+        """Return the robot alone as MJCF: root body `base` with a free joint, geoms in ROBOT_GROUP.
 
         Raises:
             ValueError: It was read from a log, whose scene has it.
@@ -153,7 +153,7 @@ class CustomRobot:
 
 
 def read_robot(path: Path) -> CustomRobot:
-    """A robot from its spec file and the MJCF that it names.
+    """Read a robot from its spec file and the MJCF that it names.
 
     Raises:
         RobotSpecError: One of them cannot be used; the message is one line.
@@ -174,7 +174,7 @@ def read_robot(path: Path) -> CustomRobot:
 
 
 def logged_robot(text: str, scene: str, prefix: str) -> CustomRobot:
-    """A robot from the spec and the scene in a log.
+    """Read a robot from the spec and the scene in a log.
 
     Args:
         text: Of the spec file.

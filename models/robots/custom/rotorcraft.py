@@ -40,7 +40,7 @@ MIN_THRUST_TO_WEIGHT = 1.3
 
 
 def rotorcraft_mjcf(source: Source, spec: SpecFile) -> str:
-    """The craft alone, as the geometric controller wants it.
+    """Write the craft alone, in the form of the geometric controller.
 
     Raises:
         RobotSpecError: It is no X of four rotors, or the spec does not fit it.
@@ -79,7 +79,7 @@ def rotorcraft_mjcf(source: Source, spec: SpecFile) -> str:
 
 
 def rotorcraft_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Parameters:
-    """What the geometric controller is tuned by; mass, inertia and arms off a compiled model.
+    """Return the geometric controller's parameters; mass, inertia and arms by the model.
 
     Raises:
         RobotSpecError: The spec says nothing of the rotors.
@@ -100,7 +100,7 @@ def rotorcraft_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) ->
 
 
 def check_rotorcraft(spec: SpecFile, model: mujoco.MjModel) -> None:
-    """Refuse a radius or height that the craft reaches beyond."""
+    """Refuse a radius or height that the craft exceeds."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     check_size(spec, surface(model, data), flying=True)
@@ -126,7 +126,7 @@ def _airframe(
 
 
 def _all_rigid(source: Source) -> list[int]:
-    """Every body of the craft; propellers that turn on joints count where they are at rest."""
+    """Return every body of the craft; propellers on joints count where they are at rest."""
     model = source.model
     bodies = np.flatnonzero(model.body_rootid == model.body_rootid[source.base]).tolist()
     return [body for body in bodies if body >= source.base]
@@ -146,7 +146,7 @@ def _place(source: Source, name: str) -> Array:
 
 
 def _arms(places: list[Array]) -> tuple[float, float]:
-    """Distances of the rotors ahead of and beside the centre of mass."""
+    """Return distances of the rotors ahead of and beside the centre of mass, m."""
     arm_x, arm_y = (float(np.abs(np.array(places)[:, i]).mean()) for i in (0, 1))
     for (name, x, y, _), place in zip(ROTORS, places, strict=True):
         off = hypot(place[0] - x * arm_x, place[1] - y * arm_y)

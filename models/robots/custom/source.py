@@ -36,28 +36,28 @@ class Source(NamedTuple):
     path: Path
 
     def place(self, point: Array) -> Array:
-        """A point (3,) of the world in the base's frame, m."""
+        """Return a point (3,) of the world in the base's frame, m."""
         R = self.data.xmat[self.base].reshape(3, 3)
         return np.asarray(R.T @ (point - self.data.xpos[self.base]))
 
     def turn(self, matrix: Array) -> Array:
-        """A rotation (3, 3) or direction (3,) of the world in the base's frame."""
+        """Return a rotation (3, 3) or direction (3,) of the world in the base's frame."""
         R = self.data.xmat[self.base].reshape(3, 3)
         return np.asarray(R.T @ matrix)
 
     def rigid(self, body: int) -> list[int]:
-        """The bodies that are fixed to a body that moves, itself among them."""
+        """Return the bodies that are fixed to a moving body, itself among them."""
         return np.flatnonzero(self.model.body_weldid == body).tolist()
 
     def colliding(self, body: int) -> Iterator[int]:
-        """Geoms fixed to a moving body that contacts meet; others are for show."""
+        """Return the geoms fixed to a moving body that contacts meet; others are decoration."""
         for geom in np.flatnonzero(self.model.body_weldid[self.model.geom_bodyid] == body).tolist():
             if self.model.geom_contype[geom] | self.model.geom_conaffinity[geom]:
                 yield geom
 
 
 def find_mjcf(named: str, folder: Path) -> Path:
-    """The file that a spec names: beside it, or in an installed package.
+    """Return the file that a spec names: beside it, or in an installed package.
 
     Raises:
         RobotSpecError: No such file or package.

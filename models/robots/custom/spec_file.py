@@ -18,7 +18,7 @@ Four = tuple[str, str, str, str]
 
 
 class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What navigation may ask for; see `RobotSpec`.
+    """Limits on navigation's commands; see `RobotSpec`.
 
     Attributes:
         speed: m/s.
@@ -52,7 +52,7 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Joints(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the motors of hip, thigh and calf can do, in place of what the MJCF says.
+    """Limits of the motors of hip, thigh and calf, in place of the MJCF's.
 
     Attributes:
         torque: Largest torque, Nm.
@@ -128,7 +128,7 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rotor: Rotor | None = None
 
     def mounts(self) -> tuple[Mount, ...]:
-        """The sensors as the rest of Wayproof knows them."""
+        """Return the sensors as mounts."""
         return tuple(Mount(s.name, s.name, DEVICES[s.device]) for s in self.sensors)
 
 

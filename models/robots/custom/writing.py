@@ -35,7 +35,7 @@ HEAD = f"""<compiler angle="radian" autolimits="true"/>
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Numbers that read back as the same bits."""
+    """Write numbers so that they read back as the same bits."""
     return " ".join(repr(float(value)) for value in values)
 
 
@@ -60,12 +60,12 @@ class Assets:
 
 
 def farthest(points: Array) -> Array:  # (m, 3)
-    """The points (n, 3) that are farthest along directions spread evenly (Fibonacci's spiral)."""
+    """Return the points (n, 3) farthest along evenly spread directions (Fibonacci's spiral)."""
     return np.asarray(points[np.unique(np.argmax(points @ ball().T, axis=0))])
 
 
 def ball() -> Array:  # (HULL_DIRECTIONS, 3)
-    """Unit vectors spread evenly."""
+    """Return unit vectors spread evenly."""
     n = np.arange(HULL_DIRECTIONS)
     z = 1.0 - (2.0 * n + 1.0) / HULL_DIRECTIONS
     angle, ring = n * np.pi * (3.0 - np.sqrt(5.0)), np.sqrt(1.0 - z * z)
@@ -73,7 +73,7 @@ def ball() -> Array:  # (HULL_DIRECTIONS, 3)
 
 
 def inertial(source: Source, bodies: Sequence[int], origin: Array) -> str:
-    """The `<inertial>` of bodies fixed to one another, axes of the base, about an origin in it."""
+    """Write the `<inertial>` of bodies fixed to one another, base axes, about an origin in it."""
     mass, centre, inertia = rigid_body(source, bodies)
     if not mass > 0.0:
         name = source.model.body(bodies[0]).name
@@ -102,7 +102,7 @@ def rigid_body(source: Source, bodies: Sequence[int]) -> tuple[float, Array, Arr
 
 
 def geoms(source: Source, body: int, origin: Array, assets: Assets, but: int = -1) -> str:
-    """All that collides of a moving body, relative to an origin in the base's frame.
+    """Write the colliding geoms of a moving body, relative to an origin in the base's frame.
 
     Args:
         source: The MJCF.
@@ -132,14 +132,14 @@ def _geom(source: Source, geom: int, origin: Array, assets: Assets) -> str:
 
 
 def mesh_points(model: mujoco.MjModel, geom: int) -> Array:  # (n, 3)
-    """Vertices of a mesh geom in its own frame, m."""
+    """Return the vertices of a mesh geom in its own frame, m."""
     mesh = model.geom_dataid[geom]
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     return np.asarray(model.mesh_vert[first : first + count], np.float64)
 
 
 def sensor_sites(spec: SpecFile, origin: Array) -> str:
-    """Where the sensors sit on the base."""
+    """Write the sites of the sensors on the base."""
     sites = ""
     for sensor, mount in zip(spec.sensors, spec.mounts(), strict=True):
         down = ' zaxis="0 0 -1"' if isinstance(mount.device, Rangefinder) else ""
@@ -154,7 +154,7 @@ def rangefinders(spec: SpecFile) -> str:
 
 
 def check_size(spec: SpecFile, points: Array, flying: bool) -> None:
-    """Refuse a radius or a height that the body (n, 3) reaches beyond; z up from the ground.
+    """Refuse a radius or a height that the body (n, 3) exceeds; z up from the ground.
 
     Raises:
         RobotSpecError: Saying what it reaches.
@@ -168,7 +168,7 @@ def check_size(spec: SpecFile, points: Array, flying: bool) -> None:
 
 
 def surface(model: mujoco.MjModel, data: mujoco.MjData) -> Array:  # (n, 3)
-    """Points about every geom of a model, world frame."""
+    """Return points about every geom of a model, world frame, m."""
     places = []
     for geom in range(model.ngeom):
         R = data.geom_xmat[geom].reshape(3, 3)

@@ -23,13 +23,13 @@ ROTOR_THICKNESS = 0.02
 
 
 def circumscribed_radius(airframe: Airframe) -> float:
-    """Of a sphere about the base origin that holds rotors, lidar and skids; up to a centimetre."""
+    """Return the radius about the base origin of rotors, lidar and skids, m, rounded up to cm."""
     blade_tip = hypot(airframe.arm_x, airframe.arm_y) + airframe.rotor_radius
     return ceil(100.0 * hypot(blade_tip, ROTOR_THICKNESS)) / 100.0
 
 
 def quadrotor_mjcf(airframe: Airframe) -> str:
-    """The robot alone: root body `base`, no floor, no physics options.
+    """Write the robot alone: root body `base`, no floor, no physics options.
 
     Robot geoms have conaffinity only: they meet the world (contype 1) but not one another. The
     rangefinder leaves from a site whose z axis points down, out of the belly.
@@ -73,7 +73,7 @@ def _arm(airframe: Airframe, name: str, x: int, y: int) -> str:
 
 
 def rotor_motor(airframe: Airframe, name: str, spin: int) -> str:
-    """The actuator at a rotor's site: thrust behind its lag, and its reaction torque."""
+    """Write the actuator at a rotor's site: thrust behind its lag, and its reaction torque."""
     return f"""
     <general name="{name}" site="{name}" gear="0 0 1 0 0 {spin * airframe.yaw_ratio}"
              ctrlrange="0 {airframe.thrust_max}" dyntype="filterexact"

@@ -55,7 +55,7 @@ class Gains(NamedTuple):
         position: Per axis, 1/s^2.
         velocity: Per axis, 1/s.
         integral: Of the position error, 1/s^3.
-        integral_limit: Largest acceleration that the integral asks for on an axis, m/s^2.
+        integral_limit: Largest acceleration of the integral on an axis, m/s^2.
         position_limit: Position error beyond this on an axis counts as this, m.
         attitude: Per body axis, 1/s^2; yaw is soft because its torque is scarce.
         rate: Per body axis, 1/s.

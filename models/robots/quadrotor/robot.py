@@ -18,7 +18,7 @@ from wayproof.models.sensors.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
 
 
 def _spec(parameters: Parameters) -> RobotSpec:
-    """Limits well inside what the controller tracks, so that navigation leaves it room."""
+    """Return limits well inside what the controller tracks, which leaves navigation a reserve."""
     return RobotSpec(
         name="drone",
         motion="air",
@@ -56,7 +56,7 @@ class Quadrotor:
         object.__setattr__(self, "spec", _spec(self.parameters))
 
     def mjcf(self) -> str:
-        """The robot alone, as MJCF: root body `base` with a free joint, geoms in ROBOT_GROUP."""
+        """Write the robot alone: root body `base` with a free joint, geoms in ROBOT_GROUP."""
         return quadrotor_mjcf(self.parameters.airframe)
 
     def controller(self, model: mujoco.MjModel, prefix: str) -> QuadrotorController:

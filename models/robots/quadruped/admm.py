@@ -86,7 +86,7 @@ def _substitute(upper: Array, lower: Array, x: Array) -> None:
 
 @kernel
 def project(friction: float, largest: float, x: float, y: float, z: float) -> tuple[float, ...]:
-    """Nearest force with hypot(x, y) <= friction z and z <= largest.
+    """Return the nearest force with hypot(x, y) <= friction z and z <= largest.
 
     The second-order cone's projection (Parikh and Boyd 2014, section 6.3.2); where that is above
     the lid z = largest, the answer lies on the lid.
@@ -107,7 +107,7 @@ def project(friction: float, largest: float, x: float, y: float, z: float) -> tu
 
 @kernel
 def _project_all(prediction: Prediction, x: Array, z: Array, u: Array) -> None:
-    """The z and u steps of scaled ADMM (Boyd et al. 2011, eq. 3.6, 3.7)."""
+    """Take the z and u steps of scaled ADMM (Boyd et al. 2011, eq. 3.6, 3.7)."""
     mu, largest = prediction.friction, prediction.largest_normal_force
     for i in range(0, len(x), 3):
         a, b, c = x[i] + u[i], x[i + 1] + u[i + 1], x[i + 2] + u[i + 2]

@@ -28,7 +28,7 @@ class Wiring(NamedTuple):
 
 
 class Views(NamedTuple):
-    """What the robot reads and writes at every physics step, of one `MjData`.
+    """Views of one `MjData` that the robot reads and writes at every physics step.
 
     To look a field up and to slice it anew takes as long as a kernel.
 
@@ -52,7 +52,7 @@ class Views(NamedTuple):
 
 
 def views_of(data: mujoco.MjData, wiring: Wiring) -> Views:
-    """The robot's parts of the arrays of a simulation."""
+    """Return the robot's parts of the arrays of a simulation."""
     joints = slice(wiring.dofs.start + 6, wiring.dofs.stop)
     return Views(
         qpos=data.qpos[wiring.qpos],

@@ -28,13 +28,13 @@ class Link(NamedTuple):
     inertia: tuple[float, float, float, float, float, float]
 
     def mirrored(self, x: int, y: int) -> Link:
-        """The same link across the planes x = 0 and y = 0; each sign is +1 or -1."""
+        """Return the same link across the planes x = 0 and y = 0; each sign is +1 or -1."""
         cx, cy, cz = self.centre
         xx, yy, zz, xy, xz, yz = self.inertia
         return Link(self.mass, (x * cx, y * cy, cz), (xx, yy, zz, x * y * xy, x * xz, y * yz))
 
     def mjcf(self) -> str:
-        """The `<inertial>` element."""
+        """Write the `<inertial>` element."""
         return (
             f'<inertial pos="{_numbers(self.centre)}" mass="{self.mass}" '
             f'fullinertia="{_numbers(self.inertia)}"/>'
@@ -80,7 +80,7 @@ LIDAR_SITE = (0.15, 0.0, 0.12)
 
 
 def quadruped_mjcf(geometry: Geometry, actuators: Actuators) -> str:
-    """The robot alone: root body `base`, no floor, no physics options.
+    """Write the robot alone: root body `base`, no floor, no physics options.
 
     Args:
         geometry: Leg geometry.

@@ -36,7 +36,7 @@ class Geometry(NamedTuple):
 
 
 class Actuators(NamedTuple):
-    """What the motors can do, per joint of a leg. Source: go2_description, `effort`, `velocity`.
+    """Limits of the motors, per joint of a leg. Source: go2_description, `effort`, `velocity`.
 
     Attributes:
         torque: Largest torque of hip, thigh and calf, Nm.

@@ -15,7 +15,7 @@ from wayproof.models.sensors.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
 
 
 def _spec(parameters: Parameters) -> RobotSpec:
-    """Limits well inside what the controller tracks, so that navigation leaves it room.
+    """Return limits well inside what the controller tracks, which leaves navigation a reserve.
 
     Radius: legs at full stride reached 0.440 m at up to 1.0 m/s and 1.0 rad/s; standing, 0.387 m.
     Discs: at these speeds, and not walking sideways, it reached 0.418 m behind, 0.34 m ahead and
@@ -57,7 +57,7 @@ class Quadruped:
         object.__setattr__(self, "spec", _spec(self.parameters))
 
     def mjcf(self) -> str:
-        """The robot alone, as MJCF: root body `base` with a free joint, geoms in ROBOT_GROUP."""
+        """Write the robot alone: root body `base` with a free joint, geoms in ROBOT_GROUP."""
         return quadruped_mjcf(self.parameters.geometry, self.parameters.actuators)
 
     def controller(self, model: mujoco.MjModel, prefix: str) -> QuadrupedController:

@@ -36,7 +36,7 @@ MEMORY = np.dtype(
         ("walking", "?"),  # trots, else stands on four feet
         ("arrived", "?"),  # at a setpoint that rests
         ("phase", "f8"),  # of the cycle, [0, 1)
-        ("calm_time", "f8"),  # since anything last asked for a step, s
+        ("calm_time", "f8"),  # since a command or imbalance last called for a step, s
         ("waited", "f8"),  # for a late foot, s
         ("reference", "f8", 3),  # base x, y (m) and yaw (rad), world
         ("ground_height", "f8"),  # under the base, from the standing feet, world, m
@@ -56,6 +56,6 @@ MEMORY = np.dtype(
 
 
 def record(dtype: np.dtype[Any]) -> tuple[Any, NDArray[Any]]:
-    """One zeroed record: as attributes for Python to read, and in an array (1,) for kernels."""
+    """Return a zeroed record: as attributes for Python, and in an array (1,) for kernels."""
     array = np.zeros(1, dtype)
     return array.view(np.recarray)[0], array

@@ -86,14 +86,14 @@ def _follow_swing(
 
 @kernel
 def glide(s: float, start: float, end: float) -> tuple[float, float, float]:
-    """The cubic at rest at both ends of s in [0, 1]: place and its two derivatives by s."""
+    """Return place and its two derivatives on the cubic at rest at both ends of s in [0, 1]."""
     way = end - start
     return start + way * s * s * (3.0 - 2.0 * s), way * 6.0 * s * (1.0 - s), way * (6.0 - 12.0 * s)
 
 
 @kernel
 def arch(s: float, start: float, top: float, end: float) -> tuple[float, float, float]:
-    """Up to `top` at s = 1/2 and down to `end`, each half of minimum jerk (Flash, Hogan 1985)."""
+    """Rise to `top` at s = 1/2 and fall to `end`, each in minimum jerk (Flash, Hogan 1985)."""
     low, rise = (start, top - start) if s < 0.5 else (top, end - top)
     r = 2.0 * s if s < 0.5 else 2.0 * s - 1.0
     place = r * r * r * (10.0 + r * (6.0 * r - 15.0))

@@ -58,7 +58,7 @@ class Box(Bounded):
 
     @cached_property
     def R_world_box(self) -> NDArray[np.float64]:  # (3, 3)
-        """Turns the box's axes into the world's."""
+        """Rotation from the box's axes to the world's."""
         cy, sy = cos(self.yaw), sin(self.yaw)
         cp, sp = cos(self.pitch), sin(self.pitch)
         cr, sr = cos(self.roll), sin(self.roll)
@@ -92,13 +92,13 @@ class Box(Bounded):
         return np.asarray(signs * self.half_extents @ self.R_world_box.T + self.centre)
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
+        """Return exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
         own_axes = (np.asarray(points, np.float64) - self.centre) @ self.R_world_box
         outside = np.abs(own_axes) - self.half_extents
         return np.asarray(np.sqrt(np.square(np.maximum(outside, 0.0)).sum(axis=1)))
 
     def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
-        """Exact distance (n,) from points (n, 2) to the whole footprint, m; see `Solid`."""
+        """Return exact distance (n,) from points (n, 2) to the whole footprint, m; see `Solid`."""
         del band
         if not self.upright:
             return distance_to_triangles(points, self.corners[BOX_FACES][:, :, :2])
@@ -109,7 +109,7 @@ class Box(Bounded):
         return np.asarray(np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0)))
 
     def geom(self, name: str) -> str:
-        """Its MJCF geom."""
+        """Return its MJCF geom."""
         place = f'type="box" pos="{numbers(self.centre)}" size="{numbers(self.half_extents)}"'
         if self.yaw or not self.upright:
             place += f' quat="{self._quaternion()}"'

@@ -21,7 +21,7 @@ from wayproof.models.worlds.solids.solid import (
 
 @dataclass(frozen=True)
 class _AboutAxis(Bounded):
-    """What cylinders and capsules share.
+    """Common base of cylinders and capsules.
 
     Attributes:
         tail: One end of the axis, world frame, m.
@@ -36,7 +36,7 @@ class _AboutAxis(Bounded):
     kind: str
 
     def __post_init__(self) -> None:
-        """Refuse what has no length or no width.
+        """Refuse a solid without length or width.
 
         Raises:
             ValueError: The radius is not positive, or both ends of the axis are one.
@@ -46,7 +46,7 @@ class _AboutAxis(Bounded):
             raise ValueError(f"head: got {self.head}, the same as tail, expected another end")
 
     def _split(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How far points (n, 3) are beyond the axis's ends, and away from its line, m."""
+        """Return distances of points (n, 3) beyond the axis's ends and away from its line, m."""
         axis = np.subtract(self.head, self.tail)
         length = float(np.linalg.norm(axis))
         offset = np.asarray(points, np.float64) - self.tail
@@ -68,7 +68,7 @@ class _AboutAxis(Bounded):
         return np.asarray(np.maximum(gap, 0.0))
 
     def _cut(self, band: Band) -> tuple[Vector3, Vector3]:
-        """The part of the axis that is within a radius of the band; some part if none is."""
+        """Return the part of the axis within a radius of the band; some part if none is."""
         rise = self.head[2] - self.tail[2]
         if rise == 0.0:
             return self.tail, self.head
@@ -98,16 +98,16 @@ class Cylinder(_AboutAxis):
         return least_and_greatest(np.add([self.tail, self.head], self._rim()))[1]
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
+        """Return exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
         beyond, across = self._split(points)
         return np.asarray(np.hypot(beyond, np.maximum(across - self.radius, 0.0)))
 
     def geom(self, name: str) -> str:
-        """Its MJCF geom."""
+        """Return its MJCF geom."""
         return write_geom(name, self.kind, f'type="cylinder" {self._place()}')
 
     def _rim(self) -> NDArray[np.float64]:  # (3,)
-        """How far a flat end reaches from its centre along each axis of the world, m."""
+        """Return how far a flat end reaches from its centre along each world axis, m."""
         axis = np.subtract(self.head, self.tail)
         cosine = axis / np.linalg.norm(axis)
         return np.asarray(self.radius * np.sqrt(np.maximum(1.0 - cosine**2, 0.0)))
@@ -128,11 +128,11 @@ class Capsule(_AboutAxis):
         return least_and_greatest(np.add([self.tail, self.head], self.radius))[1]
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
+        """Return exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
         return np.asarray(np.maximum(np.hypot(*self._split(points)) - self.radius, 0.0))
 
     def geom(self, name: str) -> str:
-        """Its MJCF geom."""
+        """Return its MJCF geom."""
         return write_geom(name, self.kind, f'type="capsule" {self._place()}')
 
 
@@ -151,7 +151,7 @@ class Sphere(Bounded):
     kind: str
 
     def __post_init__(self) -> None:
-        """Refuse a radius that is not positive (ValueError)."""
+        """Refuse a solid without length or width."""
         _check_radius(self.radius)
 
     @property
@@ -167,19 +167,19 @@ class Sphere(Bounded):
         return x + self.radius, y + self.radius, z + self.radius
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
+        """Return exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
         gap = np.linalg.norm(np.asarray(points, np.float64) - self.centre, axis=1) - self.radius
         return np.asarray(np.maximum(gap, 0.0))
 
     def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
-        """Exact distance (n,) from points (n, 2) to the part in the band, m; see `Solid`."""
+        """Return exact distance (n,) from points (n, 2) to the part in the band, m; see `Solid`."""
         height = min(max(self.centre[2], band[0]), band[1]) - self.centre[2]
         radius = sqrt(max(self.radius**2 - height**2, 0.0))
         gap = np.linalg.norm(np.asarray(points, np.float64) - self.centre[:2], axis=1) - radius
         return np.asarray(np.maximum(gap, 0.0))
 
     def geom(self, name: str) -> str:
-        """Its MJCF geom."""
+        """Return its MJCF geom."""
         place = f'type="sphere" pos="{numbers(self.centre)}" size="{numbers([self.radius])}"'
         return write_geom(name, self.kind, place)
 

@@ -49,7 +49,7 @@ class Solid(Protocol):
         ...
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
+        """Return exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
         ...
 
     def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
@@ -60,11 +60,11 @@ class Solid(Protocol):
         ...
 
     def asset(self, name: str) -> str:
-        """The MJCF asset that its geom needs, or nothing."""
+        """Return the MJCF asset of its geom; empty without one."""
         ...
 
     def geom(self, name: str) -> str:
-        """Its MJCF geom."""
+        """Return its MJCF geom."""
         ...
 
 
@@ -92,13 +92,13 @@ class Bounded:
         return self.high[2]
 
     def asset(self, name: str) -> str:
-        """No asset."""
+        """Return the MJCF asset of its geom; empty without one."""
         del name
         return ""
 
 
 def write_geom(name: str, kind: str, shape: str) -> str:
-    """A geom that robots and beams meet, with its class in its user data.
+    """Write a geom that robots and beams meet, with its class in its user data.
 
     Args:
         name: Of the geom.
@@ -112,7 +112,7 @@ def write_geom(name: str, kind: str, shape: str) -> str:
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Lengths at a tenth of a millimetre where that says all, else as many digits as matter."""
+    """Write lengths to a tenth of a millimetre where that is exact, else with all digits."""
     return " ".join(map(_number, values))
 
 
@@ -123,7 +123,7 @@ def _number(value: float) -> str:
 
 
 def least_and_greatest(points: ArrayLike) -> tuple[Vector3, Vector3]:
-    """Corners of the axis-aligned bounds of points (n, 3)."""
+    """Return corners of the axis-aligned bounds of points (n, 3)."""
     array = np.asarray(points, np.float64)
     x0, y0, z0 = array.min(axis=0).tolist()
     x1, y1, z1 = array.max(axis=0).tolist()

@@ -39,7 +39,7 @@ class TriangleMesh(Bounded):
     kind: str
 
     def __post_init__(self) -> None:
-        """Refuse what MuJoCo would.
+        """Refuse a surface that MuJoCo would refuse.
 
         Raises:
             ValueError: Fewer than four vertices, no face, or a face of a vertex that is not there.
@@ -75,7 +75,7 @@ class TriangleMesh(Bounded):
         return least_and_greatest(self.vertices)[1]
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Exact distance (n,) from points (n, 3), world frame, to the surface, m; slow."""
+        """Return exact distance (n,) from points (n, 3), world frame, to the surface, m; slow."""
         return distance_to_triangles(points, self.triangles)
 
     def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
@@ -89,7 +89,7 @@ class TriangleMesh(Bounded):
         return f'    <mesh name="{name}" inertia="shell" vertex="{vertices}" face="{faces}"/>'
 
     def geom(self, name: str) -> str:
-        """Its MJCF geom."""
+        """Return its MJCF geom."""
         return write_geom(name, self.kind, f'type="mesh" mesh="{name}"')
 
 
@@ -112,7 +112,7 @@ class HeightField(Bounded):
     base: float = 0.5
 
     def __post_init__(self) -> None:
-        """Refuse what is no grid.
+        """Refuse a surface that MuJoCo would refuse.
 
         Raises:
             ValueError: Fewer than two nodes along an axis, ragged rows, no spacing or no base.
@@ -186,7 +186,7 @@ class HeightField(Bounded):
         )
 
     def geom(self, name: str) -> str:
-        """Its MJCF geom."""
+        """Return its MJCF geom."""
         half_x, half_y = self._half_extents()
         x, y, z = self.corner
         pos = numbers([x + half_x, y + half_y, z + min(map(min, self.heights))])
@@ -197,7 +197,7 @@ class HeightField(Bounded):
         return (nx - 1) * self.spacing[0] / 2, (ny - 1) * self.spacing[1] / 2
 
     def _below(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:  # (n,)
-        """Whether points lie on or under the ground and not under its base."""
+        """Return whether points lie on or under the ground and not under its base."""
         at = (points[:, :2] - self.corner[:2]) / self.spacing
         cells = np.subtract(self.nodes.shape[:2], 1)
         over = ((at >= 0.0) & (at <= cells)).all(axis=1)
