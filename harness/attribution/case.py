@@ -31,13 +31,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Moment:
-    """One decision with its inputs and the ground truth."""
+    """One decision with its inputs and the ground truth; an answer, where a stack was on trial."""
 
     pose: pb.Pose
     sweeps: tuple[pb.Sweep, ...]
     latency: pb.Latency
     decision: pb.Decision
     truth: pb.Truth
+    answer: pb.StackCommand | None = None
 
     @property
     def inputs(self) -> Inputs:
@@ -164,6 +165,7 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
     """Group the messages of a log by decision."""
     sweeps: list[pb.Sweep] = []
     pose, latency, decision = pb.Pose(), pb.Latency(), pb.Decision()
+    answer: pb.StackCommand | None = None
     for message in messages:
         if isinstance(message, pb.Sweep):
             sweeps.append(message)
@@ -171,11 +173,13 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
             pose = message
         elif isinstance(message, pb.Latency):
             latency = message
+        elif isinstance(message, pb.StackCommand):
+            answer = message
         elif isinstance(message, pb.Decision):
             decision = message
         elif isinstance(message, pb.Truth):
-            yield Moment(pose, tuple(sweeps), latency, decision, message)
-            sweeps = []
+            yield Moment(pose, tuple(sweeps), latency, decision, message, answer)
+            sweeps, answer = [], None
 
 
 def yaw_of(quaternion: Sequence[float]) -> float:

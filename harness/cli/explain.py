@@ -255,6 +255,8 @@ def _rows(card: Card) -> list[tuple[str, str]]:
             f"{least}; {search}",
         ),
     ]
+    if card.stack:
+        rows[1:1] = [("stack", f"{card.stack}: {card.answer}"), ("referee", card.verdict)]
     if card.perturbation:
         rows.append(("perturbed", card.perturbation))
     for cell in card.blocking:

@@ -9,12 +9,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.clearance import map_clearance_is_bound, true_clearance_is_bound
-from wayproof.harness.errors import InputError
+from wayproof.harness.errors import InputError, printable
 from wayproof.harness.log.paths import densely
+from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.labels import combined_version
@@ -88,6 +90,9 @@ class Card:
         true_clearance_is_bound: Whether the true clearance may be larger in the same way.
         blocking: Cells that end the committed path, nearest first.
         perturbation: Kind and amount of the perturbation; empty without one.
+        stack: Name of the stack on trial; empty of the built-in one.
+        verdict: Verdict of the referee on its command; empty of the built-in stack.
+        answer: What the stack says of its command: motion, reason and scalars, in one line.
     """
 
     sequence: int
@@ -126,6 +131,9 @@ class Card:
     true_clearance_is_bound: bool
     blocking: tuple[BlockingCell, ...]
     perturbation: str
+    stack: str = ""
+    verdict: str = ""
+    answer: str = ""
 
 
 def moment_of(case: Case, number: int) -> Moment:
@@ -204,7 +212,44 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         perturbation=""
         if perturbation is None
         else f"{perturbation.kind} {perturbation.amount:g} {perturbation.unit}",
+        stack="" if moment.answer is None else case.config.stack.name,
+        verdict=_verdict(decision),
+        answer="" if moment.answer is None else answer_in_words(moment.answer),
     )
+
+
+def _verdict(decision: pb.Decision) -> str:
+    """Return the referee's verdict in words; empty of the built-in stack."""
+    verdict = decision.verdict
+    if not verdict.verdict:
+        return ""
+    cut = "; the guard braked in its place" if verdict.cut else ""
+    return f"{verdict.verdict}, free for {verdict.free_m:.2f} m{cut}"
+
+
+def answer_in_words(answer: pb.StackCommand) -> str:
+    """Return the motion, the reason and the scalars of a stack's command in one line.
+
+    Raises:
+        InputError: It is no command.
+    """
+    try:
+        command = sb.Command.FromString(answer.command)
+    except DecodeError:
+        raise InputError(f"decision {answer.sequence}: its answer is no command") from None
+    parts = [command.WhichOneof("motion") or "no motion"]
+    if command.WhichOneof("motion") == "velocity":
+        one = command.velocity
+        parts = [
+            f"velocity ({one.forward:.2f}, {one.left:.2f}, {one.up:.2f}) m/s, "
+            f"{one.yaw_rate:.2f} rad/s for {one.duration_s:.1f} s"
+        ]
+    if command.reason:
+        parts.append(printable(command.reason)[:200])
+    parts += [
+        f"{printable(name)[:40]} {command.scalars[name]:g}" for name in sorted(command.scalars)
+    ]
+    return "; ".join(parts)
 
 
 def _leads_to(decision: pb.Decision) -> str:

@@ -209,3 +209,11 @@ def test_answers_are_logged_as_they_were_sent(tmp_path):
 def test_waypoints_are_followed_to_rest(tmp_path):
     result = trial(tmp_path, own("ToWaypoint"), "empty", "drone", 1, "episode.time_limit=60")
     assert result.outcome == "success"
+
+
+def test_the_card_of_a_decision_shows_the_command_and_the_verdict(tmp_path, capsys):
+    result = trial(tmp_path, own("Ahead"))
+    assert main(["explain", result.log, "3"]) == 0
+    lines = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "velocity (0.30, 0.00, 0.00) m/s, 0.00 rad/s for 0.5 s; on and on; n 3" in lines
+    assert "admitted, free for 0." in lines
