@@ -64,6 +64,7 @@ ALLOWED = {
     ("models.odometry", "*"): "makes the estimate that is logged",
     ("models.sensors.devices.*", "*"): "makes the tables of beams that are logged",
     ("harness.perturbations.*", "*"): "makes the inputs that are logged",
+    ("harness.interface.stacks.*", "*"): "gives the answers that are logged",
     ("maps.kernels.beam_columns", "**"): "a whole power of two",
     ("maps.kernels.edt_field", "**"): "the square of a whole number",
     ("maps.kernels.labels", "**"): "squares of whole numbers",

@@ -21,7 +21,7 @@ CHILD = f"exec:{sys.executable} -m wayproof serve"
 
 
 def trial(tmp_path, stack, world="empty", robot="quadruped", seed=1, *settings, name="a"):
-    quick = ("episode.time_limit=3", "plugins.wall_s=20")
+    quick = ("episode.time_limit=3", "plugins.wall_s=120")
     config = override(Config(world, robot, seed), [*quick, *settings, f"stack.name={stack}"])
     return run_episode(build(config), tmp_path / f"{name}.mcap")
 
@@ -116,7 +116,7 @@ def test_a_blind_stack_is_judged_and_stopped_by_the_guard(tmp_path):
 )
 def test_a_broken_stack_ends_the_episode_in_one_line(tmp_path, kind, remote, cause, text):
     stack = f"{CHILD} {own(kind)}" if remote else own(kind)
-    wall = "plugins.wall_s=3" if kind == "Hangs" else "plugins.wall_s=20"
+    wall = "plugins.wall_s=3" if kind == "Hangs" else "plugins.wall_s=120"
     result = trial(tmp_path, stack, "empty", "drone", 1, wall)
     assert result.outcome == "error"
     assert result.cause == cause
