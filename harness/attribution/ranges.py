@@ -88,7 +88,7 @@ class RangeFacts:
 def range_facts(case: Case, until: int) -> RangeFacts:
     """Compare sweeps up to a decision."""
     numbers = _chosen(case, until)
-    lost = wanted = 0
+    lost = expected = 0
     dropouts: list[float] = []
     errors: list[Array] = []
     off: list[NDArray[np.bool_]] = []
@@ -105,7 +105,7 @@ def range_facts(case: Case, until: int) -> RangeFacts:
                 + (noise.sigma_proportional * true) ** 2
                 + (noise.sigma_quadratic * true**2) ** 2
             )
-            wanted, lost = wanted + len(true), lost + int((~heard).sum())
+            expected, lost = expected + len(true), lost + int((~heard).sum())
             dropouts.append(noise.dropout)
             error = (reported - true)[heard]
             errors.append(error)
@@ -117,8 +117,8 @@ def range_facts(case: Case, until: int) -> RangeFacts:
         first in {one.sensor for one in moment.sweeps} for moment in case.moments[: until + 1]
     ]
     return RangeFacts(
-        beams=wanted,
-        lost=max(lost / max(wanted, 1) - max(dropouts, default=0.0), 0.0),
+        beams=expected,
+        lost=max(lost / max(expected, 1) - max(dropouts, default=0.0), 0.0),
         off=float(wrong.mean()) if len(wrong) else 0.0,
         bias=float(np.median(every)) if len(every) else 0.0,
         blind=case.as_of(until).config.map.minimum_range,

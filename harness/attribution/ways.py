@@ -213,11 +213,11 @@ def _evenly(numbers: Sequence[int]) -> list[int]:
     return [numbers[int(k)] for k in np.linspace(0, len(numbers) - 1, LOOKS)]
 
 
-def _maps(case: Case, wanted: set[int]) -> Iterator[tuple[int, Navigator]]:
+def _maps(case: Case, numbers: set[int]) -> Iterator[tuple[int, Navigator]]:
     """Yield a stack in the state of each of some decisions."""
     stack = SegmentedStack(case.segments)
     for number, moment in enumerate(case.moments):
         stack.watch(moment.inputs)
-        if number in wanted:
+        if number in numbers:
             stack.navigator.costmap.update(moment.decision.localization_margin_m)
             yield number, stack.navigator

@@ -75,11 +75,11 @@ def phases(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> list
         truths: Ground truth of each.
     """
     actions = _smoothed([decision.action for decision in decisions])
-    told = []
+    found = []
     for action, run in itertools.groupby(range(len(actions)), key=actions.__getitem__):
         numbers = list(run)
-        told.append(_phase(action, numbers, decisions, truths))
-    return told
+        found.append(_phase(action, numbers, decisions, truths))
+    return found
 
 
 def _smoothed(actions: list[str]) -> list[str]:

@@ -13,7 +13,7 @@ from wayproof.harness.log.reader import ATTACHMENTS, LONGEST_NS, Head, open_log,
 from wayproof.harness.log.writer import TRACEBACK, LogWriter
 from wayproof.harness.schema import wayproof_pb2 as pb
 
-GUIDE_PERIOD_NS = 1_000_000_000
+GLOBAL_PATH_PERIOD_NS = 1_000_000_000
 """Simulated time between the kept global paths that a log of decisions holds, ns."""
 
 TOPICS: dict[type[Message], str] = {
@@ -42,17 +42,21 @@ def thin(path: Path, target: Path | None = None) -> None:
     result = open_log(path, allow_plugins=True).result
     head = read_head(walk(path, head_only=True), path, allow_plugins=True)
     write_copy(
-        target or path, head, _with_few_guides(read_messages(path)), result, record="decisions"
+        target or path,
+        head,
+        _with_few_global_paths(read_messages(path)),
+        result,
+        record="decisions",
     )
 
 
-def _with_few_guides(messages: Iterable[Message]) -> Iterator[Message]:
+def _with_few_global_paths(messages: Iterable[Message]) -> Iterator[Message]:
     """Yield messages; of the global paths only new ones, and one per second."""
-    told_ns = -GUIDE_PERIOD_NS
+    told_ns = -GLOBAL_PATH_PERIOD_NS
     for message in messages:
         if isinstance(message, pb.Decision):
             now_ns = time_of(message)
-            if message.planner or now_ns - told_ns >= GUIDE_PERIOD_NS:
+            if message.planner or now_ns - told_ns >= GLOBAL_PATH_PERIOD_NS:
                 told_ns = now_ns
             else:
                 message.ClearField("global_path")

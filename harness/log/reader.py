@@ -403,8 +403,8 @@ def _read_forks(head: Head, path: Path, allow_plugins: bool) -> tuple[Fork, ...]
                 f"log '{path}': forked at {at[:20]!r}, expected a decision's number from {least} on"
             )
         config = from_json(fields.get("config", "").encode(), allow_plugins)
-        told = fields.get("mission")  # older logs have none for their first fork
-        mission = head.mission if told is None else Mission.from_json(told.encode())
+        text = fields.get("mission")  # older logs have none for their first fork
+        mission = head.mission if text is None else Mission.from_json(text.encode())
         beams = head.before.get(before(len(forks) + 1), {})
         forks.append(Fork(int(at), config, beams, mission))
     return tuple(forks)

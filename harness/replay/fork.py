@@ -167,12 +167,12 @@ def _write_past(writer: LogWriter, log: Log, at: int, scenario: Scenario) -> Non
     """Write all forks, all beam tables, and every message before the fork."""
     runs = segments_of(log)
     for number, (run, after) in enumerate(zip(runs, [*runs[1:], None], strict=True), 1):
-        told = {
+        fields = {
             "at": str(at if after is None else after.begin),
             "config": to_json(run.config).decode(),
             "mission": run.mission.to_json().decode(),
         }
-        writer.note(fork_note(number), told)
+        writer.note(fork_note(number), fields)
     for caster in scenario.scene.casters:
         info = sensor_info(caster)
         writer.write(f"/sensor/{info.name}/info", info, 0)

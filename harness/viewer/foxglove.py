@@ -118,9 +118,9 @@ class _Artist:
         yield "/tf", _transforms(moment)
         yield "/viz/plan", self._plan(moment)
         yield "/viz/reasons", _reason(moment)
-        told = self._changed_layer(moment)
-        if told is not None:
-            yield "/viz/layer", told
+        grid = self._changed_layer(moment)
+        if grid is not None:
+            yield "/viz/layer", grid
         if now - self._swept_ns >= SWEEP_PERIOD_NS:
             self._swept_ns = now
             yield "/viz/sweep", _cloud(moment.hits(MOST_HITS), stamp)
@@ -134,17 +134,17 @@ class _Artist:
     def _changed_layer(self, moment: Moment) -> fox.Grid | None:
         costmap = moment.costmap
         layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
-        told = kinds(costmap, layer, moment.record.decision.collision_distance_sq)
-        if self._layer is not None and np.array_equal(told, self._layer):
+        layer_kinds = kinds(costmap, layer, moment.record.decision.collision_distance_sq)
+        if self._layer is not None and np.array_equal(layer_kinds, self._layer):
             return None
-        self._layer = told
+        self._layer = layer_kinds
         palette = np.zeros((max(COLOURS) + 1, 4), np.uint8)
         for kind, colour in COLOURS.items():
             palette[kind] = (*colour, 230)
         side = costmap.resolution
         edge = round(EDGE_M / side)
-        told = np.pad(told, edge, constant_values=UNKNOWN)
-        nx, _ = told.shape
+        layer_kinds = np.pad(layer_kinds, edge, constant_values=UNKNOWN)
+        nx, _ = layer_kinds.shape
         x, y = (float(value) - edge * side for value in costmap.origin[:2])
         return fox.Grid(
             timestamp=moment.decision.timestamp,
@@ -155,7 +155,7 @@ class _Artist:
             row_stride=4 * nx,
             cell_stride=4,
             fields=_fields(("red", "green", "blue", "alpha"), fox.PackedElementField.UINT8, 1),
-            data=palette[told.T].tobytes(),
+            data=palette[layer_kinds.T].tobytes(),
         )
 
     def _plan(self, moment: Moment) -> fox.SceneUpdate:

@@ -39,18 +39,18 @@ def kinds(costmap: Costmap, layer: int, collision_distance_sq: int) -> NDArray[n
     states = costmap.state[:, :, layer]  # (nx, ny)
     forbidden = costmap.obstacle_clearance[:, :, layer] <= collision_distance_sq
     free = states == FREE
-    told = states.copy()
-    told[free & _beside(states == UNKNOWN)] = FRONTIER
-    told[free & forbidden] = INFLATED
-    return told
+    found = states.copy()
+    found[free & _beside(states == UNKNOWN)] = FRONTIER
+    found[free & forbidden] = INFLATED
+    return found
 
 
-def pixels(told: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def pixels(kinds: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return kinds (nx, ny) as an image (ny, nx, 3): x to the right, y up."""
     palette = np.zeros((max(COLOURS) + 1, 3), np.uint8)
     for kind, colour in COLOURS.items():
         palette[kind] = colour
-    return np.ascontiguousarray(palette[told].transpose(1, 0, 2)[::-1])
+    return np.ascontiguousarray(palette[kinds].transpose(1, 0, 2)[::-1])
 
 
 def _beside(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:

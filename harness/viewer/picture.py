@@ -42,7 +42,8 @@ OVERLAY = {UNKNOWN: 0.6, INFLATED: 0.55, FRONTIER: 0.9}
 """Opacity of the kinds of cells drawn on the floor."""
 
 OCCUPIED_COLOUR = (0.2, 0.35, 0.9, 0.22)
-GUIDE, COMMITTED, TRAIL = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0), (0.85, 0.1, 0.1, 1.0)
+GLOBAL_PATH, COMMITTED = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0)
+TRAIL = (0.85, 0.1, 0.1, 1.0)
 
 DISTANCE, ELEVATION = 2.3, -38.0
 """Distance of the camera from the robot, m, and its pitch, degrees."""
@@ -171,12 +172,13 @@ class Stage:
     def _lay_over(self, moment: Moment) -> None:
         costmap, mission = moment.costmap, self._log.mission
         layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
-        told = kinds(costmap, layer, moment.record.decision.collision_distance_sq)
+        found = kinds(costmap, layer, moment.record.decision.collision_distance_sq)
         self._lay_flat(
-            *surrounding_boxes(told.shape, costmap.origin, costmap.resolution, BEYOND), UNKNOWN
+            *surrounding_boxes(found.shape, costmap.origin, costmap.resolution, BEYOND),
+            UNKNOWN,
         )
         for kind in OVERLAY:
-            self._lay_flat(*flat_boxes(told == kind, costmap.origin, costmap.resolution), kind)
+            self._lay_flat(*flat_boxes(found == kind, costmap.origin, costmap.resolution), kind)
         middles, halves = upright_boxes(moment.map, standing_low(mission), mission.high)
         middles, halves = cut_boxes(middles, halves, self._cut_at(moment))
         off = middles[:, :2] - np.array(moment.truth.position)[:2]
@@ -185,7 +187,7 @@ class Stage:
             self._add_box(middle, half + SKIN, OCCUPIED_COLOUR)
         lift = np.array([0.0, 0.0, 0.05 if mission.planar else 0.0])
         decision = moment.decision
-        self._add_line(path_of(decision.global_path) + lift, 0.015, GUIDE)
+        self._add_line(path_of(decision.global_path) + lift, 0.015, GLOBAL_PATH)
         self._add_line(path_of(decision.trajectory.path) + lift, 0.035, COMMITTED)
         self._add_line(np.array(self._trail), 0.015, TRAIL)
 

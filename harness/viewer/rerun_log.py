@@ -28,7 +28,12 @@ RVIZ_MAP = {UNKNOWN: 255, FREE: 0, OCCUPIED: 100, INFLATED: 200, FRONTIER: 110}
 _CODES = np.zeros(256, np.uint8)
 _CODES[list(RVIZ_MAP)] = list(RVIZ_MAP.values())
 
-GUIDE, COMMITTED, BELIEVED, TRUE = (60, 110, 235), (20, 170, 70), (60, 110, 235), (210, 40, 40)
+GLOBAL_PATH, COMMITTED, BELIEVED, TRUE = (
+    (60, 110, 235),
+    (20, 170, 70),
+    (60, 110, 235),
+    (210, 40, 40),
+)
 HIT, MOVER, FAILURE = (150, 80, 200), (230, 140, 20), (255, 0, 0)
 LINE = 0.02  # m
 HIT_RADIUS = rr.Radius.ui_points(1.5)
@@ -108,8 +113,8 @@ class _Artist:
         rows.put("action", rr.StateChange, state=decision.action)
         rows.put("label", rr.StateChange, state=decision.label)
         level = "WARN" if is_warning(decision) else "INFO"
-        told = f"{decision.action}: {decision.reason}"
-        rows.put("reasons", rr.TextLog, text=told, level=level)
+        text = f"{decision.action}: {decision.reason}"
+        rows.put("reasons", rr.TextLog, text=text, level=level)
 
     def _show_truth(self, truth: pb.Truth) -> None:
         place = list(truth.position)
@@ -209,7 +214,7 @@ def _show_mission(stream: rr.RecordingStream, log: Log, root: str) -> None:
     styles = {
         "sweep": rr.Points3D.from_fields(radii=HIT_RADIUS, colors=HIT),
         "movers": rr.Points3D.from_fields(radii=0.25, colors=MOVER),
-        "global_path": rr.LineStrips3D.from_fields(radii=LINE, colors=GUIDE),
+        "global_path": rr.LineStrips3D.from_fields(radii=LINE, colors=GLOBAL_PATH),
         "trajectory": rr.LineStrips3D.from_fields(radii=2 * LINE, colors=COMMITTED),
         "trail": rr.LineStrips3D.from_fields(radii=LINE, colors=TRUE),
     }

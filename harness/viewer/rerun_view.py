@@ -84,8 +84,8 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
         decisions = _draw(logs, coming, saved)
     size = None if saved is None else saved.stat().st_size * 1e-6
     wall = time.perf_counter() - began
-    told = None if saved is None else str(saved)
-    return View(tuple(str(path) for path in paths), decisions, told, size, wall)
+    saved_as = None if saved is None else str(saved)
+    return View(tuple(str(path) for path in paths), decisions, saved_as, size, wall)
 
 
 def _draw(

@@ -84,8 +84,8 @@ def _components(column: _Column) -> Iterator[Any]:
         yield from column.kind.columns(**column.values)
         return
     for name, rows in column.values.items():
-        told = column.kind.columns(**{name: _joined(rows)})
-        yield from told.partition([len(row) for row in rows])
+        columns = column.kind.columns(**{name: _joined(rows)})
+        yield from columns.partition([len(row) for row in rows])
 
 
 def _joined(rows: list[Any]) -> Any:

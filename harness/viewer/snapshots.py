@@ -115,8 +115,8 @@ def _snapshot(
 def _layer(moment: Moment) -> Layer:
     costmap, record = moment.costmap, moment.record
     index = layer_at(costmap, float(record.inputs.pose.position[2]))
-    told = kinds(costmap, index, record.decision.collision_distance_sq)
-    return Layer(told, costmap.origin[:2], costmap.resolution)
+    layer_kinds = kinds(costmap, index, record.decision.collision_distance_sq)
+    return Layer(layer_kinds, costmap.origin[:2], costmap.resolution)
 
 
 class _Timer:

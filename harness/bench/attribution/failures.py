@@ -203,8 +203,8 @@ def judge_by_check(failures: list[Failure], folder: Path, console: Console) -> C
         if verdict.answer != "inconclusive":
             checked.matrix[one.cause, verdict.finding.cause] += 1
         saving = ", ".join(f"{c.remedy} {c.outcome}" for c in verdict.checks)
-        told = f"{verdict.answer}, from {finding.cause}: {saving}"
-        _print(console, one, verdict.finding.cause, told)
+        text = f"{verdict.answer}, from {finding.cause}: {saving}"
+        _print(console, one, verdict.finding.cause, text)
     return checked
 
 

@@ -325,9 +325,9 @@ def _decompress(compression: str, packed: bytes, size: int) -> bytes:
         data = packed
     elif compression == "zstd":
         try:
-            told = zstandard.get_frame_parameters(packed).content_size
-            if told not in (zstandard.CONTENTSIZE_UNKNOWN, size):
-                raise _Broken(f"unpacks to {told} bytes, expected {size}")
+            declared = zstandard.get_frame_parameters(packed).content_size
+            if declared not in (zstandard.CONTENTSIZE_UNKNOWN, size):
+                raise _Broken(f"unpacks to {declared} bytes, expected {size}")
             data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
         except zstandard.ZstdError as error:
             raise _Broken(f"cannot be unpacked: {error}") from None

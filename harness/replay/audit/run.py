@@ -141,8 +141,8 @@ def judge(moment: Moment) -> tuple[str, list[Violation]]:
 def _check_reason(moment: Moment, reasons: ReasonCheck) -> list[Violation]:
     if is_malformed(moment):
         return []
-    told = reasons.check(moment.decision, moment.map, moment.config, moment.mission)
-    return [moment.broken("reason", text) for text in told]
+    found = reasons.check(moment.decision, moment.map, moment.config, moment.mission)
+    return [moment.broken("reason", text) for text in found]
 
 
 def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:

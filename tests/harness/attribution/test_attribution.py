@@ -27,7 +27,7 @@ def test_every_cause_has_a_test_of_facts_and_a_planted_fault():
     assert tested == {*FAULTS, "unexplained"}
 
 
-def test_a_contact_reads_what_it_wrote():
+def test_a_contact_survives_a_round_trip_through_text():
     contact = Contact("shelf at the door", (1.25, -2.0, 0.5))
     assert Contact.from_text(str(contact)) == contact
     assert Contact.from_text("") is None
@@ -39,7 +39,7 @@ def test_planted_causes_are_found(planted, cause):
     assert result.cause == cause, result.cause_evidence
 
 
-def test_a_log_tells_the_cause_that_its_run_found(planted, tmp_path):
+def test_the_cause_in_a_log_is_that_found_at_run_time(planted, tmp_path):
     source, result = planted("missed_obstacle", 0)
     path = Path(shutil.copyfile(source, tmp_path / "glass.mcap"))
     log = open_log(path)
@@ -60,7 +60,7 @@ def test_a_log_tells_the_cause_that_its_run_found(planted, tmp_path):
     assert find_cause(read_case(checked)) == finding
 
 
-def test_a_way_that_is_shut_lacks_space_and_not_time(planted):
+def test_a_blocked_path_lacks_space_and_not_time(planted):
     path, _ = planted("impossible", 0)
     assert not lacks_time(read_case(open_log(path)))
 

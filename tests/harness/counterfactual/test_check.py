@@ -50,14 +50,14 @@ def saved_by(*remedies):
         ("localization", ("control", "true_pose"), "localization", "inconclusive"),
     ],
 )
-def test_the_answer_of_a_check_decides(found, saving, cause, answer):
+def test_a_check_decides_the_cause(found, saving, cause, answer):
     finding = Finding(found, "by its facts", 3, (0.0, 0.0, 0.0))
-    settled, told = settle(finding, saved_by(*saving))
-    assert (settled.cause, told) == (cause, answer)
+    settled, given = settle(finding, saved_by(*saving))
+    assert (settled.cause, given) == (cause, answer)
     assert "by its facts" in settled.evidence
 
 
-def test_every_cause_but_what_nothing_can_put_right_has_a_remedy():
+def test_every_cause_that_a_change_can_undo_has_a_remedy():
     borne_out = {cause for _, causes in REMEDIES.values() for cause in causes}
     assert borne_out == set(CAUSES) - {"disregarded_obstacle", "unexplained"}
 

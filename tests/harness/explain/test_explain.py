@@ -1,4 +1,4 @@
-"""Explain: what a card, a story and a picture say of one recorded episode."""
+"""Cards, stories and pictures of recorded episodes."""
 
 import json
 import shutil
@@ -22,12 +22,12 @@ def stopped(planted, tmp_path):
 
 
 def decisions(*actions):
-    told = []
+    found = []
     for number, action in enumerate(actions):
         decision = pb.Decision(sequence=number, action=action, reason=f"r{number}")
         decision.timestamp.FromNanoseconds(number * 10**8)
-        told.append(decision)
-    return told
+        found.append(decision)
+    return found
 
 
 def truths(count):
@@ -35,12 +35,12 @@ def truths(count):
     return [pb.Truth(position=place, clearance_m=1.0) for place in places]
 
 
-def test_a_story_joins_what_belongs_together():
-    told = phases(decisions(*"aaaabaaaacccc"), truths(13))
-    assert [(one.action, one.first, one.last) for one in told] == [("a", 0, 8), ("c", 9, 12)]
-    assert told[0].distance_m == pytest.approx(0.9)
-    assert (told[0].start_s, told[0].end_s) == (0.0, pytest.approx(0.9))
-    assert told[0].reason == "r8"
+def test_a_story_joins_decisions_of_one_action():
+    found = phases(decisions(*"aaaabaaaacccc"), truths(13))
+    assert [(one.action, one.first, one.last) for one in found] == [("a", 0, 8), ("c", 9, 12)]
+    assert found[0].distance_m == pytest.approx(0.9)
+    assert (found[0].start_s, found[0].end_s) == (0.0, pytest.approx(0.9))
+    assert found[0].reason == "r8"
 
 
 def test_a_card_names_the_cells_in_the_way(stopped):
@@ -127,7 +127,7 @@ def test_a_clearance_that_is_a_cap_says_so():
     assert (true_in_metres(2.0), true_in_metres(1.04)) == (">= 2.00 m", "1.04 m")
 
 
-def test_explain_as_json_tells_the_story(stopped, capsys):
+def test_explain_as_json_holds_the_story(stopped, capsys):
     assert main(["explain", str(stopped), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["cause"]["cause"] == "impossible"
@@ -135,7 +135,7 @@ def test_explain_as_json_tells_the_story(stopped, capsys):
     assert document["near_misses"] == []
 
 
-def test_a_log_of_decisions_still_tells_its_cause(recorded, capsys):
+def test_a_log_of_decisions_keeps_its_cause(recorded, capsys):
     result = recorded(
         "empty", "drone", 1, "record=decisions", "latency.plan=0.4", "episode.stuck_after=2"
     )

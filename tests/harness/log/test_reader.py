@@ -78,9 +78,9 @@ def test_a_name_that_no_registry_has_is_one_line(source, tmp_path, capsys):
 def test_an_error_is_one_printable_line(tmp_path, capsys):
     for name in ("a\x1b[31mb", "a\nb", "a\u2028b", "a\x85b"):
         assert main(["replay", str(tmp_path / name)]) == 2
-        told = capsys.readouterr().err
-        assert told.endswith("no such file\n")
-        assert told[:-1].isprintable()
+        error = capsys.readouterr().err
+        assert error.endswith("no such file\n")
+        assert error[:-1].isprintable()
 
 
 def test_a_text_that_looks_like_markup_is_printed_as_it_stands(source, tmp_path, capsys):

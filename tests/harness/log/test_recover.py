@@ -15,7 +15,7 @@ from wayproof.harness.replay.replay import replay
 
 
 @pytest.mark.parametrize("share", [0.6, 0.95, 0.999])
-def test_what_is_whole_before_a_cut_is_recovered(source, tmp_path, share):
+def test_complete_decisions_before_a_cut_are_recovered(source, tmp_path, share):
     data = source.read_bytes()
     path = damaged(tmp_path, data[: int(share * len(data))])
     path = path.rename(tmp_path / "cut.mcap.partial")

@@ -47,12 +47,12 @@ def test_a_full_disk_ends_in_a_line_and_a_readable_log(recorded, tmp_path):
     recorded("empty", "drone", 1)  # compiles everything, which writes files of its own
     path = tmp_path / "a.mcap"
 
-    def work(tell):
+    def work(report):
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (250_000, 250_000))
         with contextlib.redirect_stderr(io.StringIO()) as said:
             code = main(["run", "empty", "--robot", "drone", "--seed", "1", "--log", str(path)])
-        tell(f"{code} {said.getvalue()}")
+        report(f"{code} {said.getvalue()}")
 
     ended = in_child(work, 60.0)
     line = ended.lines[-1] if ended.lines[-1] else ended.lines[-2]

@@ -1,4 +1,4 @@
-"""Who is to blame for a failure while a log is recomputed: the input, or Wayproof."""
+"""Failures while a log is recomputed: bad input, or a fault of Wayproof."""
 
 import subprocess
 import sys

@@ -23,5 +23,5 @@ def test_a_column_by_hand():
         "not all seen": ([*clear[:5], unknown, unknown], unknown),
     }
     states = np.array([[column for column, _ in cases.values()]], np.uint8)
-    told = columns(states, -0.175, 0.1, mission)
-    assert told[0].tolist() == [expected for _, expected in cases.values()]
+    found = columns(states, -0.175, 0.1, mission)
+    assert found[0].tolist() == [expected for _, expected in cases.values()]

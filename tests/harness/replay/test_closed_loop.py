@@ -29,7 +29,7 @@ def test_the_first_input_that_differs_is_named(recorded, tmp_path):
     assert again.first_input.time_s == pytest.approx(0.5)
 
 
-def test_a_measured_latency_is_lived_through_again(recorded):
+def test_measured_delays_are_simulated_again(recorded):
     settings = ("episode.time_limit=2", "latency.mode=measured", "latency.deadline=0.5")
     again = simulate_again(Path(recorded("empty", "drone", 2, *settings).log))
     assert again.identical

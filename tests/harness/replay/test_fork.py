@@ -31,7 +31,7 @@ def test_a_fork_without_a_change_ends_alike(recorded, tmp_path, robot, at):
 @pytest.mark.parametrize(
     ("world", "robot", "at"), [("crossing", "drone", 10), ("ghosts", "quadruped", 15)]
 )
-def test_a_fork_amid_what_moves_ends_alike(recorded, tmp_path, world, robot, at):
+def test_a_fork_among_movers_ends_alike(recorded, tmp_path, world, robot, at):
     result = recorded(world, robot, 4, "episode.time_limit=2")
     assert any(one.movers for one in open_log(Path(result.log)).truth())
     forked = fork(Path(result.log), at, (), tmp_path / "fork.mcap")

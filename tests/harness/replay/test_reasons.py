@@ -1,4 +1,4 @@
-"""Reasons are predicates: what a log says of its decisions is true, and a false one is found."""
+"""Reasons: those in a log are true, and every falsified one is found."""
 
 import itertools
 import math
@@ -80,7 +80,7 @@ FALSE = {
 
 
 @pytest.fixture(scope="module")
-def told(log):
+def texts_by_fault(log):
     """Texts of what is false by kind of reason, for each falsification; the map is built once."""
     checks = {name: ReasonCheck() for name in FALSE}
     found = {name: {} for name in FALSE}
@@ -100,21 +100,21 @@ def told(log):
     return found
 
 
-def test_what_a_log_says_of_its_decisions_is_true(told, log):
-    assert told["nothing"] == {}
+def test_reasons_in_a_log_are_true(texts_by_fault, log):
+    assert texts_by_fault["nothing"] == {}
     kinds = {one.predicate.kind for one in log.decisions()}
     assert {"unknown_ahead", "path_to_goal", "braking_to_goal", "at_goal"} <= kinds
 
 
 @pytest.mark.parametrize("name", [name for name in FALSE if name != "nothing"])
-def test_a_false_figure_is_found(told, name):
-    assert FALSE[name][1] <= set(told[name])
+def test_a_false_figure_is_found(texts_by_fault, name):
+    assert FALSE[name][1] <= set(texts_by_fault[name])
 
 
-def test_what_is_found_is_named(told):
-    assert "unknown_ahead is no reason to explore" in told["action"]["unknown_ahead"]
-    assert "unknown_ahead does not go with label none" in told["label"]["unknown_ahead"]
-    texts = told["cell_state"]["unknown_ahead"]
+def test_texts_name_the_false_part(texts_by_fault):
+    assert "unknown_ahead is no reason to explore" in texts_by_fault["action"]["unknown_ahead"]
+    assert "unknown_ahead does not go with label none" in texts_by_fault["label"]["unknown_ahead"]
+    texts = texts_by_fault["cell_state"]["unknown_ahead"]
     assert any("the cell is unknown, not occupied" in text for text in texts)
 
 
@@ -167,6 +167,9 @@ PLANTED = {
     "braking_to_goal": {"path_m": 1.0, "stop_m": 1.0},
     "at_goal": {"distance_m": 0.1, "limit_m": 0.4},
     "unknown_ahead": {"free_m": 1.0, "full_speed_stop_m": 1.008, "cell_state": "unknown"},
+    "commanded": {"free_m": 1.0},
+    "commanded_without_proof": {"free_m": 1.0},
+    "guard_braking": {"free_m": 1.0},
 }
 """A reason of each kind that decision 12, which follows up to the unknown, does not have."""
 

@@ -53,7 +53,7 @@ def test_the_first_difference_is_named_value_by_value(recorded, tmp_path, capsys
         ("empty", "drone", 1, "latency.plan=0.5", "latency.deadline=0.1", "episode.time_limit=1"),
     ],
 )
-def test_two_threads_replay_what_one_recorded(recorded, case):
+def test_two_threads_replay_a_log_of_one_thread(recorded, case):
     """The last one never decides in time, so what it had in mind stands in no log."""
     again = replay(Path(recorded(*case).log), threads=2)
     assert (again.identical, again.decisions) == (True, recorded(*case).decisions)
@@ -88,7 +88,7 @@ def test_replay_needs_no_simulator(recorded):
     assert "identical" in done.stdout
 
 
-def test_decisions_alone_are_small_and_simulated_again(recorded, tmp_path, capsys):
+def test_a_log_of_decisions_is_small_and_simulated_again(recorded, tmp_path, capsys):
     full = recorded(*SHORT["quadruped"])
     small = recorded(*SHORT["quadruped"], "record=decisions")
     assert small.chain == full.chain
@@ -128,7 +128,7 @@ def test_a_packed_scene_is_not_believed(packed, said):
         read_head(iter(items), Path("a.mcap"), False)
 
 
-def test_a_log_of_decisions_keeps_guides_where_they_were_searched_for(recorded):
+def test_a_log_of_decisions_keeps_new_global_paths(recorded):
     full = open_log(Path(recorded(*SHORT["quadruped"]).log))
     small = open_log(Path(recorded(*SHORT["quadruped"], "record=decisions").log))
     assert small.scene == full.scene

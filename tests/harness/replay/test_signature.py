@@ -1,4 +1,4 @@
-"""Signatures: what a key signed holds, what was changed since does not, and other tools agree."""
+"""Signatures: valid until a byte changes, and the same as those of other tools."""
 
 import shutil
 import stat
@@ -109,7 +109,7 @@ def wrong_keys():
 
 
 @pytest.mark.parametrize("case", ["junk", "elliptic", "locked", "large"])
-def test_what_is_no_key_is_one_line(log, tmp_path, capsys, case):
+def test_a_file_without_a_key_is_one_line(log, tmp_path, capsys, case):
     data, said = wrong_keys()[case]
     (tmp_path / "key").write_bytes(data)
     assert main(["sign", str(log), "--key", str(tmp_path / "key")]) == 2
@@ -119,7 +119,7 @@ def test_what_is_no_key_is_one_line(log, tmp_path, capsys, case):
     assert not (tmp_path / "a.mcap.sig").exists()
 
 
-def test_a_passphrase_is_asked_for_on_a_terminal(tmp_path, monkeypatch):
+def test_a_passphrase_is_read_from_the_terminal(tmp_path, monkeypatch):
     key = Ed25519PrivateKey.generate()
     (tmp_path / "key").write_bytes(locked(key, b"secret"))
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
@@ -145,6 +145,6 @@ def test_a_private_key_is_not_taken_for_the_public_one(tmp_path):
         (["--key", "{}"], "got no log"),
     ],
 )
-def test_what_cannot_be_asked_of_sign(tmp_path, capsys, words, said):
+def test_sign_refuses_contradictory_options(tmp_path, capsys, words, said):
     assert main(["sign", *words]) == 2
     assert said in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Verify: what is true passes, and whoever forges a log's content is found out by some step."""
+"""Verification: an authentic log passes, and every forgery is found by some step."""
 
 import json
 import shutil
@@ -97,7 +97,7 @@ def test_a_scene_that_its_seed_does_not_make_is_named(source, tmp_path, name):
 
 
 @pytest.mark.parametrize("name", CLAIMS)
-def test_a_claim_is_protected_by_a_signature_alone(source, tmp_path, name):
+def test_only_a_signature_protects_a_claim(source, tmp_path, name):
     log = Path(shutil.copy(source, tmp_path / "signed.mcap"))
     public = str(new_key(tmp_path / "me.pem"))
     sign(log, read_private_key(tmp_path / "me.pem"))
@@ -106,7 +106,7 @@ def test_a_claim_is_protected_by_a_signature_alone(source, tmp_path, name):
     assert main(["verify", str(log), "--key", public]) == 1
 
 
-def test_a_signature_that_nobody_asked_for_is_mentioned(source, tmp_path, capsys):
+def test_an_unchecked_signature_is_mentioned(source, tmp_path, capsys):
     log = Path(shutil.copy(source, tmp_path / "signed.mcap"))
     public = str(new_key(tmp_path / "me.pem"))
     sign(log, read_private_key(tmp_path / "me.pem"))
@@ -121,7 +121,7 @@ def test_a_signature_that_nobody_asked_for_is_mentioned(source, tmp_path, capsys
 
 
 @pytest.mark.parametrize("name", ["the tail cut off, result as it was", "the outcome, to success"])
-def test_what_reads_a_log_refuses_one_that_contradicts_itself(source, tmp_path, capsys, name):
+def test_verbs_refuse_a_log_that_contradicts_itself(source, tmp_path, capsys, name):
     log = str(forge(source, name, tmp_path / "forged.mcap"))
     for words in (
         ["score", log],
@@ -164,7 +164,7 @@ def test_the_verdict_of_a_check_is_a_claim(source, tmp_path):
     assert set(scopes[1].claims) - set(scopes[0].claims) == {"verdict of its counterfactual check"}
 
 
-def test_a_replay_works_the_cause_out_again(source, tmp_path):
+def test_a_replay_attributes_the_cause_again(source, tmp_path):
     found = replay(forge(source, "the cause", tmp_path / "forged.mcap"))
     assert not found.identical
     fields = {one.field: one for one in found.contradictions}
@@ -224,7 +224,7 @@ def test_a_whole_log_that_lacks_only_its_name_keeps_its_result(source, tmp_path)
     assert open_log(written).result == open_log(source).result
 
 
-def test_what_cannot_be_verified_is_one_line(source, tmp_path, capsys):
+def test_a_log_that_cannot_be_verified_is_one_line(source, tmp_path, capsys):
     assert main(["verify", str(tmp_path / "none.mcap")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
     spoilt = bytearray(source.read_bytes())

@@ -51,7 +51,7 @@ def test_a_change_later_on_is_no_echo(recorded):
         (["--log", "x.mcap"], "--log: nothing to write"),
     ],
 )
-def test_questions_that_have_no_answer(recorded, capsys, options, said):
+def test_settings_that_what_if_refuses(recorded, capsys, options, said):
     assert main(["replay", recorded(*SHORT["quadruped"]).log, *options]) == 2
     captured = capsys.readouterr()
     assert said in captured.err

@@ -1,3 +1,5 @@
+"""Robots from files: specs, bodies and controllers of the user."""
+
 import json
 import shutil
 from dataclasses import replace

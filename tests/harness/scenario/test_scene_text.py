@@ -1,3 +1,5 @@
+"""Scenes from logs that refer to no other file."""
+
 import re
 
 import mujoco

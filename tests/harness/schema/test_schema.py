@@ -1,4 +1,4 @@
-"""The schema is a contract: reproducible, numbered for good, and old logs still open."""
+"""The schema of logs: reproducible, with fixed numbers, and old logs open."""
 
 import subprocess
 import sys
@@ -41,7 +41,7 @@ def test_every_field_number_is_in_the_table():
     assert new == [], "run: python -m wayproof.harness.bench.maintain.field_numbers"
 
 
-def test_a_number_that_is_given_again_is_found():
+def test_a_reused_number_is_found():
     table = {"Point": {"1": "double x", "2": "double y"}}
     again = {"Point": {"1": "double x", "2": "float y"}}
     assert field_numbers.changed(table, again) == ["Point 2: was 'double y', is 'float y'"]
@@ -84,7 +84,7 @@ def test_a_format_that_is_not_known_is_one_line(tmp_path, monkeypatch):
         open_log(tmp_path / "later.mcap")
 
 
-def test_an_old_log_is_compared_in_all_but_what_its_format_said_otherwise(capsys):
+def test_an_old_log_is_compared_except_fields_that_changed_meaning(capsys):
     """Its trajectories are those of this version, its actions and reasons are not."""
     path = COMMITTED / committed_name("3")
     again = replay(path)

@@ -7,7 +7,7 @@ import pytest
 from wayproof.harness.viewer.ahead import Ahead
 
 
-def test_what_is_made_ahead_comes_in_order_and_its_failure_at_its_place():
+def test_prefetched_items_keep_their_order_and_raise_in_their_place():
     def items():
         yield from range(20)
         raise ValueError("here")
@@ -19,7 +19,7 @@ def test_what_is_made_ahead_comes_in_order_and_its_failure_at_its_place():
     assert list(Ahead(iter(()), 8)) == []
 
 
-def test_what_is_made_ahead_is_no_more_than_asked_for_and_lets_go_when_closed():
+def test_prefetching_is_bounded_and_stops_when_closed():
     made, closed, enough = [], [], Event()
 
     def items():

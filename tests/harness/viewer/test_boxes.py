@@ -11,7 +11,7 @@ def test_runs_by_hand():
     assert list(zip(row, first, end, strict=True)) == [(0, 0, 2), (0, 3, 4), (2, 1, 4)]
 
 
-def test_boxes_around_a_map_cover_what_is_outside_once_and_nothing_of_it():
+def test_boxes_around_a_map_cover_the_outside_once_and_none_of_the_map():
     origin = np.array([-1.0, 2.0, 0.0])
     middles, halves = surrounding_boxes((20, 10), origin, 0.1, 3.0)  # x -1 to 1, y 2 to 3
     rng = np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""What is above the robot is cut away in pictures, and nothing else."""
+"""Cutaway views: only geometry above the robot is cut."""
 
 import mujoco
 import numpy as np

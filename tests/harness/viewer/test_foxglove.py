@@ -1,4 +1,4 @@
-"""A converted log is read here as a stranger would: by mcap's reader and the file's own schemas."""
+"""Conversion for Foxglove, read with mcap's reader and the schemas in the file."""
 
 import importlib.util
 import json
@@ -96,9 +96,9 @@ with open(sys.argv[1], "rb") as file:
             continue
         name = schema.name.removeprefix("foxglove.")
         module = importlib.import_module(f"foxglove_schemas_protobuf.{name}_pb2")
-        told = getattr(module, name).FromString(message.data)
-        assert not unknown(told), schema.name
-        assert told.SerializeToString(deterministic=True) == message.data, schema.name
+        parsed = getattr(module, name).FromString(message.data)
+        assert not unknown(parsed), schema.name
+        assert parsed.SerializeToString(deterministic=True) == message.data, schema.name
         read[name] = read.get(name, 0) + 1
 assert not any(module.startswith("harness") for module in sys.modules)
 print(sorted(read))
@@ -120,8 +120,8 @@ def test_foxglove_s_own_classes_read_every_message(log, tmp_path):
 
 def test_decisions_are_those_of_the_log(converted, log):
     recorded = [one.SerializeToString(deterministic=True) for one in open_log(log).decisions()]
-    told = [one.SerializeToString(deterministic=True) for one in of(converted, "/decision")]
-    assert told == recorded
+    parsed = [one.SerializeToString(deterministic=True) for one in of(converted, "/decision")]
+    assert parsed == recorded
     times = [time_ns for _, _, time_ns, _ in converted]
     assert times == sorted(times)
 

@@ -23,7 +23,7 @@ def test_each_moment_has_the_map_that_its_decision_names(log):
     assert seen == int(open_log(log).result["decisions"])
 
 
-def test_a_costmap_that_is_asked_for_now_and_then_is_the_same(log):
+def test_a_costmap_used_only_now_and_then_is_the_same(log):
     each = [moment.costmap.state.copy() for moment in moments(open_log(log))]
     fields = [moment.costmap.obstacle_clearance.copy() for moment in moments(open_log(log))]
     for place, moment in enumerate(moments(open_log(log))):
@@ -54,7 +54,7 @@ def test_a_forked_log_is_shown_with_the_map_of_each_side(tmp_path, log):
     assert beams[5] == beams[6] != beams[9]
 
 
-def test_a_decision_without_its_truth_is_told_at_its_place(tmp_path, log):
+def test_a_decision_without_truth_is_an_error_at_its_place(tmp_path, log):
     """Whether another one follows it or it is the last."""
     last = int(open_log(log).result["decisions"]) - 1
     for lost in (3, last):
@@ -65,15 +65,15 @@ def test_a_decision_without_its_truth_is_told_at_its_place(tmp_path, log):
         ]
         head, out = read_head(walk(log, head_only=True), log, False), tmp_path / f"{lost}.mcap"
         write_copy(out, head, messages, open_log(log).result)
-        told = open_log(out).records_with_truth()
+        pairs = open_log(out).records_with_truth()
         for sequence in range(lost):
-            record, truth = next(told)
+            record, truth = next(pairs)
             assert record.decision.sequence == truth.sequence == sequence
         with pytest.raises(InputError, match=f"decision {lost} without its truth"):
-            next(told)
+            next(pairs)
 
 
-def test_hits_lie_on_what_is_there_and_are_thinned(log):
+def test_hits_lie_on_obstacles_and_are_thinned(log):
     moment = next(moments(open_log(log)))
     hits = moment.hits(100)
     assert 20 < len(hits) <= 100 + len(moment.record.inputs.sweeps)

@@ -23,8 +23,8 @@ def test_an_animation_plays_in_simulated_time(tmp_path, failed):
 def test_an_episode_is_rendered_once_it_is_run(tmp_path):
     av = pytest.importorskip("av")
     out = tmp_path / "films" / "x.mp4"
-    code, told = drawn([*RUN, "--log", str(tmp_path / "x.mcap"), "--render", str(out)])
-    assert (code, told) == (1, "")  # a second is too short to arrive
+    code, error = drawn([*RUN, "--log", str(tmp_path / "x.mcap"), "--render", str(out)])
+    assert (code, error) == (1, "")  # a second is too short to arrive
     with av.open(str(out)) as film:
         stream = film.streams.video[0]
         frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(stream)]
@@ -35,7 +35,7 @@ def test_an_episode_is_rendered_once_it_is_run(tmp_path):
     assert not list(out.parent.glob("*.partial"))
 
 
-def test_a_missing_encoder_is_told_before_the_episode(capsys, monkeypatch, tmp_path):
+def test_a_missing_encoder_is_an_error_before_the_episode(capsys, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "av", None)
     monkeypatch.chdir(tmp_path)
     assert main([*RUN, "--render", "x.mp4"]) == 2

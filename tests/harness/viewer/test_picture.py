@@ -19,7 +19,7 @@ def test_a_picture_shows_the_map(tmp_path, log):
 
 def test_a_decision_that_is_not_there(tmp_path, failed):
     out = tmp_path / "x.png"
-    code, told = drawn(["picture", str(failed), "999", "--out", str(out)])
+    code, error = drawn(["picture", str(failed), "999", "--out", str(out)])
     assert code == 2
-    assert "no decision 999, expected 0 to" in told
+    assert "no decision 999, expected 0 to" in error
     assert not out.exists()

@@ -42,17 +42,17 @@ def test_a_failure_is_marked_and_two_logs_stand_side_by_side(tmp_path, capsys, l
     assert main(["view", str(failed), "--compare", str(log), "--save", str(out)]) == 0
     capsys.readouterr()
     assert not list(out.parent.glob("*.partial"))
-    told = entities(out)
+    shown = entities(out)
     for name in ("world/robot", "world/truth", "world/layer", "world/sweep", "world/trajectory"):
-        assert f"/log/{name}" in told
-        assert f"/other/{name}" in told
-    assert "/log/world/failure" in told
-    assert "/other/world/failure" not in told
-    assert "/log/plots/latency/deadline_ms" in told
+        assert f"/log/{name}" in shown
+        assert f"/other/{name}" in shown
+    assert "/log/world/failure" in shown
+    assert "/other/world/failure" not in shown
+    assert "/log/plots/latency/deadline_ms" in shown
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")
-def test_no_display_is_told_in_a_line(capsys, monkeypatch, log):
+def test_a_missing_display_is_one_line(capsys, monkeypatch, log):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     assert main(["view", str(log)]) == 2

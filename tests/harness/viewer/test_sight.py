@@ -19,7 +19,7 @@ ROOM = """<mujoco><asset><material name="brick" rgba="1 0 0 1"/></asset><worldbo
     ("azimuth", "elevation", "names"),
     [(0.0, 0.0, {"near", "post"}), (90.0, 0.0, set()), (180.0, 0.0, {"behind"}), (0.0, -90, set())],
 )
-def test_what_stands_in_front_is_found_and_nothing_else(azimuth, elevation, names):
+def test_only_geoms_in_front_are_found(azimuth, elevation, names):
     model = mujoco.MjModel.from_xml_string(ROOM)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -7,7 +7,7 @@ from wayproof.harness.viewer.boxes import upright_boxes
 from wayproof.harness.viewer.tiles import TILE, Tiles
 
 
-def test_tiles_tell_a_change_once_and_boxes_hold_the_same_cells():
+def test_tiles_report_a_change_once_and_boxes_have_the_same_cells():
     a_map, _ = seen_map()
     tiles = Tiles(LOW, HIGH, 0.1)
     (tile,) = tiles.changed(a_map)

@@ -3,7 +3,7 @@
 from wayproof.harness.bench.attribution.confusion import confusion, right, table
 
 
-def test_what_is_found_is_counted():
+def test_the_confusion_counts_attributed_causes():
     counts = confusion(["tracking"], range(1))
     assert (counts, right(counts)) == ({("tracking", "tracking"): 1}, 1.0)
     assert table(counts).row_count == 1

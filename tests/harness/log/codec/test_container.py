@@ -33,7 +33,7 @@ from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 
-def test_what_the_writer_wrote_is_what_the_walk_finds(tmp_path):
+def test_the_parser_reads_what_the_writer_wrote(tmp_path):
     with LogWriter(tmp_path / "a.mcap", b"{}", b"[]", "<mujoco/>") as log:
         log.write("/pose", pb.Pose(sequence=3), 7)
         log.note("fork", {"at": "1"})

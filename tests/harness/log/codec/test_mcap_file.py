@@ -1,4 +1,4 @@
-"""The writer of MCAP files: what a reader finds, and how it fails."""
+"""The writer of MCAP files, and its failures."""
 
 import io
 import threading
@@ -27,7 +27,7 @@ def written(chunk_size=200, flush=()):
     return file.getvalue()
 
 
-def test_another_reader_finds_what_was_written():
+def test_another_reader_reads_the_file():
     data = written()
     reader = make_reader(io.BytesIO(data), validate_crcs=True)
     summary = reader.get_summary()
@@ -66,7 +66,7 @@ class Full(io.BytesIO):
         return super().write(data)
 
 
-def test_what_the_thread_cannot_write_is_raised_by_the_next_call():
+def test_a_failed_write_is_raised_by_the_next_call():
     writer = McapFile(Full(200), "a writer", 100)
     channel = writer.add_channel("/one", "Some.Kind", b"schema")
     writer.add_message(channel, 0, bytes(range(200)), 0)

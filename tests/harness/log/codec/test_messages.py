@@ -12,7 +12,7 @@ from wayproof.harness.log.codec.messages import decode
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 
-def test_a_time_that_is_none_is_refused_before_it_is_reckoned_with():
+def test_a_timestamp_out_of_range_is_refused():
     pose, decision = pb.Pose(), pb.Decision()
     pose.timestamp.nanos = -1
     decision.trajectory.start.seconds = 1 << 60
@@ -23,7 +23,7 @@ def test_a_time_that_is_none_is_refused_before_it_is_reckoned_with():
 
 
 @pytest.mark.parametrize("x", [1e214, float("inf"), float("nan")])
-def test_a_true_place_where_no_robot_is_is_refused(x):
+def test_a_true_position_out_of_range_is_refused(x):
     schema, data = "wayproof.Truth", pb.Truth(position=[x, 0.0, 1.0]).SerializeToString()
     with pytest.raises(InputError, match="cannot be decoded"):
         decode(Packet(schema, "/truth", 0, data), Path("forged.mcap"))

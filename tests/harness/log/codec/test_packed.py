@@ -1,4 +1,4 @@
-"""A packed log holds the same messages in fewer bytes."""
+"""Packed logs: the same messages in fewer bytes."""
 
 from pathlib import Path
 
@@ -57,13 +57,13 @@ def test_a_packed_decision_by_hand():
     arcs=st.lists(st.integers(-(2**40), 2**40).map(lambda n: n * GRAIN), max_size=6),
     odd=st.lists(numbers, max_size=4),
 )
-def test_whatever_was_packed_comes_back_bit_by_bit(path, arcs, odd):
+def test_packing_is_lossless(path, arcs, odd):
     for message in (decision(path, arcs, arcs), decision(path, odd), decision(global_path=path)):
         assert there_and_back(message) == message.SerializeToString(deterministic=True)
 
 
 @pytest.mark.parametrize("text", ["", "0f", "0F" * 16, "no hash", "0f " * 16])
-def test_what_would_not_come_back_alike_stays_as_it_is(text):
+def test_values_that_packing_would_change_stay_unpacked(text):
     message = decision(hash_of=lambda name: text if name == "chain" else "0f" * 16)
     assert pack(message) == message
     streams = pb.Streams(streams=[pb.StreamHash(name="pose", hash=text)])
@@ -89,7 +89,7 @@ def test_hashes_of_streams_take_eight_bytes_each():
         lambda packed: setattr(packed, "hashes", b"short"),
     ],
 )
-def test_what_is_packed_is_not_believed(spoil):
+def test_malformed_packed_data_is_refused(spoil):
     message = pack(decision([(0.0, 1.0, 2.0)]))
     spoil(message.packed)
     data = message.SerializeToString()

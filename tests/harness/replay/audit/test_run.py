@@ -38,7 +38,7 @@ def test_unknown_space_entered_by_leave_would_break_forbid(recorded):
     assert all("unknown" in violation.text for violation in broken)
 
 
-def test_the_command_tells_what_broke(recorded, capsys):
+def test_the_command_prints_the_broken_rules(recorded, capsys):
     log = recorded("warehouse", "drone", 1, SHORT, "costmap.unknown_policy=allow").log
     assert main(["audit", log]) == 0
     assert "no violation" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Distances from the volumes of cells, against what is worked out by hand."""
+"""Distances from the volumes of cells, against values computed by hand."""
 
 import json
 import math
