@@ -33,7 +33,7 @@ class Finding:
     Attributes:
         severity: `error` if the sensors would see wrongly, `warning` if only another way of looking
             at the model would, such as the other ray engine or the renderer.
-        text: One line: what was got, what was expected, and why.
+        text: Problem in one line: what was got, what was expected, and why.
     """
 
     severity: Literal["error", "warning"]
@@ -56,9 +56,9 @@ def check(
         data: The robot where it starts, at rest, geom poses as `mujoco.mj_kinematics` leaves them.
         mounts: The robot's sensors.
         base: Body id of the robot's base; the bodies below it are the robot.
-        engine: What casts the sweeps.
-        prefix: Before the robot's names in the model.
-        version: Of MuJoCo.
+        engine: Ray engine of the sweeps.
+        prefix: Prefix of the robot's names in the model.
+        version: Version of MuJoCo.
 
     Returns:
         Errors first; none for a sound model.

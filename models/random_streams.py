@@ -12,7 +12,7 @@ def stream(seed: int, name: str, sequence: int) -> np.random.Generator:
 
     Args:
         seed: The episode's, >= 0.
-        name: What the numbers are for, such as a sensor's name.
+        name: Purpose of the numbers, such as a sensor's name.
         sequence: Number of the event, >= 0.
     """
     # Python's own hash of a string differs from process to process.

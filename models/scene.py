@@ -25,7 +25,7 @@ class Scene:
         model: The compiled model.
         mjcf: The same, flattened: one file with no reference outside itself.
         controller: The robot's controller, bound to the model.
-        casters: One for each sensor, in the order in which their sweeps are integrated.
+        casters: Casters of the sensors, in the order in which their sweeps are integrated.
         base: Body id of the robot's base.
         floor: Ids of the geoms that may be stepped on: those of class `floor`.
     """

@@ -39,7 +39,7 @@ class StepArrays(NamedTuple):
     Attributes:
         is_robot: (geoms,) whether a geom is the robot's.
         is_obstacle: (geoms,) whether the robot must not touch a geom.
-        position: (3,) of the base at the step's begin, world, m.
+        position: (3,) position of the base at the step's begin, world, m.
         rotation: (9,) R_world_body at the step's begin, row-major.
         limits: (7,) lowest and highest x, y, z of the base, m, and lowest cosine of its tilt.
         places: (k, 3) latest positions of the base, a ring buffer, m; written.

@@ -26,13 +26,13 @@ class Truth:
     """Contacts and clearance between one robot and everything but the floor.
 
     Attributes:
-        collisions: How often the robot, in motion, started to touch something but the floor; or
-            something that stays where it is, at rest.
-        struck: How often a mover started to touch the robot at rest.
-        touched: Name of the mover last touched, or nothing.
-        is_robot: (geoms,) which are the robot's.
-        is_obstacle: (geoms,) which are neither the robot's nor the floor.
-        places: (k, 3) the base's latest, written round and round: step n into row n modulo k.
+        collisions: Number of times that the robot, in motion, started to touch something but the
+            floor; or, at rest, something that does not move.
+        hits_by_movers: Number of times that a mover started to touch the robot at rest.
+        touched: Name of the mover last touched; empty for another geom.
+        is_robot: (geoms,) whether a geom is the robot's.
+        is_obstacle: (geoms,) whether a geom is neither the robot's nor the floor.
+        places: (k, 3) latest positions of the base, a ring buffer: step n is row n modulo k.
         steps: Physics steps so far.
     """
 
@@ -151,10 +151,10 @@ def sphere_gaps(
     Args:
         robot: (r,) geom ids.
         obstacles: (o,) geom ids.
-        positions: (n, 3) of all geoms, world, m.
+        positions: (n, 3) positions of all geoms, world, m.
         rotations: (n, 9) their axes, row by row.
         boxes: (n, 6) centre and half extents of each in its own axes, m.
-        radii: (n,) of bounding spheres, m.
+        radii: (n,) radii of bounding spheres, m.
     """
     gaps = np.empty((len(robot), len(obstacles)))
     for i in range(len(robot)):

@@ -65,7 +65,7 @@ class TileCaster:
 
         Args:
             data: Geom poses of all that moves; a rolling sweep meets them all as they are now.
-            pattern: By `cut_grid` or `cut_scattered`.
+            pattern: Pattern by `cut_grid` or `cut_scattered`.
             origins: (3,) or, for each of m scan poses, (m, 3) in the world, m.
             R_world_sensor: (3, 3) or (m, 3, 3). With one pose all beams leave from it, whatever
                 the pattern's pose indices.

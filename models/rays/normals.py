@@ -27,7 +27,7 @@ def surface_normals(
     Args:
         data: Geom poses at which the rays were cast, and the model.
         surfaces: The meshes and height fields that the rays were cast against.
-        geom_id: (n,) what was met, -1 for a miss.
+        geom_id: (n,) geom that was met, -1 for a miss.
         face: (n,) triangle of a mesh or a height field, as `surfaces` reported.
         points: (n, 3) in the world, m; any where nothing was met.
 

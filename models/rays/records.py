@@ -67,7 +67,7 @@ class Sweep(NamedTuple):
     Attributes:
         origins: (m, 3) in the world, m.
         turns: (m, 3, 3) R_world_sensor.
-        R: (3, 3) that turns `beams` to the world: R_world_sensor, or the identity.
+        R: (3, 3) rotation of `beams` to the world: R_world_sensor, or the identity.
         beams: (3, n) directions in the order of the tiles: the pattern's own if all beams leave
             from one pose, else in the world, written block by block as that is cast.
         spread: Radius of the ball about the first origin that holds them all, m.

@@ -66,7 +66,7 @@ class Beams(NamedTuple):
         directions: (3, n) unit directions, sensor frame.
         places: (n,) index of each beam in the order that the sensor reports.
         pose_indices: (n,) scan pose of each beam; unused where there is one.
-        origins: (m, 3) of the sensor in the world, m.
+        origins: (m, 3) origins of the sensor in the world, m.
         rotations: (m, 3, 3) R_world_sensor.
     """
 

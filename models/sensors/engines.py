@@ -19,7 +19,7 @@ class Hits(NamedTuple):
     Attributes:
         distance: (n,) m, -1 for a miss; some may lie beyond range.
         geom_id: (n,) -1 for a miss.
-        normals: (n, 3) of the surfaces in the world, zeros for a miss; (0, 3) if not requested.
+        normals: (n, 3) surface normals in the world, zeros for a miss; (0, 3) if not requested.
     """
 
     distance: Array

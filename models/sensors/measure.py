@@ -37,7 +37,7 @@ def measure(
     does not shift another's draws.
 
     Args:
-        device: What measures.
+        device: Device that measures.
         distance: (n,) along the beams, m; -1 for a miss.
         incidence_cosine: (n,) of the angle between beam and surface normal, of either sign; may be
             None unless the device loses grazing beams.
@@ -81,12 +81,12 @@ def report(
 
     Args:
         distance: (n,) along the beams, m; -1 for a miss.
-        true: (n,) what an ideal device would report, m.
+        true: (n,) report of an ideal device, m.
         value: (n,) the same with its errors.
         lost: (n,) whether an echo is lost; (0,) if none is.
         minimum_range: m.
         range_limit: m.
-        silence: What is reported of a beam without echo.
+        silence: Report of a beam without echo.
     """
     reported = np.empty(len(true), np.uint16)
     for n in range(len(true)):

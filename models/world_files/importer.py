@@ -74,9 +74,9 @@ def import_world(
 
     Args:
         path: The file; its ending says the format.
-        options: What the file does not say.
-        start: On the floor, in place of the file's own, m.
-        goal: Likewise.
+        options: Options for what the file does not contain.
+        start: Start on the floor, in place of the file's own, m.
+        goal: Goal on the floor, likewise, m.
 
     Returns:
         The world, and a line for everything that was left out or chosen.

@@ -72,7 +72,7 @@ class Bounds:
         """Refuse what an element demands, by itself or with all before it.
 
         Args:
-            path: Of the file that it stands in.
+            path: Path of the element's file.
             element: One element, without its children.
 
         Raises:

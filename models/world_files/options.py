@@ -76,9 +76,9 @@ class Found:
         low: Lower corner of the operating area, m; None if the file gives none.
         high: Upper corner.
         route_length: Published length of a route from start to goal, m.
-        source: What it was made from.
-        protocol: Of a benchmark that the world is part of: limits and the constants of its score.
-        format: Of the world file that it was read from; empty for other files.
+        source: Path or name of the imported file.
+        protocol: Protocol of the world's benchmark: limits and the constants of its score.
+        format: Format of the world file that was read; empty for other files.
     """
 
     parts: list[Part] = field(default_factory=list)

@@ -41,15 +41,15 @@ class Part:
     """One solid.
 
     Attributes:
-        shape: What it is.
+        shape: Name of the shape.
         size: As MuJoCo counts them, m: half extents of a box; radius and half length of a cylinder
             or capsule; radius; half axes; of heights half the extents in x and y, the rise from the
             least to the greatest, and the depth of the ground below the least.
         position: Of its centre in the world, m; of heights the middle at the least height.
-        quaternion: From its axes to the world's, w x y z.
-        kind: What it stands for, such as `wall`; lower-case letters and underscores.
-        mesh: Of shape `mesh`, in the part's own frame.
-        heights: Of shape `heights`: (ny, nx) from 0 to 1.
+        quaternion: Rotation from its axes to the world's, w x y z.
+        kind: Kind of thing, such as `wall`; lower-case letters and underscores.
+        mesh: Triangles of shape `mesh`, in the part's own frame.
+        heights: Heights of shape `heights`: (ny, nx) from 0 to 1.
 
     Raises:
         ValueError: A length is not positive and finite, or one is missing.

@@ -105,7 +105,7 @@ def cell_boxes(
     """Merged boxes of a grid.
 
     Args:
-        path: Of the file that it is from.
+        path: Path of the map's file.
         occupied: (nx, ny, nz).
         resolution: Side of a cell, m.
         origin: Low corner of the grid in the world, m.

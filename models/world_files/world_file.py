@@ -73,8 +73,8 @@ class FileWorld(World):
 
     Attributes:
         text: The file's own.
-        source: What the file was made from.
-        protocol: Of a benchmark that it is part of: limits and the constants of its score.
+        source: Name of the imported file.
+        protocol: Protocol of its benchmark: limits and the constants of its score.
     """
 
     text: str = field(default="", repr=False)
@@ -161,7 +161,7 @@ def world_text(found: Found, ends: Ends, name: str) -> str:
     Args:
         found: Parts and mission of the import.
         ends: Operating area, start and goal.
-        name: Of the model.
+        name: Name of the model.
     """
     centre = [(a + b) / 2.0 for a, b in zip(ends.low[:2], ends.high[:2], strict=True)]
     named = list(zip(part_names(found.parts), found.parts, strict=True))

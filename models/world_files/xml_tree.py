@@ -20,9 +20,9 @@ class Element:
     """One element.
 
     Attributes:
-        tag: Its name.
-        attributes: By name.
-        line: Where it begins.
+        tag: Name of the element.
+        attributes: Attributes by name.
+        line: Line at which it begins.
         text: Between its tags and its children's.
         children: In order.
     """

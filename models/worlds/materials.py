@@ -11,7 +11,7 @@ class Kind(NamedTuple):
     """One kind of solid.
 
     Attributes:
-        class_name: Of `CLASSES`; what is of class `floor` may be stepped on.
+        class_name: Name in `CLASSES`; a geom of class `floor` may be stepped on.
         colour: Red, green, blue, opacity; for pictures only.
     """
 

@@ -22,8 +22,8 @@ class Place(NamedTuple):
     """Pose of a mover.
 
     Attributes:
-        position: Of its frame's origin, world, m.
-        yaw: Of its frame, rad.
+        position: Origin of its frame, world, m.
+        yaw: Heading of its frame, rad.
         heading: The way it is going, rad; its yaw, or the opposite where it backs up.
     """
 
@@ -41,7 +41,7 @@ class Mover:
         solids: In the mover's own frame: x ahead, z up, its origin on the ground; m.
         route: World frame, m; one point for what stands still.
         speed: m/s.
-        begin: How far along the route it starts, m.
+        begin: Arc length along the route at the start, m.
         returns: Whether it goes back and forth along the route; otherwise it stays at the end.
         backs_up: Whether it returns without turning round, as a vehicle does in an aisle.
         stands_off: It stops while a robot in its way is nearer than this, m; 0 for what never does.

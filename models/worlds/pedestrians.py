@@ -53,7 +53,7 @@ def with_traffic(
         world: To be peopled; what moves in it stays.
         count: Number of people; those without a free line of 2 m across are left out.
         speed: m/s, the same for all.
-        seed: Of their ways.
+        seed: Seed of their ways.
         stands_off: See `Mover`; 0 for people that do not stop.
 
     Raises:

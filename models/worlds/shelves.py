@@ -40,8 +40,8 @@ def shelf_rows(rng: np.random.Generator, along: Range, across: Range, walled: bo
 
     Args:
         rng: Draws everything.
-        along: Where every row begins and ends.
-        across: What the rows share.
+        along: Begin and end of every row, m.
+        across: Extent that the rows share, m.
         walled: Whether walls close `across`, so that an aisle is needed beyond the outer rows.
             Otherwise walls close `along`, and a row may have two cross-aisles.
     """

@@ -57,7 +57,7 @@ def is_solvable(
 
     Args:
         world: Truth.
-        radius: Of the cylinder, m.
+        radius: Radius of the cylinder, m.
         band_low: Solids that end at or below this height are stepped or flown over, m.
         band_high: Solids that begin at or above this height are passed under, m.
         start: (2,) or (3,) world frame, m; z is ignored.

@@ -20,7 +20,7 @@ class MoverState(NamedTuple):
     """A mover now.
 
     Attributes:
-        name: Its name.
+        name: Name of the mover.
         present: Whether it exists.
         position: T_world_mover, m.
         quaternion: w x y z.
@@ -46,9 +46,9 @@ class Traffic:
 
         Args:
             model: World and robot.
-            movers: Of the world that the model was made of.
+            movers: Movers of the world in the model.
             base: Body id of the robot's base, which has a free joint.
-            radius: Of the robot, m.
+            radius: Radius of the robot, m.
         """
         self._movers = tuple(movers)
         self._mocap = [int(model.body(mover.name).mocapid[0]) for mover in movers]

@@ -39,7 +39,7 @@ class World:
 
     Attributes:
         name: Registry name.
-        seed: What it was drawn from.
+        seed: Seed that it was generated from.
         low: Lower corner of the operating area that the robot knows (its geofence), m.
         high: Upper corner of it, m.
         solids: Everything solid that stays where it is, but the floor.
@@ -49,7 +49,7 @@ class World:
         difficulty: 0 to 1, as its generator understands it.
         floor: None for a plane; otherwise the slabs that bear a body on the ground, with holes
             where there are none.
-        movers: What moves, appears or vanishes.
+        movers: Things that move, appear or vanish.
         route_length: Length of the shortest way if it is known from elsewhere, m.
     """
 

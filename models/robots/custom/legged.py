@@ -52,7 +52,7 @@ class Leg(NamedTuple):
         anchors: (3, 3) places of the joints, m.
         foot: (3,) centre of the foot, m.
         foot_radius: m.
-        foot_geom: Its geom, -1 if it is a site.
+        foot_geom: Geom id of the foot, -1 if it is a site.
     """
 
     links: list[int]
@@ -114,7 +114,7 @@ def check_legged(spec: SpecFile, model: mujoco.MjModel) -> None:
 
     Args:
         spec: The robot's.
-        model: Of `legged_mjcf`, compiled alone.
+        model: Compiled `legged_mjcf`, alone.
     """
     parameters = legged_parameters(model, "", spec)
     data = mujoco.MjData(model)

@@ -97,9 +97,9 @@ def scaled(mass: float, length: float, foot: float) -> Parameters:
     A foot that is heavier than that is held more stiffly, so that it swings as fast.
 
     Args:
-        mass: Of the robot.
-        length: Of a stretched leg.
-        foot: Of `foot_mass`.
+        mass: Mass of the robot, kg.
+        length: Length of a stretched leg, m.
+        foot: Foot mass by `foot_mass`, kg.
     """
     m, s, t, f = mass, length, sqrt(length), max(mass, foot)
     gait, prediction, legs, tracking = Gait(), Prediction(), Legs(), Tracking()

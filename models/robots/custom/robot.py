@@ -42,7 +42,7 @@ class Kind(NamedTuple):
         motion: Ground or air.
         mjcf: Writes the robot anew.
         check: Refuses a spec that the written robot does not fit.
-        rest_height: Of the base when it starts, m.
+        rest_height: Height of the base at the start, m.
         controller: Binds to a compiled model.
         warm_up: Compiles its kernels.
     """
@@ -177,9 +177,9 @@ def logged_robot(text: str, scene: str, prefix: str) -> CustomRobot:
     """Read a robot from the spec and the scene in a log.
 
     Args:
-        text: Of the spec file.
+        text: Text of the spec file.
         scene: Flattened MJCF with the robot in it.
-        prefix: Before the robot's names there.
+        prefix: Prefix of the robot's names there.
 
     Raises:
         ValueError: The spec cannot be used, or the scene does not compile or is of another robot.

@@ -24,10 +24,10 @@ class Source(NamedTuple):
     """A compiled MJCF in the pose that it is written in.
 
     Attributes:
-        model: As compiled.
+        model: Compiled model.
         data: Kinematics of the pose without any joint displacement.
         base: Body id of the robot's base.
-        path: Of the MJCF.
+        path: Path of the MJCF.
     """
 
     model: mujoco.MjModel

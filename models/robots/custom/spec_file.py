@@ -88,7 +88,7 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All of it.
 
     Attributes:
-        name: Of the robot.
+        name: Name of the robot.
         mjcf: Path from the spec file's folder, or `package:path` in an installed package.
         base: Body with the free joint.
         controller: `trot`, `geometric`, `module:Class` or `path/to/file.py:Class`.
@@ -96,17 +96,17 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         discs: Offset along the base's x axis and radius of discs that hold a long body as it walks
             ahead and turns, m; none for one disc of the radius.
         height: Top above the ground (ground) or full vertical extent (air), m.
-        limits: What navigation may ask for.
+        limits: Limits on navigation's commands.
         sensors: In the order in which their sweeps are integrated.
-        motion: Of a controller of the user's own.
+        motion: `ground` or `air`, for a controller of the user's own.
         stance: Base origin above the ground in standing, m; a trotting one's is read off its legs.
-        swing_height: Of `trot`: foot clearance at mid-swing, m; else scaled by the legs' length.
-        feet: Of `trot`: sphere geoms or sites, front left, front right, rear left, rear right.
-        actuators: Of `trot`, if they are to be checked: hip, thigh, calf of each of the feet.
-        joints: Of `trot`, in place of what the MJCF says.
+        swing_height: Foot clearance of `trot` at mid-swing, m; else scaled by the legs' length.
+        feet: Feet of `trot`: sphere geoms or sites, front left, front right, rear left, rear right.
+        actuators: Actuators of `trot`, to be checked: hip, thigh, calf of each of the feet.
+        joints: Joint limits of `trot`, in place of the MJCF's.
         rotors: Of `geometric`: sites, geoms or bodies, rear right, rear left, front left, front
             right.
-        rotor: Of `geometric`.
+        rotor: Rotor figures of `geometric`.
     """
 
     name: str

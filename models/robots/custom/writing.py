@@ -106,9 +106,9 @@ def geoms(source: Source, body: int, origin: Array, assets: Assets, but: int = -
 
     Args:
         source: The MJCF.
-        body: That moves.
+        body: Moving body.
         origin: (3,) m.
-        assets: Where hulls of meshes go.
+        assets: Receives the hulls of meshes.
         but: A geom that is left out.
     """
     kept = [geom for geom in source.colliding(body) if geom != but]

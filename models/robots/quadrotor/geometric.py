@@ -71,7 +71,7 @@ def desired_rates(
     `y . (cos heading, sin heading, 0) = 0` and its derivative.
 
     Args:
-        reference: (5, 4) of `smooth_setpoint`.
+        reference: (5, 4) reference by `smooth_setpoint`.
         R_world_desired: (3, 3).
         lift: Norm of thrust over mass, m/s^2.
     """

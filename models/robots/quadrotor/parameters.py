@@ -26,7 +26,7 @@ class Airframe(NamedTuple):
         arm_x: Rotor ahead of (behind) the centre of mass, m.
         arm_y: Rotor beside the centre of mass, m.
         rotor_radius: m.
-        thrust_max: Of one rotor, N; the least is 0.
+        thrust_max: Largest thrust of a rotor, N; the least is 0.
         yaw_ratio: Reaction torque by thrust, m.
         rotor_lag: Time constant of thrust, s.
         drag: Linear rotor drag along the body axes, N s/m (Kai et al. 2017, Faessler et al. 2018).
@@ -52,9 +52,9 @@ class Gains(NamedTuple):
     """Of the geometric controller; chosen by experiment, horizontal ones from poles near 4 rad/s.
 
     Attributes:
-        position: Per axis, 1/s^2.
-        velocity: Per axis, 1/s.
-        integral: Of the position error, 1/s^3.
+        position: Position gain per axis, 1/s^2.
+        velocity: Velocity gain per axis, 1/s.
+        integral: Gain of the integrated position error, 1/s^3.
         integral_limit: Largest acceleration of the integral on an axis, m/s^2.
         position_limit: Position error beyond this on an axis counts as this, m.
         attitude: Per body axis, 1/s^2; yaw is soft because its torque is scarce.
@@ -91,7 +91,7 @@ class Smoothing(NamedTuple):
     raw, their steps in jerk drive the rotors into their limits.
 
     Attributes:
-        bandwidth: Of its four equal poles, rad/s.
+        bandwidth: Bandwidth of the four equal poles, rad/s.
         limits: Greatest speed, acceleration, jerk and snap of the reference, m/s .. m/s^4; a
             setpoint within the robot's spec stays far below them, one that jumps does not.
         heading_limits: The same for heading, rad/s .. rad/s^4.

@@ -19,7 +19,7 @@ class Link(NamedTuple):
 
     Attributes:
         mass: kg.
-        centre: (x, y, z) of the centre of mass, m.
+        centre: (x, y, z) centre of mass, m.
         inertia: (xx, yy, zz, xy, xz, yz) about the centre of mass, kg m^2.
     """
 

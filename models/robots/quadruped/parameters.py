@@ -54,7 +54,7 @@ class Gait(NamedTuple):
     """Trot: diagonal pairs in turn. Chosen by experiment around Di Carlo et al. 2018, section V.
 
     Attributes:
-        period: One full cycle, s.
+        period: Duration of a full cycle, s.
         duty: Share of the cycle that a foot stands.
         height: Base origin above the ground, m.
         swing_height: Foot clearance at mid-swing, m.

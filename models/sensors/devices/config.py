@@ -15,7 +15,7 @@ class SensorConfig:
 
     Attributes:
         lidar: Name in `DEVICES` of the device mounted as `lidar`; `own` is the robot's own.
-        depth: Likewise as `depth`.
+        depth: The same for the device mounted as `depth`.
         engine: `tile` is Wayproof's caster; `mujoco` takes MuJoCo's own, which is slower, to check
             an episode against it.
         semantics: Whether a sweep reports the class of the geom that each beam met, without

@@ -22,7 +22,7 @@ class Box(Bounded):
         centre: World frame, m.
         half_extents: Half the length, width and height, along the box's own axes, m.
         yaw: Turn of the box's axes about z, rad.
-        kind: What it stands for.
+        kind: Kind of thing, such as `wall`.
         pitch: Turn about the y axis that yaw leaves, rad.
         roll: Turn about the x axis that yaw and pitch leave, rad.
     """

@@ -27,7 +27,7 @@ class _AboutAxis(Bounded):
         tail: One end of the axis, world frame, m.
         head: The other end, m.
         radius: m.
-        kind: What it stands for.
+        kind: Kind of thing, such as `pillar`.
     """
 
     tail: Vector3
@@ -143,7 +143,7 @@ class Sphere(Bounded):
     Attributes:
         centre: World frame, m.
         radius: m.
-        kind: What it stands for.
+        kind: Kind of thing, such as `pillar`.
     """
 
     centre: Vector3

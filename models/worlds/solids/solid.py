@@ -101,7 +101,7 @@ def write_geom(name: str, kind: str, shape: str) -> str:
     """Write a geom that robots and beams meet, with its class in its user data.
 
     Args:
-        name: Of the geom.
+        name: Name of the geom.
         kind: Gives colour and class.
         shape: The attributes that say type, size and place.
     """

@@ -31,7 +31,7 @@ class TriangleMesh(Bounded):
     Attributes:
         vertices: World frame, m.
         faces: Three numbers of vertices each, counter-clockwise as seen from outside.
-        kind: What it stands for.
+        kind: Kind of thing, such as `floor`.
     """
 
     vertices: tuple[Vector3, ...]
@@ -98,10 +98,10 @@ class HeightField(Bounded):
     """Ground of given heights at the nodes of a grid, solid down to a base below them.
 
     Attributes:
-        corner: Its corner of least x and y; heights count from the corner's z, m.
+        corner: Corner of least x and y; heights count from the corner's z, m.
         spacing: Between nodes in x and y, m.
         heights: heights[i][j] m at the node i along x and j along y.
-        kind: What it stands for.
+        kind: Kind of thing, such as `floor`.
         base: Thickness below the lowest node, m.
     """
 
