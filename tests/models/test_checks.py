@@ -1,4 +1,4 @@
-"""What is said about models whose sensors would see wrongly, and that MuJoCo then does see so."""
+"""Findings on models whose sensors would see wrongly, and that MuJoCo does see wrongly there."""
 
 import dataclasses
 

@@ -79,7 +79,7 @@ def rolling_trail(scene, data):
 
 @pytest.mark.parametrize("engine", ["tile", "mujoco"])
 def test_a_rolling_shutter_sees_from_where_the_sensor_was(placed, engine):
-    """Each beam against mj_ray from the pose of its own moment, found here by hand."""
+    """Each beam against mj_ray from its own scan pose, found here by hand."""
     scene, data = placed
     device = dataclasses.replace(DEVICES["ideal-lidar-floor"], azimuths=40, scan_poses=40)
     mount = Mount("lidar", "lidar", device)

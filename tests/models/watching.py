@@ -1,4 +1,4 @@
-"""What a plant does with the truth after every physics step, for tests without one."""
+"""Updates of the ground truth after a physics step, for tests without a simulation."""
 
 from wayproof.models.step_kernels import touched
 

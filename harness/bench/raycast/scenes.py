@@ -47,7 +47,7 @@ def mesh_terrain(points: int, moving: int = 0, seed: int = 0) -> str:
         for side in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:])
     )
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    # Open ground encloses no volume; MuJoCo then wants the inertia of a shell.
+    # Open ground encloses no volume; MuJoCo then requires the inertia of a shell.
     asset = (
         f'<mesh name="ground" inertia="shell" vertex="{_numbers(*vertices.ravel())}" '
         f'face="{" ".join(map(str, faces.ravel()))}"/>'

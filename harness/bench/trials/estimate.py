@@ -1,7 +1,7 @@
-"""What a controller believes of its robot: the true state with an estimator's errors on it.
+"""State estimates of a robot under trial: the true state with an estimator's errors.
 
 A controller reads the state from `MjData`; under trial it is handed another one, filled with the
-estimate, and everything that it takes from there (bias torques, inertia) follows from that belief
+estimate, and everything that it takes from there (bias torques, inertia) follows from the estimate
 on the nominal model. So neither the truth nor a payload leaks into it.
 """
 
@@ -61,10 +61,10 @@ class EstimateNoise(NamedTuple):
 
 
 class Estimate:
-    """The belief about one robot through one run, tick by tick.
+    """Estimated state of one robot through one run, tick by tick.
 
     Attributes:
-        data: What the controller is to read, and to write its commands to.
+        data: Read by the controller, which writes its commands to it.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class Estimate:
             model: Nominal model of a robot whose free joint is the first of the model.
             noise: Errors.
             ticks: Length of the run; it starts over beyond.
-            rng: Where they are drawn from.
+            rng: Source of the draws.
         """
         self.data = mujoco.MjData(model)
         self._model = model
@@ -95,7 +95,7 @@ class Estimate:
         ])  # fmt: skip
 
     def update(self, truth: mujoco.MjData, tick: int) -> None:
-        """Believe the true state with this tick's errors; touch sensors and rotors are known."""
+        """Set the estimate to the true state with this tick's errors; touch and rotors are known."""
         model, data, now = self._model, self.data, tick % self._ticks
         data.qpos[:] = truth.qpos
         data.qpos[:3] += self._places[now, :3]

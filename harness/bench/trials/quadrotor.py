@@ -1,4 +1,4 @@
-"""The quadrotor under trial: gusts that it does not know of, references that it should fly."""
+"""Trials of the quadrotor: unknown gusts, and courses to fly."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from wayproof.models.robots.quadrotor.robot import Quadrotor
 from wayproof.models.robots.robot import ROBOT_PREFIX, Setpoint
 
 Course = Callable[[float], tuple[float, float, float, float]]
-"""From time, s, to x, y, z, m, and heading, rad."""
+"""Function from time, s, to x, y, z, m, and heading, rad."""
 
 TIMESTEP = 0.002
-CHECK_EVERY = 5
-"""Ticks between two looks at whether it has crashed."""
+CRASH_CHECK_TICKS = 5
+"""Ticks between two checks for a crash."""
 
 SETTLE = 2.0
-"""Errors count from here on, s: gusts are there at once, at full strength."""
+"""Time from which errors count, s; gusts begin at full strength."""
 
 _SCENE = f"""\
 <mujoco model="trial">
@@ -39,7 +39,7 @@ _SCENE = f"""\
 
 
 class Limits(NamedTuple):
-    """Of point-to-point flights, along the line.
+    """Limits of point-to-point flights, along the line.
 
     Attributes:
         speed: m/s.
@@ -53,14 +53,14 @@ class Limits(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """What became of one flight.
+    """Result of one flight.
 
     Attributes:
         crashed: Tilted beyond the spec's limit, or touched the floor; the flight ends there.
         error: Root mean square distance from the course, m; the controller's constant lag behind
             its setpoints is taken off, what its smoothing cuts is not.
         top_speed: m/s.
-        energy: Of the rotors, J: the integral of `rotor_power`.
+        energy: Energy of the rotors, J: the integral of `rotor_power`.
         seconds: Simulated.
     """
 
@@ -93,11 +93,11 @@ def fly(
 
     Args:
         robot: Under trial.
-        course: Where to be when.
-        seconds: Length.
+        course: Course to fly.
+        seconds: Duration, s.
         wind_speed: Mean of the gusts, m/s.
-        noise: Of the estimate; none reads the truth.
-        rng: Of gusts and noise.
+        noise: Errors of the estimate; None reads the truth.
+        rng: Source of gusts and noise.
     """
     ticks = round(seconds / TIMESTEP)
     model = _compile(robot)
@@ -108,11 +108,11 @@ def fly(
     x, y, z, heading = course(0.0)
     controller.reset(data, np.array([x, y, z]), heading)
     upright = math.cos(robot.spec.max_tilt)
-    wanted, was = np.empty((ticks, 3)), np.empty((ticks, 3))
+    desired, actual = np.empty((ticks, 3)), np.empty((ticks, 3))
     energy, tick, crashed = 0.0, 0, False
     while tick < ticks and not crashed:
         x, y, z, heading = course(tick * TIMESTEP)
-        wanted[tick], was[tick] = (x, y, z), data.qpos[:3]
+        desired[tick], actual[tick] = (x, y, z), data.qpos[:3]
         setpoint = Setpoint((x, y, z), _NO_VELOCITY, heading, 0.0)
         controller.wind[:] = wind[tick]
         if estimate is None:
@@ -123,14 +123,16 @@ def fly(
             data.ctrl[:] = estimate.data.ctrl
             controller.apply_drag(data)
         mujoco.mj_step(model, data)
-        if tick % CHECK_EVERY == 0:
-            energy += CHECK_EVERY * TIMESTEP * rotor_power(robot.parameters.airframe, data.act)
+        if tick % CRASH_CHECK_TICKS == 0:
+            energy += (
+                CRASH_CHECK_TICKS * TIMESTEP * rotor_power(robot.parameters.airframe, data.act)
+            )
             # False for NaN, too.
             crashed = data.ncon > 0 or not data.xmat[controller.body, 8] > upright
         tick += 1
     lag = round(robot.parameters.smoothing.lag / TIMESTEP)
-    error = _rms_distance(was[lag:tick] - wanted[: tick - lag], round(SETTLE / TIMESTEP))
-    steps = np.diff(was[:tick], axis=0)
+    error = _rms_distance(actual[lag:tick] - desired[: tick - lag], round(SETTLE / TIMESTEP))
+    steps = np.diff(actual[:tick], axis=0)
     top = float(np.linalg.norm(steps, axis=1).max()) / TIMESTEP
     return Flown(crashed, error, top, energy, tick * TIMESTEP)
 
@@ -209,7 +211,7 @@ def point_to_point(
 
 
 class _Leg(NamedTuple):
-    """One straight flight: when it begins, from where to where, how, and the heading meanwhile."""
+    """One straight flight: its begin, ends, profile and headings."""
 
     begin: float
     start: Array

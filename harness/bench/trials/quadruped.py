@@ -1,4 +1,4 @@
-"""The quadruped under trial: commands, terrain, stops, standing and paths.
+"""Trials of the quadruped: commands, terrain, stops, standing and paths.
 
 Nothing here controls: commands go in at one end, what the body truly did comes out at the other.
 """
@@ -57,16 +57,16 @@ def follow_commands(
 
     Args:
         robot: Under trial.
-        conditions: What it is not told.
-        noise: Of its estimate.
-        rng: Of the commands, kicks and noise.
-        seconds: Length.
+        conditions: Physical conditions that it does not know.
+        noise: Errors of its estimate.
+        rng: Source of commands, kicks and noise.
+        seconds: Duration, s.
         speeds: Largest commands.
         kick: Speed that is added in a random horizontal direction every 3 to 5 s, m/s.
     """
     sim = TrialSim(robot, conditions, noise, seconds, rng)
     ticks = round(seconds / TIMESTEP)
-    moved, wanted = np.zeros((ticks, 3)), np.zeros((ticks, 3))
+    moved, commanded = np.zeros((ticks, 3)), np.zeros((ticks, 3))
     command, change_at, kick_at = np.zeros(3), 0.0, rng.uniform(3.0, 5.0)
     while sim.tick < ticks and not sim.fallen:
         now = sim.tick * TIMESTEP
@@ -78,8 +78,8 @@ def follow_commands(
             kick_at = now + rng.uniform(3.0, 5.0)
         sim.walk(command)
         moved[sim.tick - 1] = body_velocity(sim.data)
-        wanted[sim.tick - 1] = sim.controller.memory.command
-    return Tracked(sim.fallen, stride_rms(moved - wanted, sim.tick), sim.tick * TIMESTEP)
+        commanded[sim.tick - 1] = sim.controller.memory.command
+    return Tracked(sim.fallen, stride_rms(moved - commanded, sim.tick), sim.tick * TIMESTEP)
 
 
 def draw_command(rng: np.random.Generator, speeds: Velocity) -> Array:
@@ -183,8 +183,8 @@ def stop_from(
     command, rate = speed, 0.0
     while sim.tick * TIMESTEP < run_time + 3.0 and not sim.fallen:
         # Ease off where the speed left is what easing off at this jerk takes.
-        wanted = deceleration if command > rate * rate / (2.0 * jerk) else 0.0
-        rate += min(max(wanted - rate, -jerk * TIMESTEP), jerk * TIMESTEP)
+        target = deceleration if command > rate * rate / (2.0 * jerk) else 0.0
+        rate += min(max(target - rate, -jerk * TIMESTEP), jerk * TIMESTEP)
         command = max(command - rate * TIMESTEP, 0.0)
         sim.walk(np.array([command, 0.0, 0.0]))
     distance = float(np.hypot(*(sim.data.qpos[:2] - start)))
@@ -249,7 +249,7 @@ def follow_path(
     course = draw_course(rng, length)
     ticks = round((length / speed + 0.5 * speed / acceleration) / TIMESTEP)
     sim = TrialSim(robot, Conditions(), noise, ticks * TIMESTEP, rng)
-    wanted, was = np.zeros((ticks, 2)), np.zeros((ticks, 2))
+    desired, actual = np.zeros((ticks, 2)), np.zeros((ticks, 2))
     along = pace = 0.0
     while sim.tick < ticks and not sim.fallen:
         pace = min(pace + acceleration * TIMESTEP, speed)
@@ -257,9 +257,9 @@ def follow_path(
         x, y, heading, curvature = course_at(course, along)
         velocity = pace * math.cos(heading), pace * math.sin(heading), 0.0
         sim.follow(Setpoint((x, y, 0.0), velocity, heading, pace * curvature))
-        wanted[sim.tick - 1] = x, y
-        was[sim.tick - 1] = sim.data.qpos[:2]
-    distances, _ = KDTree(wanted[: sim.tick]).query(was[: sim.tick])
+        desired[sim.tick - 1] = x, y
+        actual[sim.tick - 1] = sim.data.qpos[:2]
+    distances, _ = KDTree(desired[: sim.tick]).query(actual[: sim.tick])
     error = math.sqrt(float((distances**2).mean()))
     return Followed(sim.fallen, error, sim.tick * TIMESTEP)
 

@@ -1,4 +1,4 @@
-"""Ground to walk over blindly along +x from the origin: blocks drawn from a generator.
+"""Terrain to walk over blindly along +x from the origin: blocks drawn from a generator.
 
 Every course starts with flat floor about the origin and ends at `COURSE_END`.
 """
@@ -14,13 +14,13 @@ import numpy as np
 from wayproof.models.arrays import Vector3
 
 FIRST = 0.7
-"""Nothing lies nearer than this to the origin, m."""
+"""Minimum distance of blocks from the origin, m."""
 
 COURSE_END = 5.0
-"""Whoever gets here has crossed, m."""
+"""Distance along x at which the course is crossed, m."""
 
 HALF_WIDTH = 1.5
-"""Of a course, m."""
+"""Half the width of a course, m."""
 
 
 class Block(NamedTuple):
@@ -108,7 +108,7 @@ TERRAINS: dict[str, Callable[[np.random.Generator], tuple[Block, ...]]] = {
     "rubble": rubble,
     "ramps": ramps,
 }
-"""By name."""
+"""Terrains by name."""
 
 
 def _half(angle: float) -> tuple[float, float]:

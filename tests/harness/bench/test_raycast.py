@@ -206,7 +206,7 @@ def test_the_same_rays_give_the_same_bits_in_any_company():
         assert one[order].tobytes() == other.tobytes()
 
 
-def test_compiled_kernels_do_what_the_source_says(monkeypatch):
+def test_compiled_kernels_equal_their_python(monkeypatch):
     rng = np.random.default_rng(8)
     model, data = posed(everything(rng))
     origins, directions = random_rays(rng, 40, data.geom_xpos)

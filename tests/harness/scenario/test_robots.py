@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.models.hound import SPEC, hound
+from tests.models.robots.hound import SPEC, hound
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log

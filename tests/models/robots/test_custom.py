@@ -2,7 +2,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from tests.models.hound import LEAN, SPEC, hound
+from tests.models.robots.hound import LEAN, SPEC, hound
 from wayproof.models.robots.custom import RobotSpecError, read_robot
 from wayproof.models.robots.custom.legged_parameters import foot_mass, scaled
 from wayproof.models.robots.custom.writing import farthest
@@ -84,9 +84,9 @@ def test_the_robot_as_written_is_the_one_that_was_brought(tmp_path):
     for i, (leg, side) in enumerate(sides.items()):
         foot = theirs.geom(f"toe_{leg}").xpos - middle
         np.testing.assert_allclose(mine.geom(f"{side}_foot").xpos, foot, atol=1e-9)
-        told = np.empty(3)
-        foot_position(geometry, i, mine.qpos[7 + 3 * i : 10 + 3 * i], told)
-        np.testing.assert_allclose(told, foot, atol=1e-9)
+        position = np.empty(3)
+        foot_position(geometry, i, mine.qpos[7 + 3 * i : 10 + 3 * i], position)
+        np.testing.assert_allclose(position, foot, atol=1e-9)
     np.testing.assert_allclose(mine.subtree_com[1], theirs.subtree_com[1] - middle, atol=1e-9)
 
 

@@ -258,7 +258,7 @@ def test_what_moves_is_met_where_it_is():
 @pytest.mark.parametrize("sensor", [LIDAR, CAMERA], ids=["lidar", "camera"])
 @pytest.mark.parametrize("poses", [1, 5])
 def test_a_sweep_by_tiles_is_its_beams_alone(sensor, poses):
-    """Also when the sensor moves during the sweep, and whoever casts which tiles."""
+    """Also when the sensor moves during the sweep, and for any split of the tiles."""
     rng = np.random.default_rng(poses)
     model, data = posed(rugged(rng))
     surfaces = Surfaces(model, ALL)
@@ -382,7 +382,7 @@ def test_a_tree_over_equal_and_over_exponential_items_stays_shallow():
         assert depth.max() <= MAX_SORTED_DEPTH + 14
 
 
-def test_compiled_kernels_do_what_the_source_says(monkeypatch):
+def test_compiled_kernels_equal_their_python(monkeypatch):
     rng = np.random.default_rng(6)
     model, _ = posed(rugged(rng))
     origins, directions = random_rays(rng, 3 * WIDTH - 3)

@@ -1,4 +1,4 @@
-"""Which way surfaces face where rays meet them, against MuJoCo's own answer and by hand."""
+"""Surface normals where rays hit, against MuJoCo's own and by hand."""
 
 import mujoco
 import numpy as np

@@ -116,9 +116,9 @@ def test_numbers_survive_to_the_last_bit(tmp_path, seed):
         for x, y, z, d in rng.uniform(0.5, 5.0, (20, 4)).tolist()
     ]
     world = imported(write(tmp_path, "field.csv", "\n".join(rows)))
-    told = [[*sphere.centre, 2.0 * sphere.radius] for sphere in world.solids]
+    read = [[*sphere.centre, 2.0 * sphere.radius] for sphere in world.solids]
     expected = [[float(row.split(",")[n]) for n in (1, 2, 3, 8)] for row in rows]
-    assert told == expected
+    assert read == expected
 
 
 # ---- SDF
@@ -150,9 +150,9 @@ def test_beams_meet_the_pillars_of_barn_where_the_circles_are(tmp_path):
         inside = along**2 - np.square(middles - origin).sum(axis=1) + 0.075**2
         ends = along - np.sqrt(np.maximum(inside, 0.0))
         expected = np.where((inside > 0.0) & (along > 0.0), ends, np.inf).min()
-        told = one_ray(again, (*origin, 0.4), (*ray, 0.0))
-        assert told == pytest.approx(-1.0 if np.isinf(expected) else expected, abs=1e-9)
-        met += told >= 0.0
+        hit = one_ray(again, (*origin, 0.4), (*ray, 0.0))
+        assert hit == pytest.approx(-1.0 if np.isinf(expected) else expected, abs=1e-9)
+        met += hit >= 0.0
     assert met > 15
 
 
@@ -473,11 +473,11 @@ def test_a_part_and_its_solid_are_the_same(shape, pitch):
     )
     data = mujoco.MjData(model)
     points = np.random.default_rng(2).uniform(-1.0, 3.0, (40, 3))
-    for point, told in zip(points, solid.distance(points), strict=True):
+    for point, distance in zip(points, solid.distance(points), strict=True):
         data.mocap_pos[0] = point
         mujoco.mj_kinematics(model, data)
         near = mujoco.mj_geomDistance(model, data, 0, 1, 10.0, np.zeros(6))
-        assert told == pytest.approx(max(near + 0.001, 0.0), abs=2e-3)
+        assert distance == pytest.approx(max(near + 0.001, 0.0), abs=2e-3)
 
 
 def test_start_and_goal_are_chosen_where_a_file_tells_none(tmp_path):

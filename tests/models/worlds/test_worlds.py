@@ -89,7 +89,7 @@ def test_walls_close_every_world(name):
 
 
 @pytest.mark.parametrize("seed", WAREHOUSES)
-def test_warehouse_is_what_it_promises(seed):
+def test_the_warehouse_has_the_documented_size_and_ends(seed):
     world = WORLDS["warehouse"](seed)
     ends = (world.start, world.goal)
     assert is_solvable(world, REFERENCE_RADIUS, *GROUND_BAND, *ends)
@@ -139,7 +139,7 @@ def test_empty_is_a_straight_line():
     assert length == pytest.approx(straight, abs=1e-9)
 
 
-def test_band_decides_what_stands_in_the_way():
+def test_the_band_decides_which_solids_are_in_the_way():
     wall = Box.between((5.0, 0.0, 0.6), (5.2, 6.0, 1.2), "wall")
     world = room(wall)
     ends = (world.start, world.goal)
@@ -150,7 +150,7 @@ def test_band_decides_what_stands_in_the_way():
     assert not is_solvable_in_any(world, 0.3, [(0.5, 1.0), (1.1, 2.0)], *ends)
 
 
-def test_gap_lets_through_what_is_narrower_to_a_cell():
+def test_a_gap_lets_narrower_bodies_through_to_a_cell():
     low = Box.between((5.0, 0.0, 0.0), (5.2, 2.5, 1.0), "wall")
     high = Box.between((5.0, 3.5, 0.0), (5.2, 6.0, 1.0), "wall")
     world = room(low, high)

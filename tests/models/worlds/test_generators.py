@@ -119,7 +119,7 @@ def test_slabs_leave_the_holes_and_nothing_else():
 
 @pytest.mark.parametrize("name", sorted(WORLDS))
 def test_the_page_of_worlds_shows_every_one(name):
-    docs = Path(__file__).parents[2] / "docs"
+    docs = Path(__file__).parents[3] / "docs"
     page = (docs / "worlds.md").read_text()
     assert f"| `{name}` |" in page
     assert f"![{name}](world-{name}.png)" in page

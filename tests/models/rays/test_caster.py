@@ -453,7 +453,7 @@ def test_a_world_without_geoms_is_all_misses():
 
 
 @pytest.mark.parametrize("poses", [1, 3])
-def test_compiled_kernels_are_their_python(poses, monkeypatch):
+def test_compiled_kernels_equal_their_python(poses, monkeypatch):
     """The interpreter runs the same source, callees included, beam by beam."""
     rng = np.random.default_rng(5)
     model, data = posed(random_geoms(rng, 12, spread=2.0))

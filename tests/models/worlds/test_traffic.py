@@ -1,4 +1,4 @@
-"""Movers by hand-computed times and places, and what the truth makes of their contacts."""
+"""Movers by hand-computed times and places, and their contacts in the ground truth."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -41,7 +41,7 @@ def hall(*movers):
 
 
 class Stage:
-    """A drone that is held where a test wants it, and the movers about it."""
+    """A drone held where a test puts it, and the movers about it."""
 
     def __init__(self, *movers, robot=(0.0, 0.0, 1.0)):
         self.scene = compose(hall(*movers), ROBOTS["drone"])
@@ -79,7 +79,7 @@ def test_a_walker_goes_to_and_fro():
         assert place.heading == place.yaw == pytest.approx(heading)
 
 
-def test_a_vehicle_backs_up_and_what_does_not_return_stays():
+def test_a_vehicle_backs_up_and_a_one_way_mover_stays_at_its_end():
     truck = walker(backs_up=True)
     back = truck.place(5 * SECOND)
     assert back.position == pytest.approx((2.0, 3.0, 0.0))
@@ -102,7 +102,7 @@ def test_the_simulation_follows_the_timetable_to_the_bit():
     assert again.position() == stage.position()
 
 
-def test_who_looks_stops_before_a_robot_and_who_does_not_goes_on():
+def test_a_person_that_looks_stops_before_a_robot_and_another_goes_on():
     """Radius 0.36 m and a person of 0.25 m: centres 0.8 + 0.61 m apart at the end."""
     looking = Stage(walker(stands_off=0.8), robot=(2.0, 3.0, 1.0))
     looking.run(4.0)
@@ -113,7 +113,7 @@ def test_who_looks_stops_before_a_robot_and_who_does_not_goes_on():
     assert looking.position()[1] == pytest.approx(1.59 + 1.0, abs=0.006)
 
 
-def test_what_is_aside_or_behind_is_not_in_the_way():
+def test_a_robot_aside_or_behind_is_not_in_the_way():
     aside = Stage(walker(), robot=(2.0 + 0.36 + 0.25 + ASIDE_DISTANCE + 0.01, 1.0, 1.0))
     aside.run(2.0)
     assert aside.position()[1] == pytest.approx(2.0)
@@ -122,7 +122,7 @@ def test_what_is_aside_or_behind_is_not_in_the_way():
     assert behind.position()[1] == pytest.approx(2.0)
 
 
-def test_a_robot_at_rest_is_struck_and_one_in_motion_collides():
+def test_a_mover_hits_a_robot_at_rest_and_one_in_motion_collides():
     at_rest = Stage(walker(stands_off=0.0), robot=(2.0, 2.0, 1.0))
     at_rest.run(2.2)
     assert (at_rest.truth.hits_by_movers, at_rest.truth.collisions) == (1, 0)
@@ -133,7 +133,7 @@ def test_a_robot_at_rest_is_struck_and_one_in_motion_collides():
     assert moving.truth.touched == "walker"
 
 
-def test_a_wall_never_strikes():
+def test_a_wall_hits_no_robot_at_rest():
     world = replace(hall(), solids=(Box.between((0.2, -1.0, 0.0), (1.0, 1.0, 2.0), "wall"),))
     scene = compose(world, ROBOTS["drone"])
     data = mujoco.MjData(scene.model)
@@ -147,7 +147,7 @@ def test_a_wall_never_strikes():
 
 
 @pytest.mark.parametrize("steps", [0, 3, 100, 101, 102, 250])
-def test_the_last_moments_are_told_in_order_and_taken_up_again(steps):
+def test_the_latest_positions_are_returned_in_order_and_restored(steps):
     scene = compose(hall(), ROBOTS["drone"])
     data = mujoco.MjData(scene.model)
     truth, other = (Truth(scene.model, scene.base, scene.floor) for _ in range(2))
@@ -166,7 +166,7 @@ def test_the_last_moments_are_told_in_order_and_taken_up_again(steps):
 
 
 @pytest.mark.parametrize("shape", [(4, 1), (4,), (102, 3), (2, 3, 1)])
-def test_places_that_are_none_are_refused(shape):
+def test_positions_of_a_bad_shape_are_refused(shape):
     scene = compose(hall(), ROBOTS["drone"])
     truth = Truth(scene.model, scene.base, scene.floor)
     with pytest.raises(ValueError, match="places: got"):

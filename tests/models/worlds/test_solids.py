@@ -165,7 +165,7 @@ def test_every_geom_carries_its_class():
     assert model.body("walker").mocapid[0] == 0
 
 
-def test_a_hole_stops_what_walks_and_not_what_flies():
+def test_a_hole_stops_a_walking_body_and_not_a_flying_one():
     from wayproof.models.worlds import is_solvable
 
     slabs = (
