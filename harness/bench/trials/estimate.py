@@ -95,7 +95,7 @@ class Estimate:
         ])  # fmt: skip
 
     def update(self, truth: mujoco.MjData, tick: int) -> None:
-        """Set the estimate to the true state with this tick's errors; touch and rotors are known."""
+        """Set the estimate to the true state with this tick's errors, none on touch and rotors."""
         model, data, now = self._model, self.data, tick % self._ticks
         data.qpos[:] = truth.qpos
         data.qpos[:3] += self._places[now, :3]
