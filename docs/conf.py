@@ -19,6 +19,7 @@ suppress_warnings = [
 CHAPTERS = {
     "Get started": ["get-started", "concepts", "comparison"],
     "Use your own": [
+        *("tutorials/stack", "stack-interface"),
         *("tutorials/planner", "tutorials/robot", "robots"),
         *("tutorials/sensor", "sensors", "imports"),
     ],

@@ -1,7 +1,9 @@
 """Every block of every page runs, and quoted output is the printed one."""
 
+import os
 import re
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -32,6 +34,7 @@ def test_every_block_runs(tmp_path, monkeypatch, common, page):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     text = page.read_text()
     typist = Typist(text, common)
     for block in blocks(text):

@@ -27,8 +27,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+import pytest
 
 from docs.blocks import HERE, blocks, commands
+from tests.harness.interface.cpp import compiler
 from tests.sharing import alone
 from wayproof.harness.bench.episodes import crossing as bench_crossing
 from wayproof.harness.bench.episodes import worlds as bench_worlds
@@ -225,6 +227,8 @@ class Typist:
             code, output = self._type_ours(words)
         elif program == "make":
             code, output = dry_run(words)
+        elif program == "c++":
+            code, output = compile_here(words)
         elif words[0] == "docs/plot_maps.py":
             code, output = plot_maps(words)
         else:
@@ -322,9 +326,10 @@ class Typist:
 
 
 def set_up_folder():
-    """Set up the folder of a page: a link to the models, and files of other programs."""
+    """Set up the folder of a page: links to models and examples, and files of other programs."""
     Path("docs").mkdir()
-    Path("models").symlink_to(ROOT / "models")
+    for folder in ("models", "examples"):
+        Path(folder).symlink_to(ROOT / folder)
     pillar = (
         "<model name='p'><static>1</static><pose>-3.5 7 0 0 0 0</pose><link name='l'><collision"
         " name='c'><geometry><cylinder><radius>0.075</radius><length>1</length></cylinder>"
@@ -412,6 +417,13 @@ def dry_run(words):
     modules = re.findall(r"python -m (\S+)", ended.stdout)
     missing = [name for name in modules if importlib.util.find_spec(name) is None]
     assert not missing, f"make {words}: no module {missing}"
+    return ended.returncode, ended.stdout + ended.stderr
+
+
+def compile_here(words):
+    """Compile C++ by this machine's compiler; without one the rest of the page is skipped."""
+    command = compiler() or pytest.skip("no C++ compiler on this machine")
+    ended = subprocess.run([*command, *words], capture_output=True, text=True, check=False)
     return ended.returncode, ended.stdout + ended.stderr
 
 
