@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.poses import rotation_matrices
 
 Shape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "mesh", "heights"]
 
@@ -76,7 +77,7 @@ class Part:
 
     @property
     def R_world_part(self) -> NDArray[np.float64]:
-        """(3, 3)."""
+        """Rotation from the part's axes to the world's, (3, 3)."""
         return rotation_of(self.quaternion)
 
     @property
@@ -136,15 +137,10 @@ def vector(values: ArrayLike) -> Vector3:
 
 
 def rotation_of(quaternion: Quaternion) -> NDArray[np.float64]:  # (3, 3)
-    """Rotation matrix of a quaternion w x y z, which need not have unit length."""
-    w, x, y, z = np.array(quaternion) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+    """Return the rotation of a quaternion w x y z, which need not have unit length."""
+    unit = np.array(quaternion) / np.linalg.norm(quaternion)
+    rotation: NDArray[np.float64] = rotation_matrices(unit[None])[0]
+    return rotation
 
 
 def quaternion_of(R: NDArray[np.float64]) -> Quaternion:

@@ -14,7 +14,6 @@ from wayproof.models.robots.custom.spec_file import SpecFile
 from wayproof.models.robots.custom.writing import farthest, mesh_points
 from wayproof.models.robots.robot import Controller, Setpoint
 from wayproof.models.sensors.caster import ROBOT_GROUP
-from wayproof.models.sensors.devices import Rangefinder
 
 
 def kept_mjcf(source: Source, spec: SpecFile) -> str:
@@ -40,7 +39,7 @@ def kept_mjcf(source: Source, spec: SpecFile) -> str:
     _keep_only(tree, source)
     base = tree.body(spec.base)
     for sensor, mount in zip(spec.sensors, spec.mounts(), strict=True):
-        if isinstance(mount.device, Rangefinder):
+        if mount.device.by_mujoco:
             base.add_site(name=sensor.name, pos=sensor.position, quat=[0.0, 1.0, 0.0, 0.0])
             tree.add_sensor(
                 name=sensor.name, type=mujoco.mjtSensor.mjSENS_RANGEFINDER,

@@ -11,7 +11,6 @@ from wayproof.models.arrays import Array
 from wayproof.models.robots.custom.source import RobotSpecError, Source
 from wayproof.models.robots.custom.spec_file import SpecFile
 from wayproof.models.sensors.caster import ROBOT_GROUP
-from wayproof.models.sensors.devices import Rangefinder
 
 Geoms = mujoco.mjtGeom
 
@@ -142,14 +141,14 @@ def sensor_sites(spec: SpecFile, origin: Array) -> str:
     """Write the sites of the sensors on the base."""
     sites = ""
     for sensor, mount in zip(spec.sensors, spec.mounts(), strict=True):
-        down = ' zaxis="0 0 -1"' if isinstance(mount.device, Rangefinder) else ""
+        down = ' zaxis="0 0 -1"' if mount.device.by_mujoco else ""
         sites += f'<site name="{sensor.name}" pos="{numbers(sensor.position - origin)}"{down}/>'
     return sites
 
 
 def rangefinders(spec: SpecFile) -> str:
     """MuJoCo's own sensors behind the mounts that are read off them."""
-    named = [mount.name for mount in spec.mounts() if isinstance(mount.device, Rangefinder)]
+    named = [mount.name for mount in spec.mounts() if mount.device.by_mujoco]
     return "".join(f'<rangefinder name="{name}" site="{name}"/>' for name in named)
 
 

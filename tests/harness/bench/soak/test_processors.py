@@ -26,7 +26,7 @@ from wayproof.harness.replay.scope import Scope
 from wayproof.harness.stack.decision import Difference
 from wayproof.maps import MAPS
 from wayproof.models.robots import ROBOTS
-from wayproof.models.sensors.devices import DEVICES, Rangefinder
+from wayproof.models.sensors.devices import DEVICES
 from wayproof.planners import PLANNERS
 
 ALL = {one.name: one for one in emulations(Path(os.devnull), compiled=False)}
@@ -139,7 +139,7 @@ def test_kinds_take_everything_in_turn_with_both_robots():
     everywhere = {*product(MAPS, ROBOTS)} - {*product(FLAT, {*ROBOTS} - {"quadruped"})}
     assert {(one.map.kind, one.robot) for one in mapped} == everywhere
     sensed = [KINDS["device"](turn, rng) for turn in range(2 * len(DEVICES))]
-    mounted = {name for name in DEVICES if not isinstance(DEVICES[name], Rangefinder)}
+    mounted = {name for name in DEVICES if not DEVICES[name].by_mujoco}
     assert {(one.sensors.lidar, one.robot) for one in sensed} == set(product(mounted, ROBOTS))
 
 
