@@ -20,6 +20,15 @@ from wayproof.kernel_cache import use_kernel_cache
 if TYPE_CHECKING:
     from wayproof.harness.config import Config, override
     from wayproof.harness.errors import InputError
+    from wayproof.harness.interface.types import (
+        Command,
+        Observation,
+        Samples,
+        Stack,
+        Task,
+        Velocity,
+        Waypoints,
+    )
     from wayproof.harness.log.reader import Log, open_log
     from wayproof.harness.result import Result
     from wayproof.harness.runner import run_episode
@@ -35,6 +44,13 @@ WHERE = {
     "Config": "wayproof.harness.config",
     "override": "wayproof.harness.config",
     "InputError": "wayproof.harness.errors",
+    "Command": "wayproof.harness.interface.types",
+    "Observation": "wayproof.harness.interface.types",
+    "Samples": "wayproof.harness.interface.types",
+    "Stack": "wayproof.harness.interface.types",
+    "Task": "wayproof.harness.interface.types",
+    "Velocity": "wayproof.harness.interface.types",
+    "Waypoints": "wayproof.harness.interface.types",
     "Log": "wayproof.harness.log.reader",
     "open_log": "wayproof.harness.log.reader",
     "Result": "wayproof.harness.result",
@@ -47,12 +63,19 @@ WHERE = {
 """Public name -> the module that holds it."""
 
 __all__ = [
+    "Command",
     "Config",
     "InputError",
     "Log",
     "Navigator",
+    "Observation",
     "Result",
+    "Samples",
     "Scenario",
+    "Stack",
+    "Task",
+    "Velocity",
+    "Waypoints",
     "build",
     "build_navigator",
     "open_log",
