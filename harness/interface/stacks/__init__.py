@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from wayproof.harness.interface.stacks.blind import Blind
+from wayproof.harness.interface.stacks.dwa import Dwa
 from wayproof.harness.interface.stacks.gap import Gap
 from wayproof.harness.interface.types import Stack
 
 STACKS: dict[str, Callable[[], Stack]] = {
     "blind": Blind,
     "gap": Gap,
+    "dwa": Dwa,
 }
 """Reference stacks by name; `builtin` is the stack of `harness/stack`."""
