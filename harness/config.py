@@ -204,7 +204,7 @@ NAMED: dict[str, Iterable[str]] = {
 NUMBERS = ("int", "float")
 """Types of settings that are numbers; a switch is none."""
 
-CODE = ("planner.name",)
+CODE = ("planner.name", "stack.name")
 """Settings that may name code of the user's own."""
 
 HASH_SEPARATOR = "@"

@@ -50,6 +50,8 @@ class Trace:
         latencies: (n,) wall time of a decision's stages together, ms.
         missed: (n,) whether it was past its deadline.
         start_distance: Distance of the start from the goal, measured as `goal_distance` is, m.
+        verdicts: (n,) the referee's, on the commands of a stack on trial; none of the built-in one.
+        cuts: (n,) whether the guard braked in the stack's place; none likewise.
     """
 
     outcome: str
@@ -65,6 +67,8 @@ class Trace:
     latencies: Array
     missed: NDArray[np.bool_]
     start_distance: float
+    verdicts: tuple[str, ...] | None = None
+    cuts: NDArray[np.bool_] | None = None
 
     @property
     def success(self) -> bool:
@@ -95,6 +99,7 @@ def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Tru
     result = {**known, **log.result}
     route = result.get("route_length_m")
     axes = log.mission.axes
+    judged = bool(decisions) and all(one.HasField("verdict") for one in decisions)
     return Trace(
         outcome=result["outcome"],
         duration=float(result["sim_time_s"]),
@@ -109,6 +114,8 @@ def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Tru
         latencies=np.array([s.sense_ms + s.map_ms + s.costmap_ms + s.plan_ms for s in stages]),
         missed=np.array([decision.deadline_missed for decision in decisions], bool),
         start_distance=math.dist(log.mission.start[:axes], log.mission.goal[:axes]),
+        verdicts=tuple(one.verdict.verdict for one in decisions) if judged else None,
+        cuts=np.array([one.verdict.cut for one in decisions], bool) if judged else None,
     )
 
 
@@ -261,6 +268,21 @@ def deadline_misses(trace: Trace) -> float:
     return float(trace.missed.sum())
 
 
+def not_admitted(trace: Trace) -> float | None:
+    """n_unproven / n: share of decisions whose command the referee found blocked or unknown.
+
+    For stacks on trial alone: no referee judges the built-in one.
+    """
+    if not trace.verdicts:
+        return None
+    return sum(verdict != "admitted" for verdict in trace.verdicts) / len(trace.verdicts)
+
+
+def guard_cuts(trace: Trace) -> float | None:
+    """Decisions at which the guard braked in the stack's place; 0 without `stack.guard`."""
+    return None if trace.cuts is None else float(trace.cuts.sum())
+
+
 @dataclass(frozen=True)
 class Metric:
     """A figure of an episode.
@@ -299,6 +321,8 @@ METRICS: dict[str, Metric] = {
     "latency_p99": Metric(latency_p99, "ms", False, MEASURE),
     "latency_max": Metric(latency_max, "ms", False, MEASURE),
     "deadline_misses": Metric(deadline_misses, "", False, COUNT),
+    "not_admitted": Metric(not_admitted, "", False, SHARE),
+    "guard_cuts": Metric(guard_cuts, "", False, COUNT),
 }
 
 

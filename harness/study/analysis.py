@@ -92,12 +92,12 @@ class Sample:
     compared: bool
 
 
-def samples_of(rows: Sequence[Row], first_variant: str) -> list[Sample]:
+def samples_of(rows: Sequence[Row], first_variant: str, first_stack: str = "") -> list[Sample]:
     """Return the samples of a study in the order of their first rows, paired with references."""
     by_arm = group(rows)
     samples = []
     for arm, own in by_arm.items():
-        reference = reference_of(arm, first_variant)
+        reference = reference_of(arm, first_variant, first_stack)
         pairs = pair(own, by_arm.get(reference, [])) if reference else []
         samples.append(Sample(arm, own, pairs, reference is not None))
     return samples

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.study.analysis import samples_between, summarise
-from wayproof.harness.study.file import Planned, plan_episodes, read_gate
+from wayproof.harness.study.file import Arm, Planned, plan_episodes, read_gate
 from wayproof.harness.study.gates import judge
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
@@ -19,7 +20,8 @@ def compare(
 ) -> StudyResult:
     """Compare the episodes of the second folder with those of the first.
 
-    Episodes of either folder without a partner in the other count as missing.
+    Episodes of either folder without a partner in the other count as missing. Where each folder has
+    one stack that the other lacks, these are two builds of one stack, and are compared.
 
     Raises:
         InputError: A folder is not one of a study, a gate is malformed, or no episode is shared.
@@ -27,6 +29,9 @@ def compare(
     judged = [read_gate(text) for text in gates]
     planned, rows, foreign = _read(after, allow_plugins)
     planned_before, rows_before, foreign_before = _read(before, allow_plugins)
+    renamed = _renamed(planned_before, planned)
+    planned_before = [replace(one, arm=_in_terms_of(renamed, one.arm)) for one in planned_before]
+    rows_before = [replace(one, arm=_in_terms_of(renamed, one.arm)) for one in rows_before]
     samples = samples_between(rows_before, rows)
     if not any(sample.pairs for sample in samples):
         raise InputError(f"'{before}' and '{after}' have no arm and seed in common")
@@ -44,6 +49,18 @@ def compare(
         gates=judge(samples, judged, limit),
         foreign=(*foreign_before, *foreign),
     )
+
+
+def _renamed(before: Sequence[Planned], after: Sequence[Planned]) -> dict[str, str]:
+    """Return the stack that only the first study has -> the one that only the second has."""
+    first, second = ({one.arm.stack for one in planned} for planned in (before, after))
+    old, new = sorted(first - second), sorted(second - first)
+    return dict(zip(old, new, strict=True)) if len(old) == len(new) == 1 else {}
+
+
+def _in_terms_of(renamed: Mapping[str, str], arm: Arm) -> Arm:
+    """Return an arm with the new name of its stack."""
+    return replace(arm, stack=renamed.get(arm.stack, arm.stack))
 
 
 def _read(folder: Path, allow_plugins: bool) -> tuple[list[Planned], list[Row], tuple[str, ...]]:

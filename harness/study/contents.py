@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from wayproof.harness.config import PLUGIN, Config
+from wayproof.harness.interface.connect import EXEC, SOCKETS
 from wayproof.harness.scenario.robots import ENDING as ROBOT_FILE
 from wayproof.harness.scenario.robots import find_robot
 from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
@@ -18,15 +19,16 @@ Contents = dict[str, str]
 
 
 def named_by(config: Config) -> tuple[str, ...]:
-    """Return the names in a config that may be files: world, robot and planner."""
-    return config.world, config.robot, config.planner.name
+    """Return the names in a config that may be files: world, robot, planner and stack."""
+    return config.world, config.robot, config.planner.name, config.stack.name
 
 
 def contents_of(names: Iterable[str]) -> Contents:
-    """Return the identities of the files among names of worlds, robots and planners.
+    """Return the identities of the files among names of worlds, robots, planners and stacks.
 
     The hash of a robot covers its spec, its MJCF with meshes, and the file of its controller's
-    class. The hash of a planner covers the file of its class, not its imports.
+    class. The hash of a planner or a stack covers the file of its class, not its imports; a command
+    or a socket has none.
 
     Raises:
         InputError: A file cannot be read.
@@ -35,7 +37,8 @@ def contents_of(names: Iterable[str]) -> Contents:
 
 
 def _may_be_file(name: str) -> bool:
-    return name.endswith((WORLD_FILE, ROBOT_FILE)) or PLUGIN in name
+    is_class = PLUGIN in name and not name.startswith((EXEC, *SOCKETS))
+    return is_class or name.endswith((WORLD_FILE, ROBOT_FILE))
 
 
 def _identity(name: str) -> str:

@@ -14,8 +14,10 @@ from typing import Any, Literal, get_args
 
 import msgspec
 
-from wayproof.harness.config import CODE, PLUGIN, Config, from_document, override
+from wayproof.harness.config import BUILTIN, CODE, PLUGIN, Config, from_document, override
 from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.interface.connect import is_users
+from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import AnyPerturbation, perturbation_from
 from wayproof.harness.scenario.robots import ENDING as ROBOT_FILE
@@ -52,6 +54,8 @@ class StudyFile(
         name: Name of the study and of its folder.
         worlds: Names or files of worlds.
         robots: Names of robots.
+        stacks: Navigation stacks, as `stack.name` has them; the built-in one is the reference, or
+            else the first. Empty: the one of the settings.
         seeds: Number of seeds, counted from 0, or the seeds.
         settings: `section.field` -> value, for every episode; a `perturbation` here acts on the
             unperturbed arms as well.
@@ -66,6 +70,7 @@ class StudyFile(
     worlds: list[str]
     robots: list[str]
     seeds: int | list[int]
+    stacks: list[str] = []
     settings: dict[str, Any] = {}
     axes: dict[str, list[Any]] = {}
     perturbations: dict[str, list[float]] = {}
@@ -83,6 +88,7 @@ class Arm:
         variant: Settings of the axes, `a=1 b=2`; empty without axes.
         perturbation: Name of the perturbation, or `none`.
         severity: Severity, up to 5; 0 unperturbed.
+        stack: Name of the stack; empty in a study without `stacks`.
     """
 
     world: str
@@ -90,6 +96,7 @@ class Arm:
     variant: str
     perturbation: str
     severity: float
+    stack: str = ""
 
 
 def name_of(arm: Arm) -> str:
@@ -97,7 +104,8 @@ def name_of(arm: Arm) -> str:
     perturbed = "" if arm.perturbation == CLEAN else arm.perturbation
     if arm.severity:
         perturbed += f":{arm.severity:g}"
-    return " ".join(part for part in (arm.world, arm.robot, arm.variant, perturbed) if part)
+    parts = (arm.world, arm.robot, arm.stack, arm.variant, perturbed)
+    return " ".join(part for part in parts if part)
 
 
 @dataclass(frozen=True)
@@ -203,8 +211,8 @@ def check_study(study: StudyFile) -> None:
 
 
 def arms_of(study: StudyFile) -> int:
-    """Return the number of combinations of worlds, robots, axes and perturbations."""
-    variants = math.prod(len(values) for values in study.axes.values())
+    """Return the number of combinations of worlds, robots, stacks, axes and perturbations."""
+    variants = len(stacks_of(study)) * math.prod(len(values) for values in study.axes.values())
     perturbed = 1 + sum(len(levels) for levels in study.perturbations.values())
     return len(study.worlds) * len(study.robots) * variants * perturbed
 
@@ -245,6 +253,14 @@ def _named(study: StudyFile) -> Iterator[tuple[str, Any]]:
     for key, values in study.axes.items():
         for value in values:
             yield key, value
+    for stack in study.stacks:
+        yield "stack.name", stack
+
+
+def stacks_of(study: StudyFile) -> list[str]:
+    """Return the stacks without repetition, the reference first; one empty name without stacks."""
+    named = list(dict.fromkeys(study.stacks))
+    return sorted(named, key=lambda name: name != BUILTIN) or [""]
 
 
 def seeds_of(study: StudyFile) -> list[int]:
@@ -294,18 +310,20 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
     _check_names(study)
     if contents is None:
         contents = contents_of(files_of(study))
-    variants = _variants(study)
+    stacks, variants = stacks_of(study), _variants(study)
     perturbed = [(CLEAN, 0), *_severities(study)]
-    if len(variants) * len(perturbed) == 1:
+    if len(stacks) * len(variants) * len(perturbed) == 1:
         _refuse_differences(study)
-    arms = itertools.product(study.worlds, study.robots, variants, perturbed)
+    arms = itertools.product(study.worlds, study.robots, stacks, variants, perturbed)
     configs = []
-    for world, robot, variant, (perturbation, severity) in arms:
-        settings = [*_settings(study.settings), *variant]
+    for world, robot, stack, variant, (perturbation, severity) in arms:
+        own = [f"stack.name={stack}"] if stack else []
+        settings = [*_settings(study.settings), *own, *variant]
         config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
         if perturbation != CLEAN:
             config = replace(config, perturbation=perturbation_at(perturbation, severity))
-        configs.append((Arm(world, robot, " ".join(variant), perturbation, severity), config))
+        arm = Arm(world, robot, " ".join(variant), perturbation, severity, stack)
+        configs.append((arm, config))
     return [
         planned_for(arm, replace(config, seed=seed), contents)
         for seed in seeds_of(study)
@@ -322,6 +340,12 @@ def _check_names(study: StudyFile) -> None:
         for name in names:
             if not name.endswith(ending) and name not in registry:
                 raise unknown_name(f"{kind} of study '{study.name}'", name, registry)
+    named = [str(value) for key, value in _named(study) if key == "stack.name"]
+    for name in named:
+        if is_users(name) and PLUGIN not in name:
+            raise unknown_name(f"stack of study '{study.name}'", name, [BUILTIN, *STACKS])
+    if study.stacks and len(named) > len(study.stacks):
+        raise InputError(f"study '{study.name}': stacks and stack.name, expected one of the two")
 
 
 def _refuse_differences(study: StudyFile) -> None:
@@ -329,19 +353,14 @@ def _refuse_differences(study: StudyFile) -> None:
         if read_gate(text).statistic != "mean":
             raise InputError(
                 f"gate '{text}': a difference needs pairs, and study '{study.name}' has none: "
-                "expected [perturbations], an axis of at least two values, or METRIC.mean"
+                "expected [perturbations], two stacks, an axis of at least two values, or "
+                "METRIC.mean"
             )
 
 
 def files_of(study: StudyFile) -> list[str]:
-    """Return the names of worlds, robots and planners, which may be files."""
-    return [*study.worlds, *study.robots, *planners_of(study)]
-
-
-def planners_of(study: StudyFile) -> list[str]:
-    """Return the names of planners in settings and axes."""
-    named = [study.settings.get("planner.name", ""), *study.axes.get("planner.name", [])]
-    return [str(name) for name in named]
+    """Return the names of worlds, robots, planners and stacks, which may be files."""
+    return [*study.worlds, *study.robots, *(str(one) for key, one in _named(study) if key in CODE)]
 
 
 def planned_for(arm: Arm, config: Config, contents: Contents) -> Planned:

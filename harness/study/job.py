@@ -47,8 +47,8 @@ def episode_key(config: Config, contents: Mapping[str, str]) -> str:
         config: Resolved config.
         contents: Identities of the files that it names (`contents_of`), used instead of paths.
     """
-    world, robot, planner = (contents.get(name, name) for name in named_by(config))
-    named = replace(config, world=world, robot=robot)
+    world, robot, planner, stack = (contents.get(name, name) for name in named_by(config))
+    named = replace(config, world=world, robot=robot, stack=replace(config.stack, name=stack))
     return key_of(named, planner, installed_version("wayproof"))
 
 
@@ -56,7 +56,7 @@ def key_of(config: Config, planner: str, version: str) -> str:
     """Return the content address of an episode.
 
     Args:
-        config: Resolved config, with name and hash of a world or robot that is a file.
+        config: Resolved config, with name and hash of a world, robot or stack that is a file.
         planner: Name of the planner, with the hash of its file if it has one.
         version: Version of Wayproof.
     """
@@ -76,7 +76,7 @@ def run_job(job: Job) -> Done:
     try:
         config = from_json(job.config, allow_plugins=True)
         if episode_key(config, contents_of(named_by(config))) != job.key:
-            return Done(job.key, "a file of its world, robot or planner was changed since the plan")
+            return Done(job.key, "a file that its config names was changed since the plan")
         run_episode(build(config), job.log)
     except InputError as error:
         return Done(job.key, str(error))

@@ -1,8 +1,8 @@
 """Check that a log is that of a planned episode, whatever the name of its file.
 
 A run fills in what its config leaves open: start, goal and sensors. These are derived again from
-the world and the robot. The rest of the config, the hashes of the files of world, robot and planner
-and the version of Wayproof must give the key of the episode.
+the world and the robot. The rest of the config, the hashes of the files of world, robot, planner
+and stack, and the version of Wayproof must give the key of the episode.
 """
 
 from __future__ import annotations
@@ -85,13 +85,19 @@ def mismatch(log: Log, planned: Planned) -> str:
 
 def _key_of(config: Config, log: Log) -> str:
     """Return the key, with the hashes of classes that the log holds beside its config."""
-    name, robot = config.planner.name, config.robot
-    planner = class_identity(name, log.plugins[name]) if name in log.plugins else name
+    robot = config.robot
+    planner, stack = (_identity(name, log) for name in (config.planner.name, config.stack.name))
     if log.config.robot_file:
         controller = parse_spec(log.config.robot_file).controller
         if controller in log.plugins:
             robot = f"{robot} {class_identity(controller, log.plugins[controller])}"
-    return key_of(replace(config, robot=robot), planner, log.run.get("wayproof", ""))
+    named = replace(config, robot=robot, stack=replace(config.stack, name=stack))
+    return key_of(named, planner, log.run.get("wayproof", ""))
+
+
+def _identity(name: str, log: Log) -> str:
+    """Return the name of a planner or a stack, with the hash of its file if the log has one."""
+    return class_identity(name, log.plugins[name]) if name in log.plugins else name
 
 
 def _sensors(log: Log, expected: Config) -> object:

@@ -138,15 +138,19 @@ def _hashes(message: pb.Streams, names: Sequence[str]) -> bytes:
     return b"".join(bytes.fromhex(hashes.get(name, "00" * SHORT))[:SHORT] for name in names)
 
 
-def reference_of(arm: Arm, first_variant: str) -> Arm | None:
-    """Return the reference of an arm: unperturbed, or of the first variant; None for that itself.
+def reference_of(arm: Arm, first_variant: str, first_stack: str = "") -> Arm | None:
+    """Return the reference of an arm: unperturbed, of the first stack, or of the first variant.
+
+    It is None for the arm that is the reference of the others.
 
     An episode and its twin share world, robot and seed.
     """
     if arm.perturbation != CLEAN:
-        return Arm(arm.world, arm.robot, arm.variant, CLEAN, 0)
+        return replace(arm, perturbation=CLEAN, severity=0)
+    if arm.stack != first_stack:
+        return replace(arm, stack=first_stack)
     if arm.variant != first_variant:
-        return Arm(arm.world, arm.robot, first_variant, CLEAN, 0)
+        return replace(arm, variant=first_variant)
     return None
 
 
@@ -199,12 +203,12 @@ def _by_stream(row: Row, hashes: bytes) -> dict[str, bytes]:
     return {name: hashes[at : at + SHORT] for name, at in zip(row.streams, parts, strict=True)}
 
 
-def write_table(rows: Sequence[Row], first_variant: str, path: Path) -> None:
+def write_table(rows: Sequence[Row], first_variant: str, path: Path, first_stack: str = "") -> None:
     """Write the table as Parquet, atomically, with the comparison of each row with its twin."""
     by_arm = {(row.arm, row.seed): row for row in rows}
     flat = []
     for row in rows:
-        reference = reference_of(row.arm, first_variant)
+        reference = reference_of(row.arm, first_variant, first_stack)
         twin = by_arm.get((reference, row.seed)) if reference else None
         flat.append({**_flat(row), **_paired(row, twin)})
     draft = path.with_suffix(".partial")

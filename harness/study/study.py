@@ -161,7 +161,8 @@ def conclude(
 ) -> StudyResult:
     """Summarise the rows and judge the gates; a log of another episode counts as missing."""
     limit = max(one.config.episode.time_limit for one in planned)
-    samples = samples_of(rows, planned[0].arm.variant)
+    first = planned[0].arm
+    samples = samples_of(rows, first.variant, first.stack)
     errors = [row for row in rows if not row.ran]
     return StudyResult(
         name=study.name,
@@ -233,6 +234,7 @@ def run_study(
         if check is not None:
             check()
         rows, foreign = read_own_rows(planned, store, allow_plugins=True)  # the study was let in
-        write_table(rows, planned[0].arm.variant, store.folder / "table.parquet")
+        first = planned[0].arm
+        write_table(rows, first.variant, store.folder / "table.parquet", first.stack)
         store.keep_study(study, contents_of(files_of(study)))
     return conclude(study, planned, rows, foreign)

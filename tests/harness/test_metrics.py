@@ -36,6 +36,8 @@ def trace(**changes: object) -> Trace:
         latencies=np.array([10.0, 20.0, 30.0, 40.0]),
         missed=np.array([False, True, False, False]),
         start_distance=2.0,
+        verdicts=("admitted", "unknown", "blocked", "admitted"),
+        cuts=np.array([False, False, True, False]),
     )
     return dataclasses.replace(made, **changes)  # type: ignore[arg-type]
 
@@ -61,8 +63,18 @@ def test_every_metric_by_hand() -> None:
             "latency_p99": 39.7,
             "latency_max": 40.0,
             "deadline_misses": 1.0,
+            "not_admitted": 0.5,
+            "guard_cuts": 1.0,
         }
     )
+
+
+def test_no_referee_judges_the_built_in_stack() -> None:
+    scores = score(trace(verdicts=None, cuts=None))
+    assert scores["not_admitted"] is scores["guard_cuts"] is None
+    admitted = score(trace(verdicts=("admitted",) * 4, cuts=np.zeros(4, bool)))
+    assert admitted["not_admitted"] == admitted["guard_cuts"] == 0.0
+    assert METRICS["not_admitted"].function(trace(verdicts=("unknown",) * 3)) == 1.0
 
 
 def test_a_stop_that_is_open_at_the_end_counts() -> None:

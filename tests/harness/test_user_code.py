@@ -395,7 +395,7 @@ def test_a_planner_s_changed_file_makes_other_episodes_of_a_study(tmp_path):
     def planned(path, text):
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
-        study = StudyFile("s", ["empty"], ["drone"], 1, {"planner.name": f"{path}:Good"})
+        study = StudyFile("s", ["empty"], ["drone"], 1, settings={"planner.name": f"{path}:Good"})
         return plan_episodes(study)[0]
 
     first = planned(tmp_path / "mine.py", PLANNERS)
@@ -403,7 +403,7 @@ def test_a_planner_s_changed_file_makes_other_episodes_of_a_study(tmp_path):
     changed = planned(tmp_path / "mine.py", f"{PLANNERS}\n# other words\n")
     assert changed.key != first.key
     done = run_job(Job(first.key, to_json(first.config), tmp_path / "a.mcap"))
-    assert done.error == "a file of its world, robot or planner was changed since the plan"
+    assert done.error == "a file that its config names was changed since the plan"
     assert not (tmp_path / "a.mcap").exists()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import jinja2
@@ -17,6 +17,7 @@ from wayproof.harness.study.file import CLEAN, Arm, name_of, plan_episodes
 from wayproof.harness.study.gates import gate_advice, interval_in_words
 from wayproof.harness.study.report.plots import borne, dose_response, track
 from wayproof.harness.study.rows import Row
+from wayproof.harness.study.stack_table import stack_table
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import StudyResult, conclude, read_own_rows, verdict_in_words
 from wayproof.harness.study.threshold import Thresholds, read_thresholds, thresholds_in_words
@@ -30,6 +31,8 @@ SHOWN_METRICS = (
     "collisions",
     "least_clearance",
     "time_stopped",
+    "not_admitted",
+    "guard_cuts",
     "jerk",
     "latency_p50",
     "latency_p99",
@@ -74,7 +77,8 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
     planned = plan_episodes(study, store.read_contents())
     rows, foreign = read_own_rows(planned, store, allow_plugins)
     result = conclude(study, planned, rows, foreign)
-    samples = samples_of(rows, planned[0].arm.variant)
+    first = planned[0].arm
+    samples = samples_of(rows, first.variant, first.stack)
     page = _template().render(
         result=result,
         verdict=verdict_in_words(result),
@@ -82,6 +86,7 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
         advice=gate_advice,
         name_of=name_of,
         metrics={name: METRICS[name] for name in SHOWN_METRICS},
+        stacks=stack_table(samples, max(one.config.episode.time_limit for one in planned)),
         doses=_doses(result.arms),
         borne=_borne(read_thresholds(study, store)),
         causes=sorted({cause for one in result.arms for cause in one.causes}),
@@ -110,23 +115,20 @@ def _number(value: float | None, digits: int = 2) -> str:
 
 
 def _doses(arms: Sequence[ArmSummary]) -> list[Dose]:
-    """Return a plot for each world, robot, variant and perturbation, from severity 0 on."""
+    """Return a plot for each world, robot, stack, variant and perturbation, from severity 0 on."""
     clean = {one.arm: one for one in arms if one.arm.perturbation == CLEAN}
-    families: dict[tuple[str, str, str, str], list[ArmSummary]] = {}
+    families: dict[Arm, list[ArmSummary]] = {}
     for one in arms:
-        arm = one.arm
-        if arm.perturbation != CLEAN:
-            key = (arm.world, arm.robot, arm.variant, arm.perturbation)
-            families.setdefault(key, []).append(one)
+        if one.arm.perturbation != CLEAN:
+            families.setdefault(replace(one.arm, severity=0), []).append(one)
     doses = []
-    for (world, robot, variant, perturbation), members in families.items():
-        twin = clean.get(Arm(world, robot, variant, CLEAN, 0))
+    for arm, members in families.items():
+        twin = clean.get(replace(arm, perturbation=CLEAN))
         shown = sorted([*([twin] if twin else []), *members], key=lambda one: one.arm.severity)
         picture = dose_response(
             [one.arm.severity for one in shown], [one.success for one in shown], "success"
         )
-        title = " ".join(part for part in (world, robot, variant, perturbation) if part)
-        doses.append(Dose(title, picture))
+        doses.append(Dose(name_of(arm), picture))
     return doses
 
 

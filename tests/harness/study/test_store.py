@@ -75,6 +75,8 @@ SPEC = (Path(custom.__file__).parent / "examples" / "spot.toml").read_text()
 CODE = {
     "set": 'seeds = 1\n[set]\n"planner.name" = "planted:Planner"\n',
     "axis": 'seeds = 1\n[axes]\n"planner.name" = ["astar", "planted:Planner"]\n',
+    "stack": 'seeds = 1\nstacks = ["builtin", "planted:Stack"]\n',
+    "stack setting": 'seeds = 1\n[set]\n"stack.name" = "exec:touch ran"\n',
     "robot": "seeds = 1\n",
     "text": 'seeds = 1\n[set]\n"robot_file" = "controller = \'planted:Controller\'"\n',
 }

@@ -1,0 +1,219 @@
+"""Stacks as an axis of a study: planned, identified, paired, tabulated and compared."""
+
+import functools
+import json
+
+import pyarrow.parquet as pq
+import pytest
+
+from wayproof.harness.cli.main import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.metrics import METRICS
+from wayproof.harness.study.analysis import samples_of
+from wayproof.harness.study.compare import compare
+from wayproof.harness.study.file import Arm, plan_episodes, read_study
+from wayproof.harness.study.processes import run_in_processes
+from wayproof.harness.study.rows import Row, reference_of
+from wayproof.harness.study.stack_table import stack_table
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import run_study
+from wayproof.harness.worker_pool import Bounds
+
+STUDY = """
+name = "stacks"
+worlds = ["empty"]
+robots = ["drone"]
+stacks = [{stacks}]
+seeds = [1, 2]
+[set]
+"episode.time_limit" = {limit}
+"map.resolution" = 0.2
+"""
+
+STACK = """
+from wayproof.harness.interface.types import Command, Waypoints
+
+
+class Mine:
+    def start(self, task):
+        self.goal = task.mission.goal
+
+    def step(self, observation):
+        return Command(Waypoints([self.goal], {speed}))
+
+    def close(self):
+        pass
+"""
+
+
+def planned(folder, *stacks, limit=1, more=""):
+    path = folder / "study.toml"
+    names = ", ".join(json.dumps(one) for one in stacks)
+    path.write_text(STUDY.format(stacks=names, limit=limit) + more)
+    study = read_study(str(path), allow_plugins=True)
+    return study, plan_episodes(study)
+
+
+def ran(folder, *stacks, limit=1, more=""):
+    """Run a study and return its folder."""
+    study, episodes = planned(folder, *stacks, limit=limit, more=more)
+    store = Store(folder / "out")
+    engine = functools.partial(run_in_processes, workers=1, bounds=Bounds())
+    result = run_study(study, episodes, store, engine, lambda done: None)
+    assert (result.missing, result.errors) == (0, 0)
+    return store.folder
+
+
+def built(folder, speed):
+    """Write a build of a stack, and return its name."""
+    folder.mkdir(exist_ok=True)
+    (folder / "mine.py").write_text(STACK.format(speed=speed))
+    return f"{folder / 'mine.py'}:Mine"
+
+
+def test_stacks_are_arms_with_the_built_in_one_first(tmp_path):
+    command = "exec:./my stack --quiet"
+    _, episodes = planned(tmp_path, "gap", command, "builtin", "gap")
+    assert [one.arm.stack for one in episodes[:3]] == ["builtin", "gap", command]
+    assert len(episodes) == 3 * 2
+    assert all(one.config.stack.name == one.arm.stack for one in episodes)
+    assert all(one.arm.variant == "" for one in episodes)
+    assert len({one.key for one in episodes}) == len(episodes)
+
+
+def test_the_built_in_stack_has_the_key_of_a_study_without_stacks(tmp_path):
+    _, episodes = planned(tmp_path, "builtin", "gap")
+    _, plain = planned(tmp_path)
+    assert [one.arm.stack for one in plain] == ["", ""]
+    assert {one.key for one in plain} < {one.key for one in episodes}
+
+
+def test_a_stack_of_ones_own_counts_by_the_content_of_its_file(tmp_path):
+    def keys(folder, speed):
+        return [one.key for one in planned(tmp_path, built(tmp_path / folder, speed))[1]]
+
+    first = keys("a", 0.5)
+    assert keys("elsewhere", 0.5) == first
+    assert not set(keys("a", 0.6)) & set(first)
+
+
+@pytest.mark.parametrize(
+    ("stacks", "more", "message"),
+    [
+        (["gpa"], "", "unknown stack of study 'stacks' 'gpa'; did you mean 'gap'?"),
+        (["no/file.py:Mine"], "[axes]\n'stack.name' = ['gap']", "stacks and stack.name, expected"),
+    ],
+)
+def test_a_wrong_stack_is_one_line_before_anything_runs(tmp_path, stacks, more, message):
+    with pytest.raises(InputError) as caught:
+        planned(tmp_path, *stacks, more=more)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_one_stack_alone_has_no_pairs_for_a_difference(tmp_path):
+    gate = "\n[bounds]\nwall_s = 60\n"
+    path = tmp_path / "study.toml"
+    text = STUDY.format(stacks='"gap"', limit=1).replace(
+        "seeds", 'gates = ["success.drop <= 0"]\nseeds'
+    )
+    path.write_text(text + gate)
+    with pytest.raises(InputError, match="two stacks"):
+        plan_episodes(read_study(str(path)))
+    path.write_text(text.replace('"gap"', '"gap", "dwa"') + gate)
+    assert len(plan_episodes(read_study(str(path)))) == 4
+
+
+def test_references_of_stacks():
+    def arm(stack, variant="", perturbation="none", severity=0):
+        return Arm("empty", "drone", variant, perturbation, severity, stack)
+
+    def reference(one):
+        return reference_of(one, "a=1", "builtin")
+
+    assert reference(arm("builtin", "a=1")) is None
+    assert reference(arm("gap", "a=1")) == arm("builtin", "a=1")
+    assert reference(arm("gap", "a=2")) == arm("builtin", "a=2")
+    assert reference(arm("builtin", "a=2")) == arm("builtin", "a=1")
+    assert reference(arm("gap", "a=2", "motion", 3)) == arm("gap", "a=2")
+
+
+def test_the_table_of_stacks_by_hand():
+    def row(stack, seed, outcome, **metrics):
+        every = {**dict.fromkeys(METRICS), "success": float(outcome == "success"), **metrics}
+        arm = Arm("office", "drone", "", "none", 0, stack)
+        return Row(f"{stack}{seed}", arm, seed, outcome, "", "", "c", 20.0, every, ())
+
+    rows = [
+        row("builtin", 1, "success", collisions=0.0),
+        row("builtin", 2, "success", collisions=0.0),
+    ]
+    rows += [
+        row("gap", 1, "success", collisions=0.0, not_admitted=0.2, guard_cuts=0.0),
+        row("gap", 2, "collision", collisions=1.0, not_admitted=0.6, guard_cuts=4.0),
+    ]
+    builtin, gap = stack_table(samples_of(rows, "", "builtin"), 60.0)
+    assert (builtin.conditions, builtin.stack) == ("office drone", "builtin")
+    assert builtin.not_admitted is builtin.guard_cuts is None
+    assert builtin.success.estimate == 1.0
+    assert (gap.stack, gap.episodes) == ("gap", 2)
+    assert gap.success.estimate == 0.5
+    assert gap.collisions.estimate == 0.5
+    assert gap.time.estimate == pytest.approx((20.0 + 60.0) / 2)  # a failure counts the limit
+    assert gap.time.high <= 60.0
+    assert gap.not_admitted.estimate == pytest.approx(0.4)
+    assert 0.0 <= gap.not_admitted.low < 0.4 < gap.not_admitted.high <= 1.0
+    assert gap.guard_cuts.estimate == 2.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A study of the built-in stack, a reference stack and one of the user's own."""
+    folder = tmp_path_factory.mktemp("stacks")
+    return ran(folder, "builtin", "blind", built(folder, 0.5), limit=2)
+
+
+def test_stacks_run_and_the_report_tabulates_them(folder, capsys):
+    assert main(["report", str(folder), "--json"]) == 2  # it names code
+    assert "expected --allow-plugins" in capsys.readouterr().err
+    assert main(["report", str(folder), "--allow-plugins", "--json"]) == 0
+    arms = {one["arm"]["stack"]: one for one in json.loads(capsys.readouterr().out)["arms"]}
+    assert arms["builtin"]["against"] is None
+    assert arms["builtin"]["metrics"]["not_admitted"] is None
+    assert arms["blind"]["against"]["pairs"] == 2
+    assert 0.0 <= arms["blind"]["metrics"]["not_admitted"] <= 1.0
+    assert arms["blind"]["metrics"]["guard_cuts"] == 0.0
+    page = (folder / "report.html").read_text()
+    section = page[page.index("<h2>Stacks</h2>") :]
+    assert section.index("builtin") < section.index("blind") < section.index("mine.py:Mine")
+    table = pq.read_table(folder / "table.parquet")
+    assert len(set(table["stack"].to_pylist())) == 3
+    assert "not_admitted" in table.column_names
+
+
+def test_a_build_of_a_stack_is_gated_against_the_one_before(tmp_path, capsys):
+    """A build that is slower than the time limit allows, from another file of the same name."""
+    gate = ["success.drop <= 0.9", "success.mean >= 0.2"]
+    folders = []
+    for name, speed in (("before", 2.0), ("after", 0.1)):
+        place = tmp_path / name
+        place.mkdir()
+        folders.append(ran(place, built(place, speed), limit=15))
+    result = compare(*folders, gate, allow_plugins=True)
+    [arm] = result.arms
+    assert arm.arm.stack.endswith("after/mine.py:Mine")
+    assert (arm.against.pairs, arm.against.lost) == (2, (1, 2))
+    assert arm.against.drop.estimate == 1.0
+    assert result.missing == 0
+    same = compare(folders[0], folders[0], gate, allow_plugins=True)
+    assert same.arms[0].against.changed == 0
+    command = ["compare", *map(str, folders), "--allow-plugins", "--gate", "success.mean >= 0.99"]
+    assert main(command) == 1
+    assert "lost 2, won 0" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_packaged_study_of_stacks():
+    study = read_study("stacks")
+    episodes = plan_episodes(study)
+    assert {one.arm.stack for one in episodes} == {"builtin", "blind", "gap", "dwa"}
+    assert len(episodes) == 4 * 4 * 2 * study.seeds
