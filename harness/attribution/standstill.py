@@ -254,16 +254,16 @@ def _too_slow(facts: StandstillFacts) -> str:
     return (
         f"the shortest way takes {truth.shortest_s:.1f} s at full speed, the limit was "
         f"{facts.limit_s:.1f} s, and {facts.map.passable:.0%} of the maps at the end had a way; "
-        f"{truth.left_m:.1f} m were left, {facts.without_path:.0%} of all searches found no path; "
-        f"{_last_search(facts)}"
+        f"{truth.left_m:.1f} m were left, {facts.without_path:.0%} of all searches found no path, "
+        f"and {_last_search(facts, 'one')}"
     )
 
 
-def _last_search(facts: StandstillFacts) -> str:
+def _last_search(facts: StandstillFacts, search: str = "search") -> str:
     """Effort of the last search in words; a stack on trial logs none."""
     if not facts.iterations:
         return "no search is in the log"
-    return f"the last search spent {facts.iterations} iterations"
+    return f"the last {search} spent {facts.iterations} iterations"
 
 
 def unexplained(facts: StandstillFacts) -> str:
