@@ -22,6 +22,9 @@ REACH_M = 4.0
 MARGIN_M = 0.15
 """Distance kept to returns beyond the body's radius, m."""
 
+KEEP = 0.5
+"""Cost of a turn away from the last direction, as a share of one away from the goal's."""
+
 AHEAD_S = 1.5
 """Time in which the free range ahead would be driven; it sets the speed, s."""
 
@@ -30,9 +33,12 @@ class Gap:
     """Steers into the free direction nearest to the goal's."""
 
     def start(self, task: Task) -> None:
-        """Keep the goal, the limits and the size of the body."""
+        """Keep the goal, the limits and the size of the body, which goes along its axis."""
         self._task = task
-        self._width = task.mission.radius + MARGIN_M
+        mission = task.mission
+        self._length = mission.radius + MARGIN_M
+        self._width = max([radius for _, radius in mission.discs] or [mission.radius]) + MARGIN_M
+        self._course = mission.start_heading
 
     def step(self, observation: Observation) -> Command:
         """A velocity into the best gap."""
@@ -43,11 +49,15 @@ class Gap:
             return Command(Velocity(0.0))
         free = self._free_ranges(observation)
         goal_bearing = wrap_angle(math.atan2(dy, dx) - reference.heading)
-        bearings = (np.arange(BEARINGS) + 0.5) * (2.0 * math.pi / BEARINGS) - math.pi
-        off_goal = np.abs((bearings - goal_bearing + math.pi) % (2.0 * math.pi) - math.pi)
-        cost = off_goal + 4.0 * np.maximum(1.0 - free / min(REACH_M, max(away, 1.0)), 0.0)
+        bearings = (np.arange(BEARINGS, dtype=np.float64) + 0.5) * (
+            2.0 * math.pi / BEARINGS
+        ) - math.pi
+        reach = min(REACH_M, max(away, 1.0))
+        cost = _turns(bearings, goal_bearing) + 4.0 * np.maximum(1.0 - free / reach, 0.0)
+        cost += KEEP * _turns(bearings, self._course - reference.heading)
         best = int(np.argmin(cost))
         bearing, room = float(bearings[best]), float(free[best])
+        self._course = reference.heading + bearing
         yaw_rate = max(-mission.max_yaw_rate, min(mission.max_yaw_rate, 2.0 * bearing))
         up = 0.0 if mission.motion == "ground" else max(-0.5, min(0.5, dz))
         if abs(bearing) > 0.5:
@@ -80,5 +90,11 @@ class Gap:
             half = math.asin(min(1.0, self._width / max(distance, self._width)))
             spread = math.ceil(half * BEARINGS / (2.0 * math.pi))
             covered = (index + np.arange(-spread, spread + 1)) % BEARINGS
-            free[covered] = np.minimum(free[covered], max(distance - self._width, 0.0))
+            free[covered] = np.minimum(free[covered], max(distance - self._length, 0.0))
         return free
+
+
+def _turns(bearings: Array, bearing: float) -> Array:
+    """Angles (n,) between bearings (n,) and one of them, rad."""
+    turns: Array = np.abs((bearings - bearing + math.pi) % (2.0 * math.pi) - math.pi)
+    return turns
