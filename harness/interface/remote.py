@@ -265,8 +265,8 @@ class RemoteStack:
         """
         self._connection, self._who, self._wall_s = connection, who, wall_s
         self._task: Task | None = None
-        self._send(sb.ToStack(hello=hello("wayproof")))
         try:
+            self._send(sb.ToStack(hello=hello("wayproof")))
             answer = self._receive("hello", max(wall_s, STARTING_S))
         except StackError as error:
             connection.close()
