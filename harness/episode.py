@@ -11,6 +11,7 @@ from google.protobuf.message import Message
 
 from wayproof.harness.config import LatencyConfig
 from wayproof.harness.ending import Verdict
+from wayproof.harness.errors import NeverReturned
 from wayproof.harness.inputs import inputs_from_messages, serialized
 from wayproof.harness.interface.errors import StackError
 from wayproof.harness.log.writer import TRACEBACK, LogWriter
@@ -25,7 +26,7 @@ from wayproof.harness.sim.snapshot import Stateful, restore_parts
 from wayproof.harness.sim.termination import TerminationMonitor, first_contact
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.supervision import bound_memory
-from wayproof.harness.user_code import PASSED_ON, NeverReturned, Watchdog, failure_of
+from wayproof.harness.user_code import PASSED_ON, Watchdog, failure_of
 from wayproof.planners import Trajectory
 
 Observer = Callable[[pb.Decision, pb.Truth], None]

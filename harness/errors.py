@@ -53,3 +53,7 @@ def near_name(got: str, names: Iterable[str]) -> str | None:
 
 def _plain(name: str) -> str:
     return "".join(one for one in name.lower() if one.isalnum() or one in ".:")
+
+
+class NeverReturned(BaseException):
+    """A decision, or the physics after it, took more wall time than `plugins.wall_s`."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from types import FrameType
 
 from wayproof.harness.config import PLUGIN, Config
-from wayproof.harness.errors import InputError, printable
+from wayproof.harness.errors import InputError, NeverReturned, printable
 from wayproof.harness.interface.connect import runs_in_process
 from wayproof.harness.supervision import stacks_file
 from wayproof.models._plugin import UserCodeError as ControllerError
@@ -36,10 +36,6 @@ REPEAT_S = 1.0
 
 LONGEST_GRACE_S = 10.0
 """Maximum time that code outside Python, which cannot be interrupted, gets besides, s."""
-
-
-class NeverReturned(BaseException):
-    """A decision, or the physics after it, took more wall time than `plugins.wall_s`."""
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 from wayproof.harness.config import from_document
 from wayproof.harness.inputs import Inputs, Pose, SweepInput
-from wayproof.harness.interface.types import Command, Observation, Task
+from wayproof.harness.interface.motion import trajectory_of
+from wayproof.harness.interface.types import Command, Observation, Task, Velocity
 from wayproof.harness.stack.build import build_navigator
+from wayproof.harness.stack.planner_input import motion_limits
 
 
 class BuiltinStack:
@@ -16,7 +19,8 @@ class BuiltinStack:
     def start(self, task: Task) -> None:
         """Build the navigator of this mission."""
         config = from_document(json.loads(task.settings))
-        self._deadline_s = task.deadline_s
+        self._deadline_s, self._planar = task.deadline_s, task.mission.planar
+        self._limits = motion_limits(config, task.mission)
         beams = {name: sensor.beams for name, sensor in task.sensors.items()}
         self._navigator = build_navigator(config, task.mission, beams)
 
@@ -24,7 +28,7 @@ class BuiltinStack:
         """The decision of the navigator as a command."""
         navigator = self._navigator
         if observation.last is not None:
-            self._settle(observation.last.fate == "late")
+            self._settle(observation)
         pose = Pose(
             observation.position,
             observation.quaternion,
@@ -51,6 +55,22 @@ class BuiltinStack:
     def close(self) -> None:
         """Nothing to end."""
 
-    def _settle(self, late: bool) -> None:
-        """Commit the decision before, or drop it if its command was discarded."""
-        self._navigator.commit(self._decision, 2.0 * self._deadline_s if late else 0.0)
+    def _settle(self, observation: Observation) -> None:
+        """Commit the decision before, or take over what became of its command."""
+        navigator, last = self._navigator, observation.last
+        assert last is not None
+        late = last.fate == "late"
+        navigator.commit(self._decision, 2.0 * self._deadline_s if late else 0.0)
+        if last.fate == "cut":  # the body brakes to rest, from where it is commanded to be
+            reference = observation.reference
+            position = navigator.mapper.planning_point(reference.position)
+            reference = replace(reference, position=position)
+            brake = trajectory_of(
+                Velocity(0.0, duration_s=0.0),
+                (reference, reference),
+                observation.effect_ns,
+                self._limits,
+                planar=self._planar,
+            )
+            state = replace(navigator.state, trajectory=brake, global_path=None, earlier=())
+            navigator.load_state(state, navigator.chain)

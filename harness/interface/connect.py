@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Protocol
 
 from wayproof.harness.config import BUILTIN
-from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.errors import InputError, NeverReturned, unknown_name
 from wayproof.harness.interface.errors import StackError
 from wayproof.harness.interface.messages import CommandError, command_message
 from wayproof.harness.interface.remote import ChildProcess, RemoteStack, Socket
@@ -50,7 +50,7 @@ def stack_code(who: str) -> Iterator[None]:
             yield
     except UserCodeError as error:
         raised = error.__cause__
-        hung = type(raised).__name__ == "NeverReturned"
+        hung = isinstance(raised, NeverReturned)
         what = str(error).removeprefix(f"{who} ")
         raise StackError(who, what, "stack_hung" if hung else "stack_broken") from raised
 

@@ -36,6 +36,15 @@ MAX_DURATION_S = 10.0
 MAX_SAMPLES = 20_000
 """Most samples, waypoints or points of a trajectory."""
 
+MAX_LENGTH_M = 1e3
+"""Longest path, m."""
+
+MAX_TRAJECTORY_S = 600.0
+"""Longest time to the rest of a trajectory, s."""
+
+MAX_HEADING_RAD = 1e4
+"""Greatest heading, full turns included, rad."""
+
 MAX_DISTANCE_M = 1e4
 """Farthest coordinate from the origin, m."""
 
@@ -81,10 +90,17 @@ def trajectory_of(
     if isinstance(motion, Velocity):
         return _roll_out(motion, reference, effect_ns, limits, planar)
     if isinstance(motion, Waypoints):
-        return _through(motion, reference, effect_ns, limits, planar)
-    if isinstance(motion, Samples):
-        return _sampled(motion, references, effect_ns, planar)
-    return _checked(motion, references, effect_ns, planar)
+        trajectory = _through(motion, reference, effect_ns, limits, planar)
+    elif isinstance(motion, Samples):
+        trajectory = _sampled(motion, references, effect_ns, planar)
+    else:
+        trajectory = _checked(motion, references, effect_ns, planar)
+    if trajectory.duration_s > MAX_TRAJECTORY_S:
+        raise MotionError(
+            f"trajectory comes to rest after {trajectory.duration_s:.0f} s, expected at most "
+            f"{MAX_TRAJECTORY_S:g} s"
+        )
+    return trajectory
 
 
 def _roll_out(
@@ -153,7 +169,8 @@ def _through(
         raise MotionError(f"waypoints.speed: got {waypoints.speed}, expected 0 or more m/s")
     if planar:
         points[:, 2] = reference.position[2]
-    path = _without_repeats(np.vstack([reference.position, points]))
+    points = _points("waypoints.points", np.vstack([reference.position, points]))
+    path = _without_repeats(points)
     speed = norm(reference.velocity)
     if len(path) == 1 and speed < 1e-3:
         return hold(reference.position, effect_ns, reference.heading)
@@ -180,9 +197,10 @@ def _sampled(
     """A trajectory through samples, straight and even in between."""
     positions = _points("samples.positions", samples.positions)
     headings = np.array(samples.headings, np.float64)
-    if headings.shape != (len(positions),) or not np.isfinite(headings).all():
+    if headings.shape != (len(positions),) or not (np.abs(headings) <= MAX_HEADING_RAD).all():
         raise MotionError(
-            f"samples.headings: got shape {headings.shape}, expected ({len(positions)},), finite"
+            f"samples.headings: got shape {headings.shape}, expected ({len(positions)},), each "
+            f"within {MAX_HEADING_RAD:g} rad"
         )
     if not 1e-3 <= samples.period_s <= 10.0:
         raise MotionError(f"samples.period_s: got {samples.period_s:g}, expected 0.001 to 10 s")
@@ -219,15 +237,23 @@ def _checked(
         path[:, 2] = height
     for name, part in (("motion", trajectory.motion), ("turning", trajectory.turning)):
         count = len(part.times)
+        if count > MAX_SAMPLES:
+            raise MotionError(f"trajectory.{name}: got {count} pieces, expected {MAX_SAMPLES}")
         shapes = part.states.shape == (count, 3) and part.jerks.shape == (count,)
         numbers = [*part.times, *part.states.ravel(), *part.jerks, part.duration, part.end]
-        if not shapes or not all(map(math.isfinite, numbers)):
-            raise MotionError(f"trajectory.{name}: got pieces that are not finite, or unequal")
+        if not shapes or not all(abs(number) <= MAX_HEADING_RAD for number in numbers):
+            raise MotionError(
+                f"trajectory.{name}: got pieces that are unequal, or numbers beyond "
+                f"{MAX_HEADING_RAD:g}"
+            )
         ascending = bool((np.diff(part.times) >= 0.0).all())
         if (count and (part.times[0] != 0.0 or not ascending)) or not 0.0 <= part.duration <= 1e4:
             raise MotionError(f"trajectory.{name}: expected times from 0 on, ascending, to an end")
-    if trajectory.start_ns < 0:
-        raise MotionError(f"trajectory.start_ns: got {trajectory.start_ns}, expected 0 or more")
+    if not 0 <= trajectory.start_ns <= effect_ns:
+        raise MotionError(
+            f"trajectory.start_ns: got {trajectory.start_ns}, expected 0 to {effect_ns}, when the "
+            "command takes effect"
+        )
     trajectory = replace(trajectory, path=path)
     _refuse_elsewhere(trajectory.at(effect_ns).position, references)
     return trajectory
@@ -244,6 +270,9 @@ def _points(name: str, values: Array) -> Array:
         raise MotionError(f"{name}: got shape {points.shape}, expected (k, 3), k to {MAX_SAMPLES}")
     if not (np.abs(points) <= MAX_DISTANCE_M).all():  # nor NaN
         raise MotionError(f"{name}: expected finite coordinates within {MAX_DISTANCE_M:g} m")
+    length = float(np.sqrt(np.square(np.diff(points, axis=0)).sum(axis=1)).sum())
+    if length > MAX_LENGTH_M:
+        raise MotionError(f"{name}: got a path of {length:.0f} m, expected {MAX_LENGTH_M:g} m")
     return points
 
 

@@ -11,19 +11,13 @@ from dataclasses import dataclass
 
 from wayproof.harness.interface.types import Array, Verdict
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.footprint_checks import CHECK_STEP, poses_from
+from wayproof.harness.stack.footprint_checks import poses_from
 from wayproof.harness.stack.obstruction import Obstruction
 from wayproof.harness.stack.types import PlannerInput, arc_length
 from wayproof.planners import FreeSpace, Trajectory
 
 ROUNDING_M = 1e-6
 """Slack of a free length, m."""
-
-TURN_RAD = 0.02
-"""Change of heading below which a body keeps its place, rad."""
-
-PLACE_M = 1e-3
-"""Length of a path below which a body keeps its place, m."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +42,8 @@ def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: Planner
         oriented: The same of the body's discs at their heading; of a round body the same.
     """
     poses = _poses(trajectory, circumscribed)
-    if _keeps_its_place(poses):
+    swept = poses if oriented.traversable.discs else poses[:, :3]  # a round body may turn
+    if (swept == swept[0]).all():  # it keeps its place; a body that creeps does not
         return Judgement("admitted", Obstruction(0.0))
     if _is_free(circumscribed.traversable, oriented.traversable, poses):
         return Judgement("admitted", Obstruction(arc_length(poses[:, :3])))
@@ -63,17 +58,9 @@ def _poses(trajectory: Trajectory, planner_input: PlannerInput) -> Array:
     return poses_from(trajectory, elapsed)
 
 
-def _keeps_its_place(poses: Array) -> bool:
-    turn = float(poses[:, 3].max() - poses[:, 3].min())
-    return arc_length(poses[:, :3]) < PLACE_M and turn < TURN_RAD
-
-
 def _is_free(circumscribed: FreeSpace, oriented: FreeSpace, poses: Array) -> bool:
     """Whether the body is free at and between all poses: as one disc, or as it is headed."""
     path = poses[:, :3]
     if circumscribed.free_length(path) >= arc_length(path) - ROUNDING_M:
         return True
     return bool(oriented.discs) and oriented.free_poses(poses) == len(poses)
-
-
-__all__ = ["CHECK_STEP", "Judgement", "judge"]

@@ -30,7 +30,8 @@ from wayproof.harness.interface.types import Fate
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import Action, Label
+from wayproof.harness.stack.decide import not_yet_superseded
+from wayproof.harness.stack.decision import Label
 from wayproof.harness.stack.footprint_mode import FootprintDecision
 from wayproof.harness.stack.maneuvers import brake
 from wayproof.harness.stack.pipeline import Navigator
@@ -128,7 +129,8 @@ class TrialNavigator(Navigator):
             decided = self._brake(oriented, judgement, start)
         else:
             decided = self._follow(command, trajectory, planner_input, judgement)
-        state = replace(self.state, trajectory=decided.trajectory)
+        earlier = not_yet_superseded(planner_input, self.state)
+        state = replace(self.state, trajectory=decided.trajectory, earlier=earlier)
         footprint = planner_input if _fits(planner_input, decided.trajectory) else oriented
         return FootprintDecision(decided, state, footprint)
 
@@ -173,7 +175,7 @@ class TrialNavigator(Navigator):
         judgement: Judgement,
     ) -> Command:
         """Follow the stack's command, whatever the verdict."""
-        action = command.action or self._derived_action(trajectory, planner_input)
+        action = self._action(command, trajectory, planner_input)
         overlap = judgement.overlap
         if judgement.verdict == "admitted":
             reason = Reason("commanded", free_m=overlap.free_m)
@@ -196,14 +198,24 @@ class TrialNavigator(Navigator):
         path = remaining(self.state.trajectory.path, start.arc_length)
         return brake(planner_input, self.state, start, path, reason, label).command
 
-    def _derived_action(self, trajectory: Trajectory, planner_input: PlannerInput) -> Action:
-        """The action of a command that names none: by where its motion leads."""
+    def _action(
+        self, command: sb.Command, trajectory: Trajectory, planner_input: PlannerInput
+    ) -> str:
+        """The action of a command: its own, or by where its motion leads.
+
+        A goal is reached at rest: a claim of it in motion is none.
+        """
+        if command.action not in ("", "goal"):
+            return command.action
         late_ns = planner_input.effect_ns - trajectory.start_ns
         if late_ns * 1e-9 < trajectory.duration_s:
             return "follow"
+        followed = not_yet_superseded(planner_input, self.state)[0]
+        if not followed.at(planner_input.time_ns).at_rest:
+            return "stop_and_wait"
         away = distance(planner_input.position, planner_input.goal)
-        now = self.state.trajectory.at(planner_input.time_ns)
-        return "goal" if now.at_rest and away <= planner_input.goal_tolerance else "stop_and_wait"
+        arrived = command.action == "goal" or away <= planner_input.goal_tolerance
+        return "goal" if arrived else "stop_and_wait"
 
 
 def _overlap_reason(kind: Kind, judgement: Judgement) -> Reason:

@@ -42,7 +42,7 @@ def decide(input: PlannerInput, state: PlannerState) -> Decided:
     Returns:
         The command, and the state for the next decision.
     """
-    committed = _not_yet_superseded(input, state)
+    committed = not_yet_superseded(input, state)
     command, after = _choose_maneuver(input, record_breadcrumb(state, input), committed[0])
     path_loss = None
     if after.global_path is None:
@@ -52,7 +52,7 @@ def decide(input: PlannerInput, state: PlannerState) -> Decided:
     return Decided(command, replace(after, earlier=committed, path_loss=path_loss))
 
 
-def _not_yet_superseded(input: PlannerInput, state: PlannerState) -> tuple[Trajectory, ...]:
+def not_yet_superseded(input: PlannerInput, state: PlannerState) -> tuple[Trajectory, ...]:
     """The committed trajectories from the one that the robot follows at the time of the sweep."""
     committed = (*state.earlier, state.trajectory)
     begun = [k for k, trajectory in enumerate(committed) if trajectory.start_ns <= input.time_ns]

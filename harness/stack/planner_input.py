@@ -157,7 +157,7 @@ class PlannerInputBuilder:
             unknown_blocks=config.costmap.unknown_policy == "forbid",
             turns_in_place=mission.planar,
             penalize_unknown=config.costmap.unknown_policy == "penalize",
-            limits=_limits(config, mission),
+            limits=motion_limits(config, mission),
             planner=config.planner,
             behaviour=config.behaviour,
             plan=memoized_planner(),
@@ -199,7 +199,8 @@ def memoized_planner() -> PlanPath:
     return plan_path
 
 
-def _limits(config: Config, mission: Mission) -> MotionLimits:
+def motion_limits(config: Config, mission: Mission) -> MotionLimits:
+    """Greatest speed, acceleration, jerk and yaw rate of a command."""
     return MotionLimits(
         speed=mission.max_speed * config.motion.speed_fraction,
         acceleration=mission.max_acceleration,

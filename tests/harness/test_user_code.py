@@ -14,11 +14,12 @@ import pytest
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config, override, to_json
+from wayproof.harness.errors import NeverReturned
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.file import CLEAN, Arm, planned_for
 from wayproof.harness.study.matching import mismatch
-from wayproof.harness.user_code import LONGEST_TRACEBACK, NeverReturned, bounded, failure_of
+from wayproof.harness.user_code import LONGEST_TRACEBACK, bounded, failure_of
 from wayproof.planners import FreeSpace, PlannerConfig, plan
 from wayproof.planners.ompl._plugin import UserCodeError, load_class
 

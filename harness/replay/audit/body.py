@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wayproof.harness.config import Config
+from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.log.paths import SAME_PLACE, Array, arc_lengths, densely, length
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.cells import SPACING, Cells, cells_around
@@ -69,10 +69,15 @@ class Body:
         return BESIDE if self.mission.discs else 0.0
 
     def moves(self, trajectory: pb.Trajectory) -> bool:
-        """Return whether the body moves, or an elongated one turns in place."""
+        """Return whether the body moves, or an elongated one turns in place.
+
+        Of a stack on trial any motion counts, however small: it could creep anywhere.
+        """
         headings = trajectory.heading if self.mission.discs else ()
-        turns = len(headings) > 0 and np.ptp(headings) > STILL
-        return bool(length(path_of(trajectory.path)) >= SAME_PLACE or turns)
+        way, turn = length(path_of(trajectory.path)), float(np.ptp(headings)) if headings else 0.0
+        if self.config.stack.name != BUILTIN:
+            return way > 0.0 or turn > 0.0
+        return way >= SAME_PLACE or turn > STILL
 
     def poses(self, decision: pb.Decision) -> Array:
         """Return the poses of a trajectory: x, y, z, m, and heading, rad, (n, 4).

@@ -1,11 +1,14 @@
 """Stacks of a user's own: a good one, and one for each way to be broken."""
 
+import dataclasses
+import json
 import os
 import sys
 import time
 
 import numpy as np
 
+from wayproof.harness.interface.builtin import BuiltinStack
 from wayproof.harness.interface.types import Command, Samples, Velocity, Waypoints
 
 
@@ -85,3 +88,23 @@ class Random(Base):
 
     def step(self, observation):
         return Command(Velocity(0.2 + 0.01 * np.random.default_rng().random()))
+
+
+class ClaimsInMotion(Base):
+    def step(self, observation):
+        return Command(Velocity(0.5), "goal")
+
+
+class Creeps(Base):
+    def step(self, observation):
+        return Command(Velocity(0.003, duration_s=0.2))
+
+
+class Daring(BuiltinStack):
+    """The built-in stack with hardly a margin, whatever the settings say."""
+
+    def start(self, task):
+        settings = json.loads(task.settings)
+        settings["costmap"]["localization_margin"] = 0.0
+        settings["costmap"]["unknown_policy"] = "allow"
+        super().start(dataclasses.replace(task, settings=json.dumps(settings)))

@@ -217,3 +217,38 @@ def test_the_card_of_a_decision_shows_the_command_and_the_verdict(tmp_path, caps
     lines = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "velocity (0.30, 0.00, 0.00) m/s, 0.00 rad/s for 0.5 s; on and on; n 3" in lines
     assert "admitted, free for 0." in lines
+
+
+def test_a_goal_claimed_in_motion_is_none(tmp_path):
+    settings = ("episode.goal_tolerance=5", "episode.time_limit=2")
+    result = trial(tmp_path, own("ClaimsInMotion"), "empty", "drone", 1, *settings)
+    actions = {one.action for one in open_log(Path(result.log)).decisions()}
+    assert actions == {"follow"}
+    assert result.outcome == "timeout"
+
+
+def test_a_body_that_creeps_is_judged_like_one_that_drives(tmp_path):
+    """Each command moves it by less than 2 mm; those of a minute, by a metre."""
+    result = trial(
+        tmp_path, own("Creeps"), "cylinders", "quadruped", 2, "costmap.localization_margin=0.9",
+        "episode.start_clear_radius=0",
+    )  # fmt: skip
+    log = open_log(Path(result.log))
+    moved = [one for one in log.decisions() if one.committed_length_m > 0.0]
+    assert all(one.committed_length_m < 0.002 for one in moved)
+    assert len(moved) > 20
+    assert "admitted" not in {one.verdict.verdict for one in moved}
+    assert {one.rule for one in audit(Path(result.log)).violations} >= {"swept"}
+
+
+@pytest.mark.parametrize("guard", [True, False])
+def test_the_built_in_stack_goes_on_from_where_the_guard_stopped_it(tmp_path, guard):
+    """With a margin that it does not know of the referee cuts, and it never starts elsewhere."""
+    result = trial(
+        tmp_path, own("Daring"), "cylinders", "quadruped", 2, "episode.time_limit=8",
+        f"stack.guard={str(guard).lower()}",
+    )  # fmt: skip
+    decisions = list(open_log(Path(result.log)).decisions())
+    assert result.outcome != "error", result.reason
+    assert any(one.verdict.cut for one in decisions) == guard
+    assert not guard or result.collisions == 0

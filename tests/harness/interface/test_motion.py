@@ -1,0 +1,109 @@
+"""Trajectories of commands: within the limits, at rest in the end, or refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+from wayproof.harness.interface.motion import MotionError, trajectory_of
+from wayproof.harness.interface.types import Reference, Samples, Velocity, Waypoints
+from wayproof.planners import MotionLimits, Trajectory, hold
+from wayproof.planners.jerk_limited import Profile, at_rest
+
+LIMITS = MotionLimits(1.0, 2.0, 10.0, 2.0, 1.0)
+EFFECT_NS = 50_000_000
+HERE = Reference(np.array([1.0, 2.0, 0.5]), np.zeros(3), 0.0, 0.0, at_rest=True)
+
+
+def made(motion, reference=HERE, planar=True):
+    return trajectory_of(motion, (reference, reference), EFFECT_NS, LIMITS, planar=planar)
+
+
+def test_a_velocity_is_held_for_its_time_and_then_braked():
+    """1 m/s at 2 m/s^2: 0.25 m to get there, 0.5 m in the second half, 0.25 m to brake."""
+    trajectory = made(Velocity(1.0, duration_s=1.0))
+    assert trajectory.start_ns == EFFECT_NS
+    assert trajectory.duration_s == pytest.approx(1.5, abs=0.011)
+    assert trajectory.stop_point == pytest.approx([2.0, 2.0, 0.5], abs=0.011)
+
+
+def test_a_velocity_is_of_the_body_and_clipped_to_its_limits():
+    turned = Reference(HERE.position, np.zeros(3), math.pi / 2, 0.0, at_rest=True)
+    trajectory = made(Velocity(9.0, yaw_rate=9.0, duration_s=1.5), turned)
+    speeds = np.diff(trajectory.motion.positions(np.arange(0.0, 2.5, 0.01))) / 0.01
+    rates = np.diff(trajectory.turning.positions(np.arange(0.0, 2.5, 0.01))) / 0.01
+    assert speeds.max() == pytest.approx(1.0, abs=0.01)
+    assert rates.max() == pytest.approx(1.0, abs=0.01)
+    assert trajectory.stop_point[1] > 2.2  # to the left of the world's x axis, where it faces
+
+
+def test_a_walking_body_ignores_heights_and_a_flying_one_does_not():
+    assert made(Velocity(0.0, up=1.0)).stop_point[2] == 0.5
+    assert made(Velocity(0.0, up=1.0), planar=False).stop_point[2] > 0.7
+
+
+def test_waypoints_end_at_rest_at_the_last_one_or_before_a_sharp_corner():
+    straight = made(Waypoints(np.array([[2.0, 2.0, 9.0], [3.0, 2.0, 9.0]])))
+    assert straight.stop_point == pytest.approx([3.0, 2.0, 0.5], abs=1e-6)
+    corner = made(Waypoints(np.array([[2.0, 2.0, 0.5], [2.0, 3.0, 0.5]])))
+    assert corner.stop_point == pytest.approx([2.0, 2.0, 0.5], abs=1e-6)
+    behind = made(Waypoints(np.array([[0.0, 2.0, 0.5]])))  # it turns first
+    assert behind.stop_point == pytest.approx(HERE.position)
+    assert abs(behind.turning.end) == pytest.approx(math.pi)
+
+
+def test_samples_are_passed_through_evenly():
+    positions = HERE.position + np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.2, 0.0]])
+    trajectory = made(Samples(0.5, positions, np.array([0.0, 0.1, 0.3])))
+    assert trajectory.duration_s == 1.0
+    assert trajectory.motion.positions(np.array([0.25, 0.75])) == pytest.approx([0.05, 0.2])
+    assert trajectory.turning.positions(np.array([0.25, 0.75])) == pytest.approx([0.05, 0.2])
+
+
+def test_no_velocity_keeps_the_place_exactly():
+    trajectory = made(Velocity(0.0))
+    assert (len(trajectory.path), trajectory.duration_s) == (1, 0.0)
+
+
+def profiled(start_ns=EFFECT_NS, path=HERE.position[None], **parts):
+    still = {"motion": at_rest(0.0), "turning": at_rest(0.0)}
+    return Trajectory(start_ns, np.array(path), **(still | parts))
+
+
+PIECE = np.zeros(1), np.zeros((1, 3)), np.zeros(1)
+FAR = HERE.position + np.array([[0.0, 0.0, 0.0], [2000.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("motion", "text"),
+    [
+        (Velocity(math.inf), "velocity: got .*, expected finite numbers"),
+        (Velocity(1.0, duration_s=11.0), "duration_s: got 11, expected 0 to 10 s"),
+        (Velocity(1.0, duration_s=math.nan), "duration_s: got nan"),
+        (Waypoints(np.array([[math.nan, 0.0, 0.0]])), "expected finite coordinates"),
+        (Waypoints(np.zeros((0, 3))), r"got shape \(0, 3\)"),
+        (Waypoints(FAR), "got a path of 2000 m, expected 1000 m"),
+        (Waypoints(FAR[:1] + 900.0, 1.001), "got a path of 1273 m, expected 1000 m"),
+        (
+            Waypoints(0.75 * FAR[:1] + 0.25 * FAR[1:], 0.03),
+            "comes to rest after .* s, expected at most 600 s",
+        ),
+        (Waypoints(FAR[:1], -1.0), "speed: got -1.0, expected 0 or more"),
+        (Samples(0.1, FAR[:1] + 1.0, np.zeros(1)), "starts 1.41 m from where the robot is then"),
+        (Samples(0.1, FAR[:1], np.array([1e9])), "each within 10000 rad"),
+        (Samples(0.1, FAR[:1], np.zeros(2)), r"got shape \(2,\), expected \(1,\)"),
+        (Samples(10.0, FAR[[0] * 99], np.linspace(0.0, 1.0, 99)), "expected at most 600 s"),
+        (Samples(0.0, FAR[:1], np.zeros(1)), "period_s: got 0, expected 0.001 to 10 s"),
+        (profiled(EFFECT_NS + 1), "start_ns: got 50000001, expected 0 to 50000000"),
+        (profiled(-1), "start_ns: got -1"),
+        (profiled(turning=at_rest(1e9)), "numbers beyond 10000"),
+        (profiled(motion=Profile(*PIECE, math.nan, 0.0)), "numbers beyond 10000"),
+        (profiled(motion=Profile(PIECE[0] + 1.0, *PIECE[1:], 2.0, 0.0)), "expected times from 0"),
+        (profiled(motion=Profile(PIECE[0], np.zeros((2, 3)), PIECE[2], 1.0, 0.0)), "are unequal"),
+        (hold(HERE.position + 1.0, 0, 0.0), "starts 1.41 m from where the robot is then"),
+    ],
+)
+def test_a_motion_that_no_body_can_follow_is_one_line(motion, text):
+    with pytest.raises(MotionError, match=text) as error:
+        made(motion)
+    assert "\n" not in str(error.value)
