@@ -11,8 +11,8 @@ from typing import Protocol
 
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.errors import InputError, NeverReturned, unknown_name
+from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.errors import StackError
-from wayproof.harness.interface.messages import CommandError, command_message
 from wayproof.harness.interface.remote import ChildProcess, RemoteStack, Socket
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.interface.types import Observation, Stack, Task

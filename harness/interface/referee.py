@@ -60,7 +60,12 @@ def _poses(trajectory: Trajectory, planner_input: PlannerInput) -> Array:
 
 def _is_free(circumscribed: FreeSpace, oriented: FreeSpace, poses: Array) -> bool:
     """Whether the body is free at and between all poses: as one disc, or as it is headed."""
-    path = poses[:, :3]
-    if circumscribed.free_length(path) >= arc_length(path) - ROUNDING_M:
+    if fits_along(circumscribed, poses[:, :3]):
         return True
     return bool(oriented.discs) and oriented.free_poses(poses) == len(poses)
+
+
+def fits_along(space: FreeSpace, path: Array) -> bool:
+    """Whether a disc or ball is free all along a path (n, 3), its start with it."""
+    free = space.is_free(path[0])  # which the length of a path of no length does not show
+    return free and space.free_length(path) >= arc_length(path) - ROUNDING_M

@@ -21,10 +21,9 @@ from typing import IO
 from google.protobuf.message import DecodeError
 
 from wayproof.harness.errors import InputError, printable
+from wayproof.harness.interface.command_messages import CommandError, check_command
 from wayproof.harness.interface.errors import StackError
-from wayproof.harness.interface.messages import (
-    CommandError,
-    check_command,
+from wayproof.harness.interface.observation_messages import (
     hello,
     observation_message,
     task_message,

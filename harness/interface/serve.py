@@ -15,9 +15,9 @@ import numpy as np
 
 from wayproof.harness.errors import InputError, printable
 from wayproof.harness.inputs import Pose
+from wayproof.harness.interface.command_messages import command_message
 from wayproof.harness.interface.connect import make_stack
-from wayproof.harness.interface.messages import (
-    command_message,
+from wayproof.harness.interface.observation_messages import (
     fate_from,
     hello,
     reference_from,

@@ -15,17 +15,17 @@ from google.protobuf.message import DecodeError
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Beams, Inputs
-from wayproof.harness.interface.connect import Session
-from wayproof.harness.interface.errors import StackError
-from wayproof.harness.interface.messages import (
+from wayproof.harness.interface.command_messages import (
     CommandError,
     check_command,
     motion_of,
     planned_path_of,
 )
+from wayproof.harness.interface.connect import Session
+from wayproof.harness.interface.errors import StackError
 from wayproof.harness.interface.motion import MotionError, trajectory_of
 from wayproof.harness.interface.observations import ObservationBuilder, reference_at
-from wayproof.harness.interface.referee import Judgement, judge
+from wayproof.harness.interface.referee import Judgement, fits_along, judge
 from wayproof.harness.interface.types import Fate
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
@@ -36,7 +36,7 @@ from wayproof.harness.stack.footprint_mode import FootprintDecision
 from wayproof.harness.stack.maneuvers import brake
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.reasons import Kind, Reason
-from wayproof.harness.stack.types import Command, PlannerInput, arc_length, distance, is_stationary
+from wayproof.harness.stack.types import Command, PlannerInput, distance, is_stationary
 from wayproof.planners import Trajectory, TrajectorySample, hold, remaining
 
 
@@ -131,7 +131,8 @@ class TrialNavigator(Navigator):
             decided = self._follow(command, trajectory, planner_input, judgement)
         earlier = not_yet_superseded(planner_input, self.state)
         state = replace(self.state, trajectory=decided.trajectory, earlier=earlier)
-        footprint = planner_input if _fits(planner_input, decided.trajectory) else oriented
+        fits = fits_along(planner_input.traversable, decided.trajectory.path)
+        footprint = planner_input if fits else oriented
         return FootprintDecision(decided, state, footprint)
 
     @property
@@ -227,9 +228,3 @@ def _overlap_reason(kind: Kind, judgement: Judgement) -> Reason:
         cell_state=overlap.cell_state,
         place=overlap.place,
     )
-
-
-def _fits(planner_input: PlannerInput, trajectory: Trajectory) -> bool:
-    """Whether the circumscribed footprint fits all along a trajectory."""
-    path = trajectory.path
-    return planner_input.traversable.free_length(path) >= arc_length(path)

@@ -21,7 +21,11 @@ ADAPTER = '''"""The client's stack in this process: the same messages, with no p
 import importlib.util
 import sys
 
-from wayproof.harness.interface.messages import motion_of, observation_message, task_message
+from wayproof.harness.interface.command_messages import motion_of
+from wayproof.harness.interface.observation_messages import (
+    observation_message,
+    task_message,
+)
 from wayproof.harness.interface.types import Command
 from wayproof.harness.schema import stack_pb2
 

@@ -8,7 +8,11 @@ import pytest
 
 from tests.harness.interface.cpp import ROOT, compile_cpp, compiler
 from wayproof import Config, build, open_log, override, run_episode
-from wayproof.harness.interface.messages import command_message, observation_message, task_message
+from wayproof.harness.interface.command_messages import command_message
+from wayproof.harness.interface.observation_messages import (
+    observation_message,
+    task_message,
+)
 from wayproof.harness.interface.observations import ObservationBuilder, task_of
 from wayproof.harness.interface.types import Command, Waypoints
 from wayproof.harness.replay.asked_again import _infos, ask_again

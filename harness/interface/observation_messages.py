@@ -1,0 +1,196 @@
+"""Task and observations of the stack interface, to and from protobuf."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wayproof.harness.inputs import SweepInput
+from wayproof.harness.interface.types import (
+    INTERFACE_VERSION,
+    Array,
+    Fate,
+    Observation,
+    Reference,
+    Sensor,
+    Task,
+)
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import stack_pb2 as sb
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.poses import Trail
+
+
+def hello(name: str) -> sb.Hello:
+    """The first message of each side."""
+    return sb.Hello(version=INTERFACE_VERSION, name=name)
+
+
+def task_message(task: Task) -> sb.Task:
+    """The task, as another process gets it."""
+    mission = task.mission
+    message = sb.Task(
+        robot=task.robot,
+        seed=task.seed,
+        motion=mission.motion,
+        radius=mission.radius,
+        height=mission.height,
+        step_height=mission.step_height,
+        max_speed=mission.max_speed,
+        max_acceleration=mission.max_acceleration,
+        max_jerk=mission.max_jerk,
+        max_yaw_rate=mission.max_yaw_rate,
+        discs=[sb.Disc(offset=offset, radius=radius) for offset, radius in mission.discs],
+        low=_vector(mission.low),
+        high=_vector(mission.high),
+        start=_vector(mission.start),
+        start_heading=mission.start_heading,
+        goal=_vector(mission.goal),
+        goal_tolerance=task.goal_tolerance,
+        period_s=task.period_s,
+        delay_s=task.delay_s,
+        deadline_s=task.deadline_s,
+        settings=task.settings,
+    )
+    for sensor in task.sensors.values():
+        info = sensor.info
+        message.sensors.add(
+            name=info.name,
+            kind=info.kind,
+            range_m=info.range_m,
+            rate_hz=info.rate_hz,
+            position_base_sensor=info.position_base_sensor,
+            rotation_base_sensor=info.rotation_base_sensor,
+            directions=b"" if _varies(sensor) else _directions(sensor, 0),
+            beams=info.beams,
+            info=info.SerializeToString(deterministic=True),
+            measures=info.measures,
+        )
+    return message
+
+
+def task_from(message: sb.Task) -> Task:
+    """The task, in another process."""
+    mission = Mission(
+        motion=message.motion,  # type: ignore[arg-type]
+        radius=message.radius,
+        height=message.height,
+        step_height=message.step_height,
+        max_speed=message.max_speed,
+        max_acceleration=message.max_acceleration,
+        max_jerk=message.max_jerk,
+        max_yaw_rate=message.max_yaw_rate,
+        low=_triple(message.low),
+        high=_triple(message.high),
+        start=_triple(message.start),
+        start_heading=message.start_heading,
+        goal=_triple(message.goal),
+        discs=tuple((disc.offset, disc.radius) for disc in message.discs),
+    )
+    sensors = [Sensor(pb.SensorInfo.FromString(sensor.info)) for sensor in message.sensors]
+    return Task(
+        robot=message.robot,
+        seed=message.seed,
+        mission=mission,
+        goal_tolerance=message.goal_tolerance,
+        period_s=message.period_s,
+        delay_s=message.delay_s,
+        deadline_s=message.deadline_s,
+        sensors={sensor.info.name: sensor for sensor in sensors},
+        settings=message.settings,
+    )
+
+
+def observation_message(observation: Observation, task: Task) -> sb.Observation:
+    """An observation, as another process gets it."""
+    reference, last, trail = observation.reference, observation.last, observation.trail
+    message = sb.Observation(
+        time_ns=observation.time_ns,
+        sequence=observation.sequence,
+        position=_vector(observation.position),
+        quaternion=observation.quaternion.tolist(),
+        position_sigma=observation.position_sigma,
+        heading_sigma=observation.heading_sigma,
+        velocity=_vector(observation.velocity),
+        yaw_rate=observation.yaw_rate,
+        effect_ns=observation.effect_ns,
+        reference_position=_vector(reference.position),
+        reference_velocity=_vector(reference.velocity),
+        reference_heading=reference.heading,
+        reference_yaw_rate=reference.yaw_rate,
+        at_rest=reference.at_rest,
+    )
+    if last is not None:
+        message.last.CopyFrom(sb.Fate(sequence=last.sequence, fate=last.fate, verdict=last.verdict))
+    if trail is not None:
+        message.trail_positions.extend(trail.positions.ravel().tolist())
+        message.trail_quaternions.extend(trail.quaternions.ravel().tolist())
+        message.trail_period_s = trail.period
+    for sweep in observation.sweeps:
+        sensor = task.sensors[sweep.sensor]
+        message.sweeps.add(
+            sensor=sweep.sensor,
+            ranges_mm=sweep.ranges_mm.astype("<u2").tobytes(),
+            classes=b"" if sweep.classes is None else sweep.classes.tobytes(),
+            directions=_directions(sensor, observation.sequence) if _varies(sensor) else b"",
+        )
+    return message
+
+
+def sweep_inputs(message: sb.Observation) -> list[SweepInput]:
+    """The sweeps of an observation, in another process."""
+    return [
+        SweepInput(
+            sweep.sensor,
+            np.frombuffer(sweep.ranges_mm, "<u2").astype(np.uint16),
+            np.frombuffer(sweep.classes, np.uint8) if sweep.classes else None,
+        )
+        for sweep in message.sweeps
+    ]
+
+
+def trail_from(message: sb.Observation) -> Trail | None:
+    """Estimated poses while the sweeps were taken, in another process."""
+    if not message.trail_period_s:
+        return None
+    return Trail(
+        np.array(message.trail_positions).reshape(-1, 3),
+        np.array(message.trail_quaternions).reshape(-1, 4),
+        message.trail_period_s,
+    )
+
+
+def reference_from(message: sb.Observation) -> Reference:
+    """The commanded state at the time of effect, in another process."""
+    return Reference(
+        np.array(_triple(message.reference_position)),
+        np.array(_triple(message.reference_velocity)),
+        message.reference_heading,
+        message.reference_yaw_rate,
+        message.at_rest,
+    )
+
+
+def fate_from(message: sb.Observation) -> Fate | None:
+    """What became of the previous command, in another process."""
+    if not message.HasField("last"):
+        return None
+    last = message.last
+    return Fate(last.sequence, last.fate, last.verdict)  # type: ignore[arg-type]
+
+
+def _varies(sensor: Sensor) -> bool:
+    """Whether the beams differ from sweep to sweep."""
+    return sensor.beams.table.order == "pairs"
+
+
+def _directions(sensor: Sensor, sequence: int) -> bytes:
+    return sensor.directions(sequence).astype("<f4").tobytes()
+
+
+def _vector(values: Array | tuple[float, ...]) -> sb.Vector:
+    x, y, z = (float(value) for value in values)
+    return sb.Vector(x=x, y=y, z=z)
+
+
+def _triple(message: sb.Vector) -> tuple[float, float, float]:
+    return message.x, message.y, message.z

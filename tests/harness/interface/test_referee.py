@@ -1,0 +1,102 @@
+"""The referee's verdict on hand-made trajectories in a hand-made room."""
+
+import numpy as np
+import pytest
+
+from tests.harness.stack.make_input import (
+    LIMITS,
+    LONG,
+    PERIOD_NS,
+    ROUND,
+    make_input,
+    make_states,
+    place,
+)
+from wayproof.harness.interface.motion import trajectory_of
+from wayproof.harness.interface.referee import judge
+from wayproof.harness.interface.types import Reference, Velocity, Waypoints
+from wayproof.planners import hold, turn_in_place
+
+WALL, FOG = (4.0, 4.2, 0.0, 4.0), (4.0, 5.0, 0.0, 4.0)
+
+
+def verdict(motion, body=ROUND, policy="forbid", heading=0.0, position=(1.05, 2.05), **rectangles):
+    states = make_states(**rectangles)
+    circumscribed = make_input(states, ROUND if body is ROUND else wide(), policy, position)
+    oriented = make_input(states, body, policy, position)
+    reference = Reference(place(*position), np.zeros(3), heading, 0.0, at_rest=True)
+    if isinstance(motion, Velocity | Waypoints):
+        motion = trajectory_of(motion, (reference, reference), PERIOD_NS, LIMITS, planar=True)
+    return judge(motion, circumscribed, oriented)
+
+
+def wide():
+    """The disc about the long body."""
+    return type(LONG)((0.0,), (0.5,))
+
+
+def to(x, y=2.05):
+    return Waypoints(place(x, y)[None])
+
+
+def test_free_space_to_the_rest_is_admitted_with_its_length():
+    found = verdict(to(3.05), occupied=[WALL])
+    assert found.verdict == "admitted"
+    assert found.overlap.free_m == pytest.approx(2.0, abs=1e-6)
+    assert found.overlap.cell is None
+
+
+def test_an_obstacle_blocks_where_the_body_would_overlap_it():
+    """Its face is at 4 m: a disc of 0.3 m and half a cell's diagonal comes to about 3.6 m."""
+    found = verdict(to(6.05), occupied=[WALL])
+    assert found.verdict == "blocked"
+    assert found.overlap.free_m == pytest.approx(2.55, abs=0.15)
+    assert found.overlap.cell_state == "occupied"
+    assert found.overlap.cell[0] == pytest.approx(4.05)
+
+
+def test_the_unknown_is_unknown_unless_the_policy_lets_the_body_enter_it():
+    assert verdict(to(6.05), unknown=[FOG]).verdict == "unknown"
+    assert verdict(to(6.05), unknown=[FOG]).overlap.cell_state == "unknown"
+    assert verdict(to(6.05), policy="penalize", unknown=[FOG]).verdict == "admitted"
+    assert verdict(to(6.05), policy="allow", unknown=[FOG], occupied=[WALL]).verdict == "blocked"
+
+
+def test_an_obstacle_behind_the_unknown_blocks():
+    hidden = verdict(to(7.05), unknown=[FOG], occupied=[(5.5, 5.7, 0.0, 4.0)])
+    assert hidden.verdict == "blocked"
+    assert hidden.overlap.cell_state == "unknown"  # comes first on the way
+
+
+def test_what_lies_outside_of_the_operating_area_blocks():
+    assert verdict(to(9.05)).verdict == "blocked"
+
+
+def test_the_braking_counts():
+    """2 m/s for 1 s leads to about 2.3 m and comes to rest 0.8 m farther: the wall is in it."""
+    fast = Velocity(2.0, duration_s=1.0)
+    assert verdict(fast, occupied=[(3.0, 3.2, 0.0, 4.0)]).verdict == "blocked"
+    assert verdict(fast, occupied=[(4.6, 4.8, 0.0, 4.0)]).verdict == "admitted"
+
+
+def test_a_body_that_stays_is_admitted_wherever_it_is_and_one_that_creeps_is_not():
+    beside = {"position": (3.75, 2.05), "occupied": [WALL]}
+    assert verdict(hold(place(3.75, 2.05), PERIOD_NS, 0.0), **beside).verdict == "admitted"
+    assert verdict(Velocity(0.0), **beside).verdict == "admitted"
+    assert verdict(Velocity(0.004, duration_s=0.1), **beside).verdict == "blocked"
+
+
+def test_an_elongated_body_is_judged_at_its_heading():
+    """A gap of 0.8 m along x: the body, 1 m long and 0.4 m wide, fits only along it."""
+    gap = {"occupied": [(3.0, 4.0, 0.0, 1.7), (3.0, 4.0, 2.5, 4.0)]}
+    assert verdict(to(6.05, 2.1), LONG, position=(1.05, 2.1), **gap).verdict == "admitted"
+    sideways = Velocity(0.0, -1.5, duration_s=2.5)  # to its right, which is along x
+    across = verdict(sideways, LONG, heading=np.pi / 2, position=(1.05, 2.1), **gap)
+    assert across.verdict == "blocked"
+
+
+def test_a_turn_in_place_sweeps_an_elongated_body_alone():
+    close = {"occupied": [(0.0, 8.0, 2.45, 4.0)]}
+    turn = turn_in_place(place(1.05, 2.05), PERIOD_NS, 0.0, np.pi / 2, LIMITS)
+    assert verdict(turn, LONG, **close).verdict == "blocked"
+    assert verdict(turn, ROUND, **close).verdict == "admitted"
