@@ -270,8 +270,8 @@ class Command:
     Attributes:
         motion: What the body is to follow; none: it goes on with what it follows, to its rest.
         action: `follow`, `slow`, `stop_and_wait`, `explore`, `recover`, `goal` or `abort`; empty:
-            `follow` if the motion leads anywhere, else `stop_and_wait`. `goal` and `abort` end the
-            episode at rest.
+            `follow` if the motion leads anywhere, else `stop_and_wait`. `goal` ends the
+            episode once the body rests, `abort` at once.
         label: What stands in the way, as in the decisions of the log; empty: `none`.
         reason: One line for the log.
         planned_path: (k, 3) the stack's own plan, for the log.
