@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from wayproof.harness.cli.verb import Document, Verb, add_log_folder
+from wayproof.harness.cli.verb import Document, Verb, add_log_folder, add_stack, stack_of
 from wayproof.harness.errors import InputError
 
 FILES = {
@@ -22,11 +22,15 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.bench.published import Files
     from wayproof.harness.bench.stages import run_stage
     from wayproof.harness.bench.table import print_rows
+    from wayproof.harness.config import StackConfig
 
     given = [name for name in FILES if getattr(options, name) is not None]
     if len(given) > 1:
         raise InputError(f"got --{' and --'.join(given)}, expected one of them")
-    files = [Files(f"--{name}", getattr(options, name), options.logs) for name in given]
+    stack = stack_of(options)
+    files = [Files(f"--{name}", getattr(options, name), options.logs, stack) for name in given]
+    if stack != StackConfig() and given != ["worlds"]:
+        raise InputError(f"--stack: got bench {options.stage}, expected one of: barn, dodge")
     source = files[0] if files else None
     rows = run_stage(
         options.stage, options.repeats, options.seed, source, options.rows, options.only
@@ -59,6 +63,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PART",
         help="measure one part only; an unknown name lists all: coverage, loop, map, robots",
     )
+    add_stack(parser)
     add_log_folder(parser)
 
 

@@ -15,7 +15,15 @@ from rich.console import Console
 from rich.text import Text
 
 from wayproof.harness.cli.render import check_render, render
-from wayproof.harness.cli.verb import Document, Verb, add_check, add_log_folder, add_settings
+from wayproof.harness.cli.verb import (
+    Document,
+    Verb,
+    add_check,
+    add_log_folder,
+    add_settings,
+    add_stack,
+    refuse_idle_guard,
+)
 from wayproof.harness.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
@@ -50,6 +58,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         config = replace(config, stack=replace(config.stack, name=options.stack))
     if options.guard:
         config = replace(config, stack=replace(config.stack, guard=True))
+        refuse_idle_guard(config.stack)
     if options.check is not None and config.stack.name != BUILTIN:
         raise InputError("--check: changes the built-in stack, so it goes without --stack")
     path = options.log or options.logs / f"{episode_name(config)}.mcap"
@@ -212,15 +221,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="KIND:SEVERITY[:MODE]",
         help="make one assumption wrong, with severity 1 to 5",
     )
-    parser.add_argument(
-        "--stack",
-        metavar="STACK",
-        help="put a stack on trial: a name of 'wayproof list', module:Class, file.py:Class, "
-        "exec:COMMAND, unix:PATH or tcp:HOST:PORT",
-    )
-    parser.add_argument(
-        "--guard", action="store_true", help="brake where the referee does not admit a command"
-    )
+    add_stack(parser)
     parser.add_argument(
         "--log", type=Path, metavar="FILE", help="log file (default: in the folder of --logs)"
     )

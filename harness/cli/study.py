@@ -12,7 +12,15 @@ from rich.console import Console
 from rich.text import Text
 
 from wayproof.harness.cli.engine_options import Watch, add_engine, check_engine, open_engine
-from wayproof.harness.cli.verb import LOGS, Document, Verb, add_check, add_plugins
+from wayproof.harness.cli.verb import (
+    LOGS,
+    Document,
+    Verb,
+    add_check,
+    add_plugins,
+    add_stack,
+    stack_of,
+)
 from wayproof.harness.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
@@ -38,6 +46,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run a study, or continue it."""
     if options.worlds is not None:
         return _published(options, console)
+    if options.stack is not None or options.guard:
+        raise InputError("--stack, --guard: expected --worlds; a study's file has `stacks` for it")
     from wayproof.harness.study.file import plan_episodes, read_study
     from wayproof.harness.study.store import Store, merge
     from wayproof.harness.study.study import count_missing, run_study, shard
@@ -107,7 +117,7 @@ def _published(options: argparse.Namespace, console: Console) -> tuple[int, Docu
     from wayproof.harness.bench.stages import run_stage
     from wayproof.harness.bench.table import print_rows
 
-    files = Files("--worlds", options.worlds, options.out or LOGS)
+    files = Files("--worlds", options.worlds, options.out or LOGS, stack_of(options))
     rows = run_stage(options.file, options.repeats, seed=0, files=files)
     print_rows(console, f"study {options.file}", rows)
     return 0, {"rows": rows}
@@ -200,6 +210,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--repeats", type=int, metavar="N", help="number of seeds of each world, with --worlds"
     )
+    add_stack(parser)
     parser.add_argument(
         "--out", type=Path, metavar="FOLDER", help="folder of the study (default: logs/NAME)"
     )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 if TYPE_CHECKING:
+    from wayproof.harness.config import StackConfig
     from wayproof.harness.log.reader import Log
 
 Document = dict[str, Any]
@@ -122,6 +123,45 @@ def one_or_all(name: str, documents: list[Document]) -> Document:
 
 MAX_CHECKED = 600.0
 """Default simulated time after which `--check` starts no further simulation, s."""
+
+
+def add_stack(parser: argparse.ArgumentParser) -> None:
+    """Add `--stack` and `--guard`."""
+    parser.add_argument(
+        "--stack",
+        metavar="STACK",
+        help="put a stack on trial: a name of 'wayproof list', module:Class, file.py:Class, "
+        "exec:COMMAND, unix:PATH or tcp:HOST:PORT",
+    )
+    parser.add_argument(
+        "--guard", action="store_true", help="brake where the referee does not admit a command"
+    )
+
+
+def stack_of(options: argparse.Namespace) -> StackConfig:
+    """Return the stack that `--stack` and `--guard` give; the built-in one without.
+
+    Raises:
+        InputError: A guard, which the built-in stack has no use for.
+    """
+    from wayproof.harness.config import BUILTIN, StackConfig
+
+    stack = StackConfig(BUILTIN if options.stack is None else options.stack, options.guard)
+    refuse_idle_guard(stack)
+    return stack
+
+
+def refuse_idle_guard(stack: StackConfig) -> None:
+    """Refuse a guard of the built-in stack, which nothing would act on.
+
+    Raises:
+        InputError: It is one.
+    """
+    from wayproof.harness.config import BUILTIN
+    from wayproof.harness.errors import InputError
+
+    if stack.guard and stack.name == BUILTIN:
+        raise InputError("--guard: expected --stack; the built-in stack has no referee")
 
 
 def add_check(parser: argparse.ArgumentParser) -> None:

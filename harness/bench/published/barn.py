@@ -18,7 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.bench.published.files import Files, files_named
-from wayproof.harness.bench.published.trials import Finished, Trial, run_trials
+from wayproof.harness.bench.published.trials import (
+    Finished,
+    Trial,
+    refuse_unknown_stack,
+    run_trials,
+)
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
@@ -120,14 +125,19 @@ def bench_barn(
     """Cross every world of a folder with `repeats` seeds; a row for each, and a summary.
 
     Raises:
-        InputError: No worlds, or one that cannot be read.
+        InputError: No worlds, one that cannot be read, or no such stack.
     """
+    refuse_unknown_stack(files.stack)
     worlds = [read_barn(path) for path in files_named(files.path, "world_*.world")]
     progress("barn: which worlds are open for this body")
     ways = {world.name: shortest_way(world) for world in worlds}
     seeds = range(seed, seed + repeats)
     trials = (
-        Trial(world, barn_config(world, number), _log_name(files.logs, world, number))
+        Trial(
+            world,
+            replace(barn_config(world, number), stack=files.stack),
+            files.log_folder("barn") / f"{world.name}-{number}.mcap",
+        )
         for world in worlds
         if ways[world.name] is not None
         for number in seeds
@@ -142,10 +152,6 @@ def bench_barn(
         for number in seeds
     ]
     return [*rows, summarise(rows)]
-
-
-def _log_name(folder: Path, world: FileWorld, seed: int) -> Path:
-    return folder / "barn" / f"{world.name}-{seed}.mcap"
 
 
 def read_barn(path: Path) -> FileWorld:

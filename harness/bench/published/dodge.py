@@ -17,7 +17,12 @@ from typing import Any
 import numpy as np
 
 from wayproof.harness.bench.published.files import Files, files_named
-from wayproof.harness.bench.published.trials import Finished, Trial, run_trials
+from wayproof.harness.bench.published.trials import (
+    Finished,
+    Trial,
+    refuse_unknown_stack,
+    run_trials,
+)
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
@@ -107,12 +112,15 @@ def bench_dodge(
     """Fly through every field of a folder with `repeats` seeds; a row for each, and summaries.
 
     Raises:
-        InputError: No fields, or one that cannot be read.
+        InputError: No fields, one that cannot be read, or no such stack.
     """
+    refuse_unknown_stack(files.stack)
     worlds = [read_field(path) for path in files_named(files.path, "*.csv")]
     trials = (
         Trial(
-            world, dodge_config(world, number), files.logs / "dodge" / f"{world.name}-{number}.mcap"
+            world,
+            replace(dodge_config(world, number), stack=files.stack),
+            files.log_folder("dodge") / f"{world.name}-{number}.mcap",
         )
         for world in worlds
         for number in range(seed, seed + repeats)

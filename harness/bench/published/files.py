@@ -1,25 +1,38 @@
-"""Input files of a published benchmark, and the folder of its logs."""
+"""Input files of a published benchmark, the stack that runs it, and the folder of its logs."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
+from wayproof.harness.config import BUILTIN, StackConfig
 from wayproof.harness.errors import InputError
 
 
 class Files(NamedTuple):
-    """Paths given on the command line.
+    """Paths and stack given on the command line.
 
     Attributes:
         option: Option that named the path.
         path: File or folder, depending on the option.
         logs: Folder for the logs of episodes.
+        stack: Stack that drives in the episodes.
     """
 
     option: str
     path: Path
     logs: Path
+    stack: StackConfig = StackConfig()
+
+    def log_folder(self, benchmark: str) -> Path:
+        """Return the folder for the logs of a benchmark, one for each stack."""
+        parts = [benchmark]
+        if self.stack.name != BUILTIN:
+            parts.append(re.sub(r"[^A-Za-z0-9_.]+", "-", self.stack.name)[:60])
+        if self.stack.guard:
+            parts.append("guard")
+        return self.logs / "-".join(parts)
 
 
 def files_named(folder: Path, pattern: str) -> list[Path]:

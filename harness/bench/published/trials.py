@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import Config
+from wayproof.harness.config import BUILTIN, Config, PluginConfig, StackConfig
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface.connect import connect
 from wayproof.harness.log.writer import check_folder
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
@@ -55,6 +56,16 @@ class Finished:
     def first(self, reached: Callable[[float, float, float], bool]) -> float | None:
         """Return the time of the first decision with the body at the end of a benchmark, s."""
         return next((time for time, *place in self.track if reached(*place)), None)
+
+
+def refuse_unknown_stack(stack: StackConfig) -> None:
+    """Connect to the stack and close it again, before any episode is refused for it.
+
+    Raises:
+        InputError: There is no such stack, or it does not answer.
+    """
+    if stack.name != BUILTIN:
+        connect(stack.name, PluginConfig().wall_s).close()
 
 
 def run_trials(trials: Iterable[Trial], progress: Progress) -> Iterator[Finished]:

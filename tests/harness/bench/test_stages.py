@@ -36,6 +36,12 @@ NAMES = ", ".join(sorted(STAGES))
         (["bench"], "the following arguments are required: STAGE"),
         (["bench", "rays", "--repeats", "0"], "repeats: got 0, expected 1 to 1000"),
         (["bench", "rays", "--seed", "-1"], "seed: got -1"),
+        (
+            ["bench", "rays", "--stack", "gap"],
+            "--stack: got bench rays, expected one of: barn, dodge",
+        ),
+        (["study", "smoke", "--stack", "gap"], "--stack, --guard: expected --worlds"),
+        (["study", "barn", "--worlds", ".", "--guard"], "--guard: expected --stack"),
     ],
 )
 def test_bad_words_are_refused_in_one_line(capsys, arguments, said):

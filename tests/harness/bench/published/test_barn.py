@@ -8,6 +8,7 @@ from wayproof.harness.bench.published import barn
 from wayproof.harness.bench.published.trials import Trial, run_trial
 from wayproof.harness.cli.main import main
 from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -71,3 +72,17 @@ def test_a_long_body_goes_through_a_gap_in_which_it_cannot_turn(tmp_path):
     assert found.violations == ()
     assert found.swept > 50
     assert replay(tmp_path / "a.mcap").identical
+
+
+def test_a_stack_on_trial_drives_the_trials(tmp_path, capsys):
+    folder = str(barn_folder(tmp_path, gap=3.0))
+    command = ["study", "barn", "--worlds", folder, "--repeats", "1", "--out", str(tmp_path)]
+    assert main([*command, "--stack", "blind", "--json"]) == 0
+    row, summary = json.loads(capsys.readouterr().out)["rows"]
+    assert (row["outcome"], row["collisions"], summary["success"]) == ("success", 0, 1.0)
+    log = open_log(tmp_path / "barn-blind" / "world_7-0.mcap")
+    assert log.config.stack.name == "blind"
+    assert main([*command, "--stack", "nobody"]) == 2
+    assert "unknown stack.name 'nobody' (available: blind, builtin, dwa, gap" in (
+        capsys.readouterr().err
+    )
