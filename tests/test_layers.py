@@ -19,7 +19,7 @@ ALLOWED = {
 ORDER = (
     *("errors", "schema", "geometry", "perturbations", "renamed", "behaviour_config", "config"),
     *("mission", "inputs", "stack", "interface", "result", "ending", "outputs", "supervision"),
-    *("user_code", "log", "scenario", "recompute", "attribution"),
+    *("user_code", "log", "recordings", "scenario", "recompute", "attribution"),
     *("warm_up", "sim", "episode", "runner"),
     *("replay", "counterfactual", "study.statistics", "metrics", "clearance", "explain", "viewer"),
     *("worker_pool", "study", "bench", "cli", "bench.soak"),

@@ -1,0 +1,40 @@
+"""The formats of recordings, by name, and opening a recording of any of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.recordings import carmen
+from wayproof.harness.recordings.recording import Format, Recording, RecordingOptions
+
+FORMATS: dict[str, Format] = {
+    "carmen": Format("CARMEN log of laser scans", carmen.looks_like, carmen.open_log),
+}
+"""Name -> format; a path is of the first that it looks like."""
+
+
+def open_recording(path: Path, *, options: RecordingOptions | None = None) -> Recording:
+    """Open a recording: find its format, its sensors and its poses, and read the poses.
+
+    Args:
+        path: File or folder.
+        options: What to read of it; None reads what there is one choice for.
+
+    Raises:
+        InputError: In one line: no such file, no known format, several choices, or damage.
+    """
+    options = options or RecordingOptions()
+    if not path.exists():
+        raise InputError(f"recording '{path}': no such file or folder")
+    if path.is_file() and path.stat().st_size == 0:
+        raise InputError(f"recording '{path}': empty file")
+    if options.format is not None:
+        if options.format not in FORMATS:
+            raise unknown_name("format of recordings", options.format, FORMATS)
+        return FORMATS[options.format].open(path, options)
+    for one in FORMATS.values():
+        if one.matches(path):
+            return one.open(path, options)
+    listed = ", ".join(f"{name}: {one.help}" for name, one in FORMATS.items())
+    raise InputError(f"recording '{path}': of no known format ({listed})")

@@ -1,0 +1,107 @@
+"""A recording that is open for reading, and the options that choose what is read of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from wayproof.harness.recordings.track import RecordedTrack
+from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
+
+Faults = Counter[str]
+"""Kind of fault -> how many were met."""
+
+
+@dataclass(frozen=True)
+class RecordingOptions:
+    """What to read of a recording. All times are counted from its first pose.
+
+    Attributes:
+        format: Name of the format; None finds it.
+        sensors: Topics of the sensors; empty takes the only one.
+        pose: Topic of the poses, or the fixed frame of the transforms; None takes the only one.
+        body: Frame of the body; None takes the one that the poses are of.
+        mount: T_body_sensor, where the recording does not say it.
+        start_s: Time of the first sweep, s.
+        end_s: Time of the last sweep, s; None reads to the end.
+        range_max: Maximum range, m, where the recording does not say it, or a shorter one.
+        missing_returns_free: Whether a beam without return was free, as `missing_returns_known`;
+            None takes what the format says.
+        intrinsics: fx, fy, cx, cy of the depth images, pixels, where the recording does not say.
+        depth_scale: Units of an integer depth image in a metre; None takes the format's.
+        pixel_stride: Every so many pixels of a depth image are read along each axis.
+        max_gap_s: Maximum time between two poses between which one is interpolated, s.
+    """
+
+    format: str | None = None
+    sensors: tuple[str, ...] = ()
+    pose: str | None = None
+    body: str | None = None
+    mount: Transform | None = None
+    start_s: float = 0.0
+    end_s: float | None = None
+    range_max: float | None = None
+    missing_returns_free: bool | None = None
+    intrinsics: tuple[float, float, float, float] | None = None
+    depth_scale: float | None = None
+    pixel_stride: int = 4
+    max_gap_s: float = 1.0
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Sensors and track of a recording, and its sweeps.
+
+    Attributes:
+        name: Name of the file or folder.
+        format: Name of its format.
+        sha256: Hash of the bytes of all files that are read, hexadecimal.
+        start_ns: Stamp of the first pose, ns since the epoch of the recording's clock.
+        sensors: In the order of their names.
+        track: Poses of the body.
+        chosen: The topics and frames that were chosen, in words.
+        opening: Faults met while the recording was opened.
+        read: Reads the sweeps in order of time and counts faults.
+    """
+
+    name: str
+    format: str
+    sha256: str
+    start_ns: int
+    sensors: tuple[RecordedSensor, ...]
+    track: RecordedTrack
+    chosen: str
+    opening: Faults
+    read: Callable[[Faults], Iterator[RecordedSweep]]
+    _met: Faults = field(default_factory=Counter, init=False)
+
+    def sweeps(self) -> Iterator[RecordedSweep]:
+        """Yield the sweeps in order of time; one is in memory at a time.
+
+        Raises:
+            InputError: The recording is damaged from some place on.
+        """
+        self._met.clear()
+        yield from self.read(self._met)
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """Faults by kind: those of the opening, and those of the sweeps read so far."""
+        return dict(sorted((self.opening + self._met).items()))
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of recordings.
+
+    Attributes:
+        help: The format in a few words.
+        matches: Whether a path looks like it. Never raises for a path that exists.
+        open: Opens a recording.
+    """
+
+    help: str
+    matches: Callable[[Path], bool]
+    open: Callable[[Path, RecordingOptions], Recording]

@@ -1,0 +1,91 @@
+"""Sensors and sweeps of a recording, as they were recorded, in the sensor's frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+SensorKind = Literal["laser", "points", "depth"]
+"""A planar laser scanner, point clouds, or a depth camera."""
+
+
+class Transform(NamedTuple):
+    """A pose of one frame in another.
+
+    Attributes:
+        position: (3,) m.
+        quaternion: (4,) w x y z, unit length.
+    """
+
+    position: NDArray[np.float64]
+    quaternion: NDArray[np.float64]
+
+
+IDENTITY = Transform(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+@dataclass(frozen=True)
+class ScanGrid:
+    """The angles of a planar laser, as `sensor_msgs/LaserScan` describes them.
+
+    Attributes:
+        angle_min: Angle of the first beam from the x axis towards y, rad, a float32.
+        angle_increment: Angle from one beam to the next, rad, a float32.
+        beams: Number of beams of the scan.
+        places: (n,) int32 place on the grid of each beam of the sweep.
+    """
+
+    angle_min: float
+    angle_increment: float
+    beams: int
+    places: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class RecordedSensor:
+    """One sensor of a recording.
+
+    Attributes:
+        name: Topic or file that its sweeps come from.
+        frame: Frame of its beams.
+        kind: What it is.
+        range_min: Minimum range, m.
+        range_max: Maximum range, m; inf where the recording does not say.
+        missing_returns_known: Whether a range of inf says that the beam was free up to
+            `range_max`. Where it is false, no return may have been a fault as well, and space
+            without a return is not known to be free.
+    """
+
+    name: str
+    frame: str
+    kind: SensorKind
+    range_min: float
+    range_max: float
+    missing_returns_known: bool
+
+
+@dataclass(frozen=True)
+class RecordedSweep:
+    """One sweep of one sensor as it was recorded, in the sensor's frame.
+
+    Attributes:
+        time_ns: Stamp of the sweep, ns since the first pose of the recording.
+        sensor: Name of the sensor.
+        directions: (n, 3) float32 unit vectors.
+        ranges: (n,) float32 m, above 0; inf where no return was measured, never NaN.
+        beam_times_ns: (n,) int64 times of the beams after `time_ns`, ns, which may be negative;
+            None if all were taken at once.
+        T_body_sensor: The sensor's mount at that time.
+        grid: Angles of a planar laser; None for others.
+    """
+
+    time_ns: int
+    sensor: str
+    directions: NDArray[np.float32]
+    ranges: NDArray[np.float32]
+    beam_times_ns: NDArray[np.int64] | None
+    T_body_sensor: Transform
+    grid: ScanGrid | None = None
