@@ -1,4 +1,4 @@
-"""Write `docs/reference/` from the code: verbs and their options, settings, metrics.
+"""Write `docs/reference/` and the catalogue of `wayproof list` from the code.
 
 Usage: python -m docs.generate
 """
@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import inspect
 import math
-import re
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
+from docs.catalogue import catalogue
+from docs.docstrings import attributes, summary
 from wayproof.harness.cli import VERBS
+from wayproof.harness.cli.catalogue import FILE as CATALOGUE
+from wayproof.harness.cli.catalogue import encode
 from wayproof.harness.cli.main import verb_parsers
 from wayproof.harness.config import Config
 from wayproof.harness.metrics import METRICS
@@ -40,7 +42,7 @@ EXIT_CODES = [
     "",
     "`--json` prints one JSON document on stdout and nothing else. `NO_COLOR=1` turns colours off; "
     "a pipe gets none. `python -m wayproof` is the same as `wayproof`. For completion in bash or "
-    'zsh: `eval "$(wayproof completion bash)"`.',
+    'zsh: `eval "$(wayproof completion bash)"`; in fish: `wayproof completion fish | source`.',
 ]
 """What holds for all verbs."""
 
@@ -176,28 +178,6 @@ def _default(entry: dataclasses.Field[Any]) -> str:
     return f"`{entry.default}`"
 
 
-def attributes(section: type) -> dict[str, str]:
-    """Each attribute's description in a class's docstring, as one line."""
-    _, _, block = inspect.cleandoc(section.__doc__ or "").partition("Attributes:\n")
-    found: dict[str, str] = {}
-    name = ""
-    for line in block.splitlines():
-        opened = re.match(r" {4}(\w+): (.*)", line)
-        if opened:
-            name = opened[1]
-            found[name] = opened[2]
-        elif line.startswith(" " * 8):
-            found[name] += f" {line.strip()}"
-        elif line.strip():
-            break  # the next section
-    return {name: re.sub(r"``(.+?)``", r"`\1`", text) for name, text in found.items()}
-
-
-def summary(thing: object) -> str:
-    """The first paragraph of a docstring, as one line."""
-    return " ".join(inspect.cleandoc(thing.__doc__ or "").split("\n\n")[0].split())
-
-
 def sentence(text: str) -> str:
     """The text with a capital letter and a full stop."""
     return f"{text[0].upper()}{text[1:]}."
@@ -213,6 +193,7 @@ def main() -> None:
     FOLDER.mkdir(exist_ok=True)
     for name, text in pages().items():
         (FOLDER / name).write_text(text, encoding="utf-8")
+    CATALOGUE.write_bytes(encode(catalogue()))
 
 
 if __name__ == "__main__":

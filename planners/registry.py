@@ -56,6 +56,8 @@ class PlannerEntry(NamedTuple):
 
     build: Builder
     traits: PlannerTraits = PlannerTraits()
+    source: str = ""
+    """The method and its paper."""
 
 
 def _fmt(information: ob.SpaceInformation, budget: Budget) -> ob.Planner:
@@ -73,22 +75,36 @@ PLANNERS: dict[str, PlannerEntry] = {
         PlannerTraits(
             uses_seed=False, complete=True, chooses_heading=True, records_reads=True, curves=False
         ),
+        "A* on the grid of the costmap (Hart, Nilsson and Raphael 1968), with shortcuts.",
     ),
-    "rrtconnect": PlannerEntry(lambda information, _: og.RRTConnect(information)),
-    "rrtstar": PlannerEntry(lambda information, _: og.RRTstar(information)),
+    "rrtconnect": PlannerEntry(
+        lambda information, _: og.RRTConnect(information),
+        source="OMPL's RRT-Connect (Kuffner and LaValle 2000).",
+    ),
+    "rrtstar": PlannerEntry(
+        lambda information, _: og.RRTstar(information),
+        source="OMPL's RRT* (Karaman and Frazzoli 2011).",
+    ),
     "informed_rrtstar": PlannerEntry(
-        lambda information, _: og.InformedRRTstar(information), PlannerTraits(poses_in_space=False)
+        lambda information, _: og.InformedRRTstar(information),
+        PlannerTraits(poses_in_space=False),
+        "OMPL's Informed RRT* (Gammell, Srinivasa and Barfoot 2014).",
     ),
     "bitstar": PlannerEntry(
-        lambda information, _: og.BITstar(information), PlannerTraits(poses_in_space=False)
+        lambda information, _: og.BITstar(information),
+        PlannerTraits(poses_in_space=False),
+        "OMPL's BIT* (Gammell, Srinivasa and Barfoot 2015).",
     ),
-    "fmt": PlannerEntry(_fmt),
+    "fmt": PlannerEntry(_fmt, source="OMPL's FMT* (Janson, Schmerling, Clark and Pavone 2015)."),
     "aorrtc": PlannerEntry(
         lambda information, _: og.AORRTC(information),
         PlannerTraits(poses_in_space=False, asymmetric=False),
+        "OMPL's AORRTC, asymptotically optimal RRT-Connect (Wilson et al. 2025).",
     ),
     "kpiece1": PlannerEntry(
-        lambda information, _: og.KPIECE1(information), PlannerTraits(poses_in_space=False)
+        lambda information, _: og.KPIECE1(information),
+        PlannerTraits(poses_in_space=False),
+        "OMPL's KPIECE1 (Sucan and Kavraki 2009).",
     ),
 }
 

@@ -101,7 +101,11 @@ def check_log(path: Path, options: argparse.Namespace) -> None:
 def add_log_folder(parser: argparse.ArgumentParser) -> None:
     """Add `--logs`."""
     parser.add_argument(
-        "--logs", type=Path, default=LOGS, metavar="FOLDER", help="folder for new logs"
+        "--logs",
+        type=Path,
+        default=LOGS,
+        metavar="FOLDER",
+        help="folder for new logs (default: logs)",
     )
 
 

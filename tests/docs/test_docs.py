@@ -9,6 +9,8 @@ import pytest
 
 from docs import generate
 from docs.blocks import FENCED
+from docs.catalogue import catalogue
+from wayproof.harness.cli.catalogue import read_catalogue
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
@@ -58,6 +60,10 @@ def test_every_page_is_reached_from_the_index():
 def test_the_reference_matches_the_code(name):
     written = (generate.FOLDER / name).read_text()
     assert written == generate.pages()[name], "run: python -m docs.generate"
+
+
+def test_the_catalogue_matches_the_code():
+    assert read_catalogue() == catalogue(), "run: python -m docs.generate"
 
 
 def test_attributes_are_read_over_several_lines():

@@ -181,7 +181,16 @@ def test_list_names_what_is_registered(capsys):
     document = json.loads(capsys.readouterr().out)
     assert {"warehouse", "corridor", "empty"} <= set(document["worlds"])
     assert set(document["robots"]) == {"drone", "quadruped"}
-    assert "map.resolution" in document["settings"]
+    assert {"smoke"} <= set(document["studies"])
+    assert {"rays"} <= set(document["benches"])
+    assert document["settings"]["map.resolution"] == {
+        "meaning": "Edge of a cell, m.",
+        "source": "maps/config.py",
+        "type": "float",
+        "default": "0.1",
+        "unit": "m",
+        "bounds": [0.01, 0.5],
+    }
 
 
 def test_the_module_is_the_command():

@@ -25,7 +25,7 @@ WRONG = {
     "import": ["no-such-file.stl"],
     "picture": ["no-such.mcap", "1"],
     "convert": ["no-such.mcap", "--foxglove", "x.mcap"],
-    "completion": ["fish"],
+    "completion": ["ksh"],
 }
 """Words after each verb that it must refuse; the others take a log."""
 
@@ -102,22 +102,47 @@ def test_good_input_is_one_document_and_nothing_else(capfd, monkeypatch, tmp_pat
         (["wayproof", "re"], {"replay", "report", "recover"}),
         (["wayproof", "run", "ware"], {"warehouse"}),
         (["wayproof", "run", "warehouse", "--robot", "q"], {"quadruped"}),
-        (["wayproof", "run", "warehouse", "--perturb", "pose_jump:"], {"pose_jump:1"}),
+        (["wayproof", "run", "warehouse", "--perturb", "pose_jump", ":"], {"1"}),
+        (["wayproof", "run", "warehouse", "--set", "map.r"], {"map.resolution="}),
+        (["wayproof", "run", "warehouse", "--set", "planner.name", "="], {"astar", "rrtstar"}),
+        (["wayproof", "run", "warehouse", "--set", "planner.name", "=", "as"], {"astar"}),
+        (["wayproof", "study", "s"], {"smoke", "stacks"}),
+        (["wayproof", "bench", "r"], {"rays"}),
+        (["wayproof", "replay", ""], {"d.mcap"}),
         (["wayproof", "view", "x.mcap", "--sa"], {"--save"}),
     ],
 )
-def test_bash_completes(capsys, tmp_path, words, expected):
+def test_bash_completes(capsys, monkeypatch, tmp_path, words, expected):
+    """Bash passes words broken at = and :, and replaces only what follows the last of them."""
     bash = shutil.which("bash")
     if bash is None:
         pytest.skip("no bash here")
     assert main(["completion", "bash"]) == 0
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "d.mcap").touch()
+    (tmp_path / "d.txt").touch()
     script = tmp_path / "complete.bash"
     script.write_text(capsys.readouterr().out)
     typed = shlex.join(words)
-    ask = f"COMP_WORDS=({typed}); COMP_CWORD={len(words) - 1}; _shtab_wayproof"
+    ask = f"COMP_WORDS=({typed}); COMP_CWORD={len(words) - 1}; _wayproof_words_joined"
     command = f"source {script}; {ask}; echo ${{COMPREPLY[@]}}"
     shown = subprocess.run([bash, "-c", command], capture_output=True, text=True, check=True)
-    assert expected <= set(shown.stdout.split())
+    found = set(shown.stdout.split())
+    assert expected <= found
+    assert "d.txt" not in found
+
+
+def test_fish_completes(capsys, tmp_path):
+    assert main(["completion", "fish"]) == 0
+    script = capsys.readouterr().out
+    assert "map.resolution=" in script
+    fish = shutil.which("fish")
+    if fish is None:
+        pytest.skip("no fish here")
+    (tmp_path / "complete.fish").write_text(script)
+    ask = f"source {tmp_path}/complete.fish; complete -C 'wayproof run ware'"
+    shown = subprocess.run([fish, "-c", ask], capture_output=True, text=True, check=True)
+    assert "warehouse" in shown.stdout
 
 
 def test_no_colour_on_request_and_none_into_a_pipe():
