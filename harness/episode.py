@@ -180,7 +180,8 @@ class Episode:
         newest = self._sequence - self._following  # the decision being made or followed
         place = f"{'after' if self._following else 'at'} decision {newest}"
         failure = failure_of(error, place, self._watchdog.names)
-        self._log.attach(TRACEBACK, failure.traceback)
+        if failure.traceback:
+            self._log.attach(TRACEBACK, failure.traceback)
         if failure.ours:
             error.add_note(f"{place}; the log is {self._log.path}")
             self.fault = error

@@ -18,6 +18,7 @@ from types import FrameType
 from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.errors import InputError, NeverReturned, printable
 from wayproof.harness.interface.connect import runs_in_process
+from wayproof.harness.interface.errors import StackError
 from wayproof.harness.supervision import stacks_file
 from wayproof.models._plugin import UserCodeError as ControllerError
 from wayproof.planners.ompl._plugin import UserCodeError as PlannerError
@@ -44,7 +45,8 @@ class Failure:
 
     Attributes:
         reason: In one line, with the decision's number.
-        traceback: Printable lines, the last of them the exception's.
+        traceback: Printable lines, the last of them the exception's; empty of a stack in another
+            process that sent none.
         ours: Whether Wayproof's own code is at fault.
     """
 
@@ -84,6 +86,8 @@ def failure_of(error: BaseException, place: str, names: list[str]) -> Failure:
     """
     raised = error.__cause__ if isinstance(error, USER_CODE_ERRORS) else None
     text = bounded("".join(traceback.format_exception(raised or error)))
+    if isinstance(error, StackError) and raised is None:
+        text = bounded(error.traceback) if error.traceback else ""  # ours would say nothing of it
     if isinstance(error, USER_CODE_ERRORS):
         line = f"{error.who} {raised}" if isinstance(raised, NeverReturned) else str(error)
         return Failure(printable(f"{line} {place}"), text, ours=False)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from wayproof.harness.log.reader import Log
 
 SHOWN_MISSES = 5
+SHOWN_STDERR = 8
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -77,7 +78,9 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
         console.print(f"  {phase}", soft_wrap=True, highlight=False)
     for line in log.traceback.splitlines():
         console.print(f"  {line}", soft_wrap=True, highlight=False)
-    case, finding, misses = _why(log) if decisions or not log.traceback else (None, None, [])
+    for line in _last_lines(log):
+        console.print(f"  stderr: {line}", soft_wrap=True, highlight=False)
+    case, finding, misses = _why(log, bool(decisions))
     verdict = _check(log, finding) if options.check else read_check(log)
     if verdict is not None:
         finding = verdict.finding
@@ -91,6 +94,7 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
         "outcome": outcome,
         "reason": reason,
         "traceback": log.traceback,
+        "stderr": log.stderr,
         "phases": [asdict(phase) for phase in course],
         "cause": None if finding is None else asdict(finding),
         "near_misses": [asdict(miss) for miss in misses],
@@ -106,18 +110,30 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
     return document
 
 
-def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
+def _last_lines(log: Log) -> list[str]:
+    """Return the last lines of a stack's standard error, if it failed and sent no traceback."""
+    if log.result["outcome"] != "error" or log.traceback:
+        return []
+    return [line for line in log.stderr.splitlines() if line.strip()][-SHOWN_STDERR:]
+
+
+def _why(log: Log, with_decisions: bool) -> tuple[Case | None, Finding | None, list[NearMiss]]:
     """Return the cause and the near misses; of a log without sweeps, the cause in its result."""
     from wayproof.harness.attribution import find_cause, near_misses, read_case
 
-    if log.record == "decisions":
+    failed = log.result["outcome"] == "error"
+    if log.record == "decisions" or (failed and not with_decisions):
         return None, _stored_cause(log), []
     case = read_case(log)
-    return case, find_cause(case), near_misses(case, SHOWN_MISSES)
+    finding = _stored_cause(log) if failed else find_cause(case)
+    return case, finding, near_misses(case, SHOWN_MISSES)
 
 
 def _stored_cause(log: Log) -> Finding | None:
-    """Return the cause stored by the run, at the contact or at the last place of the robot."""
+    """Return the cause stored by the run, at the contact or at the last place of the robot.
+
+    Such is that of an `error` of a stack on trial: nothing in the log shows it again.
+    """
     from wayproof.harness.attribution import Finding
     from wayproof.harness.result import Contact
 
@@ -125,9 +141,7 @@ def _stored_cause(log: Log) -> Finding | None:
         return None
     contact = Contact.from_text(log.result.get("contact", ""))
     places = [contact.position] if contact else [(*truth.position,) for truth in log.truth()]
-    if not places:
-        raise InputError(f"log '{log.path}': no decisions in it")
-    x, y, z = places[-1]
+    x, y, z = places[-1] if places else log.mission.start
     return Finding(
         cause=log.result["cause"],
         evidence=log.result["cause_evidence"],

@@ -198,7 +198,8 @@ def print_verdict(console: Console, result: Result) -> None:
         line = f"cause: {result.cause}: {result.cause_evidence}"
         console.print(line, soft_wrap=True)
     if result.cause or result.traceback:
-        allowed = " --allow-plugins" if result.traceback else ""
+        planner = result.traceback and not result.cause  # of a planner or controller of the user's
+        allowed = " --allow-plugins" if planner else ""
         line = f"explain: wayproof explain {result.log}{allowed}"
         console.print(line, soft_wrap=True, highlight=False)
     console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)

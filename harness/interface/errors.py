@@ -15,9 +15,13 @@ class StackError(UserCodeError):
 
     Attributes:
         cause: Of the episode's end.
+        traceback: Of the stack, as another process sent it; empty without one.
     """
 
-    def __init__(self, who: str, what: str, cause: StackCause = "stack_broken") -> None:
+    def __init__(
+        self, who: str, what: str, cause: StackCause = "stack_broken", traceback: str = ""
+    ) -> None:
         """Name the stack and say what it did, in one line."""
         super().__init__(who, what)
         self.cause = cause
+        self.traceback = traceback

@@ -359,7 +359,8 @@ class RemoteStack:
         got = message.WhichOneof("kind")
         if got == "failure":
             text = printable(message.failure.text)[:300]
-            raise StackError(self._who, f"failed: {text}")
+            traceback = message.failure.traceback
+            raise StackError(self._who, f"failed: {text}", traceback=traceback)
         if got != kind:
             raise StackError(self._who, f"sent {got or 'an empty message'}, expected {kind}")
         return message

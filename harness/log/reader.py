@@ -26,6 +26,7 @@ from wayproof.harness.log.writer import (
     PACKED_SCENE,
     PLUGINS,
     READABLE,
+    STDERR,
     TRACEBACK,
     WITH_REASONS,
     digest_name,
@@ -42,7 +43,7 @@ CHECK = "check"
 """Name of the metadata with the verdict of a counterfactual check."""
 
 MOST_LINES = 400
-"""Maximum number of lines of a traceback that are read."""
+"""Maximum number of lines of a traceback or of a standard error that are read."""
 
 MOST_FORKS = 99
 """Maximum number of forks of one log."""
@@ -105,6 +106,7 @@ class Log:
         forks: Forks, in order: decisions from which on the settings differ.
         check: Verdict of a counterfactual check, as metadata; empty without one.
         traceback: Traceback of an episode that ended as `error`; empty without one.
+        stderr: End of what a stack in another process wrote to its standard error.
         plugins: SHA-256 of the file of each of the user's classes in use, by name.
     """
 
@@ -118,6 +120,7 @@ class Log:
     forks: tuple[Fork, ...] = ()
     check: dict[str, str] = field(default_factory=dict)
     traceback: str = ""
+    stderr: str = ""
     plugins: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -267,14 +270,15 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
         beams=head.beams,
         forks=forks,
         check=head.metadata.get(CHECK, {}),
-        traceback=_traceback(head),
+        traceback=_text(head, TRACEBACK),
+        stderr=_text(head, STDERR),
         plugins=head.metadata.get(PLUGINS, {}),
     )
 
 
-def _traceback(head: Head) -> str:
-    """Return the traceback with control characters escaped, line by line."""
-    text = head.attachments.get(TRACEBACK, b"").decode(errors="replace")
+def _text(head: Head, name: str) -> str:
+    """Return the end of a text in the file with control characters escaped, line by line."""
+    text = head.attachments.get(name, b"").decode(errors="replace")
     return "\n".join(map(printable, text.splitlines()[-MOST_LINES:]))
 
 
