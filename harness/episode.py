@@ -169,7 +169,8 @@ class Episode:
         config = self._scenario.config.latency
         delay_s = self.delays.get(self._sequence)
         if delay_s is None:
-            delay_s = _delay(config, decision.stages) + self._injector.delay
+            on_trial = self._navigator.answer is not None
+            delay_s = _delay(config, decision.stages, on_trial) + self._injector.delay
         message = pb.Latency(sequence=self._sequence, mode=config.mode, delay_s=delay_s)
         message.timestamp.FromNanoseconds(time_ns)
         return message
@@ -225,9 +226,14 @@ def arrival_ns(decision: pb.Decision, trajectory: Trajectory) -> int:
     return max(trajectory.start_ns, arrival)
 
 
-def _delay(config: LatencyConfig, stages: pb.StageLatency) -> float:
-    """Delay of a decision, s: modelled, or measured and rounded up to 1 ms."""
+def _delay(config: LatencyConfig, stages: pb.StageLatency, on_trial: bool) -> float:
+    """Delay of a decision, s: modelled, or measured and rounded up to 1 ms.
+
+    Of a stack on trial its answer alone counts: the referee's map is no part of it.
+    """
     if config.mode == "modelled":
         return config.expected
+    if on_trial:
+        return math.ceil(stages.answer_ms) * 1e-3
     measured = stages.sense_ms + stages.map_ms + stages.costmap_ms + stages.plan_ms
     return math.ceil(measured) * 1e-3

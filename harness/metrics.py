@@ -50,7 +50,8 @@ class Trace:
         latencies: (n,) wall time of a decision's stages together, ms.
         missed: (n,) whether it was past its deadline.
         start_distance: Distance of the start from the goal, measured as `goal_distance` is, m.
-        verdicts: (n,) the referee's, on the commands of a stack on trial; none of the built-in one.
+        verdicts: The referee's on each command of a stack on trial that came in time; none of the
+            built-in one.
         cuts: (n,) whether the guard braked in the stack's place; none likewise.
     """
 
@@ -99,7 +100,7 @@ def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Tru
     result = {**known, **log.result}
     route = result.get("route_length_m")
     axes = log.mission.axes
-    judged = bool(decisions) and all(one.HasField("verdict") for one in decisions)
+    verdicts = [one.verdict for one in decisions if one.HasField("verdict")]
     return Trace(
         outcome=result["outcome"],
         duration=float(result["sim_time_s"]),
@@ -114,8 +115,8 @@ def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Tru
         latencies=np.array([s.sense_ms + s.map_ms + s.costmap_ms + s.plan_ms for s in stages]),
         missed=np.array([decision.deadline_missed for decision in decisions], bool),
         start_distance=math.dist(log.mission.start[:axes], log.mission.goal[:axes]),
-        verdicts=tuple(one.verdict.verdict for one in decisions) if judged else None,
-        cuts=np.array([one.verdict.cut for one in decisions], bool) if judged else None,
+        verdicts=tuple(one.verdict for one in verdicts) if verdicts else None,
+        cuts=np.array([one.cut for one in verdicts], bool) if verdicts else None,
     )
 
 

@@ -17,6 +17,7 @@ CAUSES = (
     "latency",
     "planner",
     "impossible",
+    "stack_late",
     "stack_died",
     "stack_hung",
     "stack_broken",

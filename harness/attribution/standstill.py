@@ -14,11 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayproof.harness.attribution.case import Case, Moment, off_path
-from wayproof.harness.attribution.contact import BLIND, LATE
+from wayproof.harness.attribution.commanded import answer_s, commands_to
+from wayproof.harness.attribution.contact import BLIND
+from wayproof.harness.attribution.contact_facts import LATE
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.attribution.pose import PoseFacts, pose_facts
 from wayproof.harness.attribution.ranges import RangeFacts, range_facts
 from wayproof.harness.attribution.ways import NO_PATH, MapWays, TrueWays, map_ways, true_ways
+from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 
 HALF = 0.5
@@ -63,6 +66,13 @@ class StandstillFacts:
         ranges: Reported ranges against the true ones.
         truth: Paths that truly exist.
         map: Paths in the map.
+        answered_late: Fraction of the window that a stack on trial answered past the deadline.
+        answer: Median time to its answers in the window, s.
+        cut: Number of decisions in the window at which the guard braked in its place.
+        beyond_area: Number of the last decision with a command out of the operating area that the
+            referee did not admit and the body followed at the end; None without one.
+        claimed_at: Distance of the estimated position from a goal that a stack on trial claimed
+            from beyond the tolerance, m; 0 otherwise.
     """
 
     outcome: str
@@ -86,6 +96,11 @@ class StandstillFacts:
     ranges: RangeFacts
     truth: TrueWays
     map: MapWays
+    answered_late: float = 0.0
+    answer: float = 0.0
+    cut: int = 0
+    beyond_area: int | None = None
+    claimed_at: float = 0.0
 
     @property
     def on_its_way(self) -> bool:
@@ -114,6 +129,34 @@ def impossible(facts: StandstillFacts) -> str | None:
     return None
 
 
+def stack_late(facts: StandstillFacts) -> str | None:
+    """A stack on trial answered past the deadline, so its commands were discarded."""
+    if facts.answered_late < HALF:
+        return None
+    return (
+        f"{facts.answered_late:.0%} of the last {facts.window} answers of the stack came past the "
+        f"deadline of {facts.deadline * 1e3:.0f} ms (median {facts.answer * 1e3:.0f} ms), and "
+        "their commands were discarded"
+    )
+
+
+def claimed_elsewhere(facts: StandstillFacts) -> str | None:
+    """A stack on trial claimed the goal where the pose that it got is not at the goal."""
+    if not facts.claimed_at:
+        return None
+    return f"the goal was claimed {facts.claimed_at:.2f} m from it, by the pose that the stack got"
+
+
+def left_its_area(facts: StandstillFacts) -> str | None:
+    """A stack on trial commanded the body out of the operating area, against the referee."""
+    if facts.outcome != "out_of_bounds" or facts.beyond_area is None:
+        return None
+    return (
+        f"{facts.reason}: commanded there at decision {facts.beyond_area}, which the referee "
+        "found blocked, as it leads out of the operating area"
+    )
+
+
 def latency(facts: StandstillFacts) -> str | None:
     """Decisions missed their deadline and were discarded, or sweeps did not arrive."""
     if facts.discarded >= HALF:
@@ -130,7 +173,7 @@ def latency(facts: StandstillFacts) -> str | None:
 def localization(facts: StandstillFacts) -> str | None:
     """The pose error exceeds the margin, or its uncertainty widens the margin too much."""
     pose = facts.pose
-    if facts.claimed:
+    if facts.claimed and not facts.claimed_at:
         return f"the goal was claimed where it is not: the pose was {pose.at_end:.2f} m off"
     if pose.beyond > 0.0:
         return str(pose)
@@ -234,6 +277,11 @@ def planner(facts: StandstillFacts) -> str | None:
             f"in {facts.map.known:.0%} of the maps at the end a way led through space that was "
             f"known to be free; {_last_search(facts)}"
         )
+    if facts.cut >= HALF * facts.window and ways.passable >= HALF:
+        return (
+            f"in {ways.passable:.0%} of the maps at the end a way led around all that was occupied;"
+            f" {_last_search(facts)}"
+        )
     return None
 
 
@@ -261,6 +309,8 @@ def _too_slow(facts: StandstillFacts) -> str:
 
 def _last_search(facts: StandstillFacts, search: str = "search") -> str:
     """Effort of the last search in words; a stack on trial logs none."""
+    if facts.cut:
+        return f"the guard cut {facts.cut} of the last {facts.window} commands"
     if not facts.iterations:
         return "no search is in the log"
     return f"the last {search} spent {facts.iterations} iterations"
@@ -276,11 +326,14 @@ def unexplained(facts: StandstillFacts) -> str:
 
 
 TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
+    ("stack_broken", claimed_elsewhere),
     ("impossible", impossible),
+    ("stack_late", stack_late),
     ("latency", latency),
     ("localization", localization),
     ("latency", late_setpoints),
     ("perception", perception),
+    ("disregarded_obstacle", left_its_area),
     ("tracking", left_its_path),
     ("moved_obstacle", moved_obstacle),
     ("ghost_obstacle", ghost_obstacle),
@@ -320,6 +373,11 @@ def standstill_facts(case: Case) -> StandstillFacts:
         reason=case.reason,
         window=window,
         discarded=float(np.mean([one.decision.deadline_missed for one in recent])),
+        answered_late=float(np.mean([_answered_late(one) for one in recent])),
+        answer=float(np.median([answer_s(one) for one in recent])),
+        cut=sum(one.decision.verdict.cut for one in recent),
+        beyond_area=_beyond_area(case),
+        claimed_at=_claimed_at(case),
         late=float(np.mean([_is_late(case, one) for one in case.moments[-10:]])),
         deadline=case.config.latency.deadline,
         delay=float(np.median([one.latency.delay_s for one in recent])),
@@ -372,6 +430,33 @@ def _off(case: Case, number: int) -> float:
     if trajectory is None:
         return 0.0
     return off_path(trajectory, moment.true_position + moment.error, case.axes)[0]
+
+
+def _answered_late(moment: Moment) -> bool:
+    """Return whether a command was discarded, for the time that the answer alone took."""
+    decision = moment.decision
+    return decision.deadline_missed and answer_s(moment) > decision.deadline_s
+
+
+def _claimed_at(case: Case) -> float:
+    """Return how far from the goal the pose was where a stack claimed it, m; 0 if near enough."""
+    last = case.moments[-1]
+    if last.answer is None or last.decision.action != "goal":
+        return 0.0
+    gap = np.array(last.pose.position) - np.array(case.mission.goal)
+    distance = float(np.linalg.norm(gap[: case.axes]))
+    return distance if distance > case.config.episode.goal_tolerance else 0.0
+
+
+def _beyond_area(case: Case) -> int | None:
+    """Return the last of the commands followed at the end that leads out of the operating area."""
+    low, high = np.array(case.mission.low), np.array(case.mission.high)
+    for number in reversed(commands_to(case, case.end_s)):
+        path = path_of(case.moments[number].decision.trajectory.path)
+        outside = ((path < low) | (path > high))[:, : case.axes]
+        if case.moments[number].decision.verdict.verdict == "blocked" and outside.any():
+            return number
+    return None
 
 
 def _is_late(case: Case, moment: Moment) -> bool:

@@ -82,6 +82,7 @@ class TrialNavigator(Navigator):
         asked_ms = (time.perf_counter() - began) * 1e3
         decision = super().step(inputs, sense_ms)
         decision.stages.plan_ms += asked_ms
+        decision.stages.answer_ms = asked_ms
         return decision
 
     def ask(self, inputs: Inputs) -> pb.StackCommand:

@@ -102,16 +102,18 @@ class Latency(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., mode: _Optional[str] = ..., delay_s: _Optional[float] = ...) -> None: ...
 
 class StageLatency(_message.Message):
-    __slots__ = ("sense_ms", "map_ms", "costmap_ms", "plan_ms")
+    __slots__ = ("sense_ms", "map_ms", "costmap_ms", "plan_ms", "answer_ms")
     SENSE_MS_FIELD_NUMBER: _ClassVar[int]
     MAP_MS_FIELD_NUMBER: _ClassVar[int]
     COSTMAP_MS_FIELD_NUMBER: _ClassVar[int]
     PLAN_MS_FIELD_NUMBER: _ClassVar[int]
+    ANSWER_MS_FIELD_NUMBER: _ClassVar[int]
     sense_ms: float
     map_ms: float
     costmap_ms: float
     plan_ms: float
-    def __init__(self, sense_ms: _Optional[float] = ..., map_ms: _Optional[float] = ..., costmap_ms: _Optional[float] = ..., plan_ms: _Optional[float] = ...) -> None: ...
+    answer_ms: float
+    def __init__(self, sense_ms: _Optional[float] = ..., map_ms: _Optional[float] = ..., costmap_ms: _Optional[float] = ..., plan_ms: _Optional[float] = ..., answer_ms: _Optional[float] = ...) -> None: ...
 
 class Point(_message.Message):
     __slots__ = ("x", "y", "z")

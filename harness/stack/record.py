@@ -83,6 +83,7 @@ def record_missed_deadline(decision: pb.Decision, standing: Trajectory) -> None:
     decision.trajectory.CopyFrom(trajectory_message(standing))
     decision.committed_length_m = _length(standing.path)
     decision.ClearField("global_path")
+    decision.ClearField("verdict")  # of a command that nobody follows
 
 
 class StageClock:

@@ -1,10 +1,13 @@
 """Causes of contacts, from tables of facts."""
 
+from dataclasses import replace
+
 import pytest
 
 from tests.harness.attribution.facts import BAD, LIED, cause_of, changed
 from wayproof.harness.attribution import contact as contacts
-from wayproof.harness.attribution.contact import ContactFacts
+from wayproof.harness.attribution.commanded import CommandedFacts
+from wayproof.harness.attribution.contact_facts import ContactFacts
 from wayproof.harness.attribution.pose import PoseFacts
 from wayproof.harness.attribution.ranges import RangeFacts
 
@@ -14,6 +17,9 @@ TOUCH = ContactFacts(
     off_path=0.02, planned_clearance=0.0, pose_error=0.02, margin=0.1, usual=0.1, pose=PoseFacts(),
     ranges=RangeFacts(), disregarded=0.0, late=None,
 )  # fmt: skip
+
+BLOCKED = CommandedFacts(first=30, count=15, verdict="blocked", free_m=0.4, in_the_way=5, blocked=9)
+UNKNOWN = replace(BLOCKED, verdict="unknown", in_the_way=0, blocked=0)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +47,21 @@ TOUCH = ContactFacts(
         ({"ranges.blind": 4.0, "own": 0}, "perception"),
         ({"ranges.blind": 4.0, "own": 0, "unknown": 9}, "unseen_obstacle"),
         ({"ranges.withheld": 0.9}, "latency"),
+        ({"late": (40, 0.6, 0.25), "late_answer": 0.59}, "stack_late"),
+        ({"late": (40, 0.6, 0.25), "late_answer": 0.05}, "latency"),
+        ({"commanded": BLOCKED}, "disregarded_obstacle"),
+        ({"commanded": BLOCKED, "pose": LIED}, "disregarded_obstacle"),
+        ({"commanded": replace(BLOCKED, in_the_way=0)}, "disregarded_obstacle"),
+        ({"commanded": replace(BLOCKED, in_the_way=0), "own": 0}, "missed_obstacle"),
+        ({"commanded": UNKNOWN, "own": 0, "unknown": 9}, "unseen_obstacle"),
+        ({"commanded": UNKNOWN, "own": 0, "unknown": 9, "pose": LIED}, "unseen_obstacle"),
+        (
+            {"commanded": UNKNOWN, "own": 0, "unknown": 9, "there_when_decided": False},
+            "moved_obstacle",
+        ),
+        ({"commanded": UNKNOWN, "own": 0}, "missed_obstacle"),
+        ({"commanded": UNKNOWN}, "margin_too_small"),
     ],
 )
 def test_a_contact_has_the_cause_that_its_facts_leave(change, cause):
-    assert cause_of(contacts.TESTS.items(), changed(TOUCH, change)) == cause
+    assert cause_of(contacts.TESTS, changed(TOUCH, change)) == cause

@@ -1,0 +1,150 @@
+"""Commands of a stack on trial that led to a contact against the referee's verdict.
+
+Each trajectory is judged to its rest, so an admitted command ends in space that the map held free,
+whatever came before it. What led to a contact are therefore the commands after the last admitted
+one, up to that which the body followed at the contact: at the first of them a guard would have
+braked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.attribution.case import Case, Moment
+from wayproof.harness.log.paths import densely
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import path_of
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.states import OCCUPIED
+
+Array = NDArray[np.float64]
+
+ADMITTED = "admitted"
+
+OWN_REACH = 0.3
+"""Greatest distance of an occupied cell from the obstacle that it represents, pose error apart, m:
+ranges, attitude and calibration all contribute."""
+
+
+@dataclass(frozen=True)
+class CommandedFacts:
+    """The commands that led to a contact and that the referee had not admitted.
+
+    Attributes:
+        first: Number of the first of them, at which a guard would have braked.
+        count: Number of them.
+        verdict: Of the last of them after which the body could have stopped, or of the first.
+        free_m: Length of the way of that one that the referee admitted, m.
+        in_the_way: Number of cells that the map held occupied on its way, within body and margin,
+            and that represent the touched obstacle.
+        blocked: Number of the commands whose verdict is `blocked`.
+    """
+
+    first: int
+    count: int
+    verdict: str
+    free_m: float
+    in_the_way: int
+    blocked: int
+
+
+def on_trial(case: Case) -> bool:
+    """Return whether a stack on trial commanded, whom the referee judged."""
+    return any(moment.answer is not None for moment in case.moments)
+
+
+def commands_to(case: Case, time_s: float) -> tuple[int, ...]:
+    """Return the numbers of the commands not admitted that led to where the body is at a time.
+
+    In order; none if the command that it follows then was admitted, or the guard had braked.
+    """
+    numbers: list[int] = []
+    for number in range(len(case.moments) - 1, -1, -1):
+        moment = case.moments[number]
+        decision = moment.decision
+        if moment.effect_ns > time_s * 1e9 or decision.deadline_missed:
+            continue  # the body does not follow it
+        if not against(decision):
+            break
+        numbers.append(number)
+    return tuple(reversed(numbers))
+
+
+def answer_s(moment: Moment) -> float:
+    """Return the time that a stack on trial took to answer, s; 0 where it does not count."""
+    measured = moment.latency.mode == "measured"
+    return moment.decision.stages.answer_ms * 1e-3 if measured else 0.0
+
+
+def against(decision: pb.Decision) -> bool:
+    """Return whether a command was followed that the referee did not admit."""
+    verdict = decision.verdict
+    return bool(verdict.verdict) and verdict.verdict != ADMITTED and not verdict.cut
+
+
+def commanded_facts(
+    case: Case, numbers: tuple[int, ...], navigator: Navigator, decision: int, name: str
+) -> CommandedFacts | None:
+    """Return the facts of the commands that led to a contact; None without any.
+
+    Args:
+        case: The episode.
+        numbers: As `commands_to` returns them.
+        navigator: With map and costmap of the decision.
+        decision: The last of them after which the body could have stopped.
+        name: Name of the touched obstacle.
+    """
+    if not numbers:
+        return None
+    moment = case.moments[decision]
+    verdicts = [case.moments[number].decision.verdict.verdict for number in numbers]
+    return CommandedFacts(
+        first=numbers[0],
+        count=len(numbers),
+        verdict=moment.decision.verdict.verdict,
+        free_m=moment.decision.verdict.free_m,
+        in_the_way=_cells_in_the_way(case, navigator, moment, name),
+        blocked=verdicts.count("blocked"),
+    )
+
+
+def _cells_in_the_way(case: Case, navigator: Navigator, moment: Moment, name: str) -> int:
+    """Return how many occupied cells on the way of a command represent an obstacle.
+
+    Args:
+        case: The episode.
+        navigator: With map and costmap of that decision.
+        moment: The decision.
+        name: Name of the obstacle.
+    """
+    case.space.place_movers(moment.truth)
+    cells = _occupied_about(case, navigator, moment) - moment.error
+    near = [cell for cell in cells if case.space.distance_to(cell, name) <= OWN_REACH]
+    return sum(case.space.distance(cell)[1] == name for cell in near)
+
+
+def _occupied_about(case: Case, navigator: Navigator, moment: Moment) -> Array:
+    """Return the centres (n, 3) of occupied cells within body and margin of a command's path."""
+    costmap, axes = navigator.costmap, case.axes
+    path = densely(path_of(moment.decision.trajectory.path), costmap.resolution)
+    reach = costmap.inflation_radius + costmap.resolution
+    held = np.argwhere(costmap.state == OCCUPIED)
+    centres: Array = costmap.origin + (held + 0.5) * costmap.resolution
+    low, high = path.min(axis=0) - reach, path.max(axis=0) + reach
+    centres = centres[((centres >= low) & (centres <= high))[:, :axes].all(axis=1)]
+    gaps = np.linalg.norm(centres[:, None, :axes] - path[None, :, :axes], axis=2)
+    near: Array = centres[(gaps <= reach).any(axis=1)]
+    return near if axes == 3 else _solid_cells(case, navigator, near)
+
+
+def _solid_cells(case: Case, navigator: Navigator, columns: Array) -> Array:
+    """Return the occupied cells (n, 3) of columns at the heights of a body on the ground."""
+    size = navigator.map.resolution
+    heights = np.arange(case.mission.step_height + 0.5 * size, case.mission.height + size, size)
+    cells = np.repeat(columns, len(heights), axis=0)
+    cells[:, 2] = np.tile(heights, len(columns))
+    solid: Array = cells[navigator.map.state_at(cells) == OCCUPIED]
+    return solid
