@@ -232,7 +232,8 @@ def _rows(card: Card) -> list[tuple[str, str]]:
     missed = ": MISSED" if card.deadline_missed else ""
     held = "" if card.version_holds else " (the replayed map differs)"
     place = ", ".join(f"{value:.2f}" for value in card.position)
-    search = f"{card.planner}, {card.iterations} iterations" if card.planner else "path kept"
+    search = f"; {card.planner}, {card.iterations} iterations" if card.planner else "; path kept"
+    search = "" if card.stack else search  # it did its own
     least = in_metres(card.least_clearance_m, card.least_clearance_is_bound)
     rows = [
         ("why", card.reason),
@@ -266,7 +267,7 @@ def _rows(card: Card) -> list[tuple[str, str]]:
         (
             "path",
             f"{_way(card)}, {card.committed_m:.2f} m committed, least clearance there "
-            f"{least}; {search}",
+            f"{least}{search}",
         ),
     ]
     if card.stack:
@@ -283,11 +284,23 @@ def _rows(card: Card) -> list[tuple[str, str]]:
 
 def _way(card: Card) -> str:
     """Return where the path leads and how far the goal is, in words."""
+    if card.stack:
+        return _planned(card)
     straight = f"the goal is {card.goal_distance_m:.2f} m away"
     if not card.path_leads_to:
         return f"none; {straight}"
     path = f"{card.path_length_m:.2f} m to {card.path_leads_to}"
     return path if card.path_leads_to == "the goal" else f"{path}; {straight}"
+
+
+def _planned(card: Card) -> str:
+    """Return how long the path is that a stack planned, and what the referee admits of it."""
+    if not card.planned_m:
+        return f"the stack gave no planned path; the goal is {card.goal_distance_m:.2f} m away"
+    return (
+        f"{card.planned_m:.2f} m planned by the stack, the referee's map admits "
+        f"{card.planned_admitted_m:.2f} m of it"
+    )
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,20 +7,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypedDict
 
 import numpy as np
-from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.clearance import map_clearance_is_bound, true_clearance_is_bound
-from wayproof.harness.errors import InputError, printable
-from wayproof.harness.log.paths import densely
-from wayproof.harness.schema import stack_pb2 as sb
+from wayproof.harness.errors import InputError
+from wayproof.harness.explain.commanded import Commanded, command_in_words, commanded
+from wayproof.harness.log.paths import arc_lengths, densely, length
+from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.labels import combined_version
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps import Costmap
 from wayproof.maps.states import FREE, OCCUPIED
 
 Array = NDArray[np.float64]
@@ -93,6 +95,9 @@ class Card:
         stack: Name of the stack on trial; empty of the built-in one.
         verdict: Verdict of the referee on its command; empty of the built-in stack.
         answer: What the stack says of its command: motion, reason and scalars, in one line.
+        planned_m: Length of the stack's own planned path, m; 0 without one.
+        planned_admitted_m: Length of it up to the first cell that the policy does not let the body
+            enter in the referee's map, m.
     """
 
     sequence: int
@@ -134,6 +139,8 @@ class Card:
     stack: str = ""
     verdict: str = ""
     answer: str = ""
+    planned_m: float = 0.0
+    planned_admitted_m: float = 0.0
 
 
 def moment_of(case: Case, number: int) -> Moment:
@@ -214,8 +221,74 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         else f"{perturbation.kind} {perturbation.amount:g} {perturbation.unit}",
         stack="" if moment.answer is None else case.config.stack.name,
         verdict=_verdict(decision),
-        answer="" if moment.answer is None else answer_in_words(moment.answer),
+        **_of_stack(case, number, navigator),
     )
+
+
+def command_at(case: Case, number: int) -> Commanded | None:
+    """Return the command of a stack on trial in one decision; None of the built-in stack.
+
+    Raises:
+        InputError: The logged answer is no command.
+    """
+    moment, before = case.moments[number], case.moments[:number]
+    kept = [one.decision.trajectory for one in before if not one.decision.deadline_missed]
+    followed = kept[-1] if kept else None
+    return commanded(moment.answer, moment.decision, followed, case.config, case.mission)
+
+
+class _OfStack(TypedDict, total=False):
+    """Fields of a card that only a stack on trial has."""
+
+    answer: str
+    planned_m: float
+    planned_admitted_m: float
+
+
+def _of_stack(case: Case, number: int, navigator: Navigator) -> _OfStack:
+    command = command_at(case, number)
+    if command is None:
+        return {}
+    answer, plan = command_in_words(command.message), command.planned_path
+    if len(plan) < 2:
+        return {"answer": answer}
+    return {
+        "answer": answer,
+        "planned_m": length(plan),
+        "planned_admitted_m": _admitted_length(
+            case.moments[number].decision, case.mission, navigator.costmap, plan
+        ),
+    }
+
+
+def _admitted_length(
+    decision: pb.Decision, mission: Mission, costmap: Costmap, path: Array
+) -> float:
+    """Return the length of a path (n, 3) up to the first cell that the body may not enter, m.
+
+    The body is that of the decision: its circumscribed disc or ball, or its discs headed along the
+    path.
+    """
+    points = densely(path, 0.5 * costmap.resolution)
+    ahead = np.gradient(points, axis=0)
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+    body = decision.inflation_radius_m - decision.localization_margin_m
+    offsets = [along for along, _ in mission.discs] if body < mission.radius - 1e-6 else [0.0]
+    closed: NDArray[np.bool_] = np.zeros(len(points), np.bool_)
+    for along in offsets:
+        closed |= _is_closed(costmap, points + along * ahead, decision.collision_distance_sq)
+    return float(arc_lengths(points)[closed.argmax() if closed.any() else -1])
+
+
+def _is_closed(costmap: Costmap, points: Array, limit: int) -> NDArray[np.bool_]:
+    """Return whether each point (n, 3) is too near to what the policy forbids, or off the map."""
+    cells = np.floor((points - costmap.origin) / costmap.resolution).astype(int)
+    if costmap.shape[2] == 1:  # on the ground, whatever height the stack plans at
+        cells[:, 2] = 0
+    inside = ((cells >= 0) & (cells < costmap.shape)).all(axis=1)
+    closed: NDArray[np.bool_] = np.logical_not(inside)
+    closed[inside] = costmap.field()[tuple(cells[inside].T)] <= limit
+    return closed
 
 
 def _verdict(decision: pb.Decision) -> str:
@@ -225,31 +298,6 @@ def _verdict(decision: pb.Decision) -> str:
         return ""
     cut = "; the guard braked in its place" if verdict.cut else ""
     return f"{verdict.verdict}, free for {verdict.free_m:.2f} m{cut}"
-
-
-def answer_in_words(answer: pb.StackCommand) -> str:
-    """Return the motion, the reason and the scalars of a stack's command in one line.
-
-    Raises:
-        InputError: It is no command.
-    """
-    try:
-        command = sb.Command.FromString(answer.command)
-    except DecodeError:
-        raise InputError(f"decision {answer.sequence}: its answer is no command") from None
-    parts = [command.WhichOneof("motion") or "no motion"]
-    if command.WhichOneof("motion") == "velocity":
-        one = command.velocity
-        parts = [
-            f"velocity ({one.forward:.2f}, {one.left:.2f}, {one.up:.2f}) m/s, "
-            f"{one.yaw_rate:.2f} rad/s for {one.duration_s:.1f} s"
-        ]
-    if command.reason:
-        parts.append(printable(command.reason)[:200])
-    parts += [
-        f"{printable(name)[:40]} {command.scalars[name]:g}" for name in sorted(command.scalars)
-    ]
-    return "; ".join(parts)
 
 
 def _leads_to(decision: pb.Decision) -> str:
@@ -264,7 +312,8 @@ def _leads_to(decision: pb.Decision) -> str:
 def blocking_cells(case: Case, moment: Moment, navigator: Navigator) -> tuple[BlockingCell, ...]:
     """Cells that first block the way to the goal under the unknown policy; empty if none does.
 
-    The way is the global path beyond the trajectory, or without one the straight line to the goal.
+    The way is the global path, of a stack on trial its planned path; or without one the straight
+    line to the goal.
     """
     costmap, decision = navigator.costmap, moment.decision
     # Of the disc or discs of the decision: an elongated body has two widths.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,8 @@ from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution import Case, Moment
-from wayproof.harness.explain.card import Card, moment_of
+from wayproof.harness.explain.card import Card, command_at, moment_of
+from wayproof.harness.explain.commanded import Commanded
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
@@ -27,11 +29,17 @@ Array = NDArray[np.float64]
 REACH = 4.0
 """Distance around the robot that the picture shows to each side, m."""
 
+TITLE_WIDTH = 100
+"""Characters of a line of the title."""
+
 FINE = 0.05
 """Cell size of the drawn true geometry, m."""
 
 TRUE, BELIEVED = "#1f77d0", "#2a9d4a"
 """Colours of the truth, and of estimates and plans."""
+
+PLANNED, REFUSED = "#8e44ad", "#e0115f"
+"""Colours of a stack's own plan, and of its command beyond what the referee admits."""
 
 KINDS = {
     "free": "#ffffff",
@@ -118,16 +126,31 @@ def _draw_motion(axes: Axes, case: Case, moment: Moment) -> None:
     after = [one.true_position for one in case.moments if one.time_ns >= moment.time_ns]
     _line(axes, np.array(before), color="#1f77d0", ls=":", label="true way so far")
     _line(axes, np.array(after), color="#9bbfe3", ls=":", label="true way after")
-    global_path = path_of(moment.decision.global_path)
-    _line(axes, global_path, color="#2a9d4a", ls="--", label="path to the goal")
+    command = command_at(case, moment.decision.sequence)
+    if command is None:
+        global_path = path_of(moment.decision.global_path)
+        _line(axes, global_path, color="#2a9d4a", ls="--", label="path to the goal")
     committed = path_of(moment.decision.trajectory.path)
     _line(axes, committed, color="#2a9d4a", lw=2.5, label="committed trajectory")
+    if command is not None:
+        _draw_command(axes, command)
     body = dict(radius=case.mission.radius, fill=False)
     axes.add_patch(Circle(tuple(moment.true_position[:2]), color=TRUE, lw=1.5, **body))
     believed = moment.true_position + moment.error
     axes.add_patch(Circle(tuple(believed[:2]), color=BELIEVED, lw=1.0, ls="--", **body))
     goal: dict[str, Any] = dict(color=BELIEVED, ms=7, mfc="none", ls="none", label="goal")
     axes.plot(*case.mission.goal[:2], "o", **goal)
+
+
+def _draw_command(axes: Axes, command: Commanded) -> None:
+    """Draw a stack's own plan, and its command where it is not the committed trajectory."""
+    plan: dict[str, Any] = dict(color=PLANNED, ls="--", zorder=1.9)
+    _line(axes, command.planned_path, **plan, label="path planned by the stack")
+    if command.cut:
+        _line(axes, command.admitted, color=BELIEVED, lw=1.2, label="command, admitted part")
+    fate = ", cut by the guard" if command.cut else ""
+    label = f"command, {command.verdict} part{fate}"
+    _line(axes, command.refused, color=REFUSED, lw=2.5, zorder=4, label=label)
 
 
 def _line(axes: Axes, points: Array, **style: Any) -> None:
@@ -145,10 +168,11 @@ def _finish(axes: Axes, moment: Moment, card: Card) -> None:
         aspect="equal",
     )
     label = "" if card.label == "none" else f" [{card.label}]"
-    axes.set_title(
-        f"decision {card.sequence}, {card.time_s:.1f} s: {card.action}{label}\n{card.reason}",
-        loc="left",
-    )
+    title = f"decision {card.sequence}, {card.time_s:.1f} s: {card.action}{label}\n"
+    title += textwrap.fill(card.reason, TITLE_WIDTH)
+    if card.stack:
+        title += f"\nreferee: {card.verdict}"
+    axes.set_title(title, loc="left")
     kinds = [Patch(facecolor=c, edgecolor="#888888", label=name) for name, c in KINDS.items()]
     others = [
         Line2D([], [], color=TRUE, lw=1.2, label="what truly stands there"),

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import get_args
 
 import numpy as np
 
 from wayproof.harness.errors import printable
+from wayproof.harness.interface.motion import MAX_DISTANCE_M
 from wayproof.harness.interface.types import (
     Array,
     Command,
@@ -75,8 +75,8 @@ def check_command(message: sb.Command) -> None:
             f"planned_path: got {len(message.planned_path)} numbers, expected 3 for each of at "
             f"most {MAX_PATH} points"
         )
-    if not all(map(math.isfinite, message.planned_path)):
-        raise CommandError("planned_path: expected finite numbers")
+    if not all(abs(number) <= MAX_DISTANCE_M for number in message.planned_path):  # nor NaN
+        raise CommandError(f"planned_path: expected finite coordinates within {MAX_DISTANCE_M:g} m")
     if len(message.scalars) > MAX_SCALARS:
         raise CommandError(f"scalars: got {len(message.scalars)}, expected at most {MAX_SCALARS}")
     for name in message.scalars:

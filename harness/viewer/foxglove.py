@@ -39,6 +39,7 @@ EDGE_M = 1.0
 """As in the view by Rerun."""
 
 BLUE, GREEN, RED = (0.24, 0.43, 0.92), (0.08, 0.67, 0.27), (0.82, 0.16, 0.16)
+PURPLE, PINK = (0.59, 0.24, 0.75), (0.92, 0.08, 0.35)
 
 View = tuple[str, Message]
 """A topic and a message on it."""
@@ -162,7 +163,12 @@ class _Artist:
         decision, mission = moment.decision, self._log.mission
         stamp = decision.timestamp
         plan = fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id="plan")
-        plan.lines.append(_line(path_of(decision.global_path), 0.04, BLUE))
+        command = moment.commanded
+        if command is None:
+            plan.lines.append(_line(path_of(decision.global_path), 0.04, BLUE))
+        else:
+            plan.lines.append(_line(command.planned_path, 0.04, PURPLE))
+            plan.lines.append(_line(command.refused, 0.1, PINK))
         plan.lines.append(_line(path_of(decision.trajectory.path), 0.08, GREEN))
         plan.spheres.append(_sphere(mission.goal, 0.25, GREEN, 1.0))
         for place, colour in ((decision.position, BLUE), (moment.truth.position, RED)):

@@ -53,8 +53,8 @@ def _column(root: str, log: Log) -> rrb.Vertical:
         ),
         rrb.StateTimelineView(
             origin=f"/{root}",
-            contents=[f"/{root}/action", f"/{root}/label"],
-            name="action and label",
+            contents=[f"/{root}/action", f"/{root}/label", f"/{root}/verdict"],
+            name="action, label, verdict",
         ),
         row_shares=[10, 6, 4, 3],
         name=f"{root}: {log.path.name}, {log.result['outcome']}",

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.explain.commanded import Commanded, commanded
 from wayproof.harness.inputs import Beams
 from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
@@ -42,12 +43,14 @@ class Moment:
         truth: Ground truth at that time.
         beams: Beam geometry by sensor name.
         navigator: Stack with the map of the decision; the next moment changes it.
+        commanded: Command of a stack on trial; None of the built-in stack.
     """
 
     record: Record
     truth: pb.Truth
     beams: Mapping[str, Beams]
     navigator: Navigator
+    commanded: Commanded | None = None
 
     @property
     def map(self) -> Representation:
@@ -96,9 +99,14 @@ def moments(log: Log) -> Iterator[Moment]:
     """
     with closing(Ahead(log.records_with_truth(), RECORDS_AHEAD)) as records:
         stack = SegmentedStack(segments_of(log.on_threads(max(log.config.threads, THREADS))))
+        followed: pb.Trajectory | None = None
         for record, truth in records:
-            navigator = stack.watch(record.inputs)
-            yield Moment(record, truth, stack.segment.beams, navigator)
+            navigator, now = stack.watch(record.inputs), stack.segment
+            answer, decision = record.answer, record.decision
+            command = commanded(answer, decision, followed, now.config, now.mission)
+            yield Moment(record, truth, now.beams, navigator, command)
+            if not decision.deadline_missed:
+                followed = decision.trajectory
 
 
 def standing_low(mission: Mission) -> tuple[float, float, float]:

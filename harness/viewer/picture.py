@@ -43,6 +43,7 @@ OVERLAY = {UNKNOWN: 0.6, INFLATED: 0.55, FRONTIER: 0.9}
 
 OCCUPIED_COLOUR = (0.2, 0.35, 0.9, 0.22)
 GLOBAL_PATH, COMMITTED = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0)
+PLANNED, REFUSED = (0.55, 0.25, 0.7, 1.0), (0.95, 0.05, 0.45, 1.0)
 TRAIL = (0.85, 0.1, 0.1, 1.0)
 
 DISTANCE, ELEVATION = 2.3, -38.0
@@ -187,8 +188,13 @@ class Stage:
             self._add_box(middle, half + SKIN, OCCUPIED_COLOUR)
         lift = np.array([0.0, 0.0, 0.05 if mission.planar else 0.0])
         decision = moment.decision
-        self._add_line(path_of(decision.global_path) + lift, 0.015, GLOBAL_PATH)
+        command = moment.commanded
+        if command is None:
+            self._add_line(path_of(decision.global_path) + lift, 0.015, GLOBAL_PATH)
         self._add_line(path_of(decision.trajectory.path) + lift, 0.035, COMMITTED)
+        if command is not None:
+            self._add_line(command.planned_path + lift, 0.015, PLANNED)
+            self._add_line(command.refused + lift, 0.045, REFUSED)
         self._add_line(np.array(self._trail), 0.015, TRAIL)
 
     def _lay_flat(self, middles: Box, halves: Box, kind: int) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from wayproof.harness.explain.commanded import Commanded
 from wayproof.harness.log.reader import Log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
@@ -34,6 +35,9 @@ GLOBAL_PATH, COMMITTED, BELIEVED, TRUE = (
     (60, 110, 235),
     (210, 40, 40),
 )
+PLANNED, REFUSED = (150, 60, 190), (235, 20, 90)
+"""Colours of a stack's own plan, and of its command beyond what the referee admits."""
+
 HIT, MOVER, FAILURE = (150, 80, 200), (230, 140, 20), (255, 0, 0)
 LINE = 0.02  # m
 HIT_RADIUS = rr.Radius.ui_points(1.5)
@@ -48,6 +52,9 @@ ACTIONS = {
     "abort": 0xD22828FF,
 }
 """Colours of actions on their lane."""
+
+VERDICTS = {"admitted": 0x2E9E4FFF, "unknown": 0xE0A000FF, "blocked": 0xD22828FF}
+"""Colours of the referee's verdicts on their lane."""
 
 
 def show_log(stream: rr.RecordingStream, log: Log, snapshots: Iterable[Snapshot], root: str) -> int:
@@ -107,14 +114,25 @@ class _Artist:
         decision, pose, rows = moment.decision, moment.pose, self._rows
         rows.put("world/robot", rr.Transform3D, **_transform(pose.position, pose.quaternion))
         global_path, path = path_of(decision.global_path), path_of(decision.trajectory.path)
+        if moment.commanded is not None:
+            global_path = global_path[:0]  # it would be the stack's own, in the colour of ours
+            self._show_command(moment.commanded)
         rows.put("world/global_path", rr.LineStrips3D, strips=global_path)
         rows.put("world/trajectory", rr.LineStrips3D, strips=path)
-        rows.put("decision", rr.TextDocument, text=describe(decision, self._cost_range))
+        words = describe(decision, self._cost_range, moment.commanded)
+        rows.put("decision", rr.TextDocument, text=words)
         rows.put("action", rr.StateChange, state=decision.action)
         rows.put("label", rr.StateChange, state=decision.label)
         level = "WARN" if is_warning(decision) else "INFO"
         text = f"{decision.action}: {decision.reason}"
         rows.put("reasons", rr.TextLog, text=text, level=level)
+
+    def _show_command(self, commanded: Commanded) -> None:
+        """Show a stack's plan, the part of its command that is not admitted, and the verdict."""
+        rows = self._rows
+        rows.put("world/planned_path", rr.LineStrips3D, strips=commanded.planned_path)
+        rows.put("world/not_admitted", rr.LineStrips3D, strips=commanded.refused)
+        rows.put("verdict", rr.StateChange, state=commanded.verdict)
 
     def _show_truth(self, truth: pb.Truth) -> None:
         place = list(truth.position)
@@ -211,11 +229,16 @@ def _show_mission(stream: rr.RecordingStream, log: Log, root: str) -> None:
             stream.log(f"{world}/{name}/body", disc, static=True)
     lanes = rr.StateConfiguration(values=list(ACTIONS), colors=list(ACTIONS.values()))
     stream.log(f"{root}/action", lanes, static=True)
+    colours = np.array(list(VERDICTS.values()), np.uint32)  # of three, a list could be one colour
+    verdicts = rr.StateConfiguration(values=list(VERDICTS), colors=colours)
+    stream.log(f"{root}/verdict", verdicts, static=True)
     styles = {
         "sweep": rr.Points3D.from_fields(radii=HIT_RADIUS, colors=HIT),
         "movers": rr.Points3D.from_fields(radii=0.25, colors=MOVER),
         "global_path": rr.LineStrips3D.from_fields(radii=LINE, colors=GLOBAL_PATH),
         "trajectory": rr.LineStrips3D.from_fields(radii=2 * LINE, colors=COMMITTED),
+        "planned_path": rr.LineStrips3D.from_fields(radii=LINE, colors=PLANNED),
+        "not_admitted": rr.LineStrips3D.from_fields(radii=3 * LINE, colors=REFUSED),
         "trail": rr.LineStrips3D.from_fields(radii=LINE, colors=TRUE),
     }
     for name, style in styles.items():
@@ -233,7 +256,8 @@ def _show_end(stream: rr.RecordingStream, log: Log, last: Snapshot, root: str) -
     text = rr.TextLog(f"{outcome}: {reason}", level="INFO" if good else "ERROR")
     stream.log(f"{root}/reasons", text)
     if end_ns > last.time_ns:  # otherwise the last action would seem to go on
-        for lane in ("action", "label"):
+        lanes = ("action", "label") if last.commanded is None else ("action", "label", "verdict")
+        for lane in lanes:
             stream.log(f"{root}/{lane}", rr.StateChange(state=""))
     if good:
         return

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.explain.commanded import Commanded
 from wayproof.harness.inputs import Pose
 from wayproof.harness.log.reader import Log
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -58,6 +59,7 @@ class Snapshot:
         hits: Function that returns end points of beams (n, 3), m, world, if the sweep is shown; it
             needs no map, so it runs when they are drawn.
         tiles: Tiles of the map that changed since the last check.
+        commanded: Command of a stack on trial; None of the built-in stack.
     """
 
     time_ns: int
@@ -67,6 +69,7 @@ class Snapshot:
     layer: Layer | None
     hits: Callable[[], NDArray[np.float64]] | None
     tiles: list[Tile]
+    commanded: Commanded | None = None
 
 
 def layer_period_ns(log: Log) -> int:
@@ -108,8 +111,16 @@ def _snapshot(
     hits: Callable[[], NDArray[np.float64]] | None,
     tiles: list[Tile],
 ) -> Snapshot:
-    pose = moment.record.inputs.pose
-    return Snapshot(moment.time_ns, pose, moment.decision, moment.truth, layer, hits, tiles)
+    return Snapshot(
+        moment.time_ns,
+        moment.record.inputs.pose,
+        moment.decision,
+        moment.truth,
+        layer,
+        hits,
+        tiles,
+        moment.commanded,
+    )
 
 
 def _layer(moment: Moment) -> Layer:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from wayproof.harness.clearance import in_metres, map_clearance_is_bound
+from wayproof.harness.explain.commanded import Commanded, command_in_words
+from wayproof.harness.log.paths import length
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 INTENDED = ("follow", "explore", "goal")
@@ -10,19 +12,22 @@ INTENDED = ("follow", "explore", "goal")
 
 
 def is_warning(decision: pb.Decision) -> bool:
-    """Return whether something obstructs the robot.
+    """Return whether something obstructs the robot, or a command is not admitted.
 
     The far end of a path is mostly unknown: following it up to there is no warning.
     """
+    if decision.verdict.verdict not in ("", "admitted"):
+        return True
     return decision.action not in INTENDED or decision.label == "deadline_missed"
 
 
-def describe(decision: pb.Decision, cost_range: float) -> str:
+def describe(decision: pb.Decision, cost_range: float, commanded: Commanded | None = None) -> str:
     """Return the text of a decision in Markdown.
 
     Args:
         decision: Logged decision.
         cost_range: `costmap.cost_range` of its config, m.
+        commanded: Command of a stack on trial; None of the built-in stack.
     """
     is_bound = map_clearance_is_bound(decision, cost_range)
     stages = decision.stages
@@ -39,6 +44,7 @@ def describe(decision: pb.Decision, cost_range: float) -> str:
             f"### {decision.sequence}: {decision.action}{label}",
             f"{decision.reason}",
             "",
+            *([] if commanded is None else _stack_lines(decision, commanded)),
             f"- map `{decision.map_version[:12]}` ({decision.representation}, "
             f"{decision.resolution_m:g} m), unknown policy `{decision.unknown_policy}`",
             f"- inflation {decision.inflation_radius_m:.3f} m, of it margin "
@@ -52,3 +58,13 @@ def describe(decision: pb.Decision, cost_range: float) -> str:
             f"{stages.costmap_ms:.1f}, plan {stages.plan_ms:.1f}",
         ]
     )
+
+
+def _stack_lines(decision: pb.Decision, commanded: Commanded) -> list[str]:
+    plan = length(commanded.planned_path) if len(commanded.planned_path) else 0.0
+    return [
+        f"- stack: {command_in_words(commanded.message)}",
+        f"- referee: **{commanded.verdict}**, free for {decision.verdict.free_m:.2f} m"
+        + ("; the guard braked in its place" if commanded.cut else ""),
+        f"- its planned path: {f'{plan:.2f} m' if plan else 'none'}",
+    ]

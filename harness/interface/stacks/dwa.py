@@ -194,7 +194,8 @@ class Dwa:
         if away <= 0.5 * self._task.goal_tolerance:
             return Command(Velocity(0.0))
         costs, following = self._function.solve(around, goal, self._margin)
-        target = self._target(around, following, reference.position, goal)
+        path = self._path(around, following, reference.position, goal)
+        target = path[min(round(AHEAD_M / CELL_M), len(path) - 1), :2]
         x, y = (target - reference.position[:2]).tolist()
         bearing = wrap_angle(math.atan2(y, x) - reference.heading)
         twists = self._window(observation, away, bearing)
@@ -205,7 +206,7 @@ class Dwa:
         up = 0.0 if mission.planar else min(max(float(offset[2]), -0.5), 0.5)
         if not (admissible & moving).any():
             self._margin = max(self._margin - NARROWING_M, LEAST_MARGIN_M)
-            return self._recover(bearing, up)
+            return self._recover(bearing, up, path)
         self._turn = 1.0 if bearing >= 0.0 else -1.0
         score = self._objective(around, costs, bearing, poses, clearances)
         best = int(np.argmax(np.where(admissible, score, -np.inf)))
@@ -216,6 +217,7 @@ class Dwa:
             self._margin = max(self._margin - NARROWING_M, LEAST_MARGIN_M)
         return Command(
             Velocity(forward, left, up, yaw_rate, HOLD_S),
+            planned_path=path,
             scalars={"clearance_m": float(clearances[best].min()), "score": float(score[best])},
         )
 
@@ -235,18 +237,17 @@ class Dwa:
         kept: Array = points[(points[:, 2] > low) & (points[:, 2] < high)]
         return kept
 
-    def _target(
+    def _path(
         self, around: Surroundings, following: NDArray[np.int32], position: Array, goal: Array
     ) -> Array:
-        """Point (2,) `AHEAD_M` along the shortest path to the goal, world frame, m."""
+        """Shortest path (n, 3) to the goal, a point for each cell of the grid, world frame, m."""
         i, j = around.cells(position[:2]).tolist()
-        cell = i * CELLS + j
-        for _ in range(round(AHEAD_M / CELL_M)):
-            cell = int(following[cell])
-            if cell == CELLS**2:
-                return goal[:2]
-        target: Array = around.corner + (np.array(divmod(cell, CELLS)) + 0.5) * CELL_M
-        return target
+        cells = [i * CELLS + j]
+        while (cell := int(following[cells[-1]])) != CELLS**2:
+            cells.append(cell)
+        centres = around.corner + (np.stack(divmod(np.array(cells), CELLS), axis=-1) + 0.5) * CELL_M
+        heights = np.full((len(cells), 1), position[2])
+        return np.vstack([np.hstack([centres, heights]), [*goal[:2], position[2]]])
 
     def _window(self, observation: Observation, away: float, bearing: float) -> Array:
         """Twists (m, 3) forward, left, m/s, and yaw rate, rad/s: V_s and V_d, equation (15).
@@ -344,12 +345,13 @@ class Dwa:
         score: Array = HEADING * (1.0 - error / math.pi) + CLEARANCE * kept + PROGRESS * progress
         return score
 
-    def _recover(self, bearing: float, up: float) -> Command:
+    def _recover(self, bearing: float, up: float, path: Array) -> Command:
         """Rotate on the spot towards the path, and on beyond it, until a velocity is admissible."""
         if abs(bearing) > 0.5:
             self._turn = 1.0 if bearing >= 0.0 else -1.0
         rate = 0.5 * self._turn * self._task.mission.max_yaw_rate
-        return Command(Velocity(0.0, 0.0, up, rate, HOLD_S), scalars={"recovering": 1.0})
+        motion = Velocity(0.0, 0.0, up, rate, HOLD_S)
+        return Command(motion, planned_path=path, scalars={"recovering": 1.0})
 
 
 def _in_body(velocity: Array, heading: float) -> Array:

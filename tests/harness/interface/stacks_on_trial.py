@@ -9,6 +9,7 @@ import time
 import numpy as np
 
 from wayproof.harness.interface.builtin import BuiltinStack
+from wayproof.harness.interface.stacks.blind import Blind
 from wayproof.harness.interface.types import Command, Samples, Velocity, Waypoints
 
 
@@ -108,3 +109,11 @@ class Daring(BuiltinStack):
         settings["costmap"]["localization_margin"] = 0.0
         settings["costmap"]["unknown_policy"] = "allow"
         super().start(dataclasses.replace(task, settings=json.dumps(settings)))
+
+
+class Straight(Blind):
+    """Drives straight at the goal, and says that it plans to."""
+
+    def step(self, observation):
+        line = np.linspace(observation.reference.position, self._task.mission.goal, 5)
+        return dataclasses.replace(super().step(observation), planned_path=line)
