@@ -13,12 +13,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness import trajectory_error
 from wayproof.harness.ending import goal_distance
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import Log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+from wayproof.harness.trajectory_error import Track
 
 Array = NDArray[np.float64]
 
@@ -53,6 +55,7 @@ class Trace:
         verdicts: The referee's on each command of a stack on trial that came in time; none of the
             built-in one.
         cuts: (n,) whether the guard braked in the stack's place; none likewise.
+        tracks: Estimated and true poses of the decisions that have a truth; none if not known.
     """
 
     outcome: str
@@ -70,6 +73,7 @@ class Trace:
     start_distance: float
     verdicts: tuple[str, ...] | None = None
     cuts: NDArray[np.bool_] | None = None
+    tracks: tuple[Track, Track] | None = None
 
     @property
     def success(self) -> bool:
@@ -117,7 +121,25 @@ def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Tru
         start_distance=math.dist(log.mission.start[:axes], log.mission.goal[:axes]),
         verdicts=tuple(one.verdict for one in verdicts) if verdicts else None,
         cuts=np.array([one.cut for one in verdicts], bool) if verdicts else None,
+        tracks=_tracks(decisions, truths),
     )
+
+
+def _tracks(
+    decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]
+) -> tuple[Track, Track] | None:
+    """Return the estimated and the true poses of the decisions that have a truth."""
+    by_number = {one.sequence: one for one in truths}
+    pairs = [(one, by_number[one.sequence]) for one in decisions if one.sequence in by_number]
+    if not pairs:
+        return None
+    estimates, true = zip(*pairs, strict=True)
+    return _track(estimates), _track(true)
+
+
+def _track(messages: Sequence[pb.Decision | pb.Truth]) -> Track:
+    positions = np.array([one.position for one in messages]).reshape(-1, 3)
+    return Track(positions, np.array([one.quaternion for one in messages]).reshape(-1, 4))
 
 
 def _known_without_result(log: Log, last: pb.Truth) -> dict[str, str]:
@@ -249,6 +271,22 @@ def jerk(trace: Trace) -> float | None:
     return float(np.sqrt(squares.mean()))
 
 
+def ate(trace: Trace) -> float | None:
+    """Root mean square of the distance between estimated and true position, m.
+
+    The absolute trajectory error (Sturm et al. 2012, IROS), not aligned: both are in one frame.
+    """
+    return None if trace.tracks is None else trajectory_error.ate(*trace.tracks)
+
+
+def rpe(trace: Trace) -> float | None:
+    """Root mean square of the error of the motion from a decision to the next, m.
+
+    The relative pose error (Sturm et al. 2012, equation 2), its translation, over one decision.
+    """
+    return None if trace.tracks is None else trajectory_error.rpe(*trace.tracks)
+
+
 def latency_p50(trace: Trace) -> float:
     """Median wall time from the sweep to the decision, ms."""
     return float(np.percentile(trace.latencies, 50))
@@ -318,6 +356,8 @@ METRICS: dict[str, Metric] = {
     "explorations": Metric(explorations, "", None, COUNT),
     "stops": Metric(stops, "", None, COUNT),
     "jerk": Metric(jerk, "m/s^3", False, MEASURE),
+    "ate": Metric(ate, "m", False, MEASURE),
+    "rpe": Metric(rpe, "m", False, MEASURE),
     "latency_p50": Metric(latency_p50, "ms", False, MEASURE),
     "latency_p99": Metric(latency_p99, "ms", False, MEASURE),
     "latency_max": Metric(latency_max, "ms", False, MEASURE),

@@ -21,7 +21,8 @@ ORDER = (
     *("mission", "inputs", "stack", "interface", "result", "ending", "outputs", "supervision"),
     *("user_code", "log", "recordings", "scenario", "recompute", "attribution"),
     *("warm_up", "sim", "episode", "runner"),
-    *("replay", "counterfactual", "study.statistics", "metrics", "clearance", "explain", "viewer"),
+    *("replay", "counterfactual", "study.statistics", "trajectory_error"),
+    *("metrics", "clearance", "explain", "viewer", "tables"),
     *("worker_pool", "study", "bench", "cli", "bench.soak"),
 )
 """Parts of the harness; each imports only those before it, be it in a function or for types."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,10 @@ from wayproof.harness.metrics import METRICS, Trace, read_trace, score
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.study.falsify.falsify import Falsification
 from wayproof.harness.study.falsify.search import Trial
+from wayproof.harness.trajectory_error import Track
+
+UPRIGHT = np.tile([1.0, 0, 0, 0], (4, 1))
+"""Quaternions of four poses without a turn."""
 
 
 def trace(**changes: object) -> Trace:
@@ -38,6 +43,10 @@ def trace(**changes: object) -> Trace:
         start_distance=2.0,
         verdicts=("admitted", "unknown", "blocked", "admitted"),
         cuts=np.array([False, False, True, False]),
+        tracks=(
+            Track(np.array([[0.0, 0, 0], [1, 0.3, 0], [2, 0.3, 0.4], [2, 0.8, 0.4]]), UPRIGHT),
+            Track(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 0.5, 0]]), UPRIGHT),
+        ),
     )
     return dataclasses.replace(made, **changes)  # type: ignore[arg-type]
 
@@ -59,6 +68,9 @@ def test_every_metric_by_hand() -> None:
             "stops": 1.0,
             # Accelerations 0, -1, 0; their differences -1, 1.
             "jerk": 1.0,
+            # Distances 0, 0.3, 0.5, 0.5 m; differences of the steps 0.3, 0.4, 0 m.
+            "ate": math.sqrt(0.59 / 4),
+            "rpe": math.sqrt(0.25 / 3),
             "latency_p50": 25.0,
             "latency_p99": 39.7,
             "latency_max": 40.0,

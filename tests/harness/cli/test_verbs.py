@@ -25,6 +25,7 @@ WRONG = {
     "import": ["no-such-file.stl"],
     "picture": ["no-such.mcap", "1"],
     "convert": ["no-such.mcap", "--foxglove", "x.mcap"],
+    "export": ["no-such.mcap", "--csv", "x.csv"],
     "completion": ["ksh"],
 }
 """Words after each verb that it must refuse; the others take a log."""
@@ -77,6 +78,7 @@ def test_bad_input_is_one_document_on_stdout_and_one_line_on_stderr(
         ["score"],
         ["view", "--save", "x.rrd"],
         ["convert", "--foxglove", "x.mcap"],
+        ["export", "--csv", "x.csv", "--tum", "x.tum"],
         ["explain"],
         ["explain", "3", "--png", "x.png"],
         ["recover", "--out", "x.mcap"],

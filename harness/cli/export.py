@@ -1,0 +1,93 @@
+"""`wayproof export`: write what a log holds as files that other tools read."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from rich.console import Console
+
+from wayproof.harness.cli.verb import Document, Verb, add_plugins, add_unchecked, check_log
+from wayproof.harness.errors import InputError, unknown_name
+
+if TYPE_CHECKING:
+    from wayproof.harness.log.reader import Log
+
+
+class Output(NamedTuple):
+    """One kind of file: what it holds, and the function that writes it."""
+
+    help: str
+    write: Callable[[Log, Path, argparse.Namespace], Document]
+
+
+def _write_table(kind: str, default: str) -> Callable[[Log, Path, argparse.Namespace], Document]:
+    """Return the writer of a kind of file from a table of the log."""
+
+    def write(log: Log, path: Path, options: argparse.Namespace) -> Document:
+        from wayproof.harness.tables.files import WRITERS
+        from wayproof.harness.tables.tables import TABLES
+
+        name = options.table or default
+        if name not in TABLES:
+            raise unknown_name("table", name, TABLES)
+        table = TABLES[name](log)
+        WRITERS[kind](table, path)
+        return {"table": name, "rows": len(table)}
+
+    return write
+
+
+OUTPUTS: dict[str, Output] = {
+    "parquet": Output("table as Parquet", _write_table("parquet", "decisions")),
+    "csv": Output("table as CSV, without columns of lists", _write_table("csv", "decisions")),
+    "tum": Output("trajectory as TUM, for evo", _write_table("tum", "poses")),
+    "kitti": Output("trajectory as KITTI poses, for evo", _write_table("kitti", "poses")),
+}
+"""Option -> what it writes."""
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Write each file that is asked for."""
+    from wayproof.harness.log.reader import open_log
+
+    wanted = {name: getattr(options, name) for name in OUTPUTS}
+    targets = {name: path for name, path in wanted.items() if path is not None}
+    if not targets:
+        raise InputError(f"export: got no file, expected --{' FILE, --'.join(OUTPUTS)} FILE")
+    for name, path in targets.items():
+        if path.resolve() == options.log.resolve():
+            raise InputError(f"--{name}: got the log itself, '{path}'")
+    check_log(options.log, options)
+    log = open_log(options.log, options.allow_plugins)
+    documents = []
+    for name, path in targets.items():
+        document = OUTPUTS[name].write(log, path, options)
+        facts = ", ".join(f"{key} {value}" for key, value in document.items())
+        console.print(f"{path}: {facts}", soft_wrap=True, highlight=False)
+        documents.append({"file": str(path), "format": name, **document})
+    return 0, {"files": documents}
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("log", metavar="LOG", type=Path, help="log file")
+    for name, output in OUTPUTS.items():
+        parser.add_argument(f"--{name}", type=Path, metavar="FILE", help=output.help)
+    parser.add_argument(
+        "--table",
+        metavar="TABLE",
+        help="decisions, truth, poses (the estimated ones) or sweeps (default: decisions; of a "
+        "trajectory: poses)",
+    )
+    add_unchecked(parser)
+    add_plugins(parser)
+
+
+VERB = Verb(
+    help="write decisions, poses and sweeps of a log as Parquet, CSV, TUM or KITTI files",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof export logs/warehouse-drone-3.mcap --parquet decisions.parquet",
+)

@@ -1,0 +1,1 @@
+"""Tables of a log as Arrow: decisions, truth, poses, sweeps; trajectory files for evo."""
