@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.recordings.recording import Faults
+from wayproof.harness.recordings.types import ScanGrid
 from wayproof.maps.elementary import sines_cosines
 
 
@@ -27,6 +28,46 @@ class Limits(NamedTuple):
     range_max: float
     cut: float
     beyond_is_none: bool
+
+
+class Silent(NamedTuple):
+    """Beams without return.
+
+    Attributes:
+        directions: (m, 3) unit vectors.
+        times_ns: (m,) after the stamp, ns; None if all were taken at it.
+    """
+
+    directions: NDArray[np.float32]
+    times_ns: NDArray[np.int64] | None = None
+
+
+FARTHEST = 1e5
+"""Greatest range where a recording states none, m."""
+
+
+class Beams(NamedTuple):
+    """Beams of one sweep, those with a return first but for a planar laser.
+
+    Attributes:
+        directions: (n, 3) unit vectors.
+        ranges: (n,) m, inf without a return.
+        times_ns: (n,) after the stamp, ns; None if all were taken at once.
+        grid: Angles of a planar laser.
+        points: (k, 3) m, ends of the beams with a return.
+    """
+
+    directions: NDArray[np.float32]
+    ranges: NDArray[np.float32]
+    times_ns: NDArray[np.int64] | None = None
+    grid: ScanGrid | None = None
+    points: NDArray[np.float32] | None = None
+
+
+def float32(value: float) -> float:
+    """Return the nearest number of 32 bits, which is what the messages of ROS hold."""
+    with np.errstate(over="ignore"):
+        return float(np.float32(value))
 
 
 @lru_cache(maxsize=16)
@@ -71,3 +112,70 @@ def measured(
     if not limits.beyond_is_none:
         known &= ~long
     return np.where(none | cut, np.float32(np.inf), ranges), known
+
+
+def scan_beams(
+    angles: tuple[float, float],
+    written: NDArray[np.float32],
+    limits: Limits,
+    faults: Faults,
+    time_increment_s: float = 0.0,
+) -> Beams:
+    """Return the beams of a planar scan of ranges (n,), m, whose readings are known.
+
+    Args:
+        angles: Angle of the first beam, and from one to the next, rad, float32.
+        written: Ranges as they were recorded.
+        limits: Limits of the ranges.
+        faults: Counts readings that say nothing.
+        time_increment_s: Time from one beam to the next, s, float32.
+    """
+    ranges, known = measured(written, limits, faults)
+    places = np.flatnonzero(known).astype(np.int32)
+    times_ns = None
+    if time_increment_s > 0.0:
+        times_ns = np.rint(places * (time_increment_s * 1e9)).astype(np.int64)
+    return Beams(
+        directions=scan_directions(*angles, len(written))[places],
+        ranges=ranges[places],
+        times_ns=times_ns,
+        grid=ScanGrid(*angles, len(written), time_increment_s, places),
+    )
+
+
+def point_beams(
+    points: NDArray[np.float32],
+    times_ns: NDArray[np.int64] | None,
+    limits: Limits,
+    faults: Faults,
+    silent: Silent | None = None,
+) -> Beams:
+    """Return the beams that end at points (n, 3), m, in the sensor's frame.
+
+    Args:
+        points: Ends of the beams, finite.
+        times_ns: (n,) after the stamp, ns.
+        limits: Limits of the ranges.
+        faults: Counts points that say nothing.
+        silent: Beams without return.
+    """
+    x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
+    lengths = np.sqrt(x * x + y * y + z * z)
+    with np.errstate(over="ignore"):
+        ranges, known = measured(lengths.astype(np.float32), limits, faults)
+    met = known & (ranges < np.inf)
+    none = known & ~met
+    order = np.concatenate([np.flatnonzero(met), np.flatnonzero(none)])
+    directions = (points[order] / lengths[order, None]).astype(np.float32)
+    ranges = ranges[order]
+    if times_ns is not None:
+        times_ns = times_ns[order]
+    if silent is not None and len(silent.directions):
+        count = len(silent.directions)
+        directions = np.concatenate([directions, silent.directions])
+        ranges = np.concatenate([ranges, np.full(count, np.inf, np.float32)])
+        if times_ns is not None:
+            at_stamp = np.zeros(count, np.int64)
+            more = at_stamp if silent.times_ns is None else silent.times_ns
+            times_ns = np.concatenate([times_ns, more])
+    return Beams(directions, ranges, times_ns, points=points[met])

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.recordings.beams import Limits, measured, scan_directions
+from wayproof.harness.recordings.beams import Limits, float32, scan_beams
 from wayproof.harness.recordings.carmen_lines import PARSERS, Scan, opened, scans
 from wayproof.harness.recordings.digest import digest_of
 from wayproof.harness.recordings.order import in_order
 from wayproof.harness.recordings.poses import StampedPoses, compose, inverse, planar, track_of
 from wayproof.harness.recordings.recording import Faults, Recording, RecordingOptions
-from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, ScanGrid, Transform
+from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
 from wayproof.harness.recordings.window import NO_BEAM, OUT_OF_ORDER, Window, window_of
 
 OFFSETS = {"FLASER": "robot_frontlaser_offset", "RLASER": "robot_rearlaser_offset"}
@@ -108,20 +108,18 @@ class _Sweeps:
                     faults[NO_BEAM] += 1
 
     def _sweep(self, scan: Scan, stamp_ns: int, faults: Faults) -> RecordedSweep:
-        angles = float(np.float32(scan.angle_min)), float(np.float32(scan.angle_increment))
-        count = len(scan.ranges)
+        angles = float32(scan.angle_min), float32(scan.angle_increment)
         with np.errstate(over="ignore"):
             written = np.array(scan.ranges).astype(np.float32)
-        ranges, known = measured(written, self.limits, faults)
-        places = np.flatnonzero(known).astype(np.int32)
+        beams = scan_beams(angles, written, self.limits, faults)
         return RecordedSweep(
             time_ns=stamp_ns - self.window.start_ns,
             sensor=self.sensor.name,
-            directions=scan_directions(*angles, count)[places],
-            ranges=ranges[places],
+            directions=beams.directions,
+            ranges=beams.ranges,
             beam_times_ns=None,
             T_body_sensor=self.mount,
-            grid=ScanGrid(*angles, count, places),
+            grid=beams.grid,
         )
 
 
@@ -164,7 +162,7 @@ def open_log(path: Path, options: RecordingOptions) -> Recording:
     placed = StampedPoses(stamps, *planar(_finite_yaws(poses.robots)))
     track, start = track_of(path, placed, f"{kind} {poses.source}", options, faults)
     limits = _limits(kind, index, parameters)
-    limits = limits._replace(cut=min(limits.range_max, options.range_max or np.inf))
+    limits = limits._replace(cut=min(limits.range_max, float32(options.range_max or np.inf)))
     sensor = RecordedSensor(
         name=kind,
         frame=kind,
@@ -278,8 +276,8 @@ def _limits(kind: str, index: _Index, parameters: dict[str, str]) -> Limits:
     except (KeyError, ValueError):
         stated = 0.0
     if index.range_max or 0.0 < stated < np.inf:
-        most = index.range_max or stated
+        most = float32(index.range_max or stated)
         return Limits(0.0, most, most, beyond_is_none=True)
-    most = min(index.largest, SICK_MAX)
+    most = float32(min(index.largest, SICK_MAX))
     none = index.largest >= SICK_MAX or index.times_largest >= LEAST_REPEATED
     return Limits(0.0, most, most, beyond_is_none=none)

@@ -6,9 +6,11 @@ from pathlib import Path
 
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.recordings import carmen
+from wayproof.harness.recordings.bags import bag
 from wayproof.harness.recordings.recording import Format, Recording, RecordingOptions
 
 FORMATS: dict[str, Format] = {
+    "bag": Format("ROS 1 .bag, ROS 2 .mcap or .db3, or its folder", bag.looks_like, bag.open_bag),
     "carmen": Format("CARMEN log of laser scans", carmen.looks_like, carmen.open_log),
 }
 """Name -> format; a path is of the first that it looks like."""

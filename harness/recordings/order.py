@@ -2,10 +2,59 @@
 
 from __future__ import annotations
 
+import heapq
 from bisect import bisect_left
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+Payload = TypeVar("Payload")
+
+WINDOW, WINDOW_BYTES = 32, 2**26
+"""Number and bytes of messages within which an exchanged order is put right."""
+
+
+def nearly_sorted(
+    items: Iterable[tuple[int, int, Payload]],
+) -> Iterator[tuple[int, int, Payload]]:
+    """Yield (stamp, bytes, payload) in order of the stamps, as far as a window of them allows."""
+    heap: list[tuple[int, int, int, Payload]] = []
+    held = 0
+    for place, (stamp, size, payload) in enumerate(items):
+        heapq.heappush(heap, (stamp, place, size, payload))
+        held += size
+        while len(heap) > WINDOW or (held > WINDOW_BYTES and len(heap) > 1):
+            first, _, bytes_, popped = heapq.heappop(heap)
+            held -= bytes_
+            yield first, bytes_, popped
+    while heap:
+        first, _, bytes_, popped = heapq.heappop(heap)
+        yield first, bytes_, popped
+
+
+class Order(NamedTuple):
+    """The order in which messages of a topic are to be read.
+
+    Attributes:
+        is_sorted: Whether it is that of the file.
+        kept: (n,) whether each message, by its place in the file, is read.
+    """
+
+    is_sorted: bool
+    kept: NDArray[np.bool_]
+
+
+def order_of(stamps: NDArray[np.int64], sizes: NDArray[np.int64]) -> Order:
+    """Return the order of messages by their stamps (n,), ns, and sizes (n,), bytes."""
+    if (np.diff(stamps) > 0).all():
+        return Order(True, np.ones(len(stamps), bool))
+    items = zip(stamps.tolist(), sizes.tolist(), range(len(stamps)), strict=True)
+    places = np.array([place for _, _, place in nearly_sorted(items)])
+    kept = np.zeros(len(stamps), bool)
+    kept[places[in_order(stamps[places])]] = True
+    return Order(False, kept)
 
 
 def in_order(stamps: NDArray[np.int64]) -> NDArray[np.int64]:

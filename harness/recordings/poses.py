@@ -43,30 +43,30 @@ class StampedPoses(NamedTuple):
         )
 
 
-def sound(poses: StampedPoses, faults: Faults) -> StampedPoses:
+def sound(poses: StampedPoses, faults: Faults, what: str = "pose") -> StampedPoses:
     """Return the poses that are finite and within bounds, in order of their stamps.
 
     Quaternions off unit length are normalised and counted; those far off are left out, and
-    counted, with those that are not finite.
+    counted, with those that are not finite. Faults are counted as those of `what`.
     """
     squares = (poses.quaternions * poses.quaternions).sum(axis=1)
     near = np.abs(poses.positions).max(axis=1, initial=0.0) <= MAX_COORDINATE  # false for NaN
     finite = np.isfinite(poses.positions).all(axis=1) & np.isfinite(squares)
     unit = np.abs(squares - 1.0) <= UNIT_CLOSE  # false for NaN
-    faults["pose: not finite"] += int((~finite).sum())
-    faults[f"pose: beyond {MAX_COORDINATE:g} m"] += int((finite & ~near).sum())
-    faults["pose: quaternion far from unit length"] += int((finite & near & ~unit).sum())
+    faults[f"{what}: not finite"] += int((~finite).sum())
+    faults[f"{what}: beyond {MAX_COORDINATE:g} m"] += int((finite & ~near).sum())
+    faults[f"{what}: quaternion far from unit length"] += int((finite & near & ~unit).sum())
     kept = poses.at(finite & near & unit)
     squares = squares[finite & near & unit]
     rough = np.abs(squares - 1.0) > 1e-6
-    faults["pose: quaternion normalised"] += int(rough.sum())
+    faults[f"{what}: quaternion normalised"] += int(rough.sum())
     inexact = np.abs(squares - 1.0) > UNIT_EXACT
     scaled = kept.quaternions.copy()
     scaled[inexact] /= np.sqrt(squares[inexact])[:, None]
     places = in_order(kept.stamps_ns)
     repeated = int((np.diff(kept.stamps_ns) == 0).sum())
-    faults["pose: repeated stamp"] += repeated
-    faults["pose: stamp out of order"] += max(len(kept.stamps_ns) - len(places) - repeated, 0)
+    faults[f"{what}: repeated stamp"] += repeated
+    faults[f"{what}: stamp out of order"] += max(len(kept.stamps_ns) - len(places) - repeated, 0)
     return kept._replace(quaternions=scaled).at(places)
 
 

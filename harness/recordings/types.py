@@ -35,12 +35,14 @@ class ScanGrid:
         angle_min: Angle of the first beam from the x axis towards y, rad, a float32.
         angle_increment: Angle from one beam to the next, rad, a float32.
         beams: Number of beams of the scan.
+        time_increment: Time from one beam to the next, s, a float32.
         places: (n,) int32 place on the grid of each beam of the sweep.
     """
 
     angle_min: float
     angle_increment: float
     beams: int
+    time_increment: float
     places: NDArray[np.int32]
 
 
@@ -49,11 +51,11 @@ class RecordedSensor:
     """One sensor of a recording.
 
     Attributes:
-        name: Topic or file that its sweeps come from.
+        name: Topic, without the slash before it, or message that its sweeps come from.
         frame: Frame of its beams.
         kind: What it is.
-        range_min: Minimum range, m.
-        range_max: Maximum range, m; inf where the recording does not say.
+        range_min: Minimum range, m, a float32.
+        range_max: Maximum range, m, a float32; inf where the recording does not say.
         missing_returns_known: Whether a range of inf says that the beam was free up to
             `range_max`. Where it is false, no return may have been a fault as well, and space
             without a return is not known to be free.
@@ -80,6 +82,8 @@ class RecordedSweep:
             None if all were taken at once.
         T_body_sensor: The sensor's mount at that time.
         grid: Angles of a planar laser; None for others.
+        points: (k, 3) float32 m, ends of the beams with a return, which come first, as they were
+            recorded; None for a planar laser.
     """
 
     time_ns: int
@@ -89,3 +93,4 @@ class RecordedSweep:
     beam_times_ns: NDArray[np.int64] | None
     T_body_sensor: Transform
     grid: ScanGrid | None = None
+    points: NDArray[np.float32] | None = None

@@ -1,0 +1,272 @@
+"""Reader of ROS bags: ROS 1, and ROS 2 in MCAP and SQLite."""
+
+from __future__ import annotations
+
+import heapq
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.recordings.bags.choose import (
+    LIMITS,
+    SILENT,
+    UNSURE,
+    Motion,
+    choose_camera,
+    choose_motion,
+    choose_mount,
+    choose_sensors,
+)
+from wayproof.harness.recordings.bags.clouds import OWN_TIME, read_cloud
+from wayproof.harness.recordings.bags.container import Broken, RawMessage
+from wayproof.harness.recordings.bags.frames import FramePath
+from wayproof.harness.recordings.bags.messages import IMAGE, decode, header_stamp
+from wayproof.harness.recordings.bags.sensors import Reading, Topic, beams_of, first_of
+from wayproof.harness.recordings.bags.survey import (
+    STAMPLESS,
+    UNREADABLE,
+    SensorTopic,
+    Survey,
+    container_of,
+    files_of,
+    messages_of,
+    survey,
+)
+from wayproof.harness.recordings.beams import FARTHEST, Beams, Limits, Silent, float32
+from wayproof.harness.recordings.digest import digest_of
+from wayproof.harness.recordings.order import Order, nearly_sorted
+from wayproof.harness.recordings.poses import track_of
+from wayproof.harness.recordings.recording import Faults, Recording, RecordingOptions
+from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.recordings.window import NO_BEAM, OUT_OF_ORDER, Window, window_of
+
+NO_MOUNT = "sweep: no transform at its time"
+
+
+def looks_like(path: Path) -> bool:
+    """Return whether a path is a bag: a file by its first bytes, a folder by the files in it."""
+    files = files_of(path)
+    return bool(files) and all(container_of(one) is not None for one in files)
+
+
+def open_bag(path: Path, options: RecordingOptions) -> Recording:
+    """Open a bag: read it once for its poses and transforms.
+
+    Raises:
+        InputError: It has no sensor or no poses, several of which none was chosen, or no transform
+            between body and sensor.
+    """
+    faults: Faults = Counter()
+    files = files_of(path)
+    if not files or container_of(files[0]) is None:
+        raise InputError(f"recording '{path}': not a bag of ROS 1 (.bag) or ROS 2 (.mcap, .db3)")
+    found = survey(files, faults)
+    names = choose_sensors(path, found, options)
+    topics = [_topic(path, name, found, options) for name in names]
+    motion = choose_motion(path, found, topics, options)
+    track, start = track_of(path, motion.poses, motion.source, options, faults)
+    window = window_of(track, start, options)
+    readers = [
+        _reader(path, files, name, topic, found, motion, options, window)
+        for name, topic in zip(names, topics, strict=True)
+    ]
+    for reader in readers:
+        if not reader.is_stamped:
+            faults[STAMPLESS] += len(reader.order.kept)
+    return Recording(
+        name=path.name,
+        format="bag",
+        sha256=digest_of(files),
+        start_ns=start,
+        sensors=tuple(reader.sensor for reader in readers),
+        track=track,
+        chosen=f"{', '.join(reader.text for reader in readers)}; poses: {motion.source}",
+        opening=faults,
+        read=_Sweeps(readers),
+    )
+
+
+@dataclass(frozen=True)
+class _Sweeps:
+    """The sweeps of all chosen sensors, in order of time."""
+
+    readers: Sequence[_TopicReader]
+
+    def __call__(self, faults: Faults) -> Iterator[RecordedSweep]:
+        counted: Faults = Counter()  # damage was counted when the bag was opened
+        streams = [reader.sweeps(counted, faults) for reader in self.readers]
+        return heapq.merge(*streams, key=lambda sweep: sweep.time_ns)
+
+
+@dataclass(frozen=True)
+class _TopicReader:
+    """One sensor of a bag.
+
+    Attributes:
+        files: Files of the bag.
+        topic: Its topic.
+        sensor: What it is.
+        reading: How its messages are read.
+        order: Which of its messages are read, and whether they are in order.
+        is_stamped: Whether its headers have stamps; else the time of recording is taken.
+        mount: Its place on the body, which may move.
+        window: Times that are read.
+    """
+
+    files: Sequence[Path]
+    topic: str
+    sensor: RecordedSensor
+    reading: Reading
+    order: Order
+    is_stamped: bool
+    mount: FramePath | Transform
+    window: Window
+
+    @property
+    def text(self) -> str:
+        """What is read, in words."""
+        time = self.reading.topic.time
+        return f"{self.topic} ({self.sensor.kind}{f', time {time.text}' if time else ''})"
+
+    def sweeps(self, counted: Faults, faults: Faults) -> Iterator[RecordedSweep]:
+        """Yield the sweeps in order of their stamps."""
+        fixed = self._fixed_mount()
+        for stamp, raw, silent in self._messages(counted, faults):
+            try:
+                beams = beams_of(raw, self.reading, silent, faults)
+            except Broken:
+                faults[UNREADABLE] += 1
+                continue
+            mount = fixed or self._mount_at(stamp, faults)
+            if mount is None or not self.window.has_pose(stamp, beams.times_ns, faults):
+                continue
+            if len(beams.ranges):
+                yield self._sweep(stamp, beams, mount)
+            else:
+                faults[NO_BEAM] += 1
+
+    def _sweep(self, stamp: int, beams: Beams, mount: Transform) -> RecordedSweep:
+        """Return a sweep that begins with its first beam."""
+        times = beams.times_ns
+        early = 0 if times is None else min(int(times.min()), 0)
+        return RecordedSweep(
+            time_ns=stamp - self.window.start_ns + early,
+            sensor=self.sensor.name,
+            directions=beams.directions,
+            ranges=beams.ranges,
+            beam_times_ns=times if times is None or not early else times - early,
+            T_body_sensor=mount,
+            grid=beams.grid,
+            points=beams.points,
+        )
+
+    def _messages(
+        self, counted: Faults, faults: Faults
+    ) -> Iterator[tuple[int, RawMessage, Silent | None]]:
+        """Yield stamp, message, and beams without return, in order."""
+        if self.order.is_sorted:
+            items: Iterator[tuple[int, int, _Item]] = self._in_file(counted, keep=False)
+        else:
+            items = nearly_sorted(self._in_file(counted, keep=True))
+        for stamp, _, (place, raw, silent) in items:
+            if not self.window.holds(stamp):
+                continue
+            if self.order.kept[place]:
+                yield stamp, raw, silent
+            else:
+                faults[OUT_OF_ORDER] += 1
+
+    def _in_file(self, counted: Faults, keep: bool) -> Iterator[tuple[int, int, _Item]]:
+        """Yield stamp, size and message of the topic in the order of the files."""
+        place = 0
+        silent: tuple[int, Silent] | None = None
+        for raw in messages_of(self.files, counted):
+            if raw.topic in (self.topic + SILENT, self.topic + UNSURE):
+                silent = _silent(raw)
+            if raw.topic != self.topic:
+                continue
+            try:
+                stamp = header_stamp(raw)
+            except Broken:
+                continue
+            if keep:
+                raw = raw._replace(data=bytes(raw.data))
+            beside = silent[1] if silent is not None and silent[0] == stamp else None
+            logged = min(raw.logged_ns, 2**62)
+            yield (stamp if self.is_stamped else logged), len(raw.data), (place, raw, beside)
+            place += 1
+
+    def _fixed_mount(self) -> Transform | None:
+        if not isinstance(self.mount, FramePath):
+            return self.mount
+        if not self.mount.is_fixed:
+            return None
+        transform, _ = self.mount.at(np.zeros(1, np.int64))
+        return Transform(transform.position[0], transform.quaternion[0])
+
+    def _mount_at(self, stamp: int, faults: Faults) -> Transform | None:
+        assert isinstance(self.mount, FramePath)
+        transform, known = self.mount.at(np.array([stamp]))
+        if not known[0]:
+            faults[NO_MOUNT] += 1
+            return None
+        return Transform(transform.position[0], transform.quaternion[0])
+
+
+_Item = tuple[int, RawMessage, Silent | None]
+"""Place in the file, message, and beams without return."""
+
+
+def _topic(path: Path, name: str, found: Survey, options: RecordingOptions) -> Topic:
+    first = found.sensors[name].first
+    assert first is not None
+    camera = choose_camera(path, name, found, options) if first.type == IMAGE else None
+    try:
+        return first_of(first, camera, found.limits.get(name + LIMITS, (0.0, np.inf)))
+    except Broken as error:
+        raise InputError(f"recording '{path}': '{name}' cannot be read ({error})") from None
+
+
+def _reader(
+    path: Path,
+    files: Sequence[Path],
+    name: str,
+    topic: Topic,
+    found: Survey,
+    motion: Motion,
+    options: RecordingOptions,
+    window: Window,
+) -> _TopicReader:
+    one: SensorTopic = found.sensors[name]
+    cut = min(topic.range_max, float32(options.range_max or np.inf))
+    free = options.missing_returns_free
+    sensor = RecordedSensor(
+        name=name.lstrip("/"),
+        frame=topic.frame,
+        kind=topic.kind,
+        range_min=topic.range_min,
+        range_max=cut,
+        missing_returns_known=name + SILENT in found.sensors if free is None else free,
+    )
+    limits = Limits(topic.range_min, min(topic.range_max, FARTHEST), cut, beyond_is_none=False)
+    mount = choose_mount(path, found, motion.body, topic.frame, options)
+    reading = Reading(topic, limits, options)
+    return _TopicReader(files, name, sensor, reading, one.order(), one.is_stamped, mount, window)
+
+
+def _silent(raw: RawMessage) -> tuple[int, Silent] | None:
+    """Return the stamp and the beams of a message of beams without return."""
+    try:
+        cloud = read_cloud(decode(raw))
+    except Broken:
+        return None
+    squares = np.square(cloud.points.astype(np.float64)).sum(axis=1)
+    unit = np.abs(squares - 1.0) < 1e-3  # false for NaN
+    times = None
+    if cloud.times is not None and cloud.time_field == OWN_TIME:
+        times = cloud.times.astype(np.int64)[unit]
+    return cloud.stamp_ns, Silent(cloud.points[unit], times)

@@ -1,0 +1,211 @@
+"""The sensors, the poses and the body of a bag: those that options name, or the only ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.recordings.bags.frames import Edge, FramePath
+from wayproof.harness.recordings.bags.messages import ODOMETRY, Camera
+from wayproof.harness.recordings.bags.sensors import Topic
+from wayproof.harness.recordings.bags.survey import PoseTopic, SensorTopic, Survey
+from wayproof.harness.recordings.poses import StampedPoses, compose
+from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.types import Transform
+
+SILENT, UNSURE, LIMITS = "/no_return", "/no_return_unsure", "/limits"
+"""Ends of the topics beside a sensor's points that `wayproof convert` writes: the directions of its
+beams without return, where these are known to have been free or not, and a Range with its limits.
+"""
+
+BODIES = ("base_link", "base_footprint")
+"""Usual names of the body's frame, REP 105 and REP 120."""
+
+NO_POSES = ("goal", "initialpose", "target", "waypoint")
+"""Parts of names of topics with poses that are not the robot's."""
+
+
+class Motion(NamedTuple):
+    """Poses of the body.
+
+    Attributes:
+        poses: T_world_body.
+        body: Frame of the body; empty if the recording does not name it.
+        source: Topic or frames, in words.
+    """
+
+    poses: StampedPoses
+    body: str
+    source: str
+
+
+def choose_sensors(path: Path, found: Survey, options: RecordingOptions) -> list[str]:
+    """Return the topics of the sensors.
+
+    Raises:
+        InputError: None, several of which none was chosen, or unknown ones.
+    """
+    usable = {name: one for name, one in found.sensors.items() if one.first is not None}
+    main = {name: one for name, one in usable.items() if not name.endswith((SILENT, UNSURE))}
+    named = [name if name in main else f"/{name}" for name in options.sensors]
+    if not main:
+        others = ", ".join(f"{name} ({type_})" for name, type_ in sorted(found.others.items())[:20])
+        raise InputError(
+            f"recording '{path}': no LaserScan, PointCloud2 or depth Image that can be read"
+            f" (topics: {others or 'none'})"
+        )
+    for name, given in zip(named, options.sensors, strict=True):
+        if name not in main:
+            raise unknown_name("sensor of the recording", given, main)
+    if named:
+        return sorted(set(named))
+    if len(main) > 1:
+        listed = ", ".join(_described(name, one) for name, one in sorted(main.items()))
+        raise InputError(f"recording '{path}': several sensors, choose: {listed}")
+    return list(main)
+
+
+def _described(name: str, topic: SensorTopic) -> str:
+    assert topic.first is not None
+    return f"{name} ({topic.first.type.rsplit('/', 1)[-1]}, {len(topic.stamps)})"
+
+
+def choose_camera(path: Path, topic: str, found: Survey, options: RecordingOptions) -> Camera:
+    """Return the camera of a depth image: of its namespace, the only one, or of the options.
+
+    Raises:
+        InputError: There is none, or there are several.
+    """
+    if options.intrinsics is not None:
+        return Camera(0, 0, options.intrinsics, False)
+    beside = topic.rsplit("/", 1)[0] + "/camera_info"
+    if beside in found.cameras:
+        return found.cameras[beside]
+    if len(found.cameras) == 1:
+        return next(iter(found.cameras.values()))
+    listed = ", ".join(sorted(found.cameras)) or "none"
+    raise InputError(
+        f"recording '{path}': no '{beside}' for '{topic}' (CameraInfo: {listed}),"
+        " expected intrinsics fx,fy,cx,cy"
+    )
+
+
+def choose_motion(
+    path: Path, found: Survey, topics: Sequence[Topic], options: RecordingOptions
+) -> Motion:
+    """Return the poses of the body: from the transforms, else from the only topic of poses.
+
+    Raises:
+        InputError: There are none, or several choices.
+    """
+    frame = topics[0].frame
+    if options.pose is not None:
+        for name in (options.pose, f"/{options.pose}"):
+            if name in found.poses:
+                return _from_topic(found, name, frame, options)
+        body = _body(found, frame, options)
+        if any(edge.parent == options.pose for edge in _moving_chain(found, body)):
+            return _from_frames(found, options.pose, body)
+        roots = [edge.parent for edge in _moving_chain(found, body)]
+        raise unknown_name("poses of the recording", options.pose, [*found.poses, *roots])
+    body = _body(found, frame, options)
+    chain = _moving_chain(found, body)
+    if chain:
+        rivals = [name for name, one in found.poses.items() if _is_rival(one, chain)]
+        if not rivals:
+            return _from_frames(found, chain[0].parent, body)
+        listed = ", ".join([f"frame {chain[0].parent}", *(f"topic {name}" for name in rivals)])
+        raise InputError(f"recording '{path}': poses from several sources, choose: {listed}")
+    names = [name for name, one in found.poses.items() if one.type == ODOMETRY]
+    names = names or [name for name in found.poses if not any(no in name for no in NO_POSES)]
+    if len(names) == 1:
+        return _from_topic(found, names[0], frame, options)
+    if names:
+        listed = ", ".join(sorted(names))
+        raise InputError(f"recording '{path}': several topics of poses, choose: {listed}")
+    frames = ", ".join(found.tree.frames[:20]) or "none"
+    raise InputError(
+        f"recording '{path}': no poses: no transform moves above '{body}' (frames: {frames}),"
+        " and there is no Odometry or PoseStamped"
+    )
+
+
+def choose_mount(
+    path: Path, found: Survey, body: str, frame: str, options: RecordingOptions
+) -> FramePath | Transform:
+    """Return how a sensor's frame is mounted on the body.
+
+    Raises:
+        InputError: No transforms connect them, and the options give none.
+    """
+    if options.mount is not None:
+        return options.mount
+    between = found.tree.between(body, frame)
+    if between is None:
+        frames = ", ".join(found.tree.frames[:20]) or "none"
+        raise InputError(
+            f"recording '{path}': no transform from '{body}' to '{frame}' (frames: {frames}),"
+            " expected a mount"
+        )
+    return between
+
+
+def _body(found: Survey, frame: str, options: RecordingOptions) -> str:
+    """Return the body above a sensor's frame: `base_link`, or what moves first above the sensor."""
+    if options.body is not None:
+        return options.body
+    chain = found.tree.chain(frame)
+    names = {edge.child for edge in chain} | {edge.parent for edge in chain}
+    for usual in BODIES:
+        if usual in names:
+            return usual
+    moving = [edge.child for edge in chain if edge.moving is not None]
+    if moving:
+        return moving[-1]
+    return chain[0].parent if chain else frame
+
+
+def _moving_chain(found: Survey, body: str) -> list[Edge]:
+    """Return the transforms from the root down to the body; none if nothing moves in them."""
+    chain = found.tree.chain(body)
+    return chain if any(edge.moving is not None for edge in chain) else []
+
+
+def _is_rival(topic: PoseTopic, chain: list[Edge]) -> bool:
+    """Return whether an Odometry is of other frames than the transforms."""
+    if topic.type != ODOMETRY:
+        return False
+    names = [chain[0].parent, *(edge.child for edge in chain)]
+    return topic.parent not in names or topic.child not in names
+
+
+def _from_topic(found: Survey, name: str, frame: str, options: RecordingOptions) -> Motion:
+    topic = found.poses[name]
+    body = options.body or topic.child or _body(found, frame, options)
+    return Motion(topic.samples.poses(), body, f"topic {name}, body '{body}'")
+
+
+def _from_frames(found: Survey, root: str, body: str) -> Motion:
+    """Compose the transforms from a root to the body, at the stamps of the most frequent one."""
+    chain = found.tree.chain(body)
+    while chain and chain[0].parent != root:
+        chain = chain[1:]
+    moving = [edge.moving for edge in chain if edge.moving is not None]
+    if not moving:
+        stamps = np.empty(0, np.int64)
+    else:
+        stamps = max(moving, key=lambda track: len(track.times_ns)).times_ns
+    known = np.ones(len(stamps), bool)
+    parts = []
+    for edge in chain:
+        transform, covered = edge.at(stamps)
+        known &= covered
+        parts.append(transform)
+    whole = reduce(compose, parts)
+    poses = StampedPoses(stamps, whole.position, whole.quaternion).at(known)
+    return Motion(poses, body, f"frames {root} -> {body}")

@@ -1,0 +1,165 @@
+"""Point clouds of ROS: points of any layout, with or without a time for each."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.recordings.bags.container import Broken
+from wayproof.harness.recordings.bags.messages import stamp_of
+from wayproof.harness.recordings.recording import Faults
+
+TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""`datatype` of a PointField -> type of numpy."""
+
+TIME_FIELDS = ("t", "time", "timestamp", "time_stamp", "ts", "offset_time", "time_offset")
+"""Names that drivers give to the time of a point."""
+
+OWN_TIME = "t"
+"""The one that is written: as Ouster does, nanoseconds from the stamp, of 32 bits."""
+
+LONGEST_SWEEP_NS = 10 * 10**9
+"""Times of points farther from the stamp are none, ns."""
+
+
+class PointTime(NamedTuple):
+    """The field with the time of a point.
+
+    Attributes:
+        name: Name of the field.
+        unit_ns: Its unit, ns.
+        absolute: Whether it counts as the stamps do; else from the sweep's stamp.
+    """
+
+    name: str
+    unit_ns: float
+    absolute: bool
+
+    @property
+    def text(self) -> str:
+        """Name and unit in words."""
+        unit = "s" if self.unit_ns > 1.0 else "ns"
+        since = "the epoch" if self.absolute else "the stamp"
+        return f"'{self.name}', {unit} since {since}"
+
+
+class Cloud(NamedTuple):
+    """The fields of a cloud that are used.
+
+    Attributes:
+        points: (n, 3) m.
+        times: (n,) in the units of the field; None without one.
+        time_field: Name of that field.
+        stamp_ns: Stamp of the cloud, ns.
+        frame: Frame of the points.
+    """
+
+    points: NDArray[np.float32]
+    times: NDArray[Any] | None  # of any type of number
+    time_field: str
+    stamp_ns: int
+    frame: str
+
+
+def read_cloud(message: Any) -> Cloud:  # a PointCloud2 of rosbags
+    """Return the points of a PointCloud2, and their times if it has some.
+
+    Raises:
+        Broken: Its sizes do not agree with each other, or it has no x, y, z.
+    """
+    rows = _rows(message)
+    fields = {field.name: field for field in message.fields[:256]}
+    if not {"x", "y", "z"} <= fields.keys():
+        raise Broken("a cloud without x, y, z")
+    order = ">" if message.is_bigendian else "<"
+    points = np.empty((len(rows), 3), np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for axis, name in enumerate("xyz"):
+            points[:, axis] = _column(rows, fields[name], order)
+    named = next((name for name in TIME_FIELDS if name in fields), "")
+    times = _column(rows, fields[named], order) if named else None
+    stamp = stamp_of(message.header)
+    return Cloud(points, times, named, stamp, message.header.frame_id)
+
+
+def finite(cloud: Cloud, faults: Faults) -> Cloud:
+    """Return a cloud without the points that are not finite, which it counts."""
+    good = np.isfinite(cloud.points).all(axis=1)
+    if good.all():
+        return cloud
+    faults["point: not finite"] += int((~good).sum())
+    times = None if cloud.times is None else cloud.times[good]
+    return cloud._replace(points=cloud.points[good], times=times)
+
+
+def point_time(cloud: Cloud) -> PointTime | None:
+    """Tell the unit and the origin of the times of a cloud's points.
+
+    An integer is in nanoseconds (Ouster's `t`, Livox's `offset_time`), a floating-point number in
+    seconds (Velodyne's `time`, Hesai's `timestamp`), or in nanoseconds if the points would else be
+    more than 10 s apart (Livox's `timestamp`). It counts from the stamp, or as stamps do, whichever
+    is nearer to the stamp.
+    """
+    if cloud.times is None or len(cloud.times) == 0:
+        return None
+    times = cloud.times[np.isfinite(cloud.times)].astype(np.float64)
+    if len(times) == 0:
+        return None
+    spread = float(times.max() - times.min())
+    in_seconds = cloud.times.dtype.kind == "f" and spread * 1e9 <= LONGEST_SWEEP_NS
+    unit = 1e9 if in_seconds else 1.0
+    middle = float(np.median(times)) * unit
+    absolute = abs(middle - cloud.stamp_ns) < abs(middle)
+    return PointTime(cloud.time_field, unit, absolute)
+
+
+def offsets_ns(cloud: Cloud, time: PointTime, faults: Faults) -> NDArray[np.int64] | None:
+    """Return times of the points (n,) after the stamp, ns, or None if they are not near it."""
+    assert cloud.times is not None
+    times = cloud.times
+    if times.dtype.kind in "iu" and time.unit_ns == 1.0 and time.absolute:
+        offsets = (times.astype(np.int64) - cloud.stamp_ns).astype(np.float64)
+    else:
+        with np.errstate(over="ignore", invalid="ignore"):
+            offsets = times.astype(np.float64) * time.unit_ns
+        if time.absolute:
+            offsets -= float(cloud.stamp_ns)
+    near = np.abs(offsets) <= LONGEST_SWEEP_NS  # false for NaN
+    if not near.all():
+        faults["point: time far from the stamp"] += int((~near).sum())
+        return None
+    return np.rint(offsets).astype(np.int64)
+
+
+def _rows(message: Any) -> NDArray[np.uint8]:  # (n, point_step)
+    """Return the bytes of each point; the rows of an organised cloud may have bytes between."""
+    height, width, step = int(message.height), int(message.width), int(message.point_step)
+    count = height * width
+    data: NDArray[np.uint8] = message.data
+    if count == 0:
+        return np.empty((0, max(step, 1)), np.uint8)
+    if step == 0:
+        raise Broken("a cloud of points of no bytes")
+    row_step = int(message.row_step)
+    if row_step <= width * step or height == 1:
+        if len(data) < count * step:
+            raise Broken(f"a cloud of {len(data)} bytes for {count} points of {step}")
+        return data[: count * step].reshape(count, step)
+    if len(data) < height * row_step:
+        raise Broken(f"a cloud of {len(data)} bytes for {height} rows of {row_step}")
+    rows = data[: height * row_step].reshape(height, row_step)[:, : width * step]
+    return np.ascontiguousarray(rows).reshape(count, step)
+
+
+def _column(rows: NDArray[np.uint8], field: Any, order: str) -> NDArray[Any]:  # (n,)
+    """Return one field of all points."""
+    if field.datatype not in TYPES:
+        raise Broken(f"a field of type {field.datatype}")
+    kind = np.dtype(order + TYPES[field.datatype])
+    offset = int(field.offset)
+    if len(rows) and offset + kind.itemsize > rows.shape[1]:
+        raise Broken(f"a field at byte {offset} of {rows.shape[1]}")
+    piece = np.ascontiguousarray(rows[:, offset : offset + kind.itemsize])
+    return piece.view(kind).reshape(-1) if len(rows) else np.empty(0, kind)

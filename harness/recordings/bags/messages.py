@@ -1,0 +1,179 @@
+"""Messages of ROS that a recording needs, decoded by the definitions of `rosbags`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.recordings.bags.container import Broken, RawMessage
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+SCAN = "sensor_msgs/msg/LaserScan"
+CLOUD = "sensor_msgs/msg/PointCloud2"
+IMAGE = "sensor_msgs/msg/Image"
+RANGE = "sensor_msgs/msg/Range"
+CAMERA = "sensor_msgs/msg/CameraInfo"
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSE = "geometry_msgs/msg/PoseStamped"
+POSE_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+
+SENSORS = (SCAN, CLOUD, IMAGE)
+POSES = (ODOMETRY, POSE, POSE_COVARIANCE)
+
+ROS1_DEFINITIONS = {name: "geometry_msgs/TransformStamped[] transforms\n" for name in TRANSFORMS}
+"""Definitions of messages of ROS 1 that `rosbags` has for ROS 2 alone."""
+
+
+class StampedTransform(NamedTuple):
+    """A pose of a message.
+
+    Attributes:
+        stamp_ns: Stamp of its header, ns.
+        parent: Frame in which it is given.
+        child: Frame whose pose it is; empty where the message does not say.
+        numbers: Position x, y, z, m, and quaternion w, x, y, z.
+    """
+
+    stamp_ns: int
+    parent: str
+    child: str
+    numbers: tuple[float, float, float, float, float, float, float]
+
+
+class Camera(NamedTuple):
+    """Geometry of a camera's images, in pixels.
+
+    Attributes:
+        width: Columns.
+        height: Rows.
+        intrinsics: fx, fy, cx, cy.
+        distorted: Whether its lens has a distortion.
+    """
+
+    width: int
+    height: int
+    intrinsics: tuple[float, float, float, float]
+    distorted: bool
+
+
+@lru_cache(maxsize=2)
+def typestore(encoding: str) -> Typestore:
+    """Return the definitions of ROS 1 for the encoding `ros1`, else those of ROS 2.
+
+    Raises:
+        InputError: `rosbags` is not installed.
+    """
+    try:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError:
+        raise InputError(
+            "ROS bags: rosbags is not installed: pip install rosbags (the extra 'recordings')"
+        ) from None
+    if encoding != "ros1":
+        return get_typestore(Stores.ROS2_JAZZY)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    for name, definition in ROS1_DEFINITIONS.items():
+        store.register(get_types_from_msg(definition, name))
+    return store
+
+
+def decode(raw: RawMessage) -> Any:  # the classes of rosbags are made when it runs
+    """Decode a message.
+
+    Raises:
+        Broken: Its bytes are not those of its type.
+    """
+    store = typestore(raw.encoding)
+    read: Callable[[bytes | memoryview, str], object]
+    read = store.deserialize_ros1 if raw.encoding == "ros1" else store.deserialize_cdr
+    try:
+        return read(raw.data, raw.type)
+    except Exception as error:  # generated code fails in many ways on bytes of another type
+        raise Broken(f"{raw.type}: {type(error).__name__}") from None
+
+
+def header_stamp(raw: RawMessage) -> int:
+    """Return the stamp of a message that begins with a header, ns, without decoding it.
+
+    Raises:
+        Broken: It is too short.
+    """
+    data = bytes(raw.data[:12])
+    if len(data) < 12:
+        raise Broken("a message shorter than a header")
+    if raw.encoding == "ros1":
+        seconds, fraction = np.frombuffer(data, "<u4", 2, 4).tolist()
+    else:
+        order = "<" if data[1] & 1 else ">"
+        seconds = int(np.frombuffer(data, f"{order}i4", 1, 4)[0])
+        fraction = int(np.frombuffer(data, f"{order}u4", 1, 8)[0])
+    return int(seconds) * 10**9 + int(fraction)
+
+
+def stamp_of(header: Any) -> int:  # of a class of rosbags
+    """Return the stamp of a header, ns."""
+    return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
+
+
+def frame_name(name: str) -> str:
+    """Return a frame's name without the slash that ROS 1 wrote before it."""
+    return name.lstrip("/")
+
+
+def pose_of(raw: RawMessage) -> StampedTransform:
+    """Return the pose of an Odometry, a PoseStamped or a PoseWithCovarianceStamped.
+
+    Raises:
+        Broken: As of `decode`.
+    """
+    message = decode(raw)
+    pose = message.pose if raw.type == POSE else message.pose.pose
+    child = message.child_frame_id if raw.type == ODOMETRY else ""
+    parent = frame_name(message.header.frame_id)
+    numbers = _numbers(pose.position, pose.orientation)
+    return StampedTransform(stamp_of(message.header), parent, frame_name(child), numbers)
+
+
+def transforms_of(raw: RawMessage) -> list[StampedTransform]:
+    """Return the transforms of a TFMessage.
+
+    Raises:
+        Broken: As of `decode`.
+    """
+    return [
+        StampedTransform(
+            stamp_of(one.header),
+            frame_name(one.header.frame_id),
+            frame_name(one.child_frame_id),
+            _numbers(one.transform.translation, one.transform.rotation),
+        )
+        for one in decode(raw).transforms
+    ]
+
+
+def camera_of(raw: RawMessage) -> Camera:
+    """Return the geometry that a CameraInfo states.
+
+    Raises:
+        Broken: As of `decode`, or it is not calibrated.
+    """
+    message = decode(raw)
+    matrix: NDArray[np.float64] = message.K if raw.encoding == "ros1" else message.k
+    distortion: NDArray[np.float64] = message.D if raw.encoding == "ros1" else message.d
+    fx, _, cx, _, fy, cy = (float(value) for value in matrix[:6])
+    if not (0.0 < fx < 1e6 and 0.0 < fy < 1e6 and abs(cx) < 1e6 and abs(cy) < 1e6):
+        raise Broken("a camera without intrinsics")
+    distorted = bool((distortion != 0.0).any())
+    return Camera(int(message.width), int(message.height), (fx, fy, cx, cy), distorted)
+
+
+def _numbers(p: Any, q: Any) -> tuple[float, float, float, float, float, float, float]:
+    return float(p.x), float(p.y), float(p.z), float(q.w), float(q.x), float(q.y), float(q.z)

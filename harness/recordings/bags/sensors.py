@@ -1,0 +1,183 @@
+"""Sensors of a bag: what each of their messages says about beams."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wayproof.harness.recordings.bags.clouds import (
+    PointTime,
+    finite,
+    offsets_ns,
+    point_time,
+    read_cloud,
+)
+from wayproof.harness.recordings.bags.container import Broken, RawMessage
+from wayproof.harness.recordings.bags.messages import (
+    CLOUD,
+    IMAGE,
+    SCAN,
+    Camera,
+    decode,
+    frame_name,
+)
+from wayproof.harness.recordings.beams import (
+    FARTHEST,
+    Beams,
+    Limits,
+    Silent,
+    point_beams,
+    scan_beams,
+)
+from wayproof.harness.recordings.depth import depth_beams
+from wayproof.harness.recordings.recording import Faults, RecordingOptions
+from wayproof.harness.recordings.types import SensorKind
+
+DEPTH_ENCODINGS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+"""Encodings of depth images, REP 118: millimetres, and metres."""
+
+MILLIMETRES = 1000.0
+LONGEST_SCAN_NS = 10e9
+MOST_ANGLE = 100.0
+
+
+class Topic(NamedTuple):
+    """What the first message of a sensor says, which holds for all of them.
+
+    Attributes:
+        kind: Kind of the sensor.
+        frame: Frame of its beams.
+        range_min: Minimum range, m.
+        range_max: Maximum range, m; inf where it does not say.
+        time: Field with the time of a point.
+        camera: Geometry of the images.
+    """
+
+    kind: SensorKind
+    frame: str
+    range_min: float
+    range_max: float
+    time: PointTime | None = None
+    camera: Camera | None = None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the messages of a topic are read.
+
+    Attributes:
+        topic: What its first message says.
+        limits: Limits of the ranges.
+        options: Stride and scale of depth images.
+    """
+
+    topic: Topic
+    limits: Limits
+    options: RecordingOptions
+
+
+def is_sensor(raw: RawMessage) -> bool:
+    """Return whether a message is one of ranges, points or depths, not a picture.
+
+    Raises:
+        Broken: It cannot be read.
+    """
+    message = decode(raw)
+    return raw.type != IMAGE or message.encoding in DEPTH_ENCODINGS
+
+
+def first_of(
+    raw: RawMessage, camera: Camera | None, limits: tuple[float, float] = (0.0, np.inf)
+) -> Topic:
+    """Read what the first message of a topic says.
+
+    Args:
+        raw: The message.
+        camera: Geometry of the images.
+        limits: Limits of points or depths, m, which their messages do not state.
+
+    Raises:
+        Broken: It cannot be read.
+    """
+    if raw.type == SCAN:
+        scan = decode(raw)
+        low, high = scan_limits(scan.range_min, scan.range_max)
+        return Topic("laser", frame_name(scan.header.frame_id), low, high)
+    if raw.type == CLOUD:
+        cloud = read_cloud(decode(raw))
+        return Topic(
+            "points", frame_name(cloud.frame), *limits, point_time(finite(cloud, Counter()))
+        )
+    frame = frame_name(decode(raw).header.frame_id)
+    return Topic("depth", frame, *limits, camera=camera)
+
+
+def beams_of(raw: RawMessage, reading: Reading, silent: Silent | None, faults: Faults) -> Beams:
+    """Return the beams of a message, with those without return that were recorded beside it.
+
+    Raises:
+        Broken: It cannot be read.
+    """
+    if reading.topic.kind == "points":
+        return _of_cloud(decode(raw), reading, silent, faults)
+    read: Callable[[Any, Reading, Faults], Beams]
+    read = _of_scan if reading.topic.kind == "laser" else _of_image
+    return read(decode(raw), reading, faults)
+
+
+def _of_scan(message: Any, reading: Reading, faults: Faults) -> Beams:
+    topic = reading.topic
+    limits = scan_limits(message.range_min, message.range_max)
+    if limits != (topic.range_min, topic.range_max):
+        raise Broken("a scan of other limits than the first")
+    angles = float(message.angle_min), float(message.angle_increment)
+    count = len(message.ranges)
+    if not all(abs(angle) < MOST_ANGLE for angle in (*angles, angles[1] * count)):
+        raise Broken(f"a scan of {count} beams from {angles[0]:g} by {angles[1]:g} rad")
+    step = float(message.time_increment)
+    if not 0.0 <= step * count * 1e9 <= LONGEST_SCAN_NS:
+        raise Broken(f"a scan of {count} beams, {step:g} s apart")
+    return scan_beams(angles, np.asarray(message.ranges), reading.limits, faults, step)
+
+
+def _of_cloud(message: Any, reading: Reading, silent: Silent | None, faults: Faults) -> Beams:
+    cloud = finite(read_cloud(message), faults)
+    times = None
+    if reading.topic.time is not None and len(cloud.points):
+        if cloud.time_field != reading.topic.time.name:
+            raise Broken("a cloud without the time of its points")
+        times = offsets_ns(cloud, reading.topic.time, faults)
+        if times is None:
+            raise Broken("a cloud of points of other times")
+    return point_beams(cloud.points, times, reading.limits, faults, silent)
+
+
+def _of_image(message: Any, reading: Reading, faults: Faults) -> Beams:
+    camera, options = reading.topic.camera, reading.options
+    rows, columns, step = int(message.height), int(message.width), int(message.step)
+    if message.encoding not in DEPTH_ENCODINGS or camera is None:
+        raise Broken(f"an image of encoding '{message.encoding[:20]}'")
+    if camera.width and (columns, rows) != (camera.width, camera.height):
+        raise Broken("an image of another size than the camera")
+    kind = np.dtype((">" if message.is_bigendian else "<") + DEPTH_ENCODINGS[message.encoding])
+    if rows == 0 or columns == 0:
+        raise Broken("an image without pixels")
+    if step < columns * kind.itemsize or len(message.data) < rows * step:
+        raise Broken("an image whose sizes do not agree")
+    lines = np.asarray(message.data)[: rows * step].reshape(rows, step)
+    pixels = np.ascontiguousarray(lines[:, : columns * kind.itemsize]).view(kind)
+    scale = (options.depth_scale or MILLIMETRES) if kind.kind == "u" else 1.0
+    depths = pixels.astype(np.float64) / scale
+    return depth_beams(depths, camera.intrinsics, options.pixel_stride, reading.limits, faults)
+
+
+def scan_limits(low: float, high: float) -> tuple[float, float]:
+    """Return the limits that a message states, m: 0 and inf where they make no sense."""
+    return (
+        float(low) if 0.0 <= low <= FARTHEST else 0.0,
+        float(high) if 0.0 < high <= FARTHEST else np.inf,
+    )

@@ -1,0 +1,212 @@
+"""A first pass over a bag: its topics, frames and poses, and the order of its messages."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.recordings.bags import mcap_container, ros1_container, sqlite_container
+from wayproof.harness.recordings.bags.container import (
+    DAMAGED,
+    Broken,
+    RawMessage,
+    unpacked_message,
+)
+from wayproof.harness.recordings.bags.frames import MOST_FRAMES, FrameTree, Samples
+from wayproof.harness.recordings.bags.messages import (
+    CAMERA,
+    POSES,
+    RANGE,
+    SENSORS,
+    TRANSFORMS,
+    Camera,
+    camera_of,
+    decode,
+    header_stamp,
+    pose_of,
+    transforms_of,
+)
+from wayproof.harness.recordings.bags.sensors import is_sensor, scan_limits
+from wayproof.harness.recordings.order import Order, order_of
+from wayproof.harness.recordings.recording import Faults
+
+Container = Callable[[Path, Faults], Iterator[RawMessage]]
+
+CONTAINERS: dict[bytes, Container] = {
+    mcap_container.MAGIC: mcap_container.messages,
+    ros1_container.MAGIC: ros1_container.messages,
+    sqlite_container.MAGIC: sqlite_container.messages,
+}
+"""First bytes of a file -> reader of its messages."""
+
+LEAST_MESSAGES, LEAST_BYTES = 200_000, 4
+"""Number of messages allowed in any bag, and beyond it one for so many of its bytes."""
+
+UNREADABLE = "message: cannot be read"
+STAMPLESS = "sweep: without a stamp, taken as recorded"
+
+
+@dataclass
+class SensorTopic:
+    """What the first pass keeps of a topic with ranges, points or depths.
+
+    Attributes:
+        first: Its first message that can be read, None if there was none.
+        stamps: Stamps of the headers, ns.
+        logged: Times at which they were recorded, ns.
+        sizes: Bytes of the messages.
+    """
+
+    first: RawMessage | None = None
+    stamps: array[int] = field(default_factory=lambda: array("q"))
+    logged: array[int] = field(default_factory=lambda: array("q"))
+    sizes: array[int] = field(default_factory=lambda: array("q"))
+
+    @property
+    def is_stamped(self) -> bool:
+        """Whether its headers have stamps."""
+        return any(self.stamps)
+
+    def order(self) -> Order:
+        """Return the order in which its messages are to be read."""
+        stamps = self.stamps if self.is_stamped else self.logged
+        return order_of(np.array(stamps, np.int64), np.array(self.sizes, np.int64))
+
+
+@dataclass
+class PoseTopic:
+    """Poses of a topic, with the frames of its first message."""
+
+    parent: str
+    child: str
+    type: str
+    samples: Samples = field(default_factory=Samples)
+
+
+@dataclass
+class Survey:
+    """What a first pass over a bag finds.
+
+    Attributes:
+        sensors: Topics with ranges, points or depths.
+        poses: Topics with poses.
+        cameras: Geometry of cameras by the topic of their CameraInfo.
+        limits: Minimum and maximum range by the topic of a Range, m.
+        others: Types of the topics that are not read.
+        tree: Frames and the transforms between them.
+    """
+
+    sensors: dict[str, SensorTopic]
+    poses: dict[str, PoseTopic]
+    cameras: dict[str, Camera]
+    limits: dict[str, tuple[float, float]]
+    others: dict[str, str]
+    tree: FrameTree
+
+
+def files_of(path: Path) -> list[Path]:
+    """Return the files of a bag: the one, or those of a folder of ROS 2 by their numbers."""
+    if path.is_file():
+        return [path]
+    found = [one for one in path.iterdir() if one.suffix in (".mcap", ".db3") and one.is_file()]
+    return sorted(found, key=lambda one: (len(one.name), one.name))
+
+
+def container_of(path: Path) -> Container | None:
+    """Return the reader of a file by its first bytes."""
+    with path.open("rb") as file:
+        head = file.read(16)
+    return next((read for magic, read in CONTAINERS.items() if head.startswith(magic)), None)
+
+
+def messages_of(files: Sequence[Path], faults: Faults) -> Iterator[RawMessage]:
+    """Yield the messages of all files of a bag, in their order.
+
+    Raises:
+        InputError: There are more than the files' sizes can account for.
+    """
+    left = LEAST_MESSAGES + sum(one.stat().st_size for one in files) // LEAST_BYTES
+    for path in files:
+        read = container_of(path)
+        for raw in read(path, faults) if read else ():
+            left -= 1
+            if left < 0:
+                raise InputError(f"recording '{path}': more messages than its size accounts for")
+            try:
+                yield raw._replace(data=unpacked_message(raw.data))
+            except Broken:
+                faults[DAMAGED] += 1
+
+
+def survey(files: Sequence[Path], faults: Faults) -> Survey:
+    """Read a bag once, and keep its poses and what its sensors' first messages say."""
+    walk = _Walk(faults)
+    for raw in messages_of(files, faults):
+        try:
+            walk.take(raw)
+        except Broken:
+            faults[UNREADABLE] += 1
+    tree = FrameTree(walk.fixed, walk.moving, faults)
+    return Survey(walk.sensors, walk.poses, walk.cameras, walk.limits, walk.others, tree)
+
+
+class _Walk:
+    """What was found so far."""
+
+    def __init__(self, faults: Faults) -> None:
+        self._faults = faults
+        self.sensors: dict[str, SensorTopic] = {}
+        self.poses: dict[str, PoseTopic] = {}
+        self.cameras: dict[str, Camera] = {}
+        self.limits: dict[str, tuple[float, float]] = {}
+        self.others: dict[str, str] = {}
+        self.fixed: dict[tuple[str, str], Samples] = {}
+        self.moving: dict[tuple[str, str], Samples] = {}
+
+    def take(self, raw: RawMessage) -> None:
+        if raw.type in SENSORS:
+            self._sensor(raw)
+        elif raw.type in TRANSFORMS:
+            self._transforms(raw)
+        elif raw.type in POSES:
+            pose = pose_of(raw)
+            topic = PoseTopic(pose.parent, pose.child, raw.type)
+            self.poses.setdefault(raw.topic, topic).samples.add(pose)
+        elif raw.type == CAMERA:
+            if raw.topic not in self.cameras:
+                self.cameras[raw.topic] = camera_of(raw)
+        elif raw.type == RANGE:
+            if raw.topic not in self.limits:
+                message = decode(raw)
+                self.limits[raw.topic] = scan_limits(message.min_range, message.max_range)
+        else:
+            self.others[raw.topic] = raw.type
+
+    def _sensor(self, raw: RawMessage) -> None:
+        stamp = header_stamp(raw)
+        if raw.topic in self.others:
+            return
+        topic = self.sensors.setdefault(raw.topic, SensorTopic())
+        topic.stamps.append(stamp)
+        topic.logged.append(min(raw.logged_ns, 2**62))
+        topic.sizes.append(len(raw.data))
+        if topic.first is None:
+            if is_sensor(raw):
+                topic.first = raw._replace(data=bytes(raw.data))
+            else:
+                del self.sensors[raw.topic]
+                self.others[raw.topic] = raw.type
+
+    def _transforms(self, raw: RawMessage) -> None:
+        edges = self.fixed if raw.topic.rsplit("/", 1)[-1] == "tf_static" else self.moving
+        for pose in transforms_of(raw):
+            key = pose.parent, pose.child
+            if key not in edges and len(edges) >= MOST_FRAMES:
+                self._faults["transform: too many frames"] += 1
+            else:
+                edges.setdefault(key, Samples()).add(pose)
