@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.inputs import Beams, beams_from_info
-from wayproof.harness.interface.connect import Session, connect
+from wayproof.harness.interface.connect import Session, ShowsReferee, connect
 from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.mission import Mission
@@ -63,6 +63,8 @@ def live_navigator(
     session = session or connect(config.stack.name, config.plugins.wall_s)
     try:
         navigator = navigator_for(config, mission, beams, session)
+        if isinstance(session, ShowsReferee):
+            session.show(navigator.costmap)
         session.start(task_of(config, mission, infos))
         yield navigator, session
     finally:

@@ -11,6 +11,7 @@ from wayproof.harness.interface.motion import MAX_DISTANCE_M
 from wayproof.harness.interface.types import (
     Array,
     Command,
+    Grid,
     Motion,
     Samples,
     Velocity,
@@ -29,6 +30,9 @@ MAX_SCALARS = 64
 
 MAX_PATH = 20_000
 """Most points of a planned path."""
+
+MAX_CELLS = 4_000_000
+"""Most cells of a costmap."""
 
 ACTIONS = ("", *get_args(Action))
 LABELS = ("", *get_args(Label))
@@ -56,6 +60,8 @@ def command_message(command: Command, sequence: int) -> sb.Command:
         message.planned_path.extend(_flat("planned_path", command.planned_path, 3))
     for name, value in command.scalars.items():
         message.scalars[_line("scalars", name)] = float(value)
+    if command.costmap is not None:
+        message.costmap.CopyFrom(_grid_message(command.costmap))
     check_command(message)
     return message
 
@@ -81,6 +87,8 @@ def check_command(message: sb.Command) -> None:
         raise CommandError(f"scalars: got {len(message.scalars)}, expected at most {MAX_SCALARS}")
     for name in message.scalars:
         _line("scalars", name)
+    if message.HasField("costmap"):
+        _check_costmap(message.costmap)
 
 
 def motion_of(message: sb.Command) -> Motion | None:
@@ -114,6 +122,46 @@ def motion_of(message: sb.Command) -> Motion | None:
 def planned_path_of(message: sb.Command) -> Array | None:
     """The stack's own plan (k, 3), m; none if it gave none."""
     return np.array(message.planned_path).reshape(-1, 3) if message.planned_path else None
+
+
+def costmap_of(message: sb.Command) -> Grid | None:
+    """The stack's own costmap; none if it gave none."""
+    if not message.HasField("costmap"):
+        return None
+    grid = message.costmap
+    cells = np.frombuffer(grid.cells, np.int8).reshape(grid.height, grid.width)
+    return Grid(np.array([grid.x, grid.y]), grid.resolution, cells)
+
+
+def _grid_message(grid: Grid) -> sb.Grid:
+    cells = np.asarray(grid.cells)
+    if cells.ndim != 2 or cells.dtype != np.int8:
+        raise CommandError(
+            f"costmap: got cells of shape {cells.shape}, {cells.dtype}, expected (ny, nx) int8"
+        )
+    x, y = (float(value) for value in grid.origin)
+    height, width = cells.shape
+    return sb.Grid(
+        x=x,
+        y=y,
+        resolution=float(grid.resolution),
+        width=width,
+        height=height,
+        cells=cells.tobytes(),
+    )
+
+
+def _check_costmap(grid: sb.Grid) -> None:
+    if grid.width * grid.height != len(grid.cells) or len(grid.cells) > MAX_CELLS:
+        raise CommandError(
+            f"costmap: got {len(grid.cells)} cells for {grid.width} x {grid.height}, expected one "
+            f"each, at most {MAX_CELLS}"
+        )
+    away = max(abs(grid.x), abs(grid.y))
+    if not (away <= MAX_DISTANCE_M and 0.0 < grid.resolution <= MAX_DISTANCE_M):
+        raise CommandError(
+            f"costmap: expected an origin within {MAX_DISTANCE_M:g} m and a resolution above 0 m"
+        )
 
 
 def _put_motion(message: sb.Command, motion: Motion) -> None:

@@ -1,4 +1,4 @@
-"""Ways in for a stack: a registered name, a class, a command, a socket.
+"""Ways in for a stack: a registered name, a class, a command, a socket, ROS 2.
 
 All give the same: something that is started with a task and answers observations with commands.
 """
@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.errors import InputError, NeverReturned, unknown_name
 from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.errors import StackError
-from wayproof.harness.interface.remote import ChildProcess, RemoteStack, Socket
+from wayproof.harness.interface.remote import STARTING_S, ChildProcess, RemoteStack, Socket
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.interface.types import Observation, Stack, Task
 from wayproof.harness.schema import stack_pb2 as sb
+from wayproof.maps import Costmap
 from wayproof.planners.ompl._plugin import UserCodeError, load_class, user_code
 
-EXEC, SOCKETS = "exec:", ("unix:", "tcp:")
+EXEC, SOCKETS, ROS2 = "exec:", ("unix:", "tcp:"), "ros2"
 
 
 class Session(Protocol):
@@ -36,6 +37,14 @@ class Session(Protocol):
 
     def stderr(self) -> str:
         """The end of its standard error; empty of a class."""
+
+
+@runtime_checkable
+class ShowsReferee(Protocol):
+    """A session that shows the referee's costmap to whoever looks on."""
+
+    def show(self, costmap: Costmap) -> None:
+        """Show it from now on, whatever it is updated to."""
 
 
 @contextlib.contextmanager
@@ -95,7 +104,7 @@ def connect(name: str, wall_s: float) -> Session:
 
     Args:
         name: A key of `STACKS`, `module:Class`, `path/to/file.py:Class`, `exec:COMMAND`,
-            `unix:PATH` or `tcp:HOST:PORT`.
+            `unix:PATH`, `tcp:HOST:PORT`, or `ros2` with options.
         wall_s: Wall time for each answer of another process, s.
 
     Raises:
@@ -106,6 +115,10 @@ def connect(name: str, wall_s: float) -> Session:
         return RemoteStack(ChildProcess(name.removeprefix(EXEC)), who, wall_s)
     if name.startswith(SOCKETS):
         return RemoteStack(Socket(name, wall_s), who, wall_s)
+    if is_ros2(name):
+        from wayproof.harness.interface.ros2.stack import Ros2Stack  # of an extra
+
+        return Ros2Stack(name, wall_s, max(wall_s, STARTING_S))
     return InProcess(make_stack(name), who)
 
 
@@ -118,7 +131,7 @@ def make_stack(name: str) -> Stack:
     if name in STACKS:
         return STACKS[name]()
     if ":" not in name:
-        raise unknown_name("stack.name", name, [BUILTIN, *STACKS])
+        raise unknown_name("stack.name", name, [BUILTIN, *STACKS, ROS2])
     try:
         kind = load_class(name)
     except ValueError as error:
@@ -142,6 +155,11 @@ def is_users(name: str) -> bool:
     return name != BUILTIN and name not in STACKS
 
 
+def is_ros2(name: str) -> bool:
+    """Whether a stack's name stands for ROS 2 nodes."""
+    return name.partition(":")[0] == ROS2
+
+
 def runs_in_process(name: str) -> bool:
     """Whether a stack of the user's own runs in this process."""
-    return is_users(name) and not name.startswith((EXEC, *SOCKETS))
+    return is_users(name) and not name.startswith((EXEC, *SOCKETS)) and not is_ros2(name)

@@ -264,6 +264,21 @@ Motion = Trajectory | Samples | Velocity | Waypoints
 
 
 @dataclass(frozen=True)
+class Grid:
+    """A stack's own costmap, as ROS's OccupancyGrid has it.
+
+    Attributes:
+        origin: (2,) corner of cell (0, 0), m, world.
+        resolution: Edge of a cell, m.
+        cells: (ny, nx) int8 cost of each cell, 0 to 100; -1: unknown.
+    """
+
+    origin: Array
+    resolution: float
+    cells: NDArray[np.int8]
+
+
+@dataclass(frozen=True)
 class Command:
     """The answer of a stack to one observation.
 
@@ -277,6 +292,7 @@ class Command:
         planned_path: (k, 3) the stack's own plan, for the log.
         map_version: Of the stack's own map, for the log.
         scalars: A few named numbers, for the log.
+        costmap: The stack's own costmap, for the log.
     """
 
     motion: Motion | None = None
@@ -286,6 +302,7 @@ class Command:
     planned_path: Array | None = None
     map_version: str = ""
     scalars: Mapping[str, float] = field(default_factory=dict)
+    costmap: Grid | None = None
 
 
 class Stack(Protocol):

@@ -263,7 +263,7 @@ class Waypoints(_message.Message):
     def __init__(self, points: _Optional[_Iterable[float]] = ..., speed: _Optional[float] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("profiled", "sampled", "velocity", "waypoints", "sequence", "action", "label", "reason", "planned_path", "map_version", "scalars")
+    __slots__ = ("profiled", "sampled", "velocity", "waypoints", "sequence", "action", "label", "reason", "planned_path", "map_version", "scalars", "costmap")
     class ScalarsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -282,6 +282,7 @@ class Command(_message.Message):
     PLANNED_PATH_FIELD_NUMBER: _ClassVar[int]
     MAP_VERSION_FIELD_NUMBER: _ClassVar[int]
     SCALARS_FIELD_NUMBER: _ClassVar[int]
+    COSTMAP_FIELD_NUMBER: _ClassVar[int]
     profiled: ProfiledTrajectory
     sampled: SampledTrajectory
     velocity: Velocity
@@ -293,4 +294,21 @@ class Command(_message.Message):
     planned_path: _containers.RepeatedScalarFieldContainer[float]
     map_version: str
     scalars: _containers.ScalarMap[str, float]
-    def __init__(self, profiled: _Optional[_Union[ProfiledTrajectory, _Mapping]] = ..., sampled: _Optional[_Union[SampledTrajectory, _Mapping]] = ..., velocity: _Optional[_Union[Velocity, _Mapping]] = ..., waypoints: _Optional[_Union[Waypoints, _Mapping]] = ..., sequence: _Optional[int] = ..., action: _Optional[str] = ..., label: _Optional[str] = ..., reason: _Optional[str] = ..., planned_path: _Optional[_Iterable[float]] = ..., map_version: _Optional[str] = ..., scalars: _Optional[_Mapping[str, float]] = ...) -> None: ...
+    costmap: Grid
+    def __init__(self, profiled: _Optional[_Union[ProfiledTrajectory, _Mapping]] = ..., sampled: _Optional[_Union[SampledTrajectory, _Mapping]] = ..., velocity: _Optional[_Union[Velocity, _Mapping]] = ..., waypoints: _Optional[_Union[Waypoints, _Mapping]] = ..., sequence: _Optional[int] = ..., action: _Optional[str] = ..., label: _Optional[str] = ..., reason: _Optional[str] = ..., planned_path: _Optional[_Iterable[float]] = ..., map_version: _Optional[str] = ..., scalars: _Optional[_Mapping[str, float]] = ..., costmap: _Optional[_Union[Grid, _Mapping]] = ...) -> None: ...
+
+class Grid(_message.Message):
+    __slots__ = ("x", "y", "resolution", "width", "height", "cells")
+    X_FIELD_NUMBER: _ClassVar[int]
+    Y_FIELD_NUMBER: _ClassVar[int]
+    RESOLUTION_FIELD_NUMBER: _ClassVar[int]
+    WIDTH_FIELD_NUMBER: _ClassVar[int]
+    HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    CELLS_FIELD_NUMBER: _ClassVar[int]
+    x: float
+    y: float
+    resolution: float
+    width: int
+    height: int
+    cells: bytes
+    def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ..., resolution: _Optional[float] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., cells: _Optional[bytes] = ...) -> None: ...

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from wayproof.harness.config import PLUGIN, Config
-from wayproof.harness.interface.connect import EXEC, SOCKETS
+from wayproof.harness.interface.connect import EXEC, SOCKETS, is_ros2
 from wayproof.harness.scenario.robots import ENDING as ROBOT_FILE
 from wayproof.harness.scenario.robots import find_robot
 from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
@@ -37,7 +37,7 @@ def contents_of(names: Iterable[str]) -> Contents:
 
 
 def _may_be_file(name: str) -> bool:
-    is_class = PLUGIN in name and not name.startswith((EXEC, *SOCKETS))
+    is_class = PLUGIN in name and not name.startswith((EXEC, *SOCKETS)) and not is_ros2(name)
     return is_class or name.endswith((WORLD_FILE, ROBOT_FILE))
 
 

@@ -16,7 +16,7 @@ import msgspec
 
 from wayproof.harness.config import BUILTIN, CODE, PLUGIN, Config, from_document, override
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.interface.connect import is_users
+from wayproof.harness.interface.connect import is_ros2, is_users
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import AnyPerturbation, perturbation_from
@@ -342,7 +342,7 @@ def _check_names(study: StudyFile) -> None:
                 raise unknown_name(f"{kind} of study '{study.name}'", name, registry)
     named = [str(value) for key, value in _named(study) if key == "stack.name"]
     for name in named:
-        if is_users(name) and PLUGIN not in name:
+        if is_users(name) and PLUGIN not in name and not is_ros2(name):
             raise unknown_name(f"stack of study '{study.name}'", name, [BUILTIN, *STACKS])
     if study.stacks and len(named) > len(study.stacks):
         raise InputError(f"study '{study.name}': stacks and stack.name, expected one of the two")

@@ -1,0 +1,201 @@
+"""Sweeps as ROS 2 messages: scans and clouds of lidars, images of depth cameras."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from wayproof.harness.interface.ros2.messages import (
+    CameraInfo,
+    Header,
+    Image,
+    LaserScan,
+    Message,
+    PointCloud2,
+    PointField,
+    Time,
+)
+from wayproof.harness.interface.types import Array, Sensor, Sweep, Task
+from wayproof.models.sensors.beams import DROPPED, NO_RETURN
+
+FLOAT32 = 7
+"""`sensor_msgs/msg/PointField.FLOAT32`."""
+
+SCAN_ELEVATION = math.radians(2.0)
+"""Most that a lidar's flattest row may be inclined to be published as a scan, rad; its ranges are
+then 0.06 % too long in the plane at most."""
+
+
+class Named(NamedTuple):
+    """A message and the topic that it is for, as in `TOPICS` or below a sensor's name."""
+
+    topic: str
+    message: Message
+
+
+@dataclass(frozen=True)
+class Lidar:
+    """Clouds of a lidar, and scans of its flattest row.
+
+    Attributes:
+        sensor: The lidar.
+        prefix: Of its topics; of the first lidar empty.
+    """
+
+    sensor: Sensor
+    prefix: str
+
+    @cached_property
+    def row(self) -> int | None:
+        """Index of the row that a scan is made of; none if there is no even, flat one."""
+        table = self.sensor.beams.table
+        if table.non_repetitive or table.rows.shape[1] != 2 or len(table.columns) < 2:
+            return None
+        row = int(np.argmin(np.abs(table.rows[:, 1])))
+        steps = np.diff(self.azimuths)
+        flat = abs(table.rows[row, 1]) <= math.sin(SCAN_ELEVATION)
+        return row if flat and np.ptp(steps) < 1e-6 else None
+
+    @cached_property
+    def azimuths(self) -> Array:
+        """Azimuth of each column, (c,) rad, without jumps by full turns."""
+        columns = self.sensor.beams.table.columns
+        azimuths: Array = np.unwrap(np.arctan2(columns[:, 1], columns[:, 0]))
+        return azimuths
+
+    def topics(self) -> dict[str, type[Message]]:
+        """Topics that it publishes, with their types."""
+        scan: dict[str, type[Message]] = {f"{self.prefix}scan": LaserScan}
+        return {f"{self.prefix}points": PointCloud2, **(scan if self.row is not None else {})}
+
+    def messages(self, sweep: Sweep, sequence: int, stamp: Time) -> list[Named]:
+        """A sweep as a cloud, and as a scan where it has one."""
+        header = Header(stamp, self.sensor.info.name)
+        made = [Named(f"{self.prefix}points", self._cloud(sweep, sequence, header))]
+        if self.row is not None:
+            made.append(Named(f"{self.prefix}scan", self._scan(sweep, header)))
+        return made
+
+    def _cloud(self, sweep: Sweep, sequence: int, header: Header) -> PointCloud2:
+        """The returns, in the sensor's frame at the time of each."""
+        returned = (sweep.ranges_mm != DROPPED) & (sweep.ranges_mm != NO_RETURN)
+        beams = self.sensor.directions(sequence)[returned]
+        ranges = sweep.ranges_mm[returned] * 1e-3
+        points = (ranges[:, None] * beams).astype("<f4")
+        size = points.dtype.itemsize
+        return PointCloud2(
+            header=header,
+            height=1,
+            width=len(points),
+            fields=tuple(PointField(name, size * i, FLOAT32, 1) for i, name in enumerate("xyz")),
+            point_step=3 * size,
+            row_step=3 * size * len(points),
+            data=np.frombuffer(points.tobytes(), np.uint8),
+            is_dense=True,
+        )
+
+    def _scan(self, sweep: Sweep, header: Header) -> LaserScan:
+        """One row: infinity without return, NaN without information (REP 117)."""
+        info, azimuths = self.sensor.info, self.azimuths
+        ranges = sweep.ranges_m.reshape(-1, len(azimuths))[self.row].astype(np.float32)
+        if azimuths[0] > azimuths[-1]:
+            azimuths, ranges = azimuths[::-1], ranges[::-1]
+        step = float(azimuths[-1] - azimuths[0]) / (len(azimuths) - 1)
+        rolling = self.sensor.beams.table.scan_poses > 1
+        return LaserScan(
+            header=header,
+            angle_min=float(azimuths[0]),
+            angle_max=float(azimuths[-1]),
+            angle_increment=step,
+            time_increment=1.0 / (info.rate_hz * len(azimuths)) if rolling else 0.0,
+            scan_time=1.0 / info.rate_hz,
+            range_max=info.range_m,
+            ranges=ranges,
+        )
+
+
+@dataclass(frozen=True)
+class DepthCamera:
+    """Depth images of a camera, and its calibration.
+
+    Attributes:
+        sensor: The camera.
+        prefix: Of its topics.
+    """
+
+    sensor: Sensor
+    prefix: str
+
+    def topics(self) -> dict[str, type[Message]]:
+        """Topics that it publishes, with their types."""
+        return {f"{self.prefix}image": Image, f"{self.prefix}camera_info": CameraInfo}
+
+    def messages(self, sweep: Sweep, sequence: int, stamp: Time) -> list[Named]:
+        """A sweep as an image, 32FC1 in metres, and the calibration with its stamp."""
+        header = Header(stamp, optical_frame(self.sensor))
+        image = Named(f"{self.prefix}image", self._image(sweep, header))
+        return [image, Named(f"{self.prefix}camera_info", self._info(header))]
+
+    def _image(self, sweep: Sweep, header: Header) -> Image:
+        """Depth along the axis: infinity beyond range, NaN without information (REP 118)."""
+        table = self.sensor.beams.table
+        depth = sweep.ranges_m
+        if table.measures == "range":
+            depth = depth * self.sensor.directions()[:, 0]
+        height, width = len(table.rows), len(table.columns)
+        data = np.frombuffer(depth.astype("<f4").tobytes(), np.uint8)
+        return Image(header, height, width, "32FC1", 0, 4 * width, data)
+
+    def _info(self, header: Header) -> CameraInfo:
+        """A pinhole without distortion, whose pixels' centres have the table's slopes."""
+        table = self.sensor.beams.table
+        fx, cx = _pinhole(table.columns[:, 0])
+        fy, cy = _pinhole(table.rows[:, 0])
+        return CameraInfo(
+            header=header,
+            height=len(table.rows),
+            width=len(table.columns),
+            distortion_model="plumb_bob",
+            d=np.zeros(5),
+            k=np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+            r=np.eye(3).ravel(),
+            p=np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
+        )
+
+
+Publication = Lidar | DepthCamera
+
+
+def publications_of(task: Task) -> dict[str, Publication]:
+    """What is published of each sensor, by its name; of rangefinders nothing."""
+    found: dict[str, Publication] = {}
+    for name, sensor in task.sensors.items():
+        kind: type[Publication] | None = KINDS.get(sensor.info.kind)
+        if kind is None:
+            continue
+        first = not any(isinstance(one, kind) for one in found.values())
+        prefix = FIRST[kind] if first else f"{name}/"
+        found[name] = kind(sensor, prefix)
+    return found
+
+
+KINDS: dict[str, type[Publication]] = {"lidar": Lidar, "depth_camera": DepthCamera}
+FIRST: dict[type[Publication], str] = {Lidar: "", DepthCamera: "depth/"}
+"""Prefix of the topics of the first sensor of a kind."""
+
+
+def optical_frame(sensor: Sensor) -> str:
+    """Frame of a camera's images: x right, y down, z forward."""
+    return f"{sensor.info.name}_optical"
+
+
+def _pinhole(slopes: Array) -> tuple[float, float]:
+    """Focal length and principal point, pixels, of evenly falling slopes (n,)."""
+    if len(slopes) < 2:
+        return 1.0, 0.0
+    focal = (len(slopes) - 1) / float(slopes[0] - slopes[-1])
+    return focal, focal * float(slopes[0])

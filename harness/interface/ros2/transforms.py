@@ -1,0 +1,119 @@
+"""Poses as ROS 2 messages: transforms, odometry and the goal."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.interface.ros2.messages import (
+    Header,
+    Odometry,
+    Point,
+    Pose,
+    PoseStamped,
+    PoseWithCovariance,
+    Quaternion,
+    TFMessage,
+    Time,
+    Transform,
+    TransformStamped,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
+from wayproof.harness.interface.ros2.options import Options
+from wayproof.harness.interface.ros2.sensors import optical_frame
+from wayproof.harness.interface.types import Array, Observation, Task
+
+R_optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""R_sensor_optical: x right, y down, z forward (REP 103), in x forward, y left, z up."""
+
+
+def static_transforms(task: Task, options: Options, stamp: Time) -> TFMessage:
+    """T_map_odom, which is the identity, and the mounting of each sensor."""
+    made = [_transform(stamp, (options.map_frame, options.odom_frame), np.zeros(3), np.eye(3))]
+    for name, sensor in task.sensors.items():
+        T = sensor.T_base_sensor
+        made.append(_transform(stamp, (options.base_frame, name), T[:3, 3], T[:3, :3]))
+        if sensor.info.kind == "depth_camera":
+            frames = name, optical_frame(sensor)
+            made.append(_transform(stamp, frames, np.zeros(3), R_optical))
+    return TFMessage(tuple(made))
+
+
+def moving_transforms(observation: Observation, options: Options, stamp: Time) -> TFMessage:
+    """T_odom_base, the estimated pose."""
+    header = Header(stamp, options.odom_frame)
+    transform = Transform(_vector(observation.position), quaternion_of(observation.quaternion))
+    return TFMessage((TransformStamped(header, options.base_frame, transform),))
+
+
+def odometry(observation: Observation, options: Options, stamp: Time) -> Odometry:
+    """The estimated pose in the odometry's frame, and the velocity in the base's."""
+    header = Header(stamp, options.odom_frame)
+    pose = Pose(_point(observation.position), quaternion_of(observation.quaternion))
+    velocity = observation.rotation.T @ observation.velocity
+    twist = Twist(_vector(velocity), Vector3(0.0, 0.0, observation.yaw_rate))
+    return Odometry(
+        header,
+        options.base_frame,
+        PoseWithCovariance(pose, _covariance(observation)),
+        TwistWithCovariance(twist),
+    )
+
+
+def goal_pose(task: Task, options: Options, stamp: Time) -> PoseStamped:
+    """The goal, headed from the start to it: any heading is as good."""
+    mission = task.mission
+    heading = math.atan2(mission.goal[1] - mission.start[1], mission.goal[0] - mission.start[0])
+    turned = Quaternion(0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
+    return PoseStamped(Header(stamp, options.map_frame), Pose(Point(*mission.goal), turned))
+
+
+def quaternion_of(wxyz: Array) -> Quaternion:
+    """A quaternion (4,), w x y z."""
+    w, x, y, z = wxyz.tolist()
+    return Quaternion(x, y, z, w)
+
+
+def quaternion_from_rotation(R: Array) -> Quaternion:
+    """The quaternion of a rotation matrix (3, 3), by its greatest component (Shepperd 1978)."""
+    x, y, z = R[0, 0], R[1, 1], R[2, 2]
+    squares = np.array([x + y + z, x - y - z, y - x - z, z - x - y])
+    greatest = int(np.argmax(squares))
+    q = np.empty(4)
+    q[greatest] = 0.5 * math.sqrt(1.0 + squares[greatest])
+    sums = {
+        (0, 1): R[2, 1] - R[1, 2],
+        (0, 2): R[0, 2] - R[2, 0],
+        (0, 3): R[1, 0] - R[0, 1],
+        (1, 2): R[1, 0] + R[0, 1],
+        (1, 3): R[0, 2] + R[2, 0],
+        (2, 3): R[2, 1] + R[1, 2],
+    }
+    for other in {0, 1, 2, 3} - {greatest}:
+        pair = min(greatest, other), max(greatest, other)
+        q[other] = 0.25 * sums[pair] / q[greatest]
+    return quaternion_of(q)
+
+
+def _transform(stamp: Time, frames: tuple[str, str], position: Array, R: Array) -> TransformStamped:
+    parent, child = frames
+    transform = Transform(_vector(position), quaternion_from_rotation(R))
+    return TransformStamped(Header(stamp, parent), child, transform)
+
+
+def _covariance(observation: Observation) -> NDArray[np.float64]:
+    """Of the pose, (36,): the stated deviation along each axis, and of the heading."""
+    diagonal = [observation.position_sigma**2] * 3 + [0.0, 0.0, observation.heading_sigma**2]
+    return np.diag(diagonal).ravel()
+
+
+def _vector(values: Array) -> Vector3:
+    return Vector3(*(float(value) for value in values))
+
+
+def _point(values: Array) -> Point:
+    return Point(*(float(value) for value in values))

@@ -1,0 +1,174 @@
+"""Sweeps of the robots' own sensors as scans, clouds and images; poses as transforms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from wayproof import Config, build, override
+from wayproof.harness.inputs import Inputs, Pose, SweepInput, beams_from_info
+from wayproof.harness.interface.observations import ObservationBuilder, task_of
+from wayproof.harness.interface.ros2.messages import Time
+from wayproof.harness.interface.ros2.options import Options
+from wayproof.harness.interface.ros2.sensors import publications_of
+from wayproof.harness.interface.ros2.transforms import (
+    goal_pose,
+    moving_transforms,
+    odometry,
+    quaternion_from_rotation,
+    static_transforms,
+)
+from wayproof.harness.scenario.scenario import sensor_info
+from wayproof.planners import hold
+
+STAMP = Time(2, 500)
+
+
+class Robot:
+    """A robot in an empty world, whose sensors all report one range."""
+
+    def __init__(self, robot, *settings):
+        self.config = override(Config("empty", robot, 1), settings)
+        scenario = build(self.config)
+        infos = [sensor_info(caster) for caster in scenario.scene.casters]
+        self.infos = {info.name: info for info in infos}
+        self.task = task_of(self.config, scenario.mission, self.infos)
+        self.publications = publications_of(self.task)
+
+    def observation(self, millimetres, position=(1.0, 2.0, 0.3), heading=0.0):
+        beams = {name: beams_from_info(info) for name, info in self.infos.items()}
+        sweeps = tuple(
+            SweepInput(name, np.full(info.beams, millimetres, np.uint16), None)
+            for name, info in self.infos.items()
+        )
+        quaternion = np.array([math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)])
+        pose = Pose(np.array(position), quaternion, 0.1, None, 0.02)
+        builder = ObservationBuilder(self.config, self.task.mission, beams)
+        followed = hold(np.array(position), 0, heading)
+        builder.build(Inputs(0, 0, pose, sweeps, ""), followed, None)
+        moved = Pose(np.array(position) + np.array([0.1, 0.0, 0.0]), quaternion, 0.1, None, 0.02)
+        return builder.build(Inputs(100_000_000, 1, moved, sweeps, ""), followed, None)
+
+    def messages(self, name, millimetres):
+        (sweep,) = [one for one in self.observation(millimetres).sweeps if one.sensor == name]
+        return dict(self.publications[name].messages(sweep, 1, STAMP))
+
+
+@pytest.fixture(scope="module")
+def quadruped():
+    return Robot("quadruped")
+
+
+@pytest.fixture(scope="module")
+def drone():
+    return Robot("drone")
+
+
+def test_a_scan_is_the_flattest_row_counter_clockwise(quadruped):
+    scan = quadruped.messages("lidar", 2000)["scan"]
+    assert (scan.header.frame_id, scan.header.stamp) == ("lidar", STAMP)
+    assert len(scan.ranges) == 625
+    assert scan.angle_min == pytest.approx(-math.pi)
+    assert scan.angle_max == pytest.approx(scan.angle_min + 624 * scan.angle_increment)
+    assert scan.angle_increment == pytest.approx(2.0 * math.pi / 625)
+    assert scan.ranges.tolist() == pytest.approx([2.0] * 625)
+    assert (scan.range_max, scan.scan_time) == (12.0, 0.1)
+
+
+@pytest.mark.parametrize(("millimetres", "there"), [(65535, np.isposinf), (0, np.isnan)])
+def test_no_return_is_infinite_and_a_dropped_beam_is_not_a_number(quadruped, millimetres, there):
+    messages = quadruped.messages("lidar", millimetres)
+    assert there(messages["scan"].ranges).all()
+    assert messages["points"].width == 0
+
+
+def test_a_cloud_has_the_returns_where_the_map_has_them(quadruped):
+    cloud = quadruped.messages("lidar", 2000)["points"]
+    points = cloud.data.view("<f4").reshape(-1, 3)
+    assert (cloud.width, cloud.height, cloud.point_step) == (20_000, 1, 12)
+    assert [(one.name, one.offset, one.datatype) for one in cloud.fields] == [
+        ("x", 0, 7),
+        ("y", 4, 7),
+        ("z", 8, 7),
+    ]
+    observation = quadruped.observation(2000)
+    T = quadruped.task.sensors["lidar"].T_base_sensor
+    world = (points @ T[:3, :3].T + T[:3, 3]) @ observation.rotation.T + observation.position
+    assert np.allclose(world, observation.sweeps[0].points, atol=1e-5)
+
+
+def test_a_tilted_lidar_or_one_without_rows_has_no_scan():
+    names = publications_of(Robot("quadruped", "sensors.lidar=livox-mid360").task)
+    assert set(names["lidar"].topics()) == {"points"}
+
+
+def test_a_depth_image_is_along_the_axis_and_its_pinhole_fits(drone):
+    messages = drone.messages("depth", 2000)
+    image, info = messages["depth/image"], messages["depth/camera_info"]
+    assert (image.encoding, image.height, image.width, image.step) == ("32FC1", 48, 64, 256)
+    depth = image.data.view("<f4").reshape(48, 64)
+    fx, _, cx, _, fy, cy, *_ = info.k.tolist()
+    rows, columns = np.mgrid[0:48, 0:64]
+    optical = np.stack([(columns - cx) / fx, (rows - cy) / fy, np.ones((48, 64))], axis=-1)
+    assert np.allclose(np.linalg.norm(optical * depth[..., None], axis=-1), 2.0, atol=1e-5)
+    beams = drone.task.sensors["depth"].directions().reshape(48, 64, 3)
+    x, y, z = np.moveaxis(optical / np.linalg.norm(optical, axis=-1, keepdims=True), -1, 0)
+    assert np.allclose(np.stack([z, -x, -y], axis=-1), beams)
+    assert image.header.frame_id == info.header.frame_id == "depth_optical"
+
+
+def test_two_lidars_have_topics_of_their_own(quadruped):
+    task = quadruped.task
+    rear = {"lidar": task.sensors["lidar"], "rear": task.sensors["lidar"]}
+    topics = [
+        topic
+        for one in publications_of(type(task)(**{**vars(task), "sensors": rear})).values()
+        for topic in one.topics()
+    ]
+    assert topics == ["points", "scan", "rear/points", "rear/scan"]
+
+
+def test_the_mountings_are_a_tree_below_the_map(drone):
+    transforms = static_transforms(drone.task, Options(base_frame="body"), STAMP).transforms
+    pairs = [(one.header.frame_id, one.child_frame_id) for one in transforms]
+    assert pairs[0] == ("map", "odom")
+    assert set(pairs[1:]) == {
+        ("body", "lidar"),
+        ("body", "depth"),
+        ("depth", "depth_optical"),
+        ("body", "altimeter"),
+    }
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_rotation_as_a_quaternion(seed):
+    q = np.random.default_rng(seed).normal(size=4)
+    w, x, y, z = q / np.linalg.norm(q)
+    R = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    got = quaternion_from_rotation(R)
+    assert abs(got.w * w + got.x * x + got.y * y + got.z * z) == pytest.approx(1.0)
+
+
+def test_odometry_is_the_estimate_and_its_velocity_the_bodys(quadruped):
+    observation = quadruped.observation(2000, heading=math.pi / 2)
+    made = odometry(observation, Options(), STAMP)
+    assert (made.header.frame_id, made.child_frame_id) == ("odom", "base_link")
+    position, twist = made.pose.pose.position, made.twist.twist
+    assert (position.x, position.y, position.z) == pytest.approx((1.1, 2.0, 0.3))
+    assert (twist.linear.x, twist.linear.y) == pytest.approx((0.0, -1.0))
+    covariance = made.pose.covariance.reshape(6, 6)
+    assert np.diag(covariance) == pytest.approx([0.01, 0.01, 0.01, 0.0, 0.0, 0.0004])
+    (transform,) = moving_transforms(observation, Options(), STAMP).transforms
+    assert transform.transform.translation.x == pytest.approx(1.1)
+    assert transform.transform.rotation.z == pytest.approx(math.sin(math.pi / 4))
+
+
+def test_the_goal_is_headed_away_from_the_start(quadruped):
+    goal, mission = goal_pose(quadruped.task, Options(), STAMP), quadruped.task.mission
+    assert (goal.pose.position.x, goal.pose.position.y) == mission.goal[:2]
