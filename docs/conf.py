@@ -34,6 +34,7 @@ CHAPTERS = {
     ],
     "Reference": [
         *("reference/cli", "reference/config", "reference/metrics"),
+        *("python", "reference/tables"),
         *("measured", "reference/dependencies"),
     ],
 }

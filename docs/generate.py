@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
+import pyarrow as pa
 
 from docs.catalogue import catalogue
 from docs.docstrings import attributes, summary
@@ -23,6 +24,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation
 from wayproof.harness.study.statistics.support import Support
+from wayproof.harness.tables.tables import COLUMNS
 
 FOLDER = Path(__file__).parent / "reference"
 
@@ -49,7 +51,12 @@ EXIT_CODES = [
 
 def pages() -> dict[str, str]:
     """Every page by its file's name."""
-    return {"cli.md": cli(), "config.md": config(), "metrics.md": metrics()}
+    return {
+        "cli.md": cli(),
+        "config.md": config(),
+        "metrics.md": metrics(),
+        "tables.md": tables(),
+    }
 
 
 def cli() -> str:
@@ -106,6 +113,28 @@ def metrics() -> str:
         side, support = better[metric.higher_is_better], _support(metric.support)
         lines.append(f"| `{name}` | {metric.unit} | {side} | {support} | {meaning} |")
     return "\n".join(lines) + "\n"
+
+
+def tables() -> str:
+    """Each table of a log with its columns."""
+    lines = ["# Tables", "", "Every column of the tables of a log.", "", NOTE, ""]
+    lines += [
+        "[`wayproof.open`](../python.md) returns them, and `export` writes them to files.",
+        "",
+    ]
+    lines += _typed("wayproof export logs/empty-drone-1.mcap --parquet decisions.parquet")
+    for name, columns in COLUMNS.items():
+        lines += ["", f"## {name}", "", "| column | type | unit | meaning |", "|---|---|---|---|"]
+        lines += [
+            f"| `{one.name}` | {_arrow(one.type)} | {one.unit} | {cell(one.meaning)} |"
+            for one in columns
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _arrow(kind: pa.DataType) -> str:
+    """Return the name of an Arrow type; points are lists of three numbers."""
+    return str(kind).replace("element: ", "").replace("item: ", "")
 
 
 def _support(support: Support) -> str:

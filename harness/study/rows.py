@@ -205,15 +205,20 @@ def _by_stream(row: Row, hashes: bytes) -> dict[str, bytes]:
 
 def write_table(rows: Sequence[Row], first_variant: str, path: Path, first_stack: str = "") -> None:
     """Write the table as Parquet, atomically, with the comparison of each row with its twin."""
+    draft = path.with_suffix(".partial")
+    pq.write_table(arrow_table(rows, first_variant, first_stack), draft)
+    draft.replace(path)
+
+
+def arrow_table(rows: Sequence[Row], first_variant: str, first_stack: str = "") -> pa.Table:
+    """Return the table, with the comparison of each row with its twin; at least one row."""
     by_arm = {(row.arm, row.seed): row for row in rows}
     flat = []
     for row in rows:
         reference = reference_of(row.arm, first_variant, first_stack)
         twin = by_arm.get((reference, row.seed)) if reference else None
         flat.append({**_flat(row), **_paired(row, twin)})
-    draft = path.with_suffix(".partial")
-    pq.write_table(pa.Table.from_pylist(flat, schema=_schema(flat)), draft)
-    draft.replace(path)
+    return pa.Table.from_pylist(flat, schema=_schema(flat))
 
 
 def _flat(row: Row) -> dict[str, Any]:

@@ -2,11 +2,13 @@
 
 Names are loaded when they are first used, so that `import wayproof` takes milliseconds:
 
-    from pathlib import Path
+    import wayproof
 
-    from wayproof import Config, build, run_episode
+    episode = wayproof.run("warehouse", robot="drone", seed=4)
+    frame = episode.decisions().to_pandas()
 
-    result = run_episode(build(Config("warehouse", "drone", seed=4)), Path("logs/d.mcap"))
+`run`, `open` and `study` and what they return are stable: a name or a column of theirs is removed
+only with a new major version, after a release that warns. The other names serve stacks and tools.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ from typing import TYPE_CHECKING, Any
 from wayproof.kernel_cache import use_kernel_cache
 
 if TYPE_CHECKING:
+    from wayproof.harness.api.episode import MapArrays, RecordedEpisode, open, run
+    from wayproof.harness.api.study import RecordedStudy, study
     from wayproof.harness.config import Config, override
     from wayproof.harness.errors import InputError
     from wayproof.harness.interface.types import (
@@ -41,6 +45,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 use_kernel_cache()
 
 WHERE = {
+    "run": "wayproof.harness.api.episode",
+    "open": "wayproof.harness.api.episode",
+    "study": "wayproof.harness.api.study",
+    "RecordedEpisode": "wayproof.harness.api.episode",
+    "RecordedStudy": "wayproof.harness.api.study",
+    "MapArrays": "wayproof.harness.api.episode",
     "Config": "wayproof.harness.config",
     "override": "wayproof.harness.config",
     "InputError": "wayproof.harness.errors",
@@ -67,8 +77,11 @@ __all__ = [
     "Config",
     "InputError",
     "Log",
+    "MapArrays",
     "Navigator",
     "Observation",
+    "RecordedEpisode",
+    "RecordedStudy",
     "Result",
     "Samples",
     "Scenario",
@@ -78,9 +91,12 @@ __all__ = [
     "Waypoints",
     "build",
     "build_navigator",
+    "open",
     "open_log",
     "override",
+    "run",
     "run_episode",
+    "study",
 ]
 
 
