@@ -109,6 +109,11 @@ class Beams:
         self._position_base_sensor = position_base_sensor
         self._R_base_sensor = R_base_sensor
 
+    @property
+    def mounting(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """T_base_sensor: position (3,), m, and rotation (3, 3)."""
+        return self._position_base_sensor, self._R_base_sensor
+
     def place(self, sweep: SweepInput, pose: Pose, sequence: int) -> WorldSweep:
         """Transform a sweep into the world frame by an estimated pose.
 

@@ -64,6 +64,18 @@ class Beams(NamedTuple):
     points: NDArray[np.float32] | None = None
 
 
+def from_first_beam(beams: Beams) -> tuple[int, NDArray[np.int64] | None]:
+    """Return the time of the first beam after the stamp, 0 or less, and all times after that, ns.
+
+    A stamp may be that of the end of a sweep; a sweep begins with its first beam.
+    """
+    times = beams.times_ns
+    if times is None or len(times) == 0:
+        return 0, None
+    early = min(int(times.min()), 0)
+    return early, times - early if early else times
+
+
 def float32(value: float) -> float:
     """Return the nearest number of 32 bits, which is what the messages of ROS hold."""
     with np.errstate(over="ignore"):

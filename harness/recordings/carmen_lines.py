@@ -5,13 +5,14 @@ from __future__ import annotations
 import bz2
 import gzip
 from collections.abc import Callable, Iterator
-from decimal import Decimal, InvalidOperation
+from decimal import InvalidOperation
 from math import pi
 from pathlib import Path
 from typing import IO, NamedTuple
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.recording import Faults
+from wayproof.harness.recordings.text import nanoseconds
 
 LONGEST_LINE = 2**20
 """Maximum length of a line, bytes; a scan of 361 beams takes 2,500."""
@@ -19,9 +20,6 @@ LONGEST_LINE = 2**20
 GREATEST_RATIO = 64
 LEAST_TEXT = 2**24
 """Maximum ratio of the text to a compressed file beyond so many bytes; logs of robots reach 10."""
-
-MOST_STAMP_S = 9_000_000_000
-"""Greatest stamp, s: what 64 bits of nanoseconds hold."""
 
 Plane = tuple[float, float, float]
 """A planar pose: x, y, m, yaw, rad."""
@@ -120,8 +118,8 @@ def _old_scan(kind: str, words: list[str]) -> Scan:
         range_max=0.0,
         laser=_plane(tail[0:3]),
         robot=_plane(tail[3:6]),
-        stamp_ns=_nanoseconds(tail[6]),
-        logged_ns=_nanoseconds(tail[8]),
+        stamp_ns=nanoseconds(tail[6]),
+        logged_ns=nanoseconds(tail[8]),
     )
 
 
@@ -144,8 +142,8 @@ def _new_scan(kind: str, words: list[str]) -> Scan:
         range_max=max(float(words[4]), 0.0),
         laser=_plane(tail[0:3]),
         robot=_plane(tail[3:6]),
-        stamp_ns=_nanoseconds(tail[11]),
-        logged_ns=_nanoseconds(tail[13]),
+        stamp_ns=nanoseconds(tail[11]),
+        logged_ns=nanoseconds(tail[13]),
     )
 
 
@@ -181,10 +179,3 @@ def _angle(word: str) -> float:
 def _plane(words: list[str]) -> Plane:
     x, y, yaw = (float(word) for word in words)
     return x, y, yaw
-
-
-def _nanoseconds(word: str) -> int:
-    seconds = Decimal(word)
-    if not abs(seconds) < MOST_STAMP_S:
-        raise ValueError
-    return int((seconds * 10**9).to_integral_value())

@@ -5,13 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.recordings import carmen
+from wayproof.harness.recordings import carmen, frames, kitti, simulated, tum
 from wayproof.harness.recordings.bags import bag
 from wayproof.harness.recordings.recording import Format, Recording, RecordingOptions
 
 FORMATS: dict[str, Format] = {
+    "wayproof": Format("log of an episode", simulated.looks_like, simulated.open_episode),
     "bag": Format("ROS 1 .bag, ROS 2 .mcap or .db3, or its folder", bag.looks_like, bag.open_bag),
     "carmen": Format("CARMEN log of laser scans", carmen.looks_like, carmen.open_log),
+    "tum": Format("TUM RGB-D sequence", tum.looks_like, tum.open_sequence),
+    "frames": Format("folder of depth images and poses", frames.looks_like, frames.open_frames),
+    "kitti": Format("folder of KITTI clouds and poses", kitti.looks_like, kitti.open_clouds),
 }
 """Name -> format; a path is of the first that it looks like."""
 

@@ -78,7 +78,7 @@ class Recording:
     _met: Faults = field(default_factory=Counter, init=False)
 
     def sweeps(self) -> Iterator[RecordedSweep]:
-        """Yield the sweeps in order of time; one is in memory at a time.
+        """Yield the sweeps in order of time, then of sensors' names; few are in memory at a time.
 
         Raises:
             InputError: The recording is damaged from some place on.

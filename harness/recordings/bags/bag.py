@@ -36,7 +36,14 @@ from wayproof.harness.recordings.bags.survey import (
     messages_of,
     survey,
 )
-from wayproof.harness.recordings.beams import FARTHEST, Beams, Limits, Silent, float32
+from wayproof.harness.recordings.beams import (
+    FARTHEST,
+    Beams,
+    Limits,
+    Silent,
+    float32,
+    from_first_beam,
+)
 from wayproof.harness.recordings.digest import digest_of
 from wayproof.harness.recordings.order import Order, nearly_sorted
 from wayproof.harness.recordings.poses import track_of
@@ -92,14 +99,14 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
 
 @dataclass(frozen=True)
 class _Sweeps:
-    """The sweeps of all chosen sensors, in order of time."""
+    """The sweeps of all chosen sensors, in order of time and of their names."""
 
     readers: Sequence[_TopicReader]
 
     def __call__(self, faults: Faults) -> Iterator[RecordedSweep]:
         counted: Faults = Counter()  # damage was counted when the bag was opened
         streams = [reader.sweeps(counted, faults) for reader in self.readers]
-        return heapq.merge(*streams, key=lambda sweep: sweep.time_ns)
+        return heapq.merge(*streams, key=lambda sweep: (sweep.time_ns, sweep.sensor))
 
 
 @dataclass(frozen=True)
@@ -151,14 +158,13 @@ class _TopicReader:
 
     def _sweep(self, stamp: int, beams: Beams, mount: Transform) -> RecordedSweep:
         """Return a sweep that begins with its first beam."""
-        times = beams.times_ns
-        early = 0 if times is None else min(int(times.min()), 0)
+        early, times = from_first_beam(beams)
         return RecordedSweep(
             time_ns=stamp - self.window.start_ns + early,
             sensor=self.sensor.name,
             directions=beams.directions,
             ranges=beams.ranges,
-            beam_times_ns=times if times is None or not early else times - early,
+            beam_times_ns=times,
             T_body_sensor=mount,
             grid=beams.grid,
             points=beams.points,

@@ -1,0 +1,170 @@
+"""Folders of depth images and of clouds, with poses."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.recordings.formats import open_recording
+from wayproof.harness.recordings.poses import rotate
+from wayproof.harness.recordings.recording import RecordingOptions
+
+EVERY_PIXEL = RecordingOptions(pixel_stride=1, intrinsics=(2.0, 2.0, 1.0, 1.0))
+
+
+def world_points(recording, sweep):
+    """The ends of the beams with a return, in the world."""
+    position, quaternion = recording.track.at(np.array([sweep.time_ns]))
+    mount = sweep.T_body_sensor
+    met = sweep.directions * sweep.ranges[:, None].astype(float)
+    in_body = mount.position + rotate(mount.quaternion, met)
+    return position[0] + rotate(quaternion[0], in_body)
+
+
+def depth_image(path, millimetres):
+    Image.fromarray(np.asarray(millimetres, np.uint16)).save(path)
+
+
+def tum(folder, poses="0.5 1 2 3 0 0 0 1\n0.6 1 2 4 0 0 0 1\n", depths=("0.50", "0.60")):
+    (folder / "depth").mkdir()
+    lines = "# depth maps\n"
+    for stamp in depths:
+        pixels = np.full((2, 2), 5000)
+        pixels[0, 0] = 0
+        depth_image(folder / f"depth/{stamp}.png", pixels)
+        lines += f"{stamp} depth/{stamp}.png\n"
+    (folder / "depth.txt").write_text(lines)
+    (folder / "groundtruth.txt").write_text("# ground truth\n" + poses)
+    return folder
+
+
+def test_a_tum_sequence_is_in_the_world_of_its_poses(tmp_path):
+    recording = open_recording(tum(tmp_path), options=EVERY_PIXEL)
+    first, second = recording.sweeps()
+    assert recording.format == "tum"
+    assert (first.time_ns, second.time_ns) == (0, 100_000_000)
+    assert recording.start_ns == 500_000_000
+    # Pixels (1, 0), (0, 1), (1, 1), a metre deep, seen from a camera at (1, 2, 3) unturned.
+    expected = [[1.0, 1.5, 4.0], [0.5, 2.0, 4.0], [1.0, 2.0, 4.0]]
+    np.testing.assert_allclose(world_points(recording, first), expected, atol=1e-6)
+    assert recording.faults == {"pixel: no measurement": 2}
+    ahead = rotate(recording.track.quaternions[0], np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(ahead, [0.0, 0.0, 1.0], atol=1e-15)  # x of the body is the view
+
+
+def test_what_is_wrong_in_a_tum_sequence_is_counted(tmp_path):
+    folder = tum(tmp_path, "0.5 1 2 3 0 0 0 1\nx 1\n0.6 1 2 3 0 0 0 0.5\n0.7 1 2 3 0 0 0 1\n")
+    with (folder / "depth.txt").open("a") as file:
+        file.write("0.62 depth/none.png\n0.61 depth/0.50.png\nword\n0.63 ../../etc/passwd\n")
+    (folder / "depth/0.60.png").write_bytes((folder / "depth/0.60.png").read_bytes()[:40])
+    recording = open_recording(folder, options=EVERY_PIXEL)
+    assert len(list(recording.sweeps())) == 2
+    assert recording.faults == {
+        "file: cannot be read": 1,
+        "line: not a pose": 1,
+        "line: not an image": 2,
+        "pixel: no measurement": 2,
+        "pose: quaternion far from unit length": 1,
+        "sweep: stamp out of order": 1,
+    }
+
+
+def frames(folder, poses):
+    for k, pose in enumerate(poses):
+        depth_image(folder / f"frame-{k:06d}.depth.png", [[1000, 65535], [0, 2000]])
+        if pose is not None:
+            np.savetxt(folder / f"frame-{k:06d}.pose.txt", pose)
+    return folder
+
+
+def test_frames_are_turned_so_that_z_is_up(tmp_path):
+    moved = np.eye(4)
+    moved[:3, 3] = [0.0, 0.0, 0.5]  # forward, in the frame of the first camera
+    recording = open_recording(frames(tmp_path, [np.eye(4), moved]), options=EVERY_PIXEL)
+    first, second = recording.sweeps()
+    assert recording.format == "frames"
+    assert second.time_ns == 33_333_333
+    np.testing.assert_allclose(recording.track.positions, [[0, 0, 0], [0.5, 0, 0]], atol=1e-15)
+    # Pixel (0, 0) is half a metre to the left and half a metre up at a metre's depth.
+    expected = [[1.0, 0.5, 0.5], [2.0, 0.0, 0.0]]
+    np.testing.assert_allclose(world_points(recording, first), expected, atol=1e-6)
+    assert recording.faults == {"pixel: no measurement": 4}
+
+
+def test_frames_with_lost_poses_and_intrinsics_of_their_own(tmp_path):
+    poses = [np.eye(4), np.full((4, 4), -np.inf), None, 2.0 * np.eye(4), np.eye(4)]
+    frames(tmp_path, poses)
+    np.savetxt(tmp_path / "camera-intrinsics.txt", [[3.0, 0, 1], [0, 4.0, 1], [0, 0, 1]])
+    recording = open_recording(tmp_path, options=RecordingOptions(pixel_stride=1))
+    assert "intrinsics 3,4,1,1" in recording.chosen
+    assert len(list(recording.sweeps())) == 5  # between two poses 0.13 s apart
+    assert recording.faults["pose: no rotation"] == 2
+    assert recording.faults["pose: no matrix"] == 1
+
+
+def test_a_layout_with_folders(tmp_path):
+    for name in ("depth", "pose"):
+        (tmp_path / name).mkdir()
+    for k in range(11):
+        depth_image(tmp_path / f"depth/{k}.png", [[1000]])
+        np.savetxt(tmp_path / f"pose/{k}.txt", np.eye(4))
+    recording = open_recording(tmp_path, options=EVERY_PIXEL)
+    times = [sweep.time_ns for sweep in recording.sweeps()]
+    assert times == [k * 33_333_333 for k in range(11)]
+
+
+def kitti(folder, count=2):
+    (folder / "velodyne").mkdir()
+    points = np.array([[10, 0, 0, 0.5], [0, 5, -1, 0.5], [np.nan, 0, 0, 0]], np.float32)
+    for k in range(count):
+        points.tofile(folder / f"velodyne/{k:06d}.bin")
+    camera = np.eye(4)[:3]
+    moved = camera.copy()
+    moved[2, 3] = 2.0  # along the camera's view
+    np.savetxt(folder / "poses.txt", [camera.ravel(), moved.ravel()])
+    return folder
+
+
+def test_clouds_of_kitti_are_in_the_world_of_the_first_lidar(tmp_path):
+    folder = kitti(tmp_path)
+    turn = np.array([[0, -1, 0, 0], [0, 0, -1, -0.1], [1, 0, 0, -0.3]], float)  # T_camera_lidar
+    (folder / "calib.txt").write_text("P0: 1 2\nTr: " + " ".join(map(str, turn.ravel())) + "\n")
+    (folder / "times.txt").write_text("0.0\n0.104\n")
+    recording = open_recording(folder)
+    first, second = recording.sweeps()
+    assert recording.format == "kitti"
+    assert second.time_ns == 104_000_000
+    np.testing.assert_allclose(recording.track.positions, [[0, 0, 0], [2, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(world_points(recording, first), [[10, 0, 0], [0, 5, -1]], atol=1e-5)
+    np.testing.assert_allclose(world_points(recording, second), [[12, 0, 0], [2, 5, -1]], atol=1e-5)
+    assert first.points.tolist() == [[10, 0, 0], [0, 5, -1]]
+    assert recording.faults == {"point: not finite": 2}
+
+
+def test_kitti_without_times_or_calibration(tmp_path):
+    folder = kitti(tmp_path, count=3)
+    (folder / "velodyne/000001.bin").write_bytes(b"\0" * 17)
+    recording = open_recording(folder)
+    assert [sweep.time_ns for sweep in recording.sweeps()] == [0]
+    assert "10 sweeps a second" in recording.chosen
+    assert recording.faults["file: cannot be read"] == 1
+
+
+@pytest.mark.parametrize("content", ["", "# nothing\n"])
+def test_a_folder_without_a_sweep_or_a_pose_is_refused(tmp_path, content):
+    folder = tum(tmp_path)
+    for name, said in (("depth.txt", "no sweep in it"), ("groundtruth.txt", "no pose of 0")):
+        kept = (folder / name).read_text()
+        (folder / name).write_text(content)
+        with pytest.raises(InputError, match=said):
+            open_recording(folder)
+        (folder / name).write_text(kept)
+    with pytest.raises(InputError, match="no sensor 'x', there is 'depth'"):
+        open_recording(folder, options=RecordingOptions(sensors=("x",)))
+
+
+def test_the_hash_is_of_all_files(tmp_path):
+    first = open_recording(tum(tmp_path)).sha256
+    assert first == open_recording(tmp_path).sha256
+    depth_image(tmp_path / "depth/0.60.png", [[1, 2], [3, 4]])
+    assert first != open_recording(tmp_path).sha256
