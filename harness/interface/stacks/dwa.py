@@ -1,8 +1,9 @@
 """Dynamic window approach: the best admissible velocity over a local grid of recent returns.
 
 Fox, Burgard and Thrun 1997, "The dynamic window approach to collision avoidance", IEEE Robotics and
-Automation Magazine 4(1), equations (13) to (16). The heading is that of the shortest path through
-the local grid, by a navigation function (Brock and Khatib 1999, "High-speed navigation using the
+Automation Magazine 4(1), pages 23 to 33: its search space V_r, the possible velocities V_s that are
+admissible (V_a) and inside the dynamic window (V_d), and its objective function of heading,
+distance and velocity. The heading is that of the shortest path through the local grid, by a navigation function (Brock and Khatib 1999, "High-speed navigation using the
 global dynamic window approach", ICRA), in place of the goal's own. Nav2's DWB controller scores
 likewise: base obstacle, path align and goal distance.
 """
@@ -55,7 +56,7 @@ AHEAD_M = 0.8
 """Length of path to the point that sets the heading, m."""
 
 HEADING, CLEARANCE, PROGRESS = 0.6, 0.3, 1.0
-"""Weights of the objective: alpha, beta and gamma of equation (13)."""
+"""Weights of the objective function: its alpha, beta and gamma."""
 
 REVERSE_MPS = 0.2
 """Fastest speed backwards of a robot that walks, m/s."""
@@ -184,7 +185,7 @@ class Dwa:
         self._yaw_acceleration = mission.max_acceleration * mission.max_yaw_rate / mission.max_speed
 
     def step(self, observation: Observation) -> Command:
-        """The velocity of greatest objective in the resulting search space, equation (16)."""
+        """The velocity of greatest objective in the search space V_r."""
         mission, reference = self._task.mission, observation.reference
         goal = np.array(mission.goal)
         offset = (goal - reference.position)[: mission.axes]
@@ -250,7 +251,7 @@ class Dwa:
         return np.vstack([np.hstack([centres, heights]), [*goal[:2], position[2]]])
 
     def _window(self, observation: Observation, away: float, bearing: float) -> Array:
-        """Twists (m, 3) forward, left, m/s, and yaw rate, rad/s: V_s and V_d, equation (15).
+        """Twists (m, 3) forward, left, m/s, and yaw rate, rad/s: in V_s and V_d.
 
         A robot that walks goes forward and turns; one that flies goes anywhere, headed to its path.
         """
@@ -321,7 +322,7 @@ class Dwa:
         return steps
 
     def _admissible(self, twists: Array, clearances: Array) -> NDArray[np.bool_]:
-        """Whether (m,) the body comes to rest before it hits anything: V_a, equation (14)."""
+        """Whether (m,) the body comes to rest before it hits anything: V_a."""
         speeds = np.sqrt(np.square(twists[:, :2]).sum(axis=1))
         braking = 0.5 * speeds / self._task.mission.max_acceleration
         turning = 0.5 * np.abs(twists[:, 2]) / self._yaw_acceleration
@@ -332,7 +333,7 @@ class Dwa:
     def _objective(
         self, around: Surroundings, costs: Array, bearing: float, poses: Array, clearances: Array
     ) -> Array:
-        """Objective (m,) of equation (13): heading, clearance, and progress for the velocity."""
+        """Objective (m,): heading, clearance, and progress in place of the velocity."""
         turned = poses[:, round(1.0 / STEP_S), 2] - poses[:, 0, 2]
         error = np.abs((turned - bearing + math.pi) % (2.0 * math.pi) - math.pi)
         kept = np.clip(clearances.min(axis=1) / COMFORT_M, 0.0, 1.0)
