@@ -296,8 +296,9 @@ def _verdict(decision: pb.Decision) -> str:
     verdict = decision.verdict
     if not verdict.verdict:
         return ""
+    limited = "; beyond the body's limits, judged within them" if verdict.limited else ""
     cut = "; the guard braked in its place" if verdict.cut else ""
-    return f"{verdict.verdict}, free for {verdict.free_m:.2f} m{cut}"
+    return f"{verdict.verdict}, free for {verdict.free_m:.2f} m{limited}{cut}"
 
 
 def _leads_to(decision: pb.Decision) -> str:

@@ -118,7 +118,7 @@ def _path_of_motion(
         effect_ns,
         motion_limits(config, mission),
         planar=mission.planar,
-    ).path
+    ).trajectory.path
 
 
 def _reference(

@@ -71,6 +71,6 @@ class BuiltinStack:
                 observation.effect_ns,
                 self._limits,
                 planar=self._planar,
-            )
+            ).trajectory
             state = replace(navigator.state, trajectory=brake, global_path=None, earlier=())
             navigator.load_state(state, navigator.chain)

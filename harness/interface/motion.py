@@ -1,17 +1,20 @@
 """From a command's motion to the trajectory that the body follows; always the same for the same.
 
 A velocity is rolled out for its time and then braked by the body's limits, waypoints become the
-fastest trajectory through them, samples a trajectory through them. All end at rest.
+fastest trajectory through them, samples a trajectory through them. All end at rest. What exceeds
+the limits is followed as closely as they let the body.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.interface.limits import clips, exceeds, follow_within
 from wayproof.harness.interface.types import Array, Motion, Reference, Samples, Velocity, Waypoints
 from wayproof.maps.elementary import arc_tangent, norm, sines_cosines
 from wayproof.planners import (
@@ -65,6 +68,18 @@ class MotionError(ValueError):
     """A command's motion that no body can follow, in one line: what was got and expected."""
 
 
+class Followed(NamedTuple):
+    """What the body follows for a command.
+
+    Attributes:
+        trajectory: To its rest.
+        limited: Whether the command asked for more than the body's limits allow.
+    """
+
+    trajectory: Trajectory
+    limited: bool
+
+
 def trajectory_of(
     motion: Motion,
     references: tuple[Reference, Reference],
@@ -72,8 +87,8 @@ def trajectory_of(
     limits: MotionLimits,
     *,
     planar: bool,
-) -> Trajectory:
-    """The trajectory that a motion stands for.
+) -> Followed:
+    """The trajectory that the body follows for a motion.
 
     Args:
         motion: Of a command.
@@ -88,7 +103,8 @@ def trajectory_of(
     """
     reference = references[0]
     if isinstance(motion, Velocity):
-        return _roll_out(motion, reference, effect_ns, limits, planar)
+        trajectory = _roll_out(motion, reference, effect_ns, limits, planar)
+        return Followed(trajectory, clips(motion, limits, planar=planar))
     if isinstance(motion, Waypoints):
         trajectory = _through(motion, reference, effect_ns, limits, planar)
     elif isinstance(motion, Samples):
@@ -100,7 +116,10 @@ def trajectory_of(
             f"trajectory comes to rest after {trajectory.duration_s:.0f} s, expected at most "
             f"{MAX_TRAJECTORY_S:g} s"
         )
-    return trajectory
+    if not exceeds(trajectory, reference, effect_ns, limits):
+        return Followed(trajectory, limited=False)
+    within = follow_within(trajectory, reference, effect_ns, limits, STEP_S)
+    return Followed(_joined(effect_ns, within.positions, within.headings, STEP_S), limited=True)
 
 
 def _roll_out(

@@ -23,7 +23,7 @@ from wayproof.harness.interface.command_messages import (
 )
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.errors import StackError
-from wayproof.harness.interface.motion import MotionError, trajectory_of
+from wayproof.harness.interface.motion import Followed, MotionError, trajectory_of
 from wayproof.harness.interface.observations import ObservationBuilder, reference_at
 from wayproof.harness.interface.referee import Judgement, fits_along, judge
 from wayproof.harness.interface.types import Fate
@@ -67,6 +67,7 @@ class TrialNavigator(Navigator):
         self._observations = ObservationBuilder(config, mission, beams)
         self._fate: Fate | None = None
         self._judgement: tuple[Judgement, bool] | None = None  # and whether the guard cut
+        self._limited = False
         self.answer: pb.StackCommand | None = None
 
     def step(
@@ -113,6 +114,7 @@ class TrialNavigator(Navigator):
         decision.verdict.verdict = judgement.verdict
         decision.verdict.free_m = judgement.overlap.free_m
         decision.verdict.cut = cut
+        decision.verdict.limited = self._limited
         return decision
 
     def _decide(self, planner_input: PlannerInput) -> FootprintDecision:
@@ -122,7 +124,7 @@ class TrialNavigator(Navigator):
             oriented = self._input_builder.oriented(planner_input)
         command = self._command()
         start = self.state.trajectory.at(planner_input.effect_ns)
-        trajectory = self._trajectory(command, planner_input)
+        trajectory, self._limited = self._trajectory(command, planner_input)
         judgement = judge(trajectory, planner_input, oriented)
         cut = self._config.stack.guard and judgement.verdict != "admitted"
         self._judgement = judgement, cut
@@ -154,7 +156,7 @@ class TrialNavigator(Navigator):
             raise StackError(self._who, f"sent a command with {error}") from None
         return command
 
-    def _trajectory(self, command: sb.Command, planner_input: PlannerInput) -> Trajectory:
+    def _trajectory(self, command: sb.Command, planner_input: PlannerInput) -> Followed:
         """The trajectory that a command stands for; without a motion the last one stands."""
         effect_ns = planner_input.effect_ns
         reference = reference_at(self.state.trajectory, effect_ns, None)
@@ -164,7 +166,7 @@ class TrialNavigator(Navigator):
         try:
             motion = motion_of(command)
             if motion is None:
-                return self.state.trajectory
+                return Followed(self.state.trajectory, limited=False)
             return trajectory_of(motion, (reference, believed), effect_ns, limits, planar=planar)
         except (CommandError, MotionError) as error:
             raise StackError(self._who, f"sent a command with {error}") from None

@@ -212,14 +212,16 @@ class StackCommand(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., command: _Optional[bytes] = ...) -> None: ...
 
 class Verdict(_message.Message):
-    __slots__ = ("verdict", "free_m", "cut")
+    __slots__ = ("verdict", "free_m", "cut", "limited")
     VERDICT_FIELD_NUMBER: _ClassVar[int]
     FREE_M_FIELD_NUMBER: _ClassVar[int]
     CUT_FIELD_NUMBER: _ClassVar[int]
+    LIMITED_FIELD_NUMBER: _ClassVar[int]
     verdict: str
     free_m: float
     cut: bool
-    def __init__(self, verdict: _Optional[str] = ..., free_m: _Optional[float] = ..., cut: _Optional[bool] = ...) -> None: ...
+    limited: bool
+    def __init__(self, verdict: _Optional[str] = ..., free_m: _Optional[float] = ..., cut: _Optional[bool] = ..., limited: _Optional[bool] = ...) -> None: ...
 
 class Decision(_message.Message):
     __slots__ = ("timestamp", "sequence", "trigger", "representation", "map_version", "resolution_m", "unknown_policy", "inflation_radius_m", "localization_margin_m", "collision_distance_sq", "position", "quaternion", "position_sigma", "input_digest", "evidence_age_s", "planner", "planner_seed", "planner_iterations", "path_cost", "path_length_m", "least_clearance_m", "stages", "delay_s", "deadline_s", "deadline_missed", "action", "reason", "label", "global_path", "trajectory", "committed_length_m", "chain", "packed", "predicate", "verdict")

@@ -1,11 +1,12 @@
 """Dynamic window approach: the best admissible velocity over a local grid of recent returns.
 
 Fox, Burgard and Thrun 1997, "The dynamic window approach to collision avoidance", IEEE Robotics and
-Automation Magazine 4(1), pages 23 to 33: its search space V_r, the possible velocities V_s that are
-admissible (V_a) and inside the dynamic window (V_d), and its objective function of heading,
-distance and velocity. The heading is that of the shortest path through the local grid, by a navigation function (Brock and Khatib 1999, "High-speed navigation using the
-global dynamic window approach", ICRA), in place of the goal's own. Nav2's DWB controller scores
-likewise: base obstacle, path align and goal distance.
+Automation Magazine 4(1), pages 23 to 33: the search space V_r of the possible velocities V_s that
+are admissible (V_a) and inside the dynamic window (V_d), and the objective function of heading,
+distance and velocity. The heading is that of the shortest path through the local grid, by a
+navigation function (Brock and Khatib 1999, "High-speed navigation using the global dynamic window
+approach", ICRA), in place of the goal's own. Nav2's DWB controller scores likewise: base obstacle,
+path align and goal distance.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Follow the gap: steer into the free direction nearest to the goal's, without a map.
 
-After Sezer and Gokasan 2012, "A novel obstacle avoidance algorithm: Follow the Gap Method", Robotics
-and Autonomous Systems 60(9). Theirs takes the largest gap and a heading between its centre and the
-goal; here each bearing has a cost: the turn away from the goal, the turn away from the last course,
-and the free range that it lacks. Returns are widened by the body.
+After Sezer and Gokasan 2012, "A novel obstacle avoidance algorithm: Follow the Gap Method",
+Robotics and Autonomous Systems 60(9). Theirs takes the largest gap, and a heading between its
+centre and the goal; here each bearing has a cost: the turn away from the goal, the turn away from
+the last course, and the free range that it lacks. Returns are widened by the body.
 """
 
 from __future__ import annotations

@@ -117,3 +117,13 @@ class Straight(Blind):
     def step(self, observation):
         line = np.linspace(observation.reference.position, self._task.mission.goal, 5)
         return dataclasses.replace(super().step(observation), planned_path=line)
+
+
+class TooFast(Base):
+    """Asks for twice the greatest speed of the body, and a dead stop."""
+
+    def step(self, observation):
+        speed, now = 2.0 * self.task.mission.max_speed, observation.reference
+        ahead = np.array([np.cos(now.heading), np.sin(now.heading), 0.0])
+        steps = np.outer(np.minimum(np.arange(9), 6) * 0.1 * speed, ahead)
+        return Command(Samples(0.1, now.position + steps, np.full(9, now.heading)))

@@ -16,6 +16,10 @@ HERE = Reference(np.array([1.0, 2.0, 0.5]), np.zeros(3), 0.0, 0.0, at_rest=True)
 
 
 def made(motion, reference=HERE, planar=True):
+    return followed(motion, reference, planar).trajectory
+
+
+def followed(motion, reference=HERE, planar=True):
     return trajectory_of(motion, (reference, reference), EFFECT_NS, LIMITS, planar=planar)
 
 
@@ -53,11 +57,63 @@ def test_waypoints_end_at_rest_at_the_last_one_or_before_a_sharp_corner():
 
 
 def test_samples_are_passed_through_evenly():
-    positions = HERE.position + np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.2, 0.0]])
-    trajectory = made(Samples(0.5, positions, np.array([0.0, 0.1, 0.3])))
+    positions = HERE.position + np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0]])
+    trajectory, limited = followed(Samples(0.5, positions, np.array([0.0, 0.1, 0.3])))
+    assert not limited
     assert trajectory.duration_s == 1.0
-    assert trajectory.motion.positions(np.array([0.25, 0.75])) == pytest.approx([0.05, 0.2])
+    assert trajectory.motion.positions(np.array([0.25, 0.75])) == pytest.approx([0.05, 0.15])
     assert trajectory.turning.positions(np.array([0.25, 0.75])) == pytest.approx([0.05, 0.2])
+
+
+STEPS = np.arange(31)[:, None] * np.array([0.1, 0.0, 0.0])
+"""1 m/s in the x axis for 3 s."""
+
+MOVING = Reference(HERE.position, np.array([1.0, 0.0, 0.0]), 0.0, 0.0, at_rest=False)
+
+
+def test_samples_beyond_the_greatest_speed_are_followed_at_it():
+    trajectory, limited = followed(Samples(0.1, HERE.position + 2.0 * STEPS, np.zeros(31)))
+    assert limited
+    speeds = np.diff(trajectory.motion.positions(np.arange(0.0, 4.0, 0.01))) / 0.01
+    assert speeds.max() == pytest.approx(1.0, abs=0.01)
+    assert np.diff(speeds).max() < 2.0 * 0.01 + 1e-6
+    # 0.25 m to get to 1 m/s in 0.5 s, 2.5 m until its time is over, 0.25 m to brake
+    assert trajectory.stop_point[0] - HERE.position[0] == pytest.approx(3.0, abs=0.02)
+
+
+def test_a_stop_that_no_body_can_make_is_judged_where_the_body_comes_to_rest():
+    """0.1 m at 1 m/s and a dead stop: the body takes 0.25 m to brake at 2 m/s^2."""
+    dead = Samples(0.1, HERE.position + STEPS[:2], np.zeros(2))
+    trajectory, limited = followed(dead, MOVING)
+    assert limited
+    assert trajectory.stop_point[0] - HERE.position[0] == pytest.approx(0.35, abs=0.03)
+    possible = HERE.position + np.outer([0.0, 0.09, 0.16, 0.21, 0.24, 0.25], [1.0, 0.0, 0.0])
+    assert not followed(Samples(0.1, possible, np.zeros(6)), MOVING).limited
+
+
+def test_waypoints_off_to_the_side_of_a_moving_body_begin_with_its_drift():
+    """At rest it would go straight to them; at 1 m/s it first goes on ahead."""
+    aside = Waypoints(HERE.position + np.array([[0.0, 1.0, 0.0]]))
+    assert not followed(aside).limited
+    trajectory, limited = followed(aside, MOVING)
+    assert limited
+    assert trajectory.path[:, 0].max() > HERE.position[0] + 0.2
+
+
+def test_headings_that_turn_too_fast_are_followed_at_the_greatest_yaw_rate():
+    turning = Samples(0.1, np.tile(HERE.position, (11, 1)), np.linspace(0.0, 3.0, 11))
+    trajectory, limited = followed(turning)
+    assert limited
+    rates = np.diff(trajectory.turning.positions(np.arange(0.0, 2.0, 0.01))) / 0.01
+    assert rates.max() == pytest.approx(1.0, abs=0.01)
+    assert len(trajectory.path) == 1
+
+
+def test_a_velocity_beyond_the_limits_is_marked():
+    assert followed(Velocity(1.2)).limited
+    assert followed(Velocity(0.0, yaw_rate=-1.2)).limited
+    assert not followed(Velocity(1.0, yaw_rate=1.0)).limited
+    assert not followed(Velocity(0.5, up=5.0)).limited  # a walking body ignores it
 
 
 def test_no_velocity_keeps_the_place_exactly():

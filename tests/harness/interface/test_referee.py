@@ -14,19 +14,29 @@ from tests.harness.stack.make_input import (
 )
 from wayproof.harness.interface.motion import trajectory_of
 from wayproof.harness.interface.referee import judge
-from wayproof.harness.interface.types import Reference, Velocity, Waypoints
+from wayproof.harness.interface.types import Reference, Samples, Velocity, Waypoints
 from wayproof.planners import hold, turn_in_place
 
 WALL, FOG = (4.0, 4.2, 0.0, 4.0), (4.0, 5.0, 0.0, 4.0)
 
 
-def verdict(motion, body=ROUND, policy="forbid", heading=0.0, position=(1.05, 2.05), **rectangles):
+def verdict(
+    motion,
+    body=ROUND,
+    policy="forbid",
+    heading=0.0,
+    position=(1.05, 2.05),
+    speed=0.0,
+    **rectangles,
+):
     states = make_states(**rectangles)
     circumscribed = make_input(states, ROUND if body is ROUND else wide(), policy, position)
     oriented = make_input(states, body, policy, position)
-    reference = Reference(place(*position), np.zeros(3), heading, 0.0, at_rest=True)
-    if isinstance(motion, Velocity | Waypoints):
+    velocity = np.array([speed, 0.0, 0.0])
+    reference = Reference(place(*position), velocity, heading, 0.0, at_rest=speed == 0.0)
+    if isinstance(motion, Velocity | Waypoints | Samples):
         motion = trajectory_of(motion, (reference, reference), PERIOD_NS, LIMITS, planar=True)
+        motion = motion.trajectory
     return judge(motion, circumscribed, oriented)
 
 
@@ -60,6 +70,16 @@ def test_the_unknown_is_unknown_unless_the_policy_lets_the_body_enter_it():
     assert verdict(to(6.05), unknown=[FOG]).overlap.cell_state == "unknown"
     assert verdict(to(6.05), policy="penalize", unknown=[FOG]).verdict == "admitted"
     assert verdict(to(6.05), policy="allow", unknown=[FOG], occupied=[WALL]).verdict == "blocked"
+
+
+def test_a_dead_stop_before_a_wall_is_blocked_where_the_body_rolls_on():
+    """From 1 m/s the body takes 0.2 m, which is asked to stop dead at a place that is free."""
+    assert verdict(to(3.58), occupied=[WALL]).verdict == "admitted"
+    for stop, expected in ((3.2, "admitted"), (3.58, "blocked")):
+        points = np.stack([place(stop - 0.1, 2.05), place(stop, 2.05)])
+        dead = Samples(0.1, points, np.zeros(2))
+        start = (stop - 0.1, 2.05)
+        assert verdict(dead, speed=1.0, position=start, occupied=[WALL]).verdict == expected
 
 
 def test_an_obstacle_behind_the_unknown_blocks():

@@ -5,6 +5,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from wayproof import Config, build, open_log, override, run_episode
@@ -209,6 +210,21 @@ def test_answers_are_logged_as_they_were_sent(tmp_path):
 def test_waypoints_are_followed_to_rest(tmp_path):
     result = trial(tmp_path, own("ToWaypoint"), "empty", "drone", 1, "episode.time_limit=60")
     assert result.outcome == "success"
+
+
+@pytest.mark.parametrize("robot", ["quadruped", "drone"])
+def test_a_trajectory_beyond_the_body_s_limits_is_followed_within_them(tmp_path, robot):
+    result = trial(tmp_path, own("TooFast"), "empty", robot, 1, "episode.time_limit=2")
+    log = open_log(Path(result.log))
+    decisions = list(log.decisions())
+    assert len(decisions) > 15
+    assert all(one.verdict.limited for one in decisions)
+    speeds = [np.diff(one.trajectory.arc_length) / 0.1 for one in decisions]
+    assert max(one.max() for one in speeds) < 1.01 * log.mission.max_speed
+    assert min(one.max() for one in speeds[5:]) > 0.9 * log.mission.max_speed
+    rules = {one.rule for one in audit(Path(result.log)).violations}
+    assert not rules & {"limits", "rest", "joined"}
+    assert replay(Path(result.log)).identical
 
 
 def test_the_card_of_a_decision_shows_the_command_and_the_verdict(tmp_path, capsys):

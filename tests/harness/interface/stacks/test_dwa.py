@@ -8,6 +8,7 @@ import pytest
 
 from tests.harness.interface.stacks.hand_made import observation, ring, started, task, wall
 from wayproof import Config, build, open_log, override, run_episode
+from wayproof.harness.interface.command_messages import command_message
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.interface.stacks.dwa import (
     CELL_M,
@@ -109,7 +110,19 @@ def test_the_same_observations_give_the_same_commands():
     first, second = (started(Dwa, free) for _ in range(2))
     for n in range(5):
         seen = observation(free, points, n, speed=0.1 * n)
-        assert first.step(seen) == second.step(seen)
+        one, other = (command_message(stack.step(seen), n) for stack in (first, second))
+        assert one == other
+
+
+def test_it_plans_around_what_it_sees_and_says_so():
+    free = task()
+    line = wall(free, (1.5, -1.0), (1.5, 1.0))
+    start, goal = np.array(free.mission.start), np.array(free.mission.goal)
+    path = started(Dwa, free).step(observation(free, line)).planned_path
+    assert path[-1] == pytest.approx([goal[0], goal[1], start[2]])
+    assert np.linalg.norm(path[0] - start) < CELL_M
+    gaps = np.linalg.norm(path[:, None, :2] - line[None, :, :2], axis=2)
+    assert gaps.min() > 0.3
 
 
 def test_a_return_is_forgotten_after_its_time_and_outside_of_the_window():

@@ -1,0 +1,137 @@
+"""Limits of the body on a command's motion: what exceeds them, and how the body then moves.
+
+A base controller saturates: it follows a reference that is too fast as closely as its greatest
+speed and acceleration let it. The referee has to judge that motion, not the one that was asked for:
+a trajectory that stops dead before a wall is no proof that the body does.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayproof.harness.interface.types import Array, Reference, Velocity
+from wayproof.maps.elementary import norm
+from wayproof.planners import MotionLimits, Setpoints, Trajectory
+
+SLACK = 1.05
+"""Tolerance factor of speeds, rates and accelerations, as in the audit."""
+
+PERIOD_S = 0.1
+"""Time between the samples that are compared with the limits, s, as in the audit."""
+
+STILL_MPS = 0.02
+"""Tolerance of a speed beyond the factor, m/s, as in the audit."""
+
+FOLLOWED_S = 10.0
+"""Time for which a motion beyond the limits is followed before the body brakes, s: as long as a
+velocity holds at most."""
+
+GAIN = 2.0
+"""Feedback of the distance from the reference, 1/s: 0.1 m off adds 0.2 m/s."""
+
+
+@dataclass(frozen=True)
+class Limited:
+    """Motion of a body that follows a reference within its limits, to its rest.
+
+    Attributes:
+        positions: (n, 3) at even times, m, world.
+        headings: (n,) rad.
+    """
+
+    positions: Array
+    headings: Array
+
+
+def clips(velocity: Velocity, limits: MotionLimits, *, planar: bool) -> bool:
+    """Whether a velocity is greater than the body's greatest speed or yaw rate."""
+    up = 0.0 if planar else velocity.up
+    speed = norm(np.array([velocity.forward, velocity.left, up]))
+    return speed > limits.speed * SLACK or abs(velocity.yaw_rate) > limits.yaw_rate * SLACK
+
+
+def exceeds(
+    trajectory: Trajectory, reference: Reference, effect_ns: int, limits: MotionLimits
+) -> bool:
+    """Whether a trajectory asks for more speed, acceleration or yaw rate than the body has.
+
+    From the speed of the reference at its beginning to rest at its end, by even samples.
+    """
+    left_s = trajectory.duration_s - max(effect_ns - trajectory.start_ns, 0) * 1e-9
+    count = max(math.ceil(left_s / PERIOD_S), 0) + 3
+    period_ns = round(PERIOD_S * 1e9)
+    since_ns = effect_ns - trajectory.start_ns + period_ns * np.arange(count)
+    times_s = 1e-9 * since_ns.astype(np.float64)
+    arcs, begin = trajectory.motion.motion(times_s)
+    headings, _ = trajectory.turning.motion(times_s)
+    speeds = np.diff(arcs) / PERIOD_S
+    rates = np.diff(headings) / PERIOD_S
+    changes = np.diff(speeds) / PERIOD_S
+    jump = abs(float(begin[0]) - norm(reference.velocity))
+    return bool(
+        np.abs(speeds).max() > limits.speed * SLACK + STILL_MPS
+        or np.abs(rates).max() > limits.yaw_rate * SLACK + STILL_MPS
+        or np.abs(changes).max() > limits.acceleration * SLACK + STILL_MPS / PERIOD_S
+        or jump > limits.acceleration * PERIOD_S * SLACK + STILL_MPS
+    )
+
+
+def follow_within(
+    trajectory: Trajectory,
+    reference: Reference,
+    effect_ns: int,
+    limits: MotionLimits,
+    step_s: float,
+) -> Limited:
+    """Follow a trajectory as closely as the limits let the body, then brake.
+
+    Args:
+        trajectory: That is asked for.
+        reference: Commanded state at the time of effect.
+        effect_ns: That time, ns.
+        limits: Of the body.
+        step_s: Time between two samples of the result, s.
+    """
+    left_s = trajectory.duration_s - max(effect_ns - trajectory.start_ns, 0) * 1e-9
+    steps = math.ceil(min(max(left_s, 0.0), FOLLOWED_S) / step_s)
+    times_ns = effect_ns + np.round(np.arange(steps + 1) * (step_s * 1e9)).astype(np.int64)
+    asked = trajectory.setpoints(times_ns)
+    positions, headings = [reference.position], [reference.heading]
+    velocity, rate = reference.velocity, reference.yaw_rate
+    while len(positions) <= steps or norm(velocity) > 0.0 or rate != 0.0:
+        target, target_rate = np.zeros(3), 0.0
+        if len(positions) <= steps:
+            target, target_rate = _aimed(
+                asked, len(positions), positions[-1], headings[-1], limits, step_s
+            )
+        before, rate_before = velocity, rate
+        velocity = before + _shortened(target - before, limits.acceleration * step_s)
+        most = limits.yaw.acceleration * step_s
+        rate += min(max(target_rate - rate, -most), most)
+        positions.append(positions[-1] + 0.5 * (before + velocity) * step_s)
+        headings.append(headings[-1] + 0.5 * (rate_before + rate) * step_s)
+    return Limited(np.array(positions), np.array(headings))
+
+
+def _aimed(
+    asked: Setpoints,
+    index: int,
+    position: Array,
+    heading: float,
+    limits: MotionLimits,
+    step_s: float,
+) -> tuple[Array, float]:
+    """Velocity (3,), m/s, and yaw rate, rad/s, towards a setpoint, within the greatest ones."""
+    ahead = asked.positions[index] - position - asked.velocities[index] * step_s
+    velocity = _shortened(asked.velocities[index] + GAIN * ahead, limits.speed)
+    rate = float(asked.yaw_rates[index]) + GAIN * (float(asked.headings[index]) - heading)
+    return velocity, min(max(rate, -limits.yaw_rate), limits.yaw_rate)
+
+
+def _shortened(vector: Array, longest: float) -> Array:
+    """A vector, at most so long."""
+    size = norm(vector)
+    return vector if size <= longest else vector * (longest / size)
