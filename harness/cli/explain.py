@@ -24,7 +24,7 @@ from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
     from wayproof.harness.attribution import Case, Finding, NearMiss
-    from wayproof.harness.counterfactual.check import Check, Verdict
+    from wayproof.harness.counterfactual.verdict import Check, Verdict
     from wayproof.harness.explain import Card
     from wayproof.harness.log.reader import Log
 
@@ -42,6 +42,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         raise InputError(f"--png: got '{options.png}', expected a name that ends in .png")
     if options.check and options.decision is not None:
         raise InputError("--check: goes with the whole episode, expected no decision's number")
+    if options.stack is not None and not options.check:
+        raise InputError("--stack: goes with --check, which asks the stack to go on")
     check_log(options.log, options)
     log = open_log(options.log, options.allow_plugins)
     if options.allow_plugins:
@@ -81,7 +83,7 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
     for line in _last_lines(log):
         console.print(f"  stderr: {line}", soft_wrap=True, highlight=False)
     case, finding, misses = _why(log, bool(decisions))
-    verdict = _check(log, finding) if options.check else read_check(log)
+    verdict = _check(log, finding, options.stack) if options.check else read_check(log)
     if verdict is not None:
         finding = verdict.finding
     if finding is not None:
@@ -150,12 +152,12 @@ def _stored_cause(log: Log) -> Finding | None:
     )
 
 
-def _check(log: Log, finding: Finding | None) -> Verdict:
+def _check(log: Log, finding: Finding | None, stack: str | None) -> Verdict:
     from wayproof.harness.counterfactual.check import check, refuse_success
 
     refuse_success(log)
     assert finding is not None
-    return check(log, finding)
+    return check(log, finding, stack=stack or "")
 
 
 def _draw(case: Case, card: Card, target: Path, console: Console) -> None:
@@ -188,17 +190,20 @@ def _print_misses(console: Console, misses: list[NearMiss]) -> None:
 
 def print_verdict(console: Console, verdict: Verdict) -> None:
     """Print what each corrected simulation did, a line each, and the conclusion."""
-    _print_checks(console, verdict.checks)
+    if verdict.checks:
+        _print_checks(console, verdict.checks)
     console.print(f"check: {in_words(verdict)}", soft_wrap=True, highlight=False)
 
 
 def in_words(verdict: Verdict) -> str:
     """Return the conclusion of a check in words."""
+    note = f"; {verdict.note}" if verdict.note else ""
     if verdict.answer == "inconclusive":
-        return "inconclusive: no remedy was tried, or nothing changed and it did not fail again"
+        what = "no remedy was tried, or nothing changed and it did not fail again"
+        return f"inconclusive: {verdict.note or what}"
     saving = [one.remedy.replace("_", " ") for one in verdict.checks if one.saves]
     by = f"; {', '.join(saving)} would have saved it" if saving else "; nothing saves it"
-    return f"{verdict.finding.cause} is {verdict.answer}{by}"
+    return f"{verdict.finding.cause} is {verdict.answer}{by}{note}"
 
 
 def _print_checks(console: Console, checks: Sequence[Check]) -> None:
@@ -311,6 +316,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--check",
         action="store_true",
         help="check the cause by simulating again with one thing corrected at a time",
+    )
+    parser.add_argument(
+        "--stack",
+        metavar="STACK",
+        help="with --check: the stack that was on trial, which is run and goes on itself",
     )
     add_unchecked(parser)
     add_plugins(parser)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +23,8 @@ from wayproof.harness.cli.verb import (
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
+    from wayproof.harness.log.reader import Log
+    from wayproof.harness.replay.answers import AskedAgain
     from wayproof.harness.replay.closed_loop import ClosedLoop
     from wayproof.harness.replay.replay import Replay
     from wayproof.harness.replay.scope import Scope
@@ -56,8 +59,11 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(
             "--closed-loop: simulates what was recorded, so it goes with neither --set nor --from"
         )
-    if options.stack is not None and (options.closed_loop or options.set or options.at is not None):
-        raise InputError("--stack: asks the stack again, so it goes with no other way to replay")
+    asks = options.stack is not None and options.at is None
+    if asks and (options.closed_loop or options.set):
+        raise InputError(
+            "--stack: asks the stack again, so it goes with no other way to replay but --from N"
+        )
     single = options.at is not None or options.out is not None
     if single and len(options.log) > 1:
         raise InputError(f"--from, --log: got {len(options.log)} logs, expected one")
@@ -127,15 +133,44 @@ def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]
     target = options.out or fork_name(path, options.at, config)
     line = LiveLine(console, config.robot)
     try:
-        with line:
-            result = fork(path, options.at, options.set, target, options.allow_plugins, line)
+        with _started_again(log, options.stack) as asked, line:
+            result = fork(path, options.at, options.set, target, options.allow_plugins, line, asked)
     except KeyboardInterrupt:
         raise interrupted(target, line.decisions) from None
+    if asked is not None:
+        _print_asked(console, asked)
     before = log.result["outcome"]
     console.print(f"recorded: {before}; from decision {options.at} on: {result.outcome}")
     print_verdict(console, result)
     code = 0 if result.outcome == "success" else 1
-    return code, {**document_of(result), "recorded_outcome": before, "from": options.at}
+    document = {**document_of(result), "recorded_outcome": before, "from": options.at}
+    if asked is not None:
+        document["answers_before"] = asked.answers
+        document["answers_differing"] = asked.differing
+        document["first_answer_differing"] = asked.first_difference
+    return code, document
+
+
+@contextlib.contextmanager
+def _started_again(log: Log, stack: str | None) -> Iterator[AskedAgain | None]:
+    """The stack on trial that a fork goes on with; none without `--stack`."""
+    from wayproof.harness.replay.answers import started_again
+
+    if stack is None:
+        yield None
+        return
+    with started_again(log, stack) as asked:
+        yield asked
+
+
+def _print_asked(console: Console, asked: AskedAgain) -> None:
+    """Print whether a stack answered as recorded before it went on."""
+    first = asked.first_difference
+    differ = "all as recorded" if first is None else f"{asked.differing} differ, first {first}"
+    console.print(
+        f"stack '{asked.stack}' asked on {asked.answers} decisions before: {differ}", soft_wrap=True
+    )
+    print_differences(console, asked.differences)
 
 
 def print_replay(console: Console, replayed: Replay) -> None:
@@ -187,6 +222,7 @@ def print_what_if(console: Console, answer: WhatIf) -> None:
             f"{answer.wall_time_s:.1f} s; {answer.log}",
             soft_wrap=True,
         )
+        _print_verdicts(console, answer)
         return
     first = changes[0]
     console.print(
@@ -197,13 +233,16 @@ def print_what_if(console: Console, answer: WhatIf) -> None:
         ),
         soft_wrap=True,
     )
+    _print_verdicts(console, answer)
     if answer.first_action is not None:
         console.print(f"  {answer.actions} change the action, from {answer.first_action} on")
     shown = changes[:SHOWN_CHANGES]
     shown += tuple(one for one in changes[SHOWN_CHANGES:] if one.sequence == answer.first_action)
     for change in shown:
         route = change.route_difference_m
-        apart = "only one has a route" if route is None else f"routes {route:.2f} m apart"
+        routes = change.recorded.path_length_m, change.changed.path_length_m
+        apart = "only one has a route" if any(routes) else "no routes"
+        apart = apart if route is None else f"routes {route:.2f} m apart"
         console.print(
             f"  {change.sequence} ({change.time_s:.1f} s): trajectories {change.departure_m:.2f} m "
             f"apart, {apart}",
@@ -213,6 +252,19 @@ def print_what_if(console: Console, answer: WhatIf) -> None:
         console.print(f"    now {_answer(change.changed)}", soft_wrap=True)
     if len(changes) > len(shown):
         console.print(f"  and {len(changes) - len(shown)} more")
+
+
+def _print_verdicts(console: Console, answer: WhatIf) -> None:
+    """Print how the referee judges the commands of a stack on trial, then and now."""
+    verdicts = {"recorded": answer.recorded_verdicts, "changed": answer.changed_verdicts}
+    for when, one in verdicts.items():
+        first = "" if one.first_cut is None else f", the first at {one.first_cut}"
+        if one.admitted or one.cut:
+            console.print(
+                f"  {when}: the referee admits {one.admitted} commands, {one.unknown} unknown, "
+                f"{one.blocked} blocked; a guard cuts {one.cut}{first}",
+                soft_wrap=True,
+            )
 
 
 def print_closed_loop(console: Console, again: ClosedLoop) -> None:
@@ -286,7 +338,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--stack",
         metavar="STACK",
-        help="ask a stack again on the log's inputs, and compare its answers; it is run",
+        help="ask a stack again on the log's inputs, and compare its answers; it is run; with "
+        "--from it goes on from there",
     )
     parser.add_argument(
         "--from",

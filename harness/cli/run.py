@@ -41,7 +41,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         from wayproof.harness.viewer.driver import choose_driver
 
         choose_driver()
-    from wayproof.harness.config import BUILTIN, from_document, override
+    from wayproof.harness.config import from_document, override
     from wayproof.harness.perturbations import perturbation_from
     from wayproof.harness.scenario.robots import refuse_unused
 
@@ -59,8 +59,6 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.guard:
         config = replace(config, stack=replace(config.stack, guard=True))
         refuse_idle_guard(config.stack)
-    if options.check is not None and config.stack.name != BUILTIN:
-        raise InputError("--check: changes the built-in stack, so it goes without --stack")
     path = options.log or options.logs / f"{episode_name(config)}.mcap"
     if options.render is not None:
         check_render(config, options.render)

@@ -9,31 +9,36 @@ start. The answer of the check decides the cause.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from wayproof.harness.attribution.case import Case, read_case
 from wayproof.harness.attribution.finding import CAUSES, Finding
 from wayproof.harness.attribution.standstill import lacks_time
 from wayproof.harness.config import BUILTIN
-from wayproof.harness.counterfactual.remedies import REMEDIES, go_on, nothing
+from wayproof.harness.counterfactual.guard import check_by_guard
+from wayproof.harness.counterfactual.remedies import ON_TRIAL, REMEDIES, go_on, nothing
+from wayproof.harness.counterfactual.verdict import (
+    CONTROL,
+    HARM,
+    MORE_TIME,
+    TOUCHED,
+    Check,
+    Verdict,
+)
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log
-
-MORE_TIME = 5.0
-"""Time that an episode may continue beyond its contact, s."""
+from wayproof.harness.replay.answers import started_again
 
 BEFORE = 1.0
 """Time before the last chance at which a remedy begins, s: it needs time to take effect."""
-
-CONTROL = "control"
-
-HARM = ("collision", "fall", "out_of_bounds", "error")
 
 SHOWN_BY_THEIR_OWN_TEST = ("impossible", "planner", "tracking")
 """Causes that facts alone establish: what is missing may be impossible to put right."""
 
 HELPS_ALWAYS = "true_map"
 """Remedy that helps after many causes: complete knowledge, which no sensor gives."""
+
+ONLY_CONFIRMS = ("guard",)
+"""Remedy that may save the robot from other causes as well, by stopping it."""
 
 ONLY_AFTER = {"more_time": ("timeout",)}
 """Remedies that only make a difference after these outcomes."""
@@ -45,48 +50,13 @@ LACKING = {True: "no_margin", False: "more_time"}
 """Remedy that does not apply to `impossible`, by whether time is lacking, or else space."""
 
 
-@dataclass(frozen=True)
-class Check:
-    """Outcome of one remedy.
-
-    Attributes:
-        remedy: One of `REMEDIES`, or the control.
-        begin: Number of the first decision with it.
-        outcome: Outcome of the episode with it.
-        end_s: Simulated time of its end, s.
-        saves: Whether the robot reached the goal or, after a contact or a fall, came to no harm.
-    """
-
-    remedy: str
-    begin: int
-    outcome: str
-    end_s: float
-    saves: bool
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Cause of a failure after its check.
-
-    Attributes:
-        finding: The cause.
-        answer: `confirmed`, `changed` or `inconclusive`.
-        checks: All remedies that were tried.
-        simulated_s: Simulated time of the check, s.
-    """
-
-    finding: Finding
-    answer: str
-    checks: tuple[Check, ...]
-    simulated_s: float
-
-
 def check(
     log: Log,
     finding: Finding,
     remedies: Sequence[str] = (),
     thorough: bool = True,
     most_s: float = float("inf"),
+    stack: str = "",
 ) -> Verdict:
     """Try remedies for a failure, and settle its cause.
 
@@ -96,28 +66,27 @@ def check(
         remedies: Names in `REMEDIES`; all by default.
         thorough: Whether to try all of them, or stop at the first that confirms the cause.
         most_s: Simulated time after which no other remedy is begun, s.
+        stack: The stack that was on trial, as `--stack` takes it; it is run. Without it the guard
+            alone is tried, with the recorded answers.
 
     Raises:
-        InputError: The log has no state there, or does not replay.
+        InputError: The log has no state there, or does not replay; or no stack was on trial.
     """
-    if log.config.stack.name != BUILTIN:
-        raise InputError(
-            f"log '{log.path}': stack '{log.config.stack.name}' was on trial, and remedies change "
-            "the built-in stack; expected a log of that one. --guard shows what the referee would "
-            "have stopped"
-        )
     case = read_case(log)
+    if log.config.stack.name != BUILTIN and not stack:
+        return check_by_guard(log, case, finding)
     names = list(remedies) or _in_order(case, finding.cause)
     beside = LACKING[lacks_time(case)] if finding.cause == "impossible" else ""
     names = [name for name in names if name != beside]
     checks: list[Check] = []
-    simulated = 0.0
+    simulated, note = 0.0, ""
     for begin in _begins(case, finding):
         for name in (CONTROL, *names):
             if simulated >= most_s:
                 break
-            one, took = _try(log, case, finding, name, begin)
+            one, took, other = _try(log, case, finding, name, begin, stack)
             checks.append(one)
+            note = note or other
             simulated += took
             if name == CONTROL and one.saves:
                 break
@@ -126,17 +95,18 @@ def check(
         if any(one.saves for one in checks) or simulated >= most_s:
             break
     if simulated >= most_s and not any(one.saves for one in checks):  # the rest may save it
-        return Verdict(finding, "inconclusive", tuple(checks), simulated)
+        return Verdict(finding, "inconclusive", tuple(checks), simulated, note)
     settled, answer = settle(finding, checks)
-    return Verdict(settled, answer, tuple(checks), simulated)
+    return Verdict(settled, answer, tuple(checks), simulated, note)
 
 
 def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
     """Return the cause that the checks leave, and the answer.
 
     If a remedy of the cause saves the robot, the cause is confirmed. If only others do, it is
-    replaced by the first of their causes in the order of `CAUSES`, that of a true map last. If
-    none does, only a cause that facts alone establish stands; any other becomes `unexplained`.
+    replaced by the first of their causes in the order of `CAUSES`, that of a true map last; the
+    guard replaces none, as a robot that stands is saved from much. If none does, only a cause that
+    facts alone establish stands; any other becomes `unexplained`.
     """
     if any(one.remedy == CONTROL and one.saves for one in checks):
         return finding, "inconclusive"
@@ -147,6 +117,9 @@ def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
     borne_out = [cause for name in saving for cause in REMEDIES[name][1]]
     if finding.cause in borne_out:
         return finding, "confirmed"
+    if saving and all(name in ONLY_CONFIRMS for name in saving):
+        return finding, "inconclusive"
+    saving = [name for name in saving if name not in ONLY_CONFIRMS]
     if saving:
         saving = [name for name in saving if name != HELPS_ALWAYS] or saving
         cause, by = min(
@@ -164,6 +137,8 @@ def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
 def _in_order(case: Case, cause: str) -> list[str]:
     """Return the remedies that apply, those of a cause first and a true map last."""
     names = [name for name in REMEDIES if case.outcome in ONLY_AFTER.get(name, (case.outcome,))]
+    on_trial = case.config.stack.name != BUILTIN
+    names = [name for name in names if not on_trial or name in ON_TRIAL]
     names = [name for name in names if _bears_out(name, cause) and _differs(name, case)]
     return sorted(names, key=lambda name: (cause not in REMEDIES[name][1], name == HELPS_ALWAYS))
 
@@ -172,6 +147,8 @@ def _differs(remedy: str, case: Case) -> bool:
     """Return whether a remedy changes anything in a case."""
     if remedy == "no_movers":
         return any(moment.truth.movers for moment in case.moments[:1])
+    if remedy == "guard":
+        return case.config.stack.name != BUILTIN and not case.config.stack.guard
     return remedy != "forbidden_unknown" or case.config.costmap.unknown_policy != "forbid"
 
 
@@ -190,7 +167,7 @@ def _bears_out(remedy: str, cause: str) -> bool:
 
 def _begins(case: Case, finding: Finding) -> Iterator[int]:
     """Yield the decisions at which remedies begin, in turn until one saves the robot."""
-    if case.outcome in ("collision", "fall", "out_of_bounds"):
+    if case.outcome in TOUCHED:
         before_ns = case.moments[finding.decision].time_ns - round(BEFORE * 1e9)
         at = sum(moment.time_ns < before_ns for moment in case.moments)
         if at > 0:
@@ -198,18 +175,31 @@ def _begins(case: Case, finding: Finding) -> Iterator[int]:
     yield 0
 
 
-def _try(log: Log, case: Case, finding: Finding, name: str, begin: int) -> tuple[Check, float]:
-    """Try one remedy from a decision on, or from the start; return also the simulated time, s."""
-    touched = case.outcome in ("collision", "fall", "out_of_bounds")
+def _try(
+    log: Log, case: Case, finding: Finding, name: str, begin: int, stack: str
+) -> tuple[Check, float, str]:
+    """Try one remedy from a decision on, or from the start.
+
+    Returns:
+        The outcome, the simulated time, s, and a note on the answers of the stack before.
+    """
+    touched = case.outcome in TOUCHED
     if name in FROM_THE_START:
         begin = 0
     log, case_then = log.as_of(begin), case.as_of(begin)
     make = nothing if name == CONTROL else REMEDIES[name][0]
     limit_s = case.end_s + MORE_TIME if touched else log.config.episode.time_limit
-    result = go_on(log, case_then, make(log, case_then), begin, limit_s)
+    change = make(log, case_then)
+    if not stack:
+        result, note = go_on(log, case_then, change, begin, limit_s), ""
+    else:
+        with started_again(log, stack) as asked:
+            result = go_on(log, case_then, change, begin, limit_s, asked)
+        note = f"{asked.differing} of {asked.answers} answers before it differ from the recorded"
+        note = note if asked.differing else ""
     saves = result.outcome == "success" or (touched and result.outcome not in HARM)
     took = result.sim_time_s - case.moments[begin].time_ns * 1e-9
-    return Check(name, begin, result.outcome, result.sim_time_s, saves), took
+    return Check(name, begin, result.outcome, result.sim_time_s, saves), took, note
 
 
 FROM_THE_START = ("true_pose", "true_ranges")

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from wayproof.harness.attribution.finding import Finding
-from wayproof.harness.counterfactual.check import Check, Verdict
+from wayproof.harness.counterfactual.verdict import Check, Verdict
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
@@ -32,6 +32,7 @@ def record_check(path: Path, verdict: Verdict) -> None:
         "place": f"{x!r},{y!r},{z!r}",
         "answer": verdict.answer,
         "simulated_s": repr(verdict.simulated_s),
+        "note": verdict.note,
         "checks": msgspec.json.encode(verdict.checks).decode(),
     }
     head = replace(head, metadata={**head.metadata, CHECK: fields})
@@ -55,6 +56,7 @@ def read_check(log: Log) -> Verdict | None:
             answer=log.check["answer"],
             checks=msgspec.json.decode(log.check["checks"], type=tuple[Check, ...]),
             simulated_s=float(log.check["simulated_s"]),
+            note=log.check.get("note", ""),
         )
     except (KeyError, ValueError, msgspec.MsgspecError) as error:
         raise InputError(f"log '{log.path}': damaged (the verdict of its check: {error})") from None

@@ -18,10 +18,13 @@ from wayproof.harness.counterfactual.recorded_movers import with_recorded_movers
 from wayproof.harness.counterfactual.true_cells import TrueCells, mark_truth, true_cells
 from wayproof.harness.episode import Episode
 from wayproof.harness.inputs import Inputs
+from wayproof.harness.interface.connect import Session
+from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.log.reader import Log
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.perturbations.perturbation import Changes
 from wayproof.harness.recompute.rebuild import rebuild
+from wayproof.harness.replay.answers import AskedAgain
 from wayproof.harness.replay.fork import live_through
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.scenario import Scenario
@@ -193,6 +196,11 @@ def more_time(log: Log, case: Case) -> Change:
     return Change(replace(log.config, episode=replace(old, time_limit=limit)))
 
 
+def guard(log: Log, case: Case) -> Change:
+    """The guard brakes in the place of a stack on trial, from the first command on that it cuts."""
+    return Change(replace(log.config, stack=replace(log.config.stack, guard=True)))
+
+
 Remedy = Callable[[Log, Case], Change]
 
 REMEDIES: dict[str, tuple[Remedy, tuple[str, ...]]] = {
@@ -206,22 +214,48 @@ REMEDIES: dict[str, tuple[Remedy, tuple[str, ...]]] = {
     "larger_margin": (larger_margin, ("margin_too_small",)),
     "no_movers": (no_movers, ("moved_obstacle",)),
     "perfect_tracking": (perfect_tracking, ("tracking",)),
-    "no_delay": (no_delay, ("latency",)),
+    "no_delay": (no_delay, ("latency", "stack_late")),
     "more_search": (more_search, ("planner",)),
     "no_margin": (no_margin, ("impossible",)),
     "more_time": (more_time, ("impossible",)),
+    "guard": (guard, ("disregarded_obstacle", "unseen_obstacle")),
 }
 """Remedies by name, each with the causes that it confirms if it saves the robot."""
 
+ON_TRIAL = (
+    "guard", "true_pose", "true_ranges", "no_movers", "perfect_tracking", "no_delay", "more_time",
+)  # fmt: skip
+"""Remedies that change something for a stack on trial: the referee's map is none of it."""
 
-def go_on(log: Log, case: Case, change: Change, at: int, limit_s: float) -> Result:
-    """Resume the simulation at a decision with a change, up to a time, s."""
+
+def go_on(
+    log: Log,
+    case: Case,
+    change: Change,
+    at: int,
+    limit_s: float,
+    asked: AskedAgain | None = None,
+    session: Session | None = None,
+) -> Result:
+    """Resume the simulation at a decision with a change, up to a time.
+
+    Args:
+        log: Of the episode.
+        case: The episode.
+        change: By a remedy.
+        at: Number of the decision.
+        limit_s: Simulated time of the end, s.
+        asked: A stack on trial that goes on from there.
+        session: Answers in its place.
+    """
     config = change.config
     if config.episode.time_limit == log.config.episode.time_limit:
         config = replace(config, episode=replace(config.episode, time_limit=limit_s))
     scenario = replace(rebuild(log, config), mission=case.mission)
     scenario = change.scenario(with_recorded_movers(scenario, case))
-    past = live_through(log, at, scenario)
+    past = live_through(log, at, scenario, asked)
+    if session is not None and isinstance(past.navigator, TrialNavigator):
+        past.navigator.session = session
     with tempfile.TemporaryDirectory() as folder:
         head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
         with LogWriter(Path(folder) / "check.mcap", *head) as writer:

@@ -68,6 +68,10 @@ class ObservationBuilder:
         self._config, self._mission, self._beams = config, mission, beams
         self._before: tuple[int, Array, float] | None = None  # time, position and heading
 
+    def take_over(self, before: ObservationBuilder) -> None:
+        """Go on after the observations of another builder."""
+        self._before = before._before
+
     def build(self, inputs: Inputs, followed: Trajectory, last: Fate | None) -> Observation:
         """The observation of one set of inputs.
 

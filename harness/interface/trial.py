@@ -45,6 +45,7 @@ class TrialNavigator(Navigator):
 
     Attributes:
         answer: The command that the last decision was made with, as it is logged.
+        session: The stack, started; none where answers come from a log.
     """
 
     def __init__(
@@ -63,7 +64,7 @@ class TrialNavigator(Navigator):
             session: The stack, started; none where answers come from a log.
         """
         super().__init__(config, mission, beams)
-        self._mission, self._session = mission, session
+        self._mission, self.session = mission, session
         self._observations = ObservationBuilder(config, mission, beams)
         self._fate: Fate | None = None
         self._judgement: tuple[Judgement, bool] | None = None  # and whether the guard cut
@@ -88,13 +89,18 @@ class TrialNavigator(Navigator):
 
     def ask(self, inputs: Inputs) -> pb.StackCommand:
         """The stack's answer to the observation of these inputs, as it is logged."""
-        if self._session is None:
+        if self.session is None:
             raise InputError(f"decision {inputs.sequence}: no answer of the stack in the log")
         observation = self._observations.build(inputs, self.state.trajectory, self._fate)
-        command = self._session.ask(observation).SerializeToString(deterministic=True)
+        command = self.session.ask(observation).SerializeToString(deterministic=True)
         answer = pb.StackCommand(sequence=inputs.sequence, command=command)
         answer.timestamp.FromNanoseconds(inputs.time_ns)
         return answer
+
+    def take_over(self, before: TrialNavigator) -> None:
+        """Go on with the session of another navigator, and with what its stack has observed."""
+        self.session, self._fate = before.session, before._fate
+        self._observations.take_over(before._observations)
 
     def commit(self, decision: pb.Decision, delay_s: float) -> pb.Decision:
         """Commit the decision with the delay that it had, and add it to the chain."""

@@ -13,6 +13,7 @@ from functools import partial
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.interface.build import navigator_for
+from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.recompute.side_by_side import (
@@ -109,6 +110,8 @@ class SegmentedStack:
             if self.segment.mission.planar:
                 higher = layer_of(self.navigator) - layer_of(before)
             self.navigator.load_state(shift_height(before.state, higher), before.chain)
+            if isinstance(self.navigator, TrialNavigator) and isinstance(before, TrialNavigator):
+                self.navigator.take_over(before)
             for stack in (self.navigator, *self._waiting):
                 stack.mapper.set_sensors(self.segment.beams)
         return self.navigator

@@ -14,7 +14,6 @@ from google.protobuf.message import Message
 
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.errors import InputError
-from wayproof.harness.interface.types import Observation, Task
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import topic_of
 from wayproof.harness.log.digest import CONTENT
@@ -23,10 +22,10 @@ from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.writer import is_regenerated
 from wayproof.harness.recompute.rebuild import is_made_from_seed, made_otherwise, rebuild
 from wayproof.harness.recompute.segments import segments_of
+from wayproof.harness.replay.answers import RecordedAnswers
 from wayproof.harness.replay.fork import fork_with
 from wayproof.harness.result import ends_in_error
 from wayproof.harness.runner import run_episode
-from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, differences, message_differences
 
@@ -181,39 +180,9 @@ def _simulate(log: Log, target: Path, folder: Path) -> None:
     run_episode(scenario, steps[0], delays=delays, record="full", session=answers)
     for run, before, after in zip(forks, steps[:-1], steps[1:], strict=True):
         parent = open_log(before, allow_plugins=True)
-        fork_with(parent, run.begin, run.config, after, delays=delays, record="full")
-
-
-class RecordedAnswers:
-    """The answers of a log in place of the stack that gave them: nothing in a log is run."""
-
-    def __init__(self, log: Log) -> None:
-        """Read them all."""
-        self._commands = {
-            message.sequence: message.command
-            for message in read_messages(log.path)
-            if isinstance(message, pb.StackCommand)
-        }
-
-    def start(self, task: Task) -> None:
-        """Nothing to start."""
-
-    def ask(self, observation: Observation) -> sb.Command:
-        """The recorded answer to an observation of this number.
-
-        Raises:
-            InputError: The log has none.
-        """
-        if observation.sequence not in self._commands:
-            raise InputError(f"decision {observation.sequence}: no answer of the stack in the log")
-        return sb.Command.FromString(self._commands[observation.sequence])
-
-    def close(self) -> None:
-        """Nothing to end."""
-
-    def stderr(self) -> str:
-        """Nothing."""
-        return ""
+        fork_with(
+            parent, run.begin, run.config, after, delays=delays, record="full", session=answers
+        )
 
 
 def _delays(log: Log) -> dict[int, float]:

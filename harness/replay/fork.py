@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from wayproof.harness.config import BUILTIN, Config, override, to_json
 from wayproof.harness.episode import Episode, Observer, arrival_ns
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface.connect import Session
+from wayproof.harness.interface.observations import task_of
+from wayproof.harness.interface.trial import TrialNavigator
+from wayproof.harness.interface.types import Task
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import time_of, topic_of
 from wayproof.harness.log.reader import Log, before, fork_note, open_log, read_head
-from wayproof.harness.log.writer import FORMAT_VERSION, PLUGINS, LogWriter, hold_log
+from wayproof.harness.log.writer import FORMAT_VERSION, PLUGINS, STDERR, LogWriter, hold_log
 from wayproof.harness.recompute.rebuild import rebuild, segment_of
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.replay.answers import AskedAgain, sensors_of
 from wayproof.harness.replay.what_if import refuse_sensed
 from wayproof.harness.result import Result
 from wayproof.harness.runner import finish, publishing_failures, settle_log
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.harness.user_code import plugin_digests
+from wayproof.harness.user_code import bounded, plugin_digests
 from wayproof.planners import Trajectory
 
 FIXED = ("world", "robot", "seed", "start")
@@ -55,6 +60,7 @@ def fork(
     target: Path,
     allow_plugins: bool = False,
     observe: Observer | None = None,
+    asked: AskedAgain | None = None,
 ) -> Result:
     """Simulate the episode of a log from one decision on with other settings.
 
@@ -67,15 +73,20 @@ def fork(
         target: Name of the new log.
         allow_plugins: Whether code that its config names may be imported.
         observe: Called after each decision, for display.
+        asked: The stack that goes on, where one was on trial, from `started_again`: it is asked
+            on all decisions before.
 
     Raises:
-        InputError: There is no such log, decision or setting, or no state was kept there.
+        InputError: There is no such log, decision or setting, no state was kept there, or a stack
+            was on trial and none goes on.
     """
     log = open_log(path, allow_plugins)
     if target.resolve() == path.resolve():
         raise InputError(f"--log {target}: the log itself, expected another name")
     config = override(log.as_of(at).config, settings)
-    return fork_with(log, at, config, target, observe)
+    if asked is not None:
+        config = replace(config, stack=replace(config.stack, name=asked.stack))
+    return fork_with(log, at, config, target, observe, asked=asked)
 
 
 def fork_with(
@@ -86,6 +97,8 @@ def fork_with(
     observe: Observer | None = None,
     delays: Mapping[int, float] | None = None,
     record: str | None = None,
+    asked: AskedAgain | None = None,
+    session: Session | None = None,
 ) -> Result:
     """Simulate the episode of a log from one decision on with another config.
 
@@ -97,6 +110,8 @@ def fork_with(
         observe: Called after each decision, for display.
         delays: Delay by decision, s, instead of measured ones.
         record: Extent of the new log; by default the config's `record`.
+        asked: The stack that goes on, where one was on trial.
+        session: In its place, such as recorded answers; nothing is asked before the fork.
 
     Raises:
         InputError: A changed setting determines the beginning of the episode, there is no such
@@ -108,16 +123,26 @@ def fork_with(
             f"{FORMAT_VERSION}, whose chain a fork can go on with; --closed-loop --log FILE writes "
             "it so"
         )
-    if log.config.stack.name != BUILTIN:
-        raise InputError(
-            f"log '{log.path}': stack '{log.config.stack.name}' was on trial, which a fork cannot "
-            "put back to where it was; expected the built-in stack"
-        )
     log = log.as_of(at)
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
+    on_trial = log.config.stack.name != BUILTIN
+    if on_trial and asked is None and session is None:
+        raise InputError(
+            f"log '{log.path}': stack '{log.config.stack.name}' was on trial, and a log cannot say "
+            "how it goes on; expected --stack STACK, which is run"
+        )
+    if on_trial != (config.stack.name != BUILTIN):
+        raise InputError(
+            f"--set stack.name={config.stack.name}: goes on from stack '{log.config.stack.name}'; "
+            "expected --stack STACK after a stack on trial, and no other after the built-in one"
+        )
     scenario = rebuild(log, config)
+    if asked is not None:
+        refuse_other_task(log, scenario)
     with hold_log(target) as draft:
-        past = live_through(log, at, scenario)
+        past = live_through(log, at, scenario, asked)
+        if session is not None and isinstance(past.navigator, TrialNavigator):
+            past.navigator.session = session
         head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
         with LogWriter(draft, *head) as writer:
             if digests := plugin_digests(scenario.config):
@@ -127,19 +152,55 @@ def fork_with(
             episode.delays.update(delays or {})
             episode.resume(past.state, past.trajectories, past.decisions, past.truths)
             with publishing_failures(draft, writer):
-                result = finish(episode, writer, episode.run())
+                ended = episode.run()
+                if asked is not None and (text := asked.session.stderr()):
+                    writer.attach(STDERR, bounded(text))
+                result = finish(episode, writer, ended)
         return settle_log(draft, result, record or config.record)
 
 
-def live_through(log: Log, at: int, scenario: Scenario) -> Past:
-    """Run the stacks of a log, and that of a scenario, through all decisions before a fork."""
+def refuse_other_task(log: Log, scenario: Scenario) -> None:
+    """Raise an InputError if the settings of a fork change the task that a stack began with.
+
+    Its `settings` may differ: those of the referee are none of the stack's.
+    """
+    infos = {caster.mount.name: sensor_info(caster) for caster in scenario.scene.casters}
+    old = task_of(log.config, log.mission, sensors_of(log))
+    new = task_of(scenario.config, scenario.mission, infos)
+    for field in fields(Task):
+        if field.name in ("settings", "seed"):
+            continue
+        if getattr(old, field.name) != getattr(new, field.name):
+            raise InputError(
+                f"--set: changes the {field.name} of the task, which the stack got at its start; "
+                "expected settings of the referee or of the simulation"
+            )
+
+
+def live_through(log: Log, at: int, scenario: Scenario, asked: AskedAgain | None = None) -> Past:
+    """Run the stacks of a log, and that of a scenario, through all decisions before a fork.
+
+    Args:
+        log: The log.
+        at: Number of the decision that the fork begins with.
+        scenario: Of the fork.
+        asked: A stack that is asked on each of these decisions, and goes on at the fork.
+
+    Raises:
+        InputError: The log does not replay, has no such decision, or no state there.
+    """
     stack = SegmentedStack([*segments_of(log), segment_of(scenario, at)])
+    if asked is not None and isinstance(stack.navigator, TrialNavigator):
+        stack.navigator.session = asked.session
     trajectories, decisions = [], []
     state, reached = None, False
     for record in log.records():
         if record.decision.sequence == at:
             state, reached = record.state, True
             break
+        navigator = stack.go_to(record.decision.sequence)
+        if asked is not None and isinstance(navigator, TrialNavigator):
+            asked.ask(navigator, record)
         recorded = stack.step(record)
         if recorded.chain != record.decision.chain:
             raise InputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,12 +38,44 @@ class Answer:
         label: Label.
         reason: Reason, in words.
         path_length_m: Length of the path to the goal; 0 without one.
+        verdict: The referee's on the command of a stack on trial; empty of the built-in one.
     """
 
     action: str
     label: str
     reason: str
     path_length_m: float
+    verdict: str = ""
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """Numbers of the referee's verdicts on the commands of a stack on trial.
+
+    Attributes:
+        admitted: Commands that it admits.
+        unknown: Commands into unknown space.
+        blocked: Commands into occupied space or out of the operating area.
+        cut: Commands that a guard cuts or would cut: all that are not admitted.
+        first_cut: Number of the first of these; None without any.
+    """
+
+    admitted: int = 0
+    unknown: int = 0
+    blocked: int = 0
+    cut: int = 0
+    first_cut: int | None = None
+
+    def with_one(self, decision: pb.Decision) -> Verdicts:
+        """Return the numbers with another decision; those without a verdict do not count."""
+        verdict = decision.verdict.verdict
+        if not verdict:
+            return self
+        counted = replace(self, **{verdict: getattr(self, verdict) + 1})
+        if verdict == "admitted":
+            return counted
+        first = decision.sequence if self.first_cut is None else self.first_cut
+        return replace(counted, cut=self.cut + 1, first_cut=first)
 
 
 @dataclass(frozen=True)
@@ -80,6 +112,8 @@ class WhatIf:
         changes: Decisions that differ, in order.
         actions: Number of those whose action differs.
         first_action: Number of the first of these, if any.
+        recorded_verdicts: The referee's verdicts with the recorded settings, on a stack on trial.
+        changed_verdicts: Those with the changed settings.
         wall_time_s: Wall time, s.
     """
 
@@ -90,6 +124,8 @@ class WhatIf:
     changes: tuple[Change, ...]
     actions: int
     first_action: int | None
+    recorded_verdicts: Verdicts
+    changed_verdicts: Verdicts
     wall_time_s: float
 
 
@@ -106,17 +142,23 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
     """
     log = open_log(path, allow_plugins)
     changed = changed_config(log, settings)
+    if changed.stack.name != log.config.stack.name:
+        raise InputError(
+            "--set stack.name: a log holds no answers of another stack; expected run --stack"
+        )
     refuse_sensed(log.config, changed, "these need the simulator: --from N forks the episode")
     began = time.perf_counter()
     twin = SideBySide(log, log.config, changed)
     changes = []
     decisions, faithful = 0, True
+    old, new = Verdicts(), Verdicts()
     for record in log.records():
         recorded, other = twin.step(record)
         faithful = faithful and not differences(record.decision, recorded, log.not_compared)
         change = compare(recorded, other, log.mission.planar)
         if change is not None:
             changes.append(change)
+        old, new = old.with_one(recorded), new.with_one(other)
         decisions += 1
     if decisions == 0:
         raise InputError(f"log '{path}': no decisions in it")
@@ -129,6 +171,8 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
         changes=tuple(changes),
         actions=len(acts),
         first_action=acts[0] if acts else None,
+        recorded_verdicts=old,
+        changed_verdicts=new,
         wall_time_s=time.perf_counter() - began,
     )
 
@@ -167,7 +211,7 @@ def compare(old: pb.Decision, new: pb.Decision, flat: bool) -> Change | None:
     first, second = path_of(old.global_path)[:, :axes], path_of(new.global_path)[:, :axes]
     route = None if min(len(first), len(second)) == 0 else _route_difference(first, second)
     same_route = len(first) == len(second) == 0 or (route is not None and route <= SAME_PLACE)
-    if (old.action, old.label) == (new.action, new.label) and departure <= SAME_PLACE:
+    if _acts_like(old, new) and departure <= SAME_PLACE:
         if same_route:
             return None
     return Change(
@@ -180,8 +224,17 @@ def compare(old: pb.Decision, new: pb.Decision, flat: bool) -> Change | None:
     )
 
 
+def _acts_like(old: pb.Decision, new: pb.Decision) -> bool:
+    """Return whether action, label and the referee's verdict are the same."""
+    first, second = (
+        (one.action, one.label, one.verdict.verdict, one.verdict.cut) for one in (old, new)
+    )
+    return first == second
+
+
 def _answer(decision: pb.Decision) -> Answer:
-    return Answer(decision.action, decision.label, decision.reason, decision.path_length_m)
+    verdict = decision.verdict.verdict
+    return Answer(decision.action, decision.label, decision.reason, decision.path_length_m, verdict)
 
 
 def _departure(old: pb.Trajectory, new: pb.Trajectory, axes: int) -> float:

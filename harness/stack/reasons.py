@@ -274,7 +274,7 @@ MEANINGS: dict[Kind, Meaning] = {
     ),
     "at_goal": Meaning("at rest {distance_m:.2f} m from the goal", ("goal",)),
     "commanded": Meaning(
-        "commanded by the stack on trial; the referee admits {free_m:.2f} m, to its rest",
+        "commanded by the stack on trial; the referee admits all of its {free_m:.2f} m",
         get_args(Action),
         get_args(Label),
     ),

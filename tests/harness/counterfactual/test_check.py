@@ -11,9 +11,10 @@ import pytest
 from wayproof.harness.attribution import CAUSES, find_cause, read_case
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.bench.attribution.confusion import run_planted
-from wayproof.harness.counterfactual.check import Check, check, settle
+from wayproof.harness.counterfactual.check import check, settle
 from wayproof.harness.counterfactual.recorded_movers import with_recorded_movers
 from wayproof.harness.counterfactual.remedies import REMEDIES
+from wayproof.harness.counterfactual.verdict import Check
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.errors import StackCause
 from wayproof.harness.log.reader import open_log
@@ -46,6 +47,10 @@ def saved_by(*remedies):
         ("impossible", ("more_time",), "impossible", "confirmed"),
         ("impossible", (), "impossible", "confirmed"),
         ("unexplained", (), "unexplained", "confirmed"),
+        ("disregarded_obstacle", ("guard", "true_pose"), "disregarded_obstacle", "confirmed"),
+        ("missed_obstacle", ("guard",), "missed_obstacle", "inconclusive"),
+        ("missed_obstacle", ("guard", "no_movers"), "moved_obstacle", "changed"),
+        ("disregarded_obstacle", (), "unexplained", "changed"),
         ("unexplained", ("more_search",), "planner", "changed"),
         ("unexplained", ("true_map",), "ghost_obstacle", "changed"),
         ("unexplained", ("true_map", "no_movers"), "moved_obstacle", "changed"),
@@ -61,7 +66,7 @@ def test_a_check_decides_the_cause(found, saving, cause, answer):
 
 def test_every_cause_that_a_change_can_undo_has_a_remedy():
     borne_out = {cause for _, causes in REMEDIES.values() for cause in causes}
-    without = {"disregarded_obstacle", "unexplained", *get_args(StackCause)}
+    without = {"unexplained", *get_args(StackCause)}
     assert borne_out == set(CAUSES) - without
 
 

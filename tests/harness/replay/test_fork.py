@@ -7,10 +7,13 @@ import pytest
 
 from tests.harness.replay.episodes import SHORT
 from wayproof.harness.cli.main import main
+from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import Packet, walk
 from wayproof.harness.log.copy import thin
 from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.answers import started_again
 from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -116,3 +119,52 @@ def test_the_audit_of_a_fork_reads_each_decision_with_its_own_settings(recorded,
     assert found.decisions == 21
     assert found.swept > 5
     assert found.violations == ()
+
+
+BLIND = ("cylinders", "drone", 2, "stack.name=blind")
+
+
+def test_a_fork_of_a_stack_on_trial_goes_on_with_the_stack(recorded, tmp_path):
+    result = recorded(*BLIND)
+    path, target = Path(result.log), tmp_path / "fork.mcap"
+    with pytest.raises(InputError, match="stack 'blind' was on trial, and a log cannot say how"):
+        fork(path, 10, (), target)
+    log = open_log(path)
+    with started_again(log, "blind") as asked:
+        same = fork(path, 10, (), target, asked=asked)
+    assert (asked.answers, asked.differing) == (10, 0)
+    assert same.chain == result.chain
+    assert packets(target) == packets(path)
+    with started_again(log, "blind") as asked:
+        kept = fork(path, 9, ("stack.guard=true", "episode.stuck_after=2"), target, asked=asked)
+    assert (kept.outcome, kept.collisions) == ("stuck", 0)
+    assert replay(target).identical
+    assert simulate_again(target).identical
+    assert audit(target).violations == ()
+    with started_again(log, "gap") as asked:
+        fork(path, 5, ("episode.time_limit=1",), target, asked=asked)
+    assert (asked.differing, asked.first_difference) == (5, 0)
+    assert replay(target).identical
+    assert open_log(target).config.stack.name == "gap"
+
+
+@pytest.mark.parametrize(
+    ("setting", "line"),
+    [
+        ("goal=[5.0,5.0]", "changes the mission of the task, which the stack got at its start"),
+        ("latency.plan=0.1", "changes the delay_s of the task"),
+    ],
+)
+def test_the_task_of_a_stack_on_trial_stays(recorded, tmp_path, setting, line):
+    path = Path(recorded(*BLIND).log)
+    with started_again(open_log(path), "blind") as asked, pytest.raises(InputError, match=line):
+        fork(path, 10, (setting,), tmp_path / "fork.mcap", asked=asked)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_fork_does_not_change_between_the_built_in_stack_and_one_on_trial(recorded, tmp_path):
+    result = recorded(*SHORT["drone"])
+    with pytest.raises(InputError, match="goes on from stack 'builtin'"):
+        fork(Path(result.log), 3, ("stack.name=blind",), tmp_path / "fork.mcap")
+    code = main(["replay", recorded(*BLIND).log, "--from", "3", "--stack", "builtin"])
+    assert code == 2

@@ -6,6 +6,7 @@ import pytest
 
 from tests.harness.replay.episodes import SHORT
 from wayproof.harness.cli.main import main
+from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.what_if import what_if
 
@@ -56,3 +57,21 @@ def test_settings_that_what_if_refuses(recorded, capsys, options, said):
     captured = capsys.readouterr()
     assert said in captured.err
     assert captured.err.count("\n") == 1
+
+
+def test_other_settings_of_the_referee_change_its_verdicts(recorded, capsys):
+    path = Path(recorded("cylinders", "drone", 2, "stack.name=blind").log)
+    wider = what_if(path, ["costmap.localization_margin=0.4"])
+    old, new = wider.recorded_verdicts, wider.changed_verdicts
+    recorded_ones = [one.verdict.verdict for one in open_log(path).decisions()]
+    assert old.admitted == recorded_ones.count("admitted")
+    assert old.cut == old.unknown + old.blocked == len(recorded_ones) - old.admitted
+    assert old.first_cut == next(k for k, one in enumerate(recorded_ones) if one != "admitted")
+    assert new.cut > old.cut
+    assert {one.changed.verdict for one in wider.changes} == {"blocked"}
+    assert wider.actions == 0  # without the guard the commands are followed all the same
+    assert main(["replay", str(path), "--set", "stack.guard=true"]) == 1
+    shown = capsys.readouterr().out
+    assert f"a guard cuts {old.cut}, the first at {old.first_cut}" in shown
+    with pytest.raises(InputError, match="a log holds no answers of another stack"):
+        what_if(path, ["stack.name=gap"])

@@ -1,0 +1,93 @@
+"""Check of a stack on trial from its log alone: what would the guard have done?
+
+The recorded answers are followed up to the first of the commands that led to the failure against
+the referee's verdict. There the guard brakes, and the stack, which is not run, is silent: the body
+stands. A control with all recorded answers must fail again, or the check is inconclusive.
+"""
+
+from __future__ import annotations
+
+from wayproof.harness.attribution.case import Case
+from wayproof.harness.attribution.commanded import commands_to
+from wayproof.harness.attribution.finding import Finding
+from wayproof.harness.counterfactual.remedies import REMEDIES, go_on, guard, nothing
+from wayproof.harness.counterfactual.verdict import (
+    CONTROL,
+    HARM,
+    MORE_TIME,
+    TOUCHED,
+    Check,
+    Verdict,
+)
+from wayproof.harness.log.reader import Log
+from wayproof.harness.replay.answers import RecordedAnswers
+
+GUARD = "guard"
+"""Its name among `REMEDIES`."""
+
+
+def check_by_guard(log: Log, case: Case, finding: Finding) -> Verdict:
+    """Try the guard from the first command on that it would have cut, and settle the cause.
+
+    Raises:
+        InputError: The log has no state there, or does not replay.
+    """
+    commands = commands_to(case, case.end_s)
+    if note := _undecided(log, case, commands):
+        return Verdict(finding, "inconclusive", (), 0.0, note)
+    first = commands[0]
+    control = _simulate(log, case, CONTROL, first, silent_from=len(case.moments))
+    checks = [control]
+    if not control.saves:
+        checks.append(_simulate(log, case, GUARD, first, silent_from=first + 1))
+    begin_s = case.moments[first].time_ns * 1e-9
+    simulated = sum(one.end_s - begin_s for one in checks)
+    settled, answer, note = settle_by_guard(finding, checks)
+    return Verdict(settled, answer, tuple(checks), simulated, note)
+
+
+def settle_by_guard(finding: Finding, checks: list[Check]) -> tuple[Finding, str, str]:
+    """Return the cause that the checks leave, the answer, and a note.
+
+    Args:
+        finding: Cause by the facts.
+        checks: The control, and the guard unless the control was saved.
+    """
+    if len(checks) == 1:
+        return finding, "inconclusive", ""
+    first, saves = checks[-1].begin, checks[-1].saves
+    against_verdict = finding.cause in REMEDIES[GUARD][1]
+    if saves and against_verdict:
+        return finding, "confirmed", ""
+    if not against_verdict:
+        does = "keeps the robot from it" if saves else "does not keep the robot from it"
+        note = f"cutting decision {first} {does}, which says nothing about {finding.cause}"
+        return finding, "inconclusive", note
+    evidence = (
+        f"the guard would have cut decision {first}, and that does not save the robot; the facts "
+        f"alone gave {finding.cause}: {finding.evidence}"
+    )
+    return Finding("unexplained", evidence, finding.decision, finding.place), "changed", ""
+
+
+def _undecided(log: Log, case: Case, commands: tuple[int, ...]) -> str:
+    """Return why the guard can show nothing, in words; empty if it can."""
+    live = "--stack STACK lets the stack itself go on"
+    if log.config.stack.guard:
+        return f"the guard was on; {live}"
+    if case.outcome not in TOUCHED:
+        return f"the guard can only keep the robot from a contact; {live}"
+    if not commands:
+        return f"the referee admitted the commands that led to it, so the guard cuts none; {live}"
+    return ""
+
+
+def _simulate(log: Log, case: Case, name: str, begin: int, silent_from: int) -> Check:
+    """Go on from a decision with the recorded answers, until the stack is silent."""
+    log_then, case_then = log.as_of(begin), case.as_of(begin)
+    make = guard if name == GUARD else nothing
+    answers = RecordedAnswers(log, silent_from)
+    limit_s = case.end_s + MORE_TIME
+    result = go_on(log_then, case_then, make(log_then, case_then), begin, limit_s, session=answers)
+    saves = result.outcome not in HARM
+    return Check(name, begin, result.outcome, result.sim_time_s, saves)

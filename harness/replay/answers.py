@@ -1,0 +1,140 @@
+"""Answers in place of those of a live stack: a log's, or those of a stack that is asked again."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from wayproof.harness.config import BUILTIN
+from wayproof.harness.errors import InputError
+from wayproof.harness.interface.connect import Session, connect
+from wayproof.harness.interface.observations import task_of
+from wayproof.harness.interface.trial import TrialNavigator
+from wayproof.harness.interface.types import Observation, Task
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.reader import Log, Record
+from wayproof.harness.recompute.segments import segments_of
+from wayproof.harness.schema import stack_pb2 as sb
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import Difference, message_differences
+
+
+class RecordedAnswers:
+    """The answers of a log as a session, in place of the stack that gave them: nothing is run."""
+
+    def __init__(self, log: Log, silent_from: int | None = None) -> None:
+        """Read them all.
+
+        Args:
+            log: Of a stack on trial.
+            silent_from: Number of the decision from which on the stack is silent: its answers have
+                no motion, so the body goes on to its rest. By default it never is.
+        """
+        self._silent_from = silent_from
+        self._commands = {
+            message.sequence: message.command
+            for message in read_messages(log.path)
+            if isinstance(message, pb.StackCommand)
+        }
+
+    def start(self, task: Task) -> None:
+        """Nothing to start."""
+
+    def ask(self, observation: Observation) -> sb.Command:
+        """The recorded answer to an observation of this number.
+
+        Raises:
+            InputError: The log has none.
+        """
+        sequence = observation.sequence
+        if self._silent_from is not None and sequence >= self._silent_from:
+            return sb.Command(sequence=sequence)
+        if sequence not in self._commands:
+            raise InputError(f"decision {sequence}: no answer of the stack in the log")
+        return sb.Command.FromString(self._commands[sequence])
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+    def stderr(self) -> str:
+        """Nothing."""
+        return ""
+
+
+@dataclass
+class AskedAgain:
+    """A stack started again for a log, and how its answers compare with the recorded ones.
+
+    Attributes:
+        log: The log's path.
+        stack: Name of the stack asked.
+        session: The stack, started with the task of the log.
+        answers: Answers compared.
+        differing: Answers that differ.
+        first_difference: Number of the first of them; none if all are alike.
+        differences: What differs there, value by value.
+    """
+
+    log: str
+    stack: str
+    session: Session
+    answers: int = 0
+    differing: int = 0
+    first_difference: int | None = None
+    differences: list[Difference] = field(default_factory=list)
+
+    def ask(self, navigator: TrialNavigator, record: Record) -> None:
+        """Ask the stack on the inputs of a decision, with the recorded answers before it.
+
+        Args:
+            navigator: Before that decision, with the session.
+            record: The decision.
+
+        Raises:
+            InputError: It has no answer.
+        """
+        sequence = record.decision.sequence
+        if record.answer is None:
+            raise InputError(f"log '{self.log}': decision {sequence} without an answer")
+        asked = navigator.ask(record.inputs)
+        recorded = sb.Command.FromString(record.answer.command)
+        found = message_differences(recorded, sb.Command.FromString(asked.command))
+        self.answers += 1
+        if found:
+            self.differing += 1
+            if self.first_difference is None:
+                self.first_difference, self.differences = sequence, found
+
+
+@contextlib.contextmanager
+def started_again(log: Log, stack: str) -> Iterator[AskedAgain]:
+    """Start a stack with the task of a log, and close it in the end.
+
+    Args:
+        log: Of a stack on trial.
+        stack: As `--stack` takes it; it is run.
+
+    Raises:
+        InputError: The log's stack was not on trial, or the stack cannot be started.
+    """
+    if log.config.stack.name == BUILTIN or stack == BUILTIN:
+        what = "a log of the built-in stack" if stack != BUILTIN else f"--stack {BUILTIN}"
+        raise InputError(f"log '{log.path}': {what}, expected one of a stack on trial")
+    first = segments_of(log)[0]
+    session = connect(stack, log.config.plugins.wall_s)
+    try:
+        session.start(task_of(first.config, first.mission, sensors_of(log)))
+        yield AskedAgain(str(log.path), stack, session)
+    finally:
+        session.close()
+
+
+def sensors_of(log: Log) -> dict[str, pb.SensorInfo]:
+    """Return the sensors of a log by name; they stand before everything else in it."""
+    infos: dict[str, pb.SensorInfo] = {}
+    for message in read_messages(log.path):
+        if not isinstance(message, pb.SensorInfo):
+            break
+        infos.setdefault(message.name, message)
+    return infos
