@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 from google.protobuf.message import Message
 
 from wayproof.harness.config import LatencyConfig
 from wayproof.harness.ending import Verdict
 from wayproof.harness.errors import NeverReturned
-from wayproof.harness.inputs import inputs_from_messages, serialized
+from wayproof.harness.inputs import Inputs, inputs_from_messages, serialized
 from wayproof.harness.interface.errors import StackError
 from wayproof.harness.log.writer import TRACEBACK, LogWriter
 from wayproof.harness.result import Outcome, Result
@@ -32,12 +34,27 @@ from wayproof.planners import Trajectory
 Observer = Callable[[pb.Decision, pb.Truth], None]
 
 
+class Sensed(NamedTuple):
+    """What was sensed at one instant, as it is logged.
+
+    Attributes:
+        messages: Sweeps and pose, with their bytes.
+        sense_ms: Wall time of casting the sweeps, ms.
+    """
+
+    messages: tuple[tuple[Message, bytes], ...]
+    sense_ms: float
+
+
 class Episode:
     """The loop of one episode: simulation, stack under test, log.
 
     Attributes:
         delays: Delay of decisions by number, s, in place of the measured or modelled one.
         fault: Exception of Wayproof's own code, if that ended the episode.
+        inputs: Inputs of the next decision.
+        decision: The newest one in the log; none before the first.
+        result: Verdict and figures, once the episode has ended.
     """
 
     def __init__(
@@ -59,6 +76,11 @@ class Episode:
         self._watchdog = Watchdog(scenario.config)
         self.delays: dict[int, float] = {}
         self.fault: Exception | NeverReturned | None = None
+        self.result: Result | None = None
+        self.inputs: Inputs
+        self.decision: pb.Decision | None = None
+        self._sensed: Sensed
+        self._began = time.perf_counter()
         self._sequence = 0
         self._chain = navigator.chain  # of the decisions in the log
         self._following = False  # whether the newest decision is logged, and the body follows it
@@ -95,46 +117,77 @@ class Episode:
         self._recorder.resume(decisions, truths)
 
     def run(self) -> Result:
-        """Decide at the sensors' rate, simulate in between, and end with a verdict.
+        """Sense, decide and simulate up to a verdict."""
+        self.sense()
+        while self.result is None:
+            self.step()
+        return self.result
 
-        Code that fails ends the episode as `error`, with its traceback in the log; if it is
-        Wayproof's own, it is the `fault`.
+    def sense(self) -> None:
+        """Take the sweeps and the pose of this instant: the inputs of the next decision."""
+        with self._ending_if_it_fails():
+            self._following = False
+            time_ns = self._simulation.now_ns
+            self._recorder.hash_control(self._simulation.drain_setpoints())
+            sweeps, pose, sense_ms = self._sensors.sense(self._sequence, time_ns)
+            written = [serialized(message) for message in (*sweeps, pose)]
+            self.inputs = inputs_from_messages(pose, sweeps, written)
+            self._sensed = Sensed((*zip((*sweeps, pose), written, strict=True),), sense_ms)
+
+    def step(self, answer: pb.StackCommand | None = None) -> None:
+        """Decide on what was sensed, simulate up to the next decision, and sense there.
+
+        Args:
+            answer: Answer of a stack on trial to the inputs; by default the navigator asks it.
         """
-        began = time.perf_counter()
-        try:
-            outcome, reason = self._until_verdict()
-        except PASSED_ON:
-            raise
-        except (Exception, NeverReturned) as error:
-            return self._failed(error, began)
-        return self._result(outcome, reason, began)
-
-    def _until_verdict(self) -> Verdict:
         verdict: Verdict | None = None
-        while verdict is None:
-            decision = self._decide()
+        with self._ending_if_it_fails():
+            decision = self._decide(answer)
             verdict = self._termination.check_decision(decision, self._recorder.positions)
             if verdict is None:
                 with self._watchdog.watching():
                     verdict = self._follow()
-        return verdict
+        if verdict is not None:
+            self.result = self._result(*verdict)
+        elif self.result is None:
+            self.sense()
 
-    def _decide(self) -> pb.Decision:
-        """Sense, decide and log; the trajectory takes effect when its start time comes."""
-        self._following = False
-        time_ns = self._simulation.now_ns
-        self._recorder.hash_control(self._simulation.drain_setpoints())
-        sweeps, pose, sense_ms = self._sensors.sense(self._sequence, time_ns)
-        written = [serialized(message) for message in (*sweeps, pose)]
-        inputs = inputs_from_messages(pose, sweeps, written)
+    def abandon(self, reason: str) -> None:
+        """End the episode as an `error` before its verdict."""
+        self.result = self._result("error", reason)
+
+    def truth(self) -> pb.Truth:
+        """The simulator's truth of this instant."""
+        return self._recorder.truth(self._sequence, self._simulation.now_ns)
+
+    def goal_distance(self) -> float:
+        """True distance from the goal, m; in the plane for a ground robot."""
+        return self._termination.goal_distance()
+
+    @contextlib.contextmanager
+    def _ending_if_it_fails(self) -> Iterator[None]:
+        """End as `error` where code fails; its traceback is in the log.
+
+        If it is Wayproof's own, it is the `fault`.
+        """
+        try:
+            yield
+        except PASSED_ON:
+            raise
+        except (Exception, NeverReturned) as error:
+            self.result = self._failed(error)
+
+    def _decide(self, answer: pb.StackCommand | None) -> pb.Decision:
+        """Decide and log; the trajectory takes effect when its start time comes."""
+        inputs = self.inputs
         with self._watchdog.watching():
-            decision = self._navigator.step(inputs, sense_ms)
-        latency = self._latency(decision, time_ns)
+            decision = self._navigator.step(inputs, self._sensed.sense_ms, answer)
+        latency = self._latency(decision, inputs.time_ns)
         self._navigator.commit(decision, latency.delay_s)
         if not decision.deadline_missed:
             trajectory = self._navigator.trajectory
             self._simulation.enqueue([(arrival_ns(decision, trajectory), trajectory)])
-        self._record(time_ns, [*zip((*sweeps, pose), written, strict=True)], latency, decision)
+        self._record(inputs.time_ns, [*self._sensed.messages], latency, decision)
         return decision
 
     def _record(
@@ -152,6 +205,7 @@ class Episode:
         if self._observe is not None:
             self._observe(decision, truth)
         self._sequence += 1
+        self.decision = decision
         self._chain, self._following = decision.chain, True
         if self._watchdog.names:  # whatever the user's code does next, this decision is kept
             self._log.flush()
@@ -175,7 +229,7 @@ class Episode:
         message.timestamp.FromNanoseconds(time_ns)
         return message
 
-    def _failed(self, error: Exception | NeverReturned, began: float) -> Result:
+    def _failed(self, error: Exception | NeverReturned) -> Result:
         """End as `error`, with the traceback in the log."""
         bound_memory(None)  # finishing the log takes memory, too
         newest = self._sequence - self._following  # the decision being made or followed
@@ -186,7 +240,7 @@ class Episode:
         if failure.ours:
             error.add_note(f"{place}; the log is {self._log.path}")
             self.fault = error
-        result = self._result("error", failure.reason, began)
+        result = self._result("error", failure.reason)
         if isinstance(error, StackError):
             result = replace(
                 result,
@@ -196,7 +250,7 @@ class Episode:
             )
         return replace(result, traceback=failure.traceback)
 
-    def _result(self, outcome: Outcome, reason: str, began: float) -> Result:
+    def _result(self, outcome: Outcome, reason: str) -> Result:
         contact = (
             first_contact(self._scene, self._simulation.data) if outcome == "collision" else None
         )
@@ -206,7 +260,7 @@ class Episode:
             reason=reason,
             goal_distance_m=self._termination.goal_distance(),
             sim_time_s=self._simulation.now_ns * 1e-9,
-            wall_time_s=time.perf_counter() - began,
+            wall_time_s=time.perf_counter() - self._began,
             decisions=self._sequence,
             collisions=self._simulation.truth.collisions,
             struck=self._simulation.truth.hits_by_movers,

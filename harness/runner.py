@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wayproof.harness.attribution.attribution import with_cause
-from wayproof.harness.config import to_json
+from wayproof.harness.config import Config, to_json
 from wayproof.harness.episode import Episode, Observer
-from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.inputs import Beams, beams_from_info
 from wayproof.harness.interface.build import live_navigator
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.log.copy import thin
 from wayproof.harness.log.writer import PLUGINS, STDERR, LogWriter, hold_log
+from wayproof.harness.mission import Mission
 from wayproof.harness.outputs import Draft
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
@@ -24,6 +25,8 @@ from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.supervision import announce
 from wayproof.harness.user_code import bounded, plugin_digests
 
+NavigatorFactory = Callable[[Config, Mission, Mapping[str, Beams]], Navigator]
+
 
 def run_episode(
     scenario: Scenario,
@@ -31,7 +34,7 @@ def run_episode(
     observe: Observer | None = None,
     delays: Mapping[int, float] | None = None,
     record: str | None = None,
-    stack: type[Navigator] | None = None,
+    stack: NavigatorFactory | None = None,
     session: Session | None = None,
 ) -> Result:
     """Run one episode and write its log.
@@ -50,34 +53,92 @@ def run_episode(
         InputError: No map can be made for the mission, or the log cannot be written.
         Exception: A fault of Wayproof's own ended the episode; its log is finished as `error`.
     """
+    with open_episode(scenario, log_path, observe, stack, session) as opened:
+        opened.episode.delays.update(delays or {})
+        opened.episode.run()
+        return opened.end(record)
+
+
+@dataclass(frozen=True)
+class OpenEpisode:
+    """An episode under way, with its log.
+
+    Attributes:
+        episode: The episode.
+        scenario: What is run.
+        navigator: The stack under test, or what stands for one on trial.
+        log: Partial until the episode has ended.
+        draft: The log's name.
+        session: Stack on trial, if it is asked for its answers.
+    """
+
+    episode: Episode
+    scenario: Scenario
+    navigator: Navigator
+    log: LogWriter
+    draft: Draft
+    session: Session | None
+
+    def end(self, record: str | None = None) -> Result:
+        """Write the result of the episode, which has ended, and give the log its name.
+
+        Args:
+            record: What to keep in place of the config's `record`.
+
+        Raises:
+            Exception: A fault of Wayproof's own ended the episode; its log is finished as `error`.
+        """
+        assert self.episode.result is not None
+        with publishing_failures(self.draft, self.log):
+            if self.session is not None and (text := self.session.stderr()):
+                self.log.attach(STDERR, bounded(text))
+            result = with_cause(self.episode.result, self.scenario, self.log)
+            result = finish(self.episode, self.log, result)
+        return settle_log(self.draft, result, record or self.scenario.config.record)
+
+
+@contextlib.contextmanager
+def open_episode(
+    scenario: Scenario,
+    log_path: Path | Draft,
+    observe: Observer | None = None,
+    stack: NavigatorFactory | None = None,
+    session: Session | None = None,
+) -> Iterator[OpenEpisode]:
+    """Begin an episode and its log, which stays partial unless the episode is ended.
+
+    Args:
+        scenario: What to run.
+        log_path: As of `run_episode`.
+        observe: Likewise.
+        stack: Likewise.
+        session: Likewise.
+
+    Raises:
+        InputError: No map can be made for the mission, or the log cannot be written.
+    """
     redirect_mujoco_warnings()
     infos = [sensor_info(caster) for caster in scenario.scene.casters]
     config, mission = to_json(scenario.config), scenario.mission.to_json()
     with (
         _navigator(scenario, infos, stack, session) as (navigator, session),
         log_path if isinstance(log_path, Draft) else hold_log(log_path) as draft,
+        LogWriter(draft, config, mission, scenario.scene.mjcf) as log,
     ):
-        with LogWriter(draft, config, mission, scenario.scene.mjcf) as log:
-            if digests := plugin_digests(scenario.config):
-                log.note(PLUGINS, digests)
-                announce(log.path)
-            for info in infos:
-                log.write(f"/sensor/{info.name}/info", info, 0)
-            episode = Episode(scenario, navigator, log, observe)
-            episode.delays.update(delays or {})
-            with publishing_failures(draft, log):
-                ended = episode.run()
-                if session is not None and (text := session.stderr()):
-                    log.attach(STDERR, bounded(text))
-                result = finish(episode, log, with_cause(ended, scenario, log))
-        return settle_log(draft, result, record or scenario.config.record)
+        if digests := plugin_digests(scenario.config):
+            log.note(PLUGINS, digests)
+            announce(log.path)
+        for info in infos:
+            log.write(f"/sensor/{info.name}/info", info, 0)
+        episode = Episode(scenario, navigator, log, observe)
+        yield OpenEpisode(episode, scenario, navigator, log, draft, session)
 
 
 @contextlib.contextmanager
 def _navigator(
     scenario: Scenario,
     infos: list[pb.SensorInfo],
-    stack: type[Navigator] | None,
+    stack: NavigatorFactory | None,
     session: Session | None,
 ) -> Iterator[tuple[Navigator, Session | None]]:
     """The navigator of a scenario, and the stack on trial behind it."""

@@ -26,7 +26,7 @@ from wayproof.harness.interface.errors import StackError
 from wayproof.harness.interface.motion import Followed, MotionError, trajectory_of
 from wayproof.harness.interface.observations import ObservationBuilder, reference_at
 from wayproof.harness.interface.referee import Judgement, fits_along, judge
-from wayproof.harness.interface.types import Fate
+from wayproof.harness.interface.types import Fate, Observation
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -91,11 +91,11 @@ class TrialNavigator(Navigator):
         """The stack's answer to the observation of these inputs, as it is logged."""
         if self.session is None:
             raise InputError(f"decision {inputs.sequence}: no answer of the stack in the log")
-        observation = self._observations.build(inputs, self.state.trajectory, self._fate)
-        command = self.session.ask(observation).SerializeToString(deterministic=True)
-        answer = pb.StackCommand(sequence=inputs.sequence, command=command)
-        answer.timestamp.FromNanoseconds(inputs.time_ns)
-        return answer
+        return logged_answer(self.session.ask(self.observe(inputs)), inputs.time_ns)
+
+    def observe(self, inputs: Inputs) -> Observation:
+        """What a stack observes of these inputs; once for each, in order."""
+        return self._observations.build(inputs, self.state.trajectory, self._fate)
 
     def take_over(self, before: TrialNavigator) -> None:
         """Go on with the session of another navigator, and with what its stack has observed."""
@@ -226,6 +226,19 @@ class TrialNavigator(Navigator):
         away = distance(planner_input.position, planner_input.goal)
         arrived = command.action == "goal" or away <= planner_input.goal_tolerance
         return "goal" if arrived else "stop_and_wait"
+
+
+def logged_answer(command: sb.Command, time_ns: int) -> pb.StackCommand:
+    """A command that answers the observation of its sequence, as it is logged.
+
+    Args:
+        command: Of the stack.
+        time_ns: Time of the observation, ns.
+    """
+    sent = command.SerializeToString(deterministic=True)
+    answer = pb.StackCommand(sequence=command.sequence, command=sent)
+    answer.timestamp.FromNanoseconds(time_ns)
+    return answer
 
 
 def _overlap_reason(kind: Kind, judgement: Judgement) -> Reason:

@@ -114,22 +114,26 @@ class Recorder:
         if done is not None:
             self._log.write("/perturbation", done, time_ns)
 
-    def _write_truth(self, sequence: int, time_ns: int) -> pb.Truth:
+    def truth(self, sequence: int, time_ns: int) -> pb.Truth:
+        """The simulator's truth, where decision `sequence` is made at `time_ns`."""
         simulation, truth = self._simulation, self._simulation.truth
-        clearance = truth.clearance(simulation.data)
-        self.positions.append(simulation.position.copy())
-        self._clearances.append(clearance)
         message = pb.Truth(
             sequence=sequence,
             position=simulation.position.tolist(),
             quaternion=simulation.quaternion.tolist(),
             velocity=simulation.data.qvel[:3].tolist(),
-            clearance_m=clearance,
+            clearance_m=truth.clearance(simulation.data),
             collisions=truth.collisions,
             hit_by_mover=truth.hits_by_movers,
         )
         for mover in simulation.traffic.states() if simulation.traffic else ():
             message.movers.add(**mover._asdict())
         message.timestamp.FromNanoseconds(time_ns)
+        return message
+
+    def _write_truth(self, sequence: int, time_ns: int) -> pb.Truth:
+        message = self.truth(sequence, time_ns)
+        self.positions.append(self._simulation.position.copy())
+        self._clearances.append(message.clearance_m)
         self._log.write("/truth", message, time_ns)
         return message
