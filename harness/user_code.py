@@ -17,12 +17,11 @@ from types import FrameType
 
 from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.errors import InputError, NeverReturned, printable
-from wayproof.harness.interface.connect import runs_in_process
+from wayproof.harness.interface.connect import runs_in_process, stack_digest
 from wayproof.harness.interface.errors import StackError
 from wayproof.harness.supervision import stacks_file
 from wayproof.models._plugin import UserCodeError as ControllerError
 from wayproof.planners.ompl._plugin import UserCodeError as PlannerError
-from wayproof.planners.ompl._plugin import source_digest
 
 USER_CODE_ERRORS = (PlannerError, ControllerError)
 
@@ -72,8 +71,8 @@ def plugins_of(config: Config) -> list[str]:
 
 
 def plugin_digests(config: Config) -> dict[str, str]:
-    """SHA-256 of the file of each of the user's classes, by name."""
-    return {name: source_digest(name) for name in plugins_of(config)}
+    """SHA-256 of the file of each of the user's classes, and of a policy, by name."""
+    return {name: stack_digest(name) for name in plugins_of(config)}
 
 
 def failure_of(error: BaseException, place: str, names: list[str]) -> Failure:

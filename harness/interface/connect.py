@@ -1,4 +1,4 @@
-"""Ways in for a stack: a registered name, a class, a command, a socket, ROS 2.
+"""Ways in for a stack: a registered name, a class, a policy, a command, a socket, ROS 2.
 
 All give the same: something that is started with a task and answers observations with commands.
 """
@@ -6,21 +6,24 @@ All give the same: something that is started with a task and answers observation
 from __future__ import annotations
 
 import contextlib
+import hashlib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.errors import InputError, NeverReturned, unknown_name
 from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.errors import StackError
+from wayproof.harness.interface.policy import PolicyStack
 from wayproof.harness.interface.remote import STARTING_S, ChildProcess, RemoteStack, Socket
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.interface.types import Observation, Stack, Task
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.maps import Costmap
-from wayproof.planners.ompl._plugin import UserCodeError, load_class, user_code
+from wayproof.planners.ompl._plugin import UserCodeError, load_class, source_digest, user_code
 
-EXEC, SOCKETS, ROS2 = "exec:", ("unix:", "tcp:"), "ros2"
+EXEC, SOCKETS, ROS2, POLICY = "exec:", ("unix:", "tcp:"), "ros2", "policy:"
 
 
 class Session(Protocol):
@@ -103,8 +106,8 @@ def connect(name: str, wall_s: float) -> Session:
     """Connect to a stack.
 
     Args:
-        name: A key of `STACKS`, `module:Class`, `path/to/file.py:Class`, `exec:COMMAND`,
-            `unix:PATH`, `tcp:HOST:PORT`, or `ros2` with options.
+        name: A key of `STACKS`, `module:Class`, `path/to/file.py:Class`, `policy:FILE.onnx`,
+            `exec:COMMAND`, `unix:PATH`, `tcp:HOST:PORT`, or `ros2` with options.
         wall_s: Wall time for each answer of another process, s.
 
     Raises:
@@ -123,13 +126,15 @@ def connect(name: str, wall_s: float) -> Session:
 
 
 def make_stack(name: str) -> Stack:
-    """An instance of a registered stack, or of a class of the user's own.
+    """A registered stack, a policy, or an instance of a class of the user's own.
 
     Raises:
         InputError: There is none, or it cannot be made.
     """
     if name in STACKS:
         return STACKS[name]()
+    if name.startswith(POLICY):
+        return PolicyStack(Path(name.removeprefix(POLICY)))
     if ":" not in name:
         raise unknown_name("stack.name", name, [BUILTIN, *STACKS, ROS2])
     try:
@@ -148,6 +153,14 @@ def make_stack(name: str) -> Stack:
     except UserCodeError as error:
         raise InputError(f"stack.name: {error}") from None
     return stack
+
+
+def stack_digest(name: str) -> str:
+    """SHA-256 of the file of a stack that runs in this process, in hex; empty if it has none."""
+    if not name.startswith(POLICY):
+        return source_digest(name)
+    file = Path(name.removeprefix(POLICY))
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
 
 
 def is_users(name: str) -> bool:
