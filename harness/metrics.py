@@ -182,8 +182,13 @@ def soft_spl(trace: Trace) -> float | None:
 
 def _efficiency(trace: Trace) -> float:
     assert trace.route_length is not None
-    longest = max(trace.path_length, trace.route_length)
-    return trace.route_length / longest if longest > 0.0 else 1.0
+    return efficiency(trace.path_length, trace.route_length)
+
+
+def efficiency(path_length: float, route_length: float) -> float:
+    """L / max(p, l) of a way of length p, where the shortest way has length l; both in m."""
+    longest = max(path_length, route_length)
+    return route_length / longest if longest > 0.0 else 1.0
 
 
 def barn_score(trace: Trace) -> float | None:

@@ -23,7 +23,7 @@ ORDER = (
     *("warm_up", "sim", "episode", "runner"),
     *("replay", "counterfactual", "study.statistics", "trajectory_error"),
     *("metrics", "clearance", "explain", "viewer", "tables"),
-    *("worker_pool", "study", "api", "bench", "cli", "bench.soak"),
+    *("gym", "worker_pool", "study", "api", "bench", "cli", "bench.soak"),
 )
 """Parts of the harness; each imports only those before it, be it in a function or for types."""
 

@@ -1,0 +1,266 @@
+"""Environment of Gymnasium: an agent commands one robot in one world, and the referee judges it.
+
+Each episode is one of `wayproof run --stack`, with the agent in the place of the stack: the same
+loop, referee and log, and for the same commands the same chain.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import EzPickle
+from numpy.typing import NDArray
+
+from wayproof.harness.config import Config, StackConfig, from_document, override
+from wayproof.harness.errors import unknown_name
+from wayproof.harness.gym.agent_episode import AgentEpisode
+from wayproof.harness.gym.reward import TRUNCATIONS, Reward
+from wayproof.harness.gym.spaces import (
+    ActionKind,
+    Arrays,
+    ObservationKind,
+    action_space,
+    check_kinds,
+    motion_of,
+    observation_space,
+    observed,
+)
+from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.interface.policy_tensors import PolicyObserver
+from wayproof.harness.interface.types import Observation, Task
+from wayproof.harness.metrics import efficiency
+from wayproof.harness.perturbations import perturbation_from
+from wayproof.harness.result import Result
+from wayproof.harness.scenario.robots import refuse_unused
+from wayproof.harness.scenario.scenario import build, sensor_info
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+AGENT = "gymnasium"
+"""Name of the stack in the logs of an agent's episodes."""
+
+OPTIONS = ("world", "difficulty", "perturb", "log")
+"""Keys of the options of `reset`."""
+
+Info = dict[str, Any]
+"""Truth, verdict and result, which an agent must not learn from."""
+
+
+class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
+    """One robot in one world, commanded by an agent.
+
+    A pickled environment is a new one of the same arguments.
+    """
+
+    metadata = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own name and type)
+
+    def __init__(
+        self,
+        world: str = "warehouse",
+        robot: str = "quadruped",
+        *,
+        action: ActionKind = "velocity",
+        observation: ObservationKind = "scan",
+        guard: bool = False,
+        reward: Reward | None = None,
+        settings: Sequence[str] = (),
+        difficulty: float | None = None,
+        perturb: str | None = None,
+        logs: Path | str | None = None,
+    ) -> None:
+        """Describe the episodes; each is built by `reset`.
+
+        Args:
+            world: Name of a world, or the path of a world file.
+            robot: Name of a robot, or the path of a spec file.
+            action: `velocity` or `waypoints`.
+            observation: `scan` or `sweeps`.
+            guard: Whether the referee brakes where it does not admit a command.
+            reward: Weights of the reward; by default those of `Reward`.
+            settings: As `--set` takes them, such as `map.resolution=0.2`.
+            difficulty: Of the world; by default the config's.
+            perturb: The assumption that is off, as `--perturb` takes it.
+            logs: Folder for the log of each episode, `WORLD-ROBOT-SEED.mcap`, in place of an
+                earlier one of that name; none are kept by default.
+
+        Raises:
+            InputError: There is no such world, robot, setting or kind.
+        """
+        EzPickle.__init__(
+            self, world, robot, action=action, observation=observation, guard=guard, reward=reward,
+            settings=settings, difficulty=difficulty, perturb=perturb, logs=logs,
+        )  # fmt: skip
+        check_kinds(observation, action)
+        self._action, self._observation, self._weights = action, observation, reward or Reward()
+        self._robot, self._settings, self._guard = robot, tuple(settings), guard
+        self._own = {"world": world, "difficulty": difficulty, "perturb": perturb}
+        self._logs = None if logs is None else Path(logs)
+        self._log: Path | None = None
+        infos = map(sensor_info, build(self._config({}, seed=0)).scene.casters)
+        self._beams = {info.name: beams_from_info(info) for info in infos}
+        self.observation_space: spaces.Dict = observation_space(observation, self._beams)  # type: ignore[assignment]  # its own type is wider
+        self.action_space: spaces.Box = action_space(action)  # type: ignore[assignment]
+        self._scratch = Path(tempfile.mkdtemp(prefix="wayproof-"))  # of logs that are not kept
+        self._remove_scratch = weakref.finalize(self, shutil.rmtree, self._scratch, True)
+        self._episode: AgentEpisode | None = None
+        self._arrays: Arrays = {}
+        self._observer: PolicyObserver
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Arrays, Info]:
+        """Begin an episode; one under way is ended as `error`, and its log finished.
+
+        Args:
+            seed: Of the world and of all randomness in the episode; by default the next one that
+                the generator of the environment draws.
+            options: `world`, `difficulty` and `perturb` in place of the environment's own, and
+                `log`, the name of the log of this episode.
+
+        Raises:
+            InputError: The episode cannot be built, or its log cannot be written.
+        """
+        super().reset(seed=seed)
+        self._leave("the environment was reset")
+        own_seed = int(self.np_random.integers(2**31)) if seed is None else seed
+        config = self._config(options or {}, own_seed)
+        scenario = build(config)
+        self._episode = AgentEpisode(scenario, self._log_path(options or {}, config))
+        self._observer = PolicyObserver(self.task)
+        self._arrays = self._observed()
+        info = {"seed": own_seed, "world": scenario.config.world, "robot": scenario.config.robot}
+        return self._arrays, {**info, "truth": self._truth()}
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Arrays, float, bool, bool, Info]:
+        """Command one motion, and simulate up to the next observation.
+
+        Returns:
+            Observation, reward, whether the episode ended (goal, collision, fall, out of bounds,
+            error), whether it was cut off (time limit, stuck), and truth and verdict. At the end of
+            an episode the observation is the last one that a command answered.
+
+        Raises:
+            InputError: The action has another shape.
+            ResetNeeded: No episode is under way.
+        """
+        episode = self._episode
+        if episode is None or episode.result is not None:
+            raise gymnasium.error.ResetNeeded("step: expected an episode that reset began")
+        before_m, before_ns = episode.goal_distance(), episode.seen.time_ns
+        episode.command(motion_of(self._action, action, episode.task, episode.seen))
+        truth, decision, result = self._truth(), episode.decision, episode.result
+        verdict = decision.verdict if decision is not None else pb.Verdict()
+        outcome = None if result is None else result.outcome
+        reward = self._weights.of_step(
+            progress_m=before_m - truth["goal_distance_m"],
+            elapsed_s=truth["time_s"] - before_ns * 1e-9,
+            admitted=verdict.verdict == "admitted",
+            outcome=outcome,
+        )
+        info: Info = {"verdict": verdict.verdict, "cut": verdict.cut, "truth": truth}
+        if result is None:
+            self._arrays = self._observed()
+        else:
+            info |= _summary(result, kept=self._log is not None)
+        truncated = outcome in TRUNCATIONS
+        return self._arrays, reward, outcome is not None and not truncated, truncated, info
+
+    def close(self) -> None:
+        """End the episode under way, and remove logs that are not kept."""
+        self._leave("the environment was closed")
+        self._remove_scratch()
+
+    @property
+    def task(self) -> Task:
+        """Body, limits, goal and sensors of the episode, as a stack on trial gets them.
+
+        Raises:
+            ResetNeeded: There is no episode.
+        """
+        return self._current().task
+
+    @property
+    def seen(self) -> Observation:
+        """The newest observation, as a stack on trial gets it: for an expert to imitate.
+
+        Raises:
+            ResetNeeded: There is no episode.
+        """
+        return self._current().seen
+
+    def _current(self) -> AgentEpisode:
+        if self._episode is None:
+            raise gymnasium.error.ResetNeeded("expected an episode that reset began")
+        return self._episode
+
+    def _leave(self, why: str) -> None:
+        episode, self._episode = self._episode, None
+        if episode is not None:
+            episode.leave(why)
+
+    def _config(self, options: Mapping[str, Any], seed: int) -> Config:
+        """The config of an episode.
+
+        Raises:
+            InputError: There is no such option, world, robot, setting or perturbation.
+        """
+        if unknown := sorted(set(options) - set(OPTIONS)):
+            raise unknown_name("option of reset", unknown[0], OPTIONS)
+        own = {**self._own, **options}
+        named = {"world": own["world"], "robot": self._robot, "seed": seed}
+        config = override(from_document(named), self._settings)
+        refuse_unused(config, [one.partition("=")[0] for one in self._settings])
+        if own["difficulty"] is not None:
+            config = override(config, [f"difficulty={own['difficulty']}"])
+        if own["perturb"] is not None:
+            config = replace(config, perturbation=perturbation_from(own["perturb"]))
+        guard = self._guard or config.stack.guard
+        return replace(config, stack=StackConfig(AGENT, guard=guard))
+
+    def _log_path(self, options: Mapping[str, Any], config: Config) -> Path:
+        """Name of the log of an episode; in a scratch folder if it is not kept."""
+        self._log = None if (given := options.get("log")) is None else Path(given)
+        if self._log is None and self._logs is not None:
+            names = Path(config.world).stem, Path(config.robot).stem, config.seed
+            self._log = self._logs / "{}-{}-{}.mcap".format(*names)
+        return self._log or self._scratch / "episode.mcap"
+
+    def _observed(self) -> Arrays:
+        return observed(self._observation, self._observer, self.seen, self._beams)
+
+    def _truth(self) -> Info:
+        """The simulator's truth of this instant."""
+        episode = self._current()
+        truth = episode.truth()
+        return {
+            "time_s": truth.timestamp.ToNanoseconds() * 1e-9,
+            "position": np.array(truth.position),
+            "quaternion": np.array(truth.quaternion),
+            "clearance_m": truth.clearance_m,
+            "goal_distance_m": episode.goal_distance(),
+            "collisions": truth.collisions,
+        }
+
+
+def _summary(result: Result, *, kept: bool) -> Info:
+    """The result of an episode; `spl` without a way to the goal is left out."""
+    info: Info = {
+        "outcome": result.outcome,
+        "reason": result.reason,
+        "cause": result.cause,
+        "evidence": result.cause_evidence,
+        "chain": result.chain,
+        "log": result.log if kept else "",
+    }
+    if result.route_length_m is not None:
+        reached = result.outcome == "success"
+        info["spl"] = reached * efficiency(result.path_length_m, result.route_length_m)
+    return info
