@@ -3,12 +3,14 @@ BIN    := .venv/bin
 PIP    := $(BIN)/pip install --quiet --disable-pip-version-check
 READY  := .venv/.ready
 TOOLS  := .venv/.tools
+ROS2   := .venv-ros2/.ready
 LOCK   := uv pip compile pyproject.toml --extra build --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --quiet
+RCLPY  := ros-jazzy-rclpy ros-jazzy-rmw-fastrtps-cpp $(foreach kind,sensor geometry nav rosgraph,ros-jazzy-$(kind)-msgs) numpy
 
-.PHONY: demo test check docs lock schema help
+.PHONY: demo test test-ros2 check docs lock schema help
 
 help:  ## Show this list.
-	@grep -E '^[a-z]+:.*##' Makefile | sed -E 's/:[^#]*## /\t/'
+	@grep -E '^[a-z0-9-]+:.*##' Makefile | sed -E 's/:[^#]*## /\t/'
 
 # What running needs.
 $(READY): requirements.txt pyproject.toml
@@ -31,6 +33,15 @@ demo: $(READY)  ## Send a quadruped and a drone across a warehouse, then replay 
 test: $(TOOLS)  ## Run every test, on two cores.
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
 
+# A ROS 2 of wheels, for the tests alone: unofficial builds of Jazzy's rclpy and Fast DDS.
+$(ROS2): requirements-ros2.txt
+	$(PYTHON) -m venv .venv-ros2
+	.venv-ros2/bin/pip install --quiet --disable-pip-version-check --require-hashes --requirement requirements-ros2.txt
+	@touch $@
+
+test-ros2: $(TOOLS) $(ROS2)  ## Run the tests against rclpy, in an environment of its own.
+	ROS2_PYTHON=.venv-ros2/bin/python $(BIN)/python -m pytest --numprocesses 2 tests/ros2
+
 check: $(TOOLS)  ## Lint, format, types.
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -45,3 +56,4 @@ schema: $(TOOLS)  ## Regenerate the protobuf code from harness/schema/*.proto.
 lock:  ## Resolve the pinned requirements again (needs uv).
 	$(LOCK) --extra dev --output-file requirements-dev.txt
 	$(LOCK) --constraint requirements-dev.txt --output-file requirements.txt
+	echo $(RCLPY) | tr ' ' '\n' | uv pip compile - --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --quiet --output-file requirements-ros2.txt

@@ -157,8 +157,8 @@ def _check_costmap(grid: sb.Grid) -> None:
             f"costmap: got {len(grid.cells)} cells for {grid.width} x {grid.height}, expected one "
             f"each, at most {MAX_CELLS}"
         )
-    away = max(abs(grid.x), abs(grid.y))
-    if not (away <= MAX_DISTANCE_M and 0.0 < grid.resolution <= MAX_DISTANCE_M):
+    near = all(abs(number) <= MAX_DISTANCE_M for number in (grid.x, grid.y))  # nor NaN
+    if not (near and 0.0 < grid.resolution <= MAX_DISTANCE_M):
         raise CommandError(
             f"costmap: expected an origin within {MAX_DISTANCE_M:g} m and a resolution above 0 m"
         )

@@ -47,7 +47,7 @@ from wayproof.models.worlds import WORLDS
 ROOT = Path(__file__).parents[2]
 PYTHONPATH = os.pathsep.join((str(ROOT / "src"), str(ROOT)))
 FOUND = {**os.environ, "PYTHONPATH": PYTHONPATH, "COLUMNS": "80"}
-TARGETS = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+TARGETS = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
 
 UNTYPED = {
     r"\. \.venv/bin/activate": "the tests run in an environment already",

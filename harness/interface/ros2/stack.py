@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.interface.command_messages import command_message
+from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.errors import StackError
 from wayproof.harness.interface.ros2.discovery import mismatch
 from wayproof.harness.interface.ros2.inputs import Inputs, Received
@@ -299,4 +299,7 @@ class Ros2Stack:
             planned_path=self._inputs.plan(),
             costmap=self._inputs.costmap(),
         )
-        return command_message(command, observation.sequence)
+        try:
+            return command_message(command, observation.sequence)
+        except CommandError as error:
+            raise StackError(self._who, f"sent a command with {error}") from None

@@ -1,0 +1,50 @@
+"""Commands as messages: a stack's own costmap, there and back, and what is none."""
+
+import numpy as np
+import pytest
+
+from wayproof.harness.interface.command_messages import (
+    CommandError,
+    check_command,
+    command_message,
+    costmap_of,
+)
+from wayproof.harness.interface.types import Command, Grid
+from wayproof.harness.schema import stack_pb2 as sb
+
+CELLS = np.array([[0, 50, 100], [-1, 99, 1]], np.int8)
+
+
+def test_a_costmap_comes_back_as_it_was():
+    message = command_message(Command(costmap=Grid(np.array([-1.0, 2.0]), 0.05, CELLS)), 3)
+    grid = costmap_of(sb.Command.FromString(message.SerializeToString()))
+    assert (grid.origin.tolist(), grid.resolution) == ([-1.0, 2.0], 0.05)
+    assert grid.cells.tolist() == CELLS.tolist()
+    assert costmap_of(command_message(Command(), 3)) is None
+
+
+@pytest.mark.parametrize(
+    ("origin", "resolution", "cells", "line"),
+    [
+        ((0.0, np.nan), 0.1, CELLS, "costmap: expected an origin within 10000 m"),
+        ((np.inf, 0.0), 0.1, CELLS, "costmap: expected an origin within 10000 m"),
+        ((0.0, 0.0), np.nan, CELLS, "a resolution above 0 m"),
+        ((0.0, 0.0), 0.0, CELLS, "a resolution above 0 m"),
+        (
+            (0.0, 0.0),
+            0.1,
+            CELLS.astype(float),
+            r"shape \(2, 3\), float64, expected \(ny, nx\) int8",
+        ),
+        ((0.0, 0.0), 0.1, CELLS[0], r"shape \(3,\), int8, expected \(ny, nx\) int8"),
+    ],
+)
+def test_a_costmap_that_is_none_is_refused(origin, resolution, cells, line):
+    with pytest.raises(CommandError, match=line):
+        command_message(Command(costmap=Grid(np.array(origin), resolution, cells)), 0)
+
+
+def test_a_costmap_of_another_process_has_as_many_cells_as_it_says():
+    grid = sb.Grid(resolution=0.1, width=2, height=2, cells=b"123")
+    with pytest.raises(CommandError, match="got 3 cells for 2 x 2"):
+        check_command(sb.Command(costmap=grid))

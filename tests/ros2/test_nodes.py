@@ -1,0 +1,66 @@
+"""Nodes of rclpy on trial: the examples through an office, and one broken in each way."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.ros2.conftest import EXAMPLES, HERE, started
+from wayproof.harness.errors import InputError
+from wayproof.harness.replay.replay import replay
+
+
+def test_both_examples_cross_an_office_and_at_either_pace_the_chain_is_the_same(trial):
+    with started(EXAMPLES / "gap_follower.py"):
+        lockstep = trial("pace=lockstep", world="office", name="lockstep")
+    with started(EXAMPLES / "timer_controller.py"):
+        timed = trial("pace=auto", world="office", name="timed")
+    assert lockstep.outcome == "success"
+    assert lockstep.chain == timed.chain
+    again = replay(Path(timed.log))
+    assert again.identical, (again.differences, again.contradictions)
+
+
+@pytest.mark.parametrize(
+    ("kind", "settings"),
+    [
+        ("answers", ()),
+        ("sensor_data", ()),
+        ("cloud", ("sensors.lidar=ideal-lidar-dense",)),  # 1.2 MB to a reader of best effort
+    ],
+)
+def test_a_node_drives_by_any_quality_of_service(trial, kind, settings):
+    with started(HERE / "node.py", kind):
+        result = trial("pace=lockstep", "episode.time_limit=1", *settings)
+    assert (result.outcome, result.decisions) == ("timeout", 11)
+    assert result.path_length_m > 0.15
+
+
+@pytest.mark.parametrize(
+    ("kind", "cause", "line"),
+    [
+        ("dies", "stack_died", "the publisher of /cmd_vel is gone"),
+        ("restarts", "stack_died", "the publisher of /cmd_vel is gone"),
+        ("two", "stack_broken", "from two publishers"),
+        ("latched_scan", "stack_broken", "/scan is subscribed with transient local durability"),
+    ],
+)
+def test_a_broken_node_ends_the_episode_in_one_line(trial, kind, cause, line):
+    with started(HERE / "node.py", kind):
+        result = trial("pace=lockstep", "episode.time_limit=1")
+    assert (result.outcome, result.cause) == ("error", cause)
+    assert line in result.reason
+    assert "\n" not in result.reason
+
+
+@pytest.mark.parametrize(
+    ("kind", "line"),
+    [
+        ("wrong_type", "/cmd_vel is published as geometry_msgs/msg/PoseStamped, expected"),
+        ("best_effort_command", "/cmd_vel is published with best effort reliability"),
+    ],
+)
+def test_commands_that_cannot_be_heard_are_refused_before_the_episode(trial, kind, line):
+    with started(HERE / "node.py", kind), pytest.raises(InputError) as error:
+        trial("pace=lockstep", "episode.time_limit=1")
+    assert line in str(error.value)
+    assert "\n" not in str(error.value)
