@@ -21,6 +21,13 @@ LENGTHS = {
 """Field of `models.world_files.ImportOptions` -> help text, with the default of the field."""
 
 
+FLAGS = {
+    "skip_missing": "leave out models and meshes that are not found",
+    "visuals": "make links solid that have visuals only",
+}
+"""Field of `models.world_files.ImportOptions` -> help text."""
+
+
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Read a file, write the world file, and print what was left out."""
     from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
@@ -29,9 +36,17 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if out.suffix != ".xml":
         raise InputError(f"--out: got '{out}', expected a name that ends in .xml")
     try:
-        names = (*LENGTHS, "unknown", "skip_missing")
+        names = (*LENGTHS, *FLAGS, "unknown", "floor", "root")
         given = {name: value for name in names if (value := getattr(options, name)) is not None}
-        import_options = ImportOptions(**given)
+        radius, height = _robot_size(options.robot)
+        import_options = ImportOptions(
+            **given,
+            model_paths=tuple(options.model_path),
+            without=tuple(options.without),
+            kinds=tuple(_kind(text) for text in options.kinds),
+            robot_radius=radius,
+            robot_height=height,
+        )
         start, goal = (_point(name, getattr(options, name)) for name in ("start", "goal"))
         world, notes = import_world(options.file, import_options, start, goal)
     except WorldFileError as error:
@@ -48,6 +63,23 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     for note in notes:
         console.print(f"  {note}", soft_wrap=True, highlight=False)
     return 0, document
+
+
+def _kind(text: str) -> tuple[str, str]:
+    """Parse `KIND=MODEL`."""
+    kind, equals, model = text.partition("=")
+    if not (equals and model and kind.replace("_", "").isalpha() and kind.islower()):
+        raise InputError(f"--as: got '{text}', expected KIND=MODEL, such as floor=ground*")
+    return kind, model
+
+
+def _robot_size(name: str) -> tuple[float, float]:
+    """Radius and height of the robot that will run, m."""
+    from wayproof.harness.config import Config
+    from wayproof.harness.scenario.robots import find_robot
+
+    spec = find_robot(Config(world="", seed=0, robot=name)).spec
+    return spec.radius, spec.height
 
 
 def _point(name: str, text: str | None) -> tuple[float, float, float] | None:
@@ -89,9 +121,32 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=("occupied", "free"),
         help="state of the unknown cells of a flat map (default: occupied)",
     )
+    for name, text in FLAGS.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=text)
     parser.add_argument(
-        "--skip-missing", action="store_true", help="leave out models that are not found"
-    )
+        "--model-path", type=Path, action="append", default=[], metavar="DIR",
+        help="folder with models that a Gazebo world includes (repeatable)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--floor", type=float, metavar="Z",
+        help="height of the floor in the file, m (default: found, or 0)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--as", dest="kinds", action="append", default=[], metavar="KIND=MODEL",
+        help="kind of the models of that name or pattern, such as floor=ground* (repeatable)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--robot", default="quadruped", metavar="R",
+        help="robot for which start and goal are chosen (default: quadruped)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--without", action="append", default=[], metavar="BODY",
+        help="body of a MuJoCo scene to leave out, with all on it (repeatable)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--root", type=Path, metavar="DIR",
+        help="folder below which a MuJoCo scene may name files (default: the scene's own)",
+    )  # fmt: skip
 
 
 VERB = Verb(

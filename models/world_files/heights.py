@@ -5,6 +5,7 @@ Rows of an array run along y, the first at the least y; columns along x. Rows of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ def read_heights(path: Path, options: ImportOptions) -> Found:
     """Read a height field, its low corner at the origin and its heights above the floor.
 
     Raises:
-        WorldFileError: No array or image of heights, or one without any rise.
+        WorldFileError: No array or image of heights.
     """
     if path.suffix.lower() == ".npy":
         heights = _array(path)
@@ -37,15 +38,42 @@ def read_heights(path: Path, options: ImportOptions) -> Found:
         image = read_image(path)
         scale = options.height / np.iinfo(image.dtype).max
         heights = np.asarray(image[::-1] * scale, np.float64)
+    if min(heights.shape) < 2:
+        raise WorldFileError(path, f"{heights.shape} heights, expected at least 2 x 2")
+    x, y = ((n - 1) * options.resolution for n in heights.shape[::-1])
+    return Found(parts=[height_part(path, heights, (x, y), (x / 2.0, y / 2.0, 0.0))])
+
+
+def height_part(
+    path: Path, heights: NDArray[np.float64], size: tuple[float, float], centre: Sequence[float]
+) -> Part:
+    """Return a field of heights as ground of kind `floor`; a level one as a box.
+
+    Args:
+        path: Its file.
+        heights: (ny, nx) m above the centre, rows along y.
+        size: Extent in x and y, m.
+        centre: Middle of the field at height 0, m.
+
+    Raises:
+        WorldFileError: Too many heights, or one that is not finite.
+        ValueError: A size that is not positive.
+    """
+    if heights.size > MAX_HEIGHTS or min(heights.shape) < 2:
+        ny, nx = heights.shape
+        raise WorldFileError(path, f"{nx} x {ny} heights, expected 2 x 2 to {MAX_HEIGHTS} in all")
+    if not np.isfinite(heights).all():
+        raise WorldFileError(path, "a height that is not finite")
     low, rise = float(heights.min()), float(np.ptp(heights))
-    if min(heights.shape) < 2 or rise < FLAT:
-        raise WorldFileError(path, f"{heights.shape} heights that rise by {rise:g} m: no field")
-    half = [(n - 1) * options.resolution / 2.0 for n in heights.shape[::-1]]
-    part = Part(
-        "heights", (*half, rise, GROUND_DEPTH), (half[0], half[1], low), kind="floor",
+    x, y, z = centre
+    half = size[0] / 2.0, size[1] / 2.0
+    if rise < FLAT:
+        middle = (x, y, z + low - GROUND_DEPTH / 2.0)
+        return Part("box", (*half, GROUND_DEPTH / 2.0), middle, kind="floor")
+    return Part(
+        "heights", (*half, rise, GROUND_DEPTH), (x, y, z + low), kind="floor",
         heights=(heights - low) / rise,
     )  # fmt: skip
-    return Found(parts=[part])
 
 
 def _array(path: Path) -> NDArray[np.float64]:  # (ny, nx)

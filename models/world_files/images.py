@@ -1,15 +1,20 @@
-"""Grey images: PGM read here, PNG by Pillow."""
+"""Grey images: PGM read here, PNG and TIFF by Pillow."""
 
 from __future__ import annotations
 
 import struct
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.world_files.reading import WorldFileError, check_file
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as PillowImage
 
 MAX_PIXELS = 2**26
 """Maximum number of pixels of an image: 8192 x 8192."""
@@ -34,6 +39,31 @@ def read_image(path: Path) -> Image:
     if path.suffix.lower() != ".png":
         raise WorldFileError(path, "expected an image in PGM or PNG")
     return _png(path)
+
+
+def read_elevation(path: Path) -> tuple[NDArray[np.float64], bool]:
+    """Heights (rows, columns) of a grey image, 0 to 1, or of a TIFF with real numbers, m.
+
+    Returns:
+        The heights, the first row at the top; and whether they are in metres.
+
+    Raises:
+        WorldFileError: Another format, broken, or too large.
+    """
+    if path.suffix.lower() not in (".tif", ".tiff"):
+        image = read_image(path)
+        return image / float(np.iinfo(image.dtype).max), False
+    check_file(path)
+    levels = _opened(path, ["TIFF"], _levels)
+    if levels.ndim != 2:
+        raise WorldFileError(path, "an image in colour, expected one of heights")
+    if levels.dtype.kind == "f":
+        return levels.astype(np.float64), True
+    return levels.astype(np.float64) / float(np.iinfo(levels.dtype).max), False
+
+
+def _levels(image: PillowImage) -> NDArray[Any]:
+    return np.array(image)
 
 
 def _check_size(path: Path, width: int, height: int) -> None:
@@ -92,17 +122,32 @@ def png_size(path: Path) -> tuple[int, int] | None:
 
 
 def _png(path: Path) -> Image:
+    width, height = png_size(path) or (0, 0)
+    _check_size(path, width, height)
+
+    def grey(image: PillowImage) -> NDArray[Any]:
+        deep = image.mode.startswith("I")
+        levels = np.array(image if deep else image.convert("L"))
+        return levels.astype(np.uint16) if deep else levels.astype(np.uint8)
+
+    return _opened(path, ["PNG"], grey)
+
+
+def _opened(
+    path: Path, formats: list[str], read: Callable[[PillowImage], NDArray[Any]]
+) -> NDArray[Any]:
+    """Open an image of one of Pillow's formats and read it; any error is one line."""
     try:
         from PIL import Image as pillow
     except ImportError:
-        raise WorldFileError(path, "PNG images need Pillow: pip install pillow") from None
-    width, height = png_size(path) or (0, 0)
-    _check_size(path, width, height)
+        raise WorldFileError(path, "images need Pillow: pip install pillow") from None
     try:
-        with warnings.catch_warnings(), pillow.open(path, formats=["PNG"]) as image:
+        with warnings.catch_warnings(), pillow.open(path, formats=formats) as image:
             warnings.simplefilter("error")  # of a picture that only seems to be small enough
-            deep = image.mode.startswith("I")
-            levels = np.array(image if deep else image.convert("L"))
+            _check_size(path, *image.size)
+            return read(image)
     except (OSError, ValueError, SyntaxError, Warning, pillow.DecompressionBombError) as error:
-        raise WorldFileError(path, f"no PNG image ({str(error)[:100]})") from None
-    return levels.astype(np.uint16) if deep else levels.astype(np.uint8)
+        if isinstance(error, WorldFileError):
+            raise
+        what = f"no {' or '.join(formats)} image ({str(error)[:100]})"
+        raise WorldFileError(path, what) from None

@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.world_files.ends import Ground, NoSpaceError, choose_ends
+from wayproof.models.world_files.ground import FLOOR_KIND, raise_by, settle_ground
 from wayproof.models.world_files.heights import read_heights
-from wayproof.models.world_files.meshes import read_mesh
+from wayproof.models.world_files.meshes import ENDINGS, read_mesh
 from wayproof.models.world_files.mjcf_scenes import read_mjcf
 from wayproof.models.world_files.occupancy_maps import read_occupancy_map
 from wayproof.models.world_files.octomaps import read_octomap
@@ -18,12 +20,10 @@ from wayproof.models.world_files.options import Ends, Found, ImportOptions
 from wayproof.models.world_files.parts import bounds_of
 from wayproof.models.world_files.reading import WorldFileError, check_file
 from wayproof.models.world_files.sdf import read_sdf
-from wayproof.models.world_files.solids import solid_of
 from wayproof.models.world_files.tables import read_table
+from wayproof.models.world_files.urdf import read_urdf
 from wayproof.models.world_files.voxel_maps import read_voxel_map
-from wayproof.models.world_files.world_file import FLOOR_KIND, FileWorld, world_of, world_text
-from wayproof.models.worlds.solvability import RESOLUTION, free_cells, label_regions
-from wayproof.models.worlds.world import World
+from wayproof.models.world_files.world_file import FileWorld, world_of, world_text
 
 Reader = Callable[[Path, ImportOptions], Found]
 
@@ -36,8 +36,8 @@ FORMATS: dict[str, Reader] = {
     ".3dmap": read_voxel_map,
     ".yaml": read_occupancy_map,
     ".bt": read_octomap,
-    ".obj": read_mesh,
-    ".stl": read_mesh,
+    **dict.fromkeys(ENDINGS, read_mesh),
+    ".urdf": read_urdf,
     ".npy": read_heights,
     ".png": read_heights,
 }
@@ -53,15 +53,6 @@ HEADROOM = 1.0
 """Above the highest thing, m; and at least this area's height is `LEAST_TOP`."""
 
 LEAST_TOP = 3.0
-
-END_CLEARANCE = 0.75
-"""Clearance of chosen starts and goals from every solid, m, as in the generated worlds."""
-
-MOST_FACES, MOST_AREA = 5000, 4_000_000
-"""Triangles, and cells of the area, up to which ends are chosen: else it would take minutes."""
-
-END_BAND = (0.03, 1.6)
-"""Height band that is clear above chosen starts and goals, m: both robots'."""
 
 
 def import_world(
@@ -88,69 +79,87 @@ def import_world(
     if ending not in FORMATS:
         raise WorldFileError(path, f"unknown format '{ending}' (available: {', '.join(FORMATS)})")
     check_file(path)
-    found = FORMATS[ending](path, options or ImportOptions())
-    if not found.parts:
-        raise WorldFileError(path, "nothing solid in it")
+    options = options or ImportOptions()
+    found = FORMATS[ending](path, options)
+    settle_ground(path, found, options)
+    if not found.parts and found.low is None:
+        raise WorldFileError(path, "nothing solid in it" + _instead(found))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     found.source = found.source or f"{path.name}, sha256 {digest}"
     found.start, found.goal = start or found.start, goal or found.goal
-    text = world_text(found, complete(found), path.stem)
-    return world_of(text, path), found.notes
+    try:
+        ends = complete(found, options)
+    except NoSpaceError as error:
+        raise WorldFileError(path, str(error)) from None
+    return world_of(world_text(found, ends, path.stem), path), found.notes
 
 
-def complete(found: Found) -> Ends:
+def _instead(found: Found) -> str:
+    """Return what was left out of a file in which nothing is left."""
+    if found.missing:
+        names = ", ".join(dict.fromkeys(found.missing))
+        count = len(found.missing)
+        return f": {count} models or files are not there, expected --model-path to {names[:300]}"
+    if any("--visuals" in note for note in found.notes):
+        return ": its links have visuals only, expected --visuals to make them solid"
+    return ""
+
+
+def complete(found: Found, options: ImportOptions | None = None) -> Ends:
     """Operating area, start and goal: the file's own, or chosen and noted where it gives none.
 
+    A scene with terrain is moved so that the ground is at 0 where the robot starts.
+
     Raises:
-        WorldFileError: There is too much to choose a start and a goal in.
+        NoSpaceError: There is no room for a start and a goal.
     """
-    low, high = bounds_of(found.parts)
-    for point in (found.start, found.goal):
-        if point is not None:
-            low, high = np.minimum(low, point), np.maximum(high, point)
-    if found.low is None:
-        found.low = (float(low[0]) - BORDER, float(low[1]) - BORDER, -AREA_DEPTH)
-    if found.high is None:
-        top = max(LEAST_TOP, float(high[2]) + HEADROOM)
-        found.high = (float(high[0]) + BORDER, float(high[1]) + BORDER, top)
-    start, goal = found.start, found.goal
+    _bound_area(found)
+    assert found.low is not None
+    assert found.high is not None
+    ground = Ground(found.parts)
+    start, goal = (_grounded(point, ground) for point in (found.start, found.goal))
     if start is None or goal is None:
-        chosen = _chosen_ends(found, found.low, found.high)
-        for name, given, point in zip(("start", "goal"), (start, goal), chosen, strict=True):
-            if given is None:
-                found.notes.append(f"{name} chosen: ({point[0]:g}, {point[1]:g})")
-        start, goal = start or chosen[0], goal or chosen[1]
+        chosen = choose_ends(found, found.low, found.high, options or ImportOptions(), start, goal)
+        found.notes += chosen.notes
+        start, goal = chosen.start, chosen.goal
+    if ground.fields and start[2]:
+        rise = -start[2]
+        raise_by(found, rise)
+        start, goal = (start[0], start[1], 0.0), (goal[0], goal[1], goal[2] + rise)
+        found.notes.append(
+            f"ground at {-rise:g} m at the start: the scene is moved by {rise:g} m in z"
+        )
     heading = found.start_heading
     if heading is None:
         heading = float(np.arctan2(goal[1] - start[1], goal[0] - start[0]))
+    assert found.low is not None
+    assert found.high is not None
     return Ends(found.low, found.high, start, heading, goal)
 
 
-def _chosen_ends(found: Found, low: Vector3, high: Vector3) -> tuple[Vector3, Vector3]:
-    """Start near the area's low corner, goal near its high one, in the largest region of space."""
-    faces = sum(len(part.mesh.faces) for part in found.parts if part.mesh is not None)
-    cells_wide = np.subtract(high, low)[:2] / RESOLUTION
-    if faces > MOST_FACES or np.prod(cells_wide) > MOST_AREA:
-        what = f"{faces} triangles, {cells_wide[0]:.0f} x {cells_wide[1]:.0f} cells"
-        raise WorldFileError(
-            found.source, f"{what}: too much to choose in; give --start and --goal"
-        )
-    middle = [(a + b) / 2.0 for a, b in zip(low, high, strict=True)]
-    place: Vector3 = (middle[0], middle[1], 0.0)
-    solids = tuple(solid_of(part) for part in found.parts if part.kind != FLOOR_KIND)
-    area = World("area", 0, low, high, solids, place, 0.0, place)
-    free = free_cells(area, END_CLEARANCE, END_BAND)
-    rim = int(np.ceil(END_CLEARANCE / RESOLUTION))
-    free[:rim] = free[-rim:] = free[:, :rim] = free[:, -rim:] = False
-    labels = label_regions(free)
-    sizes = np.bincount(labels.ravel())[1:]
-    if not len(sizes):
-        what = f"no space {END_CLEARANCE:g} m from everything: give --start and --goal"
-        raise WorldFileError(found.source, what)
-    cells = np.argwhere(labels == 1 + int(np.argmax(sizes)))
-    order = cells.sum(axis=1)
-    points = [
-        np.round(np.array(low[:2]) + (cells[n] + 0.5) * RESOLUTION, 3).tolist()
-        for n in (int(np.argmin(order)), int(np.argmax(order)))
-    ]
-    return (points[0][0], points[0][1], 0.0), (points[1][0], points[1][1], 0.0)
+def _bound_area(found: Found) -> None:
+    """Set the operating area where the file gives none: about all that is solid, or its floor."""
+    if found.low is not None and found.high is not None:
+        return
+    low, high = bounds_of(found.parts)
+    border = BORDER
+    floors = [part for part in found.parts if part.kind == FLOOR_KIND]
+    bottom = 0.0
+    if floors and not found.plane:
+        (low[:2], high[:2]), border = bounds_of(floors)[:, :2], 0.0
+        bottom = min(0.0, float(bounds_of(floors)[0, 2]))
+    for point in (found.start, found.goal):
+        if point is not None:
+            low[:2], high[:2] = np.minimum(low[:2], point[:2]), np.maximum(high[:2], point[:2])
+    if found.low is None:
+        found.low = (float(low[0]) - border, float(low[1]) - border, bottom - AREA_DEPTH)
+    if found.high is None:
+        top = max(LEAST_TOP, float(high[2]) + HEADROOM)
+        found.high = (float(high[0]) + border, float(high[1]) + border, top)
+
+
+def _grounded(point: Vector3 | None, ground: Ground) -> Vector3 | None:
+    """Return a point at the floor's height, where the floor is terrain."""
+    if point is None or not ground.fields:
+        return point
+    return point[0], point[1], float(ground.height(np.array([point[:2]]))[0])

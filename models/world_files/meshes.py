@@ -1,7 +1,12 @@
-"""Surfaces of triangles (`.stl`, `.obj`), by trimesh."""
+"""Meshes as convex parts: what beams meet and what bodies touch is one shape.
+
+MuJoCo lets beams meet a mesh's triangles and bodies its convex hull. So a mesh is taken in
+connected pieces, and a piece that is not convex as a height field, as convex pieces, or as boxes.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -9,93 +14,224 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
+from wayproof.models.world_files.decomposition import decompose, hull, surface_error
+from wayproof.models.world_files.mesh_files import MOST_FACES, READERS, load_mesh_file
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.parts import Mesh, Part
-from wayproof.models.world_files.reading import WorldFileError, check_file
+from wayproof.models.world_files.parts import Mesh, Part, vector
+from wayproof.models.world_files.reading import WorldFileError
+from wayproof.models.world_files.relief import relief_part
+from wayproof.models.world_files.voxel_maps import cell_boxes
 
-MOST_FACES = 1_000_000
-MOST_BYTES = 64 * 2**20
 MOST_PIECES = 2000
-ENDINGS = (".stl", ".obj")
+"""Number of connected pieces of a mesh up to which each is taken by itself."""
+
+SHEET_THICKNESS = 0.01
+"""Thickness that a flat piece is given, which no body could touch without, m."""
+
+SMALL = 0.6
+"""Size up to which a piece is taken as its convex hull, m: no robot fits into its hollows."""
+
+MOST_CUT_FACES = 1500
+"""Triangles of a piece up to which it is cut into convex pieces: with more that takes minutes."""
+
+CELL = 0.05
+"""Side of the cells that a piece of more triangles is taken as, m."""
+
+MOST_CELLS = 400
+"""Number of cells along a piece; those of a longer one are larger."""
+
+HOW = {
+    "flat": f"were flat: made {SHEET_THICKNESS * 1e3:g} mm thick",
+    "relief": "taken as height fields",
+    "hull": f"smaller than {SMALL:g} m taken as their convex hull",
+    "cut": "not convex: cut into convex ones",
+    "cells": "of many triangles taken as boxes of cells",
+}
+"""Ways to take a piece that is not convex as it is, and their text in a note."""
+
+FLAT = 1e-6
+"""Thickness below which a piece is flat, as a share of its size."""
+
+ENDINGS = tuple(READERS)
+
+TURNS = {
+    "x": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+"""Rotation that turns a file's axis up, by the axis."""
 
 
 def read_mesh(path: Path, options: ImportOptions) -> Found:
-    """Read a mesh, in pieces.
+    """Read a mesh, in pieces; the axis that its format or file says is up.
 
     Raises:
         WorldFileError: No trimesh, no mesh, or more triangles than allowed.
     """
     found = Found()
-    found.parts = mesh_parts(path, np.full(3, options.scale), found.notes)
+    found.parts = mesh_parts(path, np.full(3, options.scale), found.notes, upright=True)
     return found
 
 
-def mesh_parts(path: Path, scale: NDArray[np.float64], notes: list[str]) -> list[Part]:
-    """Read the connected pieces of a mesh file, each a part of its own.
-
-    MuJoCo lets beams meet the triangles, but bodies collide with a mesh's convex hull: apart, the
-    pieces of a scene do not close the space between them.
+def mesh_parts(
+    path: Path,
+    scale: NDArray[np.float64],
+    notes: list[str],
+    *,
+    submesh: str | None = None,
+    centred: bool = False,
+    upright: bool = False,
+) -> list[Part]:
+    """Read a mesh file as convex parts.
 
     Args:
-        path: `.stl` or `.obj`.
-        scale: (3,) metres to a unit.
-        notes: Notes on pieces that are not convex are appended.
+        path: A file of one of `ENDINGS`.
+        scale: (3,) factors along the file's axes; its own unit is metres already.
+        notes: Notes on pieces that were changed are appended.
+        submesh: Name of the node to take alone.
+        centred: Whether that node is moved to the origin by the middle of its bounds.
+        upright: Whether the file's up axis is turned to z; Gazebo does not.
 
     Raises:
-        WorldFileError: As `read_mesh`.
+        WorldFileError: Of `load_mesh_file`; no such node; no triangle; no decomposition.
     """
-    if path.suffix.lower() not in ENDINGS:
-        raise WorldFileError(path, f"a mesh of this format, expected {' or '.join(ENDINGS)}")
-    check_file(path, MOST_BYTES)
-    _check_count(path)
-    vertices, faces = _load(path)
-    if not 1 <= len(faces) <= MOST_FACES:
-        raise WorldFileError(path, f"{len(faces)} triangles, expected 1 to {MOST_FACES}")
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise WorldFileError(path, "a triangle of a vertex that is not there")
+    loaded = load_mesh_file(path)
+    surfaces = loaded.surfaces
+    if submesh is not None:
+        surfaces = [surface for surface in surfaces if surface.name == submesh]
+        if not surfaces:
+            names = ", ".join(dict.fromkeys(surface.name for surface in loaded.surfaces))
+            raise WorldFileError(path, f"no submesh '{submesh}' (available: {names[:200]})")
+    mesh = _joined(path, [(surface.vertices, surface.faces) for surface in surfaces])
+    vertices = mesh.vertices
+    if centred:
+        vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     vertices = vertices * scale
-    if np.prod(scale) < 0.0:
-        faces = faces[:, ::-1]  # a mirrored surface is inside out
-    if not np.isfinite(vertices).all():
-        raise WorldFileError(path, "a vertex that is not finite")
-    pieces = [_piece(vertices, own) for own in _pieces(faces, len(vertices))]
+    faces = mesh.faces[:, ::-1] if np.prod(scale) < 0.0 else mesh.faces  # mirrored: inside out
+    if upright and loaded.up in TURNS:
+        vertices = vertices @ TURNS[loaded.up].T
+        notes.append(f"{path.name}: its {loaded.up} axis is up, turned to z")
+    return _parts(path, Mesh(vertices, faces), notes)
+
+
+def _joined(path: Path, surfaces: list[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> Mesh:
+    """Join surfaces, with one vertex for all at the same place: files repeat them for normals."""
+    if not sum(len(faces) for _, faces in surfaces):
+        raise WorldFileError(path, f"0 triangles, expected 1 to {MOST_FACES}")
+    offsets = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
+    vertices = np.concatenate([vertices for vertices, _ in surfaces])
+    faces = np.concatenate([f + at for (_, f), at in zip(surfaces, offsets[:-1], strict=True)])
+    if len(faces) > MOST_FACES:
+        raise WorldFileError(path, f"{len(faces)} triangles, expected 1 to {MOST_FACES}")
+    size = max(float(np.ptp(vertices[np.unique(faces)], axis=0).max()), 1e-12)
+    keys = np.rint((vertices - vertices.min(axis=0)) / (1e-7 * size)).astype(np.int64)
+    _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    faces = inverse.reshape(-1)[faces]
+    distinct = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2])
+    distinct &= faces[:, 2] != faces[:, 0]
+    if not distinct.any():
+        raise WorldFileError(path, "no triangle with an area")
+    return Mesh(vertices[first], faces[distinct])
+
+
+def _parts(path: Path, mesh: Mesh, notes: list[str]) -> list[Part]:
+    pieces = [_piece(mesh.vertices, own) for own in _pieces(mesh.faces, len(mesh.vertices))]
     if len(pieces) > MOST_PIECES:
-        raise WorldFileError(path, f"{len(pieces)} separate pieces, expected at most {MOST_PIECES}")
-    hollow = sum(not _is_convex(piece) for piece in pieces)
-    if hollow:
-        notes.append(f"{path.name}: {hollow} of {len(pieces)} pieces are not convex: beams meet "
-                     "their triangles, bodies their convex hull")  # fmt: skip
-    return [Part("mesh", (), (0.0, 0.0, 0.0), mesh=piece) for piece in pieces]
+        notes.append(f"{path.name}: {len(pieces)} loose pieces taken as one")
+        pieces = [mesh]
+    parts: list[Part] = []
+    counts: Counter[str] = Counter()
+    worst: dict[str, float] = {}
+    for piece in pieces:
+        if (thick := _sheet(piece)) is not None:
+            counts["flat"] += 1
+            piece = thick
+        how, error, own = _convex_parts(path, piece)
+        counts[how] += 1
+        worst[how] = max(worst.get(how, 0.0), error)
+        parts += own
+    for how, text in HOW.items():
+        if counts[how]:
+            within = f", within {worst[how]:.3f} m" if how in worst else ""
+            notes.append(f"{path.name}: {counts[how]} of {len(pieces)} pieces {text}{within}")
+    return parts
 
 
-def _check_count(path: Path) -> None:
-    """Refuse a declared count that is too large before a parser makes arrays of it."""
-    data = path.read_bytes()
-    if path.suffix.lower() == ".obj":
-        count = data.count(b"\nf") + data.count(b"\nv ")
-    elif data[:5].lower() == b"solid" and b"facet" in data[:1000]:
-        count = data.count(b"facet normal")
-    else:
-        count = int.from_bytes(data[80:84], "little")
-    if count > 2 * MOST_FACES:
-        what = f"{count} triangles and vertices, expected at most {2 * MOST_FACES}"
-        raise WorldFileError(path, what)
+def _convex_parts(path: Path, piece: Mesh) -> tuple[str, float, list[Part]]:
+    """Return how a piece is taken (a key of `HOW`), the error of its surface, m, and its parts."""
+    if _is_convex(piece):
+        return "convex", 0.0, [_mesh_part(piece)]
+    ground = relief_part(piece)
+    if ground is not None:
+        return "relief", ground[1], [ground[0]]
+    size = float(np.ptp(piece.vertices, axis=0).max())
+    around = hull(piece.vertices)
+    if around is not None and size <= SMALL:
+        return "hull", surface_error(piece, [around]), [_mesh_part(around)]
+    if len(piece.faces) > MOST_CUT_FACES:
+        cell = max(CELL, size / MOST_CELLS)
+        return "cells", cell * 3**0.5, cell_parts(path, piece, cell)
+    convex, error = decompose(path, piece)
+    return "cut", error, [_mesh_part(one) for one in convex]
 
 
-def _load(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    try:
-        import trimesh
-    except ImportError:
-        what = "meshes need trimesh: pip install trimesh"
-        raise WorldFileError(path, what) from None
-    try:
-        with path.open("rb") as file:  # not by name: so it looks for no materials
-            mesh = trimesh.load_mesh(file, file_type=path.suffix[1:].lower(), process=True)
-        vertices = np.array(mesh.vertices, np.float64).reshape(-1, 3)
-        return vertices, np.array(mesh.faces, np.int64).reshape(-1, 3)
-    except Exception as error:  # whatever a parser of someone else's raises on a broken file
-        text = " ".join(str(error).split()) or type(error).__name__
-        raise WorldFileError(path, f"no mesh ({text[:100]})") from None
+def cell_parts(path: Path, piece: Mesh, cell: float) -> list[Part]:
+    """Return merged boxes of the cells that a surface passes through.
+
+    Args:
+        path: File of the mesh, for messages.
+        piece: The surface, m.
+        cell: Side of a cell, m.
+
+    Raises:
+        WorldFileError: They are more than a world may hold.
+    """
+    low = np.floor(piece.vertices.min(axis=0) / cell).astype(np.int64)
+    high = np.floor(piece.vertices.max(axis=0) / cell).astype(np.int64) + 1
+    occupied = np.zeros(tuple(high - low), np.bool_)
+    a, b, c = (piece.vertices[piece.faces[:, n]] for n in range(3))
+    longest = np.max([np.linalg.norm(q - p, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    counts = np.ceil(2.0 * longest / cell).astype(int).clip(1)  # two points a cell
+    for count in np.unique(counts):
+        chosen = np.flatnonzero(counts == count)
+        i, j = np.indices((count + 1, count + 1)).reshape(2, -1)
+        u, v = (w[i + j <= count] / count for w in (i, j))
+        for n in chosen:
+            points = a[n] + u[:, None] * (b[n] - a[n]) + v[:, None] * (c[n] - a[n])
+            occupied[tuple((np.floor(points / cell).astype(np.int64) - low).T)] = True
+    return cell_boxes(path, occupied, cell, vector(low * cell))
+
+
+def _mesh_part(mesh: Mesh) -> Part:
+    return Part("mesh", (), (0.0, 0.0, 0.0), mesh=mesh)
+
+
+def _sheet(piece: Mesh) -> Mesh | None:
+    """Return a flat piece with a thickness, behind the side that its triangles face, else None."""
+    middle = piece.vertices.mean(axis=0)
+    _, spans, axes = np.linalg.svd(piece.vertices - middle, full_matrices=False)
+    if len(spans) == 3 and spans[2] > FLAT * max(spans[0], 1e-300):
+        return None
+    normal = axes[2] if len(axes) == 3 else np.cross(axes[0], axes[1])
+    a, b, c = (piece.vertices[piece.faces[:, n]] for n in range(3))
+    faces = piece.faces
+    if np.cross(b - a, c - a).sum(axis=0) @ normal < 0.0:
+        normal = -normal
+    if normal[2] < -0.999:  # a floor seen from below: its upper side stays where it is
+        normal, faces = -normal, faces[:, ::-1]
+    count = len(piece.vertices)
+    vertices = np.concatenate([piece.vertices, piece.vertices - SHEET_THICKNESS * normal])
+    rim = _rim(faces)
+    sides = [np.column_stack([rim[:, 1], rim[:, 0], rim[:, 0] + count]),
+             np.column_stack([rim[:, 1], rim[:, 0] + count, rim[:, 1] + count])]  # fmt: skip
+    return Mesh(vertices, np.concatenate([faces, faces[:, ::-1] + count, *sides]))
+
+
+def _rim(faces: NDArray[np.int64]) -> NDArray[np.int64]:  # (k, 2)
+    """Return the directed edges of triangles that no other triangle shares."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    keys = np.sort(edges, axis=1)
+    _, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    return np.asarray(edges[counts[inverse.reshape(-1)] == 1])
 
 
 def _pieces(faces: NDArray[np.int64], count: int) -> list[NDArray[np.int64]]:
@@ -114,16 +250,27 @@ def _piece(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Mesh:
 
 
 def _is_convex(piece: Mesh) -> bool:
-    """Return whether no vertex lies beyond a triangle's plane, but for a share of the size."""
+    """Return whether the triangles cover the convex hull, but for a share of the size.
+
+    No vertex lies beyond a triangle's plane on both of its sides, and the areas are the same: a
+    surface that is open or folds back is not convex.
+    """
+    around = hull(piece.vertices)
+    if around is None:
+        return False
+    size = float(np.ptp(piece.vertices, axis=0).max())
     a, b, c = (piece.vertices[piece.faces[:, n]] for n in range(3))
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
-    kept = lengths > 0.0
+    kept = lengths > 1e-12 * size * size
     normals, a = normals[kept] / lengths[kept, None], a[kept]
-    slack = 1e-6 * float(np.ptp(piece.vertices, axis=0).max())
-    beyond = [
-        float((piece.vertices @ normal).max() - normal @ point)
-        for normal, point in zip(normals[:: max(1, len(normals) // 500)],
-                                 a[:: max(1, len(normals) // 500)], strict=True)
-    ]  # fmt: skip
-    return max(beyond, default=0.0) <= slack
+    for normal, point in zip(normals, a, strict=True):
+        heights = around.vertices @ normal - normal @ point
+        if min(float(heights.max()), -float(heights.min())) > 1e-6 * size:
+            return False
+    return bool(_area(piece) >= (1.0 - 1e-3) * _area(around))
+
+
+def _area(mesh: Mesh) -> float:
+    a, b, c = (mesh.vertices[mesh.faces[:, n]] for n in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)

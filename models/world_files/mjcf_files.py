@@ -31,13 +31,17 @@ MAX_MODEL_FILES = 200
 """Maximum number of MJCF files in a scene, counted at every mention."""
 
 
-def check_scene(top: Path) -> None:
+def check_scene(top: Path, root: Path | None = None) -> None:
     """Refuse a scene that reaches out of its folder, loads code or demands too much.
+
+    Args:
+        top: The scene.
+        root: Folder below which all its files have to lie; None for the scene's own.
 
     Raises:
         WorldFileError: Naming the file, the element and its line.
     """
-    _Scene(top).check(top, [])
+    _Scene(top, root).check(top, [])
 
 
 class _Total:
@@ -60,8 +64,9 @@ class _Total:
 class _Scene:
     """One scene and every file that it leads to."""
 
-    def __init__(self, top: Path) -> None:
+    def __init__(self, top: Path, root: Path | None = None) -> None:
         self._top = top
+        self._root = (top.parent if root is None else root).resolve()
         self._bounds = Bounds(top)
         self._files = 0
         self._bytes = 0
@@ -121,8 +126,11 @@ class _Scene:
         """A file has to lie inside, taken from the scene's folder and from the file's own."""
         for base in (self._top, path):
             file = base.parent / name
-            if not file.resolve().is_relative_to(self._top.parent.resolve()):
-                what = f"<{element.tag}>: '{name}' lies outside the scene's folder"
+            if not file.resolve().is_relative_to(self._root):
+                what = (
+                    f"<{element.tag}>: '{name}' lies outside the scene's folder; "
+                    "expected --root with a folder that holds both"
+                )
                 raise WorldFileError(path, what, element.line)
             if not file.exists() or file.is_dir():
                 continue  # MuJoCo says what it misses

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.world_files.mjcf_files import check_scene
-from wayproof.models.world_files.options import Found, ImportOptions
+from wayproof.models.world_files.options import Found, ImportOptions, Plane
 from wayproof.models.world_files.parts import Mesh, Part, Shape, quaternion_of, vector
 from wayproof.models.world_files.reading import MAX_SOLIDS, WorldFileError
 from wayproof.models.world_files.xml_tree import Element
@@ -34,8 +34,6 @@ SHAPES: dict[int, tuple[Shape, int]] = {
 }
 """Shape and number of lengths of each geom type."""
 
-FLAT = 1e-9
-
 NOT_COMPILED = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)
 """Exceptions that MuJoCo raises for a scene that does not compile."""
 
@@ -47,12 +45,35 @@ def read_mjcf(path: Path, options: ImportOptions) -> Found:
         WorldFileError: No MJCF; a file outside the folder; a plugin; a count above its bound; a
             plane that is not the floor.
     """
-    check_scene(path)
+    check_scene(path, options.root)
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        if options.without:
+            model = _without(path, options.without)
+        else:
+            model = mujoco.MjModel.from_xml_path(str(path))
     except NOT_COMPILED as error:
         raise WorldFileError(path, " ".join(str(error).split())[:300]) from None
-    return found_in(model, path)
+    found = found_in(model, path)
+    found.notes += [f"body '{name}': left out" for name in options.without]
+    return found
+
+
+def _without(path: Path, bodies: tuple[str, ...]) -> mujoco.MjModel:
+    """Compile a scene without some bodies and all that is on them.
+
+    Raises:
+        WorldFileError: No such body.
+    """
+    spec = mujoco.MjSpec.from_file(str(path))
+    for name in bodies:
+        body = spec.body(name)
+        if body is None:
+            names = ", ".join(one.name for one in spec.worldbody.bodies if one.name)
+            raise WorldFileError(path, f"--without: no body '{name}' (available: {names[:200]})")
+        spec.delete(body)
+    for key in list(spec.keys):
+        spec.delete(key)  # it counts the joints that were deleted
+    return spec.compile()
 
 
 def is_world_file(tree: Element) -> bool:
@@ -81,8 +102,7 @@ def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
     found = Found(notes=list(_left_out(model, solid)))
     for geom in np.flatnonzero(solid).tolist():
         if model.geom_type[geom] == Geoms.mjGEOM_PLANE:
-            _check_floor(path, model, data, geom)
-            found.plane = True
+            found.planes.append(_plane(model, data, geom))
         else:
             found.parts.append(_part(path, model, data, geom))
     _take_custom(model, found)
@@ -106,11 +126,11 @@ def _left_out(model: mujoco.MjModel, solid: NDArray[np.bool_]) -> Iterator[str]:
         yield f"{model.nmocap} bodies that are moved from outside: they stand still here"
 
 
-def _check_floor(path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> None:
-    height, up = data.geom_xpos[geom, 2], data.geom_xmat[geom, 8]
-    if abs(height) > FLAT or abs(up - 1.0) > FLAT:
-        what = f"plane '{_name(model, geom)}': expected one that is level at height 0, the floor"
-        raise WorldFileError(path, what)
+def _plane(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plane:
+    x, y = model.geom_size[geom, :2].tolist()
+    half = (x, y) if x > 0.0 and y > 0.0 else None
+    normal = data.geom_xmat[geom].reshape(3, 3)[:, 2].copy()
+    return Plane(data.geom_xpos[geom].copy(), normal, half, _name(model, geom))
 
 
 def _part(path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Part:

@@ -44,7 +44,8 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
     occupied = (occupancy > most)[rows]
     unknown = ((occupancy <= most) & (occupancy >= least))[rows]
     solid = occupied | unknown if options.unknown == "occupied" else occupied
-    found = Found(parts=_walls(path, solid, resolution, origin, options.height))
+    parts = _walls(path, solid, resolution, origin, options.height)
+    found = Found(parts=parts, plane=True)
     found.notes.append(
         f"{occupied.sum()} cells occupied, {unknown.sum()} unknown, taken as {options.unknown}"
     )

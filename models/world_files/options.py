@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.parts import Part
@@ -21,7 +25,16 @@ class ImportOptions:
         resolution: Side of a cell where the file gives none (`.3dmap`, height fields), m.
         scale: Metres to a unit of a mesh.
         unknown: Treatment of unknown cells of a flat map.
-        skip_missing: Whether models that a file includes and that are not there are left out.
+        skip_missing: Whether models and meshes that a file names and that are not there are left
+            out.
+        visuals: Whether links that have visuals only are made solid.
+        model_paths: Folders with models that a file includes, searched before the usual ones.
+        floor: Height of the floor in the file, m; None to find it.
+        kinds: Kind of the parts of a model, by a pattern of its name, such as `ground*`.
+        robot_radius: Radius of the robot that will run, for start and goal, m.
+        robot_height: Height of it, m.
+        without: Bodies of a MuJoCo scene that are left out with all that is on them.
+        root: Folder below which a MuJoCo scene may name files; None for its own.
     """
 
     height: float = 2.0
@@ -29,6 +42,14 @@ class ImportOptions:
     scale: float = 1.0
     unknown: UnknownCells = "occupied"
     skip_missing: bool = False
+    visuals: bool = False
+    model_paths: tuple[Path, ...] = ()
+    floor: float | None = None
+    kinds: tuple[tuple[str, str], ...] = ()
+    robot_radius: float = 0.5
+    robot_height: float = 0.6
+    without: tuple[str, ...] = ()
+    root: Path | None = None
 
     def __post_init__(self) -> None:
         """Refuse lengths that no world has.
@@ -62,13 +83,32 @@ class Ends(NamedTuple):
     goal: Vector3
 
 
+class Plane(NamedTuple):
+    """A plane of a file, solid behind its face, infinite as contacts take it.
+
+    Attributes:
+        point: (3,) on the plane, m.
+        normal: (3,) unit vector, out of the solid side.
+        half_extents: Half the length and width that it is drawn with, m.
+        model: Name of its model or geom.
+    """
+
+    point: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    half_extents: tuple[float, float] | None = None
+    model: str = ""
+
+
 @dataclass
 class Found:
     """Contents of an imported file.
 
     Attributes:
         parts: Everything solid but the floor.
-        plane: Whether the file has a level plane at height 0: the floor.
+        plane: Whether there is a level plane at height 0: the floor.
+        planes: Planes of the file, until the floor is settled.
+        missing: Names of models and files that are not there and were left out.
+        grid: Whether the parts are cells of a grid, of which the lowest may be the floor.
         notes: What was left out or taken otherwise than written, a line each.
         start: Point on the floor, m; None if the file gives none.
         start_heading: rad.
@@ -83,6 +123,9 @@ class Found:
 
     parts: list[Part] = field(default_factory=list)
     plane: bool = False
+    planes: list[Plane] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    grid: bool = False
     notes: list[str] = field(default_factory=list)
     start: Vector3 | None = None
     start_heading: float | None = None

@@ -51,6 +51,7 @@ class Part:
         kind: Kind of thing, such as `wall`; lower-case letters and underscores.
         mesh: Triangles of shape `mesh`, in the part's own frame.
         heights: Heights of shape `heights`: (ny, nx) from 0 to 1.
+        model: Name of the model or body in the file that it is a part of; empty without one.
 
     Raises:
         ValueError: A length is not positive and finite, or one is missing.
@@ -63,6 +64,7 @@ class Part:
     kind: str = "structure"
     mesh: Mesh | None = field(default=None, compare=False)
     heights: NDArray[np.float64] | None = field(default=None, compare=False)
+    model: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         """Refuse flat and infinite parts."""

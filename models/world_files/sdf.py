@@ -1,25 +1,31 @@
 """Gazebo worlds (`.world`, `.sdf`): their collision shapes as one static scene.
 
-Source: the SDFormat specification, versions 1.4 to 1.11. A `<state>` is where Gazebo saved its
+Source: the SDFormat specification, versions 1.4 to 1.12. A `<state>` is where Gazebo saved its
 models; it holds the poses that count.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from wayproof.models.world_files.meshes import mesh_parts
+from wayproof.models.world_files.ground import kind_of
+from wayproof.models.world_files.locating import Locator
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.parts import Part, moved
-from wayproof.models.world_files.reading import MAX_SOLIDS, WorldFileError, beside
+from wayproof.models.world_files.parts import moved
+from wayproof.models.world_files.reading import MAX_SOLIDS, WorldFileError
 from wayproof.models.world_files.sdf_frames import ORIGIN, Frames, Placement, numbers
+from wayproof.models.world_files.sdf_shapes import Shapes
+from wayproof.models.world_files.urdf import read_links
 from wayproof.models.world_files.xml_tree import Element, read_xml
 
-BUILT_IN_MODELS = ("ground_plane", "sun")
-"""Models that every Gazebo has: the floor, which every world here has too, and a light."""
+LIGHTS = ("sun",)
+"""Models of Gazebo without anything solid."""
+
+GROUND_MODELS = ("ground_plane",)
+"""Models of Gazebo and Fuel that are a level plane at their origin."""
 
 MAX_NESTED = 20
 """Maximum depth of includes; deeper ones are a cycle."""
@@ -27,7 +33,8 @@ MAX_NESTED = 20
 MAX_INCLUDED = 2000
 """Maximum number of included files, counted at every mention."""
 
-FLAT = 1e-9
+LEFT_OUT = ("actor", "road", "population")
+"""Elements of a world that are not taken over, each with a note of its line."""
 
 
 def read_sdf(path: Path, options: ImportOptions) -> Found:
@@ -38,40 +45,54 @@ def read_sdf(path: Path, options: ImportOptions) -> Found:
     """
     root = read_xml(path)
     scopes = [child for child in root.children if child.tag in ("world", "model")]
-    if root.tag != "sdf" or len(scopes) != 1:
+    if root.tag not in ("sdf", "gazebo") or not scopes:
         raise WorldFileError(path, f"<{root.tag}>: expected <sdf> with one <world> or <model>", 1)
-    reading = _Reading(options)
+    if len(scopes) > 1:
+        what = f"{len(scopes)} worlds or models, expected one <world> or <model>"
+        raise WorldFileError(path, what, scopes[1].line)
+    reading = _Reading(path, options)
     if scopes[0].tag == "model":
-        reading.take_model(path, scopes[0], ORIGIN)
+        own = Frames(path, scopes[0]).placed(scopes[0], ORIGIN, None)
+        reading.take_model(path, scopes[0], own, "")
     else:
         reading.take_world(path, scopes[0])
+    reading.finish()
     return reading.found
 
 
 class _Reading:
     """One file and what it includes."""
 
-    def __init__(self, options: ImportOptions) -> None:
+    def __init__(self, path: Path, options: ImportOptions) -> None:
         self.found = Found()
         self._options = options
+        self._locator = Locator(path, options.model_paths)
+        self._shapes = Shapes(self.found, options, self._locator)
         self._depth = self._included = 0
-        self._moving = 0
+        self._moving = self._visual = 0
 
     def take_world(self, path: Path, world: Element) -> None:
         frames, saved = Frames(path, world), _saved_state(path, world)
-        for child in world.children:
+        for child in [*world.children, *saved.inserted]:
+            name = child.attributes.get("name", "")
+            if child.tag in ("model", "include") and _given_name(child) in saved.deleted:
+                continue
             if child.tag == "model":
-                name = child.attributes.get("name", "")
-                self.take_model(path, child, frames.of(child), saved.get(name))
+                placed = frames.placed(child, ORIGIN, Frames(path, child))
+                self.take_model(path, child, placed, name, saved.models.get(name))
             elif child.tag == "include":
-                self._include(path, child, frames.of(child))
-            elif child.tag in ("road", "population", "actor"):
-                raise WorldFileError(path, f"<{child.tag}>: cannot be taken over", child.line)
+                self._include(path, child, frames, ORIGIN, "", saved)
+            elif child.tag in LEFT_OUT:
+                self.found.notes.append(f"<{child.tag}> '{name}' (line {child.line}): left out")
+
+    def finish(self) -> None:
+        """Note what holds for many models at once."""
         if self._moving:
             self.found.notes.append(f"{self._moving} models that can move: they stand still here")
+        self._shapes.finish()
 
     def take_model(
-        self, path: Path, model: Element, placed: Placement, state: _State | None = None
+        self, path: Path, model: Element, placed: Placement, name: str, state: _State | None = None
     ) -> None:
         """Read all links of a model at T_world_model, or at its saved pose."""
         frames = Frames(path, model)
@@ -80,165 +101,156 @@ class _Reading:
         if state is not None and state.placed is not None:
             placed = state.placed
         for child in model.children:
+            inner = child.attributes.get("name", "")
             if child.tag == "link":
                 at = placed @ frames.of(child)
+                scale = np.ones(3)
                 if state is not None:
-                    at = state.links.get(child.attributes.get("name", ""), at)
-                self._take_link(path, child, at)
+                    at = state.links.get(inner, at)
+                    scale = state.scale
+                self._take_link(path, child, at, name, scale)
             elif child.tag == "model":
-                self.take_model(path, child, placed @ frames.of(child))
+                nested = placed @ frames.placed(child, ORIGIN, Frames(path, child))
+                within = None if state is None else state.models.get(inner)
+                self.take_model(path, child, nested, name or inner, within)
             elif child.tag == "include":
-                self._include(path, child, placed @ frames.of(child))
+                self._include(path, child, frames, placed, name, None)
 
-    def _take_link(self, path: Path, link: Element, placed: Placement) -> None:
-        shapes = list(link.all("collision")) or list(link.all("visual"))
-        if shapes and shapes[0].tag == "visual":
-            name = link.attributes.get("name", "")
-            self.found.notes.append(f"link '{name}' (line {link.line}): its visuals made solid")
+    def _take_link(
+        self, path: Path, link: Element, placed: Placement, model: str, scale: np.ndarray
+    ) -> None:
+        shapes = list(link.all("collision"))
+        if not shapes and link.first("visual") is not None:
+            shapes = self._visuals(link, model)
         frames = Frames(path, link)
         for shape in shapes:
             at = placed @ frames.of(shape)
-            geometry = shape.first("geometry")
-            if geometry is None or len(geometry.children) != 1:
-                raise WorldFileError(path, f"<{shape.tag}>: expected one geometry", shape.line)
-            for part in self._shape(path, geometry.children[0], at):
-                self.found.parts.append(moved(part, at.position, at.R))
+            for part in self._shapes.parts(path, shape, at, model, scale):
+                kind = part.kind if part.shape == "heights" else kind_of(model)
+                part = replace(moved(part, at.position, at.R), model=model, kind=kind)
+                self.found.parts.append(part)
             if len(self.found.parts) > MAX_SOLIDS:
                 raise WorldFileError(path, f"more than {MAX_SOLIDS} shapes", shape.line)
 
-    def _shape(self, path: Path, shape: Element, placed: Placement) -> Iterator[Part]:
-        if shape.tag == "empty":
-            return
-        if shape.tag == "plane":
-            _check_floor(path, shape, placed)
-        elif shape.tag == "mesh":
-            yield from self._mesh(path, shape)
-        elif shape.tag in SHAPES:
-            try:
-                yield SHAPES[shape.tag](path, shape)
-            except WorldFileError:
-                raise
-            except ValueError as error:
-                raise WorldFileError(path, f"<{shape.tag}>: {error}", shape.line) from None
-        else:
-            known = ", ".join([*SHAPES, "mesh", "plane", "empty"])
-            what = f"<{shape.tag}>: cannot be taken over (available: {known})"
-            raise WorldFileError(path, what, shape.line)
+    def _visuals(self, link: Element, model: str) -> list[Element]:
+        """Return a link's visuals where they are to be solid; else note that they are not."""
+        name = f"{model} {link.attributes.get('name', '')}".strip()
+        if self._options.visuals:
+            self.found.notes.append(f"link '{name}' (line {link.line}): its visuals made solid")
+            return list(link.all("visual"))
+        self.found.notes.append(
+            f"link '{name}' (line {link.line}): visuals only, left out; --visuals makes them solid"
+        )
+        return []
 
-    def _mesh(self, path: Path, shape: Element) -> Iterator[Part]:
-        uri = shape.first("uri")
-        if uri is None or shape.first("submesh") is not None:
-            raise WorldFileError(path, "<mesh>: expected a <uri> and no <submesh>", shape.line)
-        file = beside(path, _local(uri.text))
-        if not file.is_file():
-            raise WorldFileError(path, f"<mesh>: no file '{uri.text.strip()}' beside it", uri.line)
-        element = shape.first("scale")
-        scale = [1.0] * 3 if element is None else numbers(path, element, 3)
-        yield from mesh_parts(file, np.array(scale), self.found.notes)
-
-    def _include(self, path: Path, include: Element, placed: Placement) -> None:
+    def _include(
+        self,
+        path: Path,
+        include: Element,
+        frames: Frames,
+        outer: Placement,
+        model: str,
+        saved: _Saved | None,
+    ) -> None:
         uri = include.first("uri")
-        name = "" if uri is None else _local(uri.text)
-        if name in BUILT_IN_MODELS:
+        text = "" if uri is None else uri.text.strip()
+        known = self._locator.name_of(text)
+        if known in LIGHTS:
             return
-        file = beside(path, name)
-        file = file / "model.sdf" if file.is_dir() else file
-        if not name or not file.is_file():
-            if self._options.skip_missing:
-                text = f"<include> of '{name}' (line {include.line}): not there, left out"
-                self.found.notes.append(text)
-                return
-            what = f"<include>: no model '{name}' beside it; expected --skip-missing to go without"
-            raise WorldFileError(path, what, include.line)
-        if include.first("placement_frame") is not None or self._depth >= MAX_NESTED:
-            what = f"<include>: with a placement frame, or more than {MAX_NESTED} deep"
-            raise WorldFileError(path, what, include.line)
+        name = model or _given_name(include) or known
+        if known in GROUND_MODELS and self._locator.model(text) is None:
+            self._shapes.ground(outer @ frames.placed(include, ORIGIN, None), name, include.line)
+            return
+        file = self._locator.model(text) if text else None
+        if file is None:
+            self._shapes.missing("include", text, path, include.line)
+            return
+        if self._depth >= MAX_NESTED:
+            raise WorldFileError(path, f"<include>: more than {MAX_NESTED} deep", include.line)
         self._depth += 1
         self._included += 1
         if self._included > MAX_INCLUDED:
             raise WorldFileError(path, f"<include>: more than {MAX_INCLUDED}", include.line)
-        model = read_xml(file).first("model")
+        self._take_file(path, include, frames, outer, name, saved, file)
+        self._depth -= 1
+
+    def _take_file(
+        self,
+        path: Path,
+        include: Element,
+        frames: Frames,
+        outer: Placement,
+        name: str,
+        saved: _Saved | None,
+        file: Path,
+    ) -> None:
+        """Read the model of an included file where the include places it."""
+        root = read_xml(file)
+        if root.tag == "robot":
+            at = outer @ frames.placed(include, ORIGIN, None)
+            for part, shape in read_links(file, root, self._shapes):
+                part = moved(part, at.position, at.R)
+                self.found.parts.append(replace(part, model=name, kind=kind_of(name)))
+                if len(self.found.parts) > MAX_SOLIDS:
+                    raise WorldFileError(file, f"more than {MAX_SOLIDS} shapes", shape.line)
+            return
+        model = root.first("model")
         if model is None:
             raise WorldFileError(file, "expected <sdf> with one <model>", 1)
-        own = Frames(file, model).of(model) if include.first("pose") is None else ORIGIN
-        self.take_model(file, model, placed @ own)
-        self._depth -= 1
+        inner = Frames(file, model)
+        own = inner.placed(model, ORIGIN, inner)
+        at = outer @ frames.placed(include, own, inner)
+        state = None
+        if saved is not None:
+            state = saved.models.get(_given_name(include) or model.attributes.get("name", ""))
+        self.take_model(file, model, at, name, state)
+
+
+def _given_name(element: Element) -> str:
+    """Return the name of a model, or that which an include gives to it."""
+    if element.tag != "include":
+        return element.attributes.get("name", "")
+    name = element.first("name")
+    return "" if name is None else name.text.strip()
 
 
 class _State:
-    """Saved poses of a model and of each of its links, T_world."""
+    """Saved poses T_world and scale of a model, of its links, and of the models in it."""
 
     def __init__(self, path: Path, model: Element) -> None:
         scale = model.first("scale")
-        if scale is not None and numbers(path, scale, 3) != [1.0, 1.0, 1.0]:
-            raise WorldFileError(path, "<scale>: expected 1 1 1", scale.line)
-        nothing = Element("state", {}, model.line)
-        frames = Frames(path, nothing)
+        self.scale = np.ones(3) if scale is None else np.array(numbers(path, scale, 3))
+        if not (self.scale > 0.0).all():
+            assert scale is not None
+            raise WorldFileError(path, "<scale>: expected positive numbers", scale.line)
+        frames = Frames(path, Element("state", {}, model.line))
         self.placed = None if model.first("pose") is None else frames.of(model)
         self.links = {
             link.attributes.get("name", ""): frames.of(link)
             for link in model.all("link")
             if link.first("pose") is not None
         }
+        self.models = {
+            inner.attributes.get("name", ""): _State(path, inner) for inner in model.all("model")
+        }
 
 
-def _saved_state(path: Path, world: Element) -> dict[str, _State]:
-    state = world.first("state")
-    if state is None:
-        return {}
-    for child in state.children:
-        if child.tag in ("insertions", "deletions"):
-            raise WorldFileError(path, f"<{child.tag}>: cannot be taken over", child.line)
-    return {one.attributes.get("name", ""): _State(path, one) for one in state.all("model")}
+class _Saved:
+    """The saved state of a world: of its models, and which were inserted or deleted since."""
+
+    def __init__(self, path: Path, state: Element | None) -> None:
+        self.models: dict[str, _State] = {}
+        self.inserted: list[Element] = []
+        self.deleted: set[str] = set()
+        if state is None:
+            return
+        self.models = {one.attributes.get("name", ""): _State(path, one)
+                       for one in state.all("model")}  # fmt: skip
+        for insertions in state.all("insertions"):
+            self.inserted += list(insertions.all("model"))
+        for deletions in state.all("deletions"):
+            self.deleted |= {name.text.strip() for name in deletions.all("name")}
 
 
-def _local(uri: str) -> str:
-    """Return the path after `model://` or `file://`, which is looked up beside the file."""
-    return uri.strip().partition("://")[2] or uri.strip()
-
-
-def _check_floor(path: Path, shape: Element, placed: Placement) -> None:
-    """Refuse a plane that is not the floor: level, facing up, at height 0."""
-    element = shape.first("normal")
-    normal = np.array([0.0, 0.0, 1.0] if element is None else numbers(path, element, 3))
-    up = placed.R @ normal / np.linalg.norm(normal)
-    if abs(up[2] - 1.0) > FLAT or abs(placed.position[2]) > FLAT:
-        what = f"<plane>: at height {placed.position[2]:g} m, expected level at 0, as the floor"
-        raise WorldFileError(path, what, shape.line)
-
-
-def _child(path: Path, shape: Element, tag: str, count: int = 1) -> list[float]:
-    child = shape.first(tag)
-    if child is None:
-        raise WorldFileError(path, f"<{shape.tag}>: expected <{tag}>", shape.line)
-    return numbers(path, child, count)
-
-
-def _box(path: Path, shape: Element) -> Part:
-    half = [length / 2.0 for length in _child(path, shape, "size", 3)]
-    return Part("box", tuple(half), (0.0, 0.0, 0.0))
-
-
-def _round(path: Path, shape: Element) -> Part:
-    """Return a cylinder or a capsule; `length` is that of the straight part."""
-    (radius,), (length,) = _child(path, shape, "radius"), _child(path, shape, "length")
-    kind = "cylinder" if shape.tag == "cylinder" else "capsule"
-    return Part(kind, (radius, length / 2.0), (0.0, 0.0, 0.0))  # type: ignore[arg-type]
-
-
-def _sphere(path: Path, shape: Element) -> Part:
-    return Part("sphere", tuple(_child(path, shape, "radius")), (0.0, 0.0, 0.0))
-
-
-def _ellipsoid(path: Path, shape: Element) -> Part:
-    return Part("ellipsoid", tuple(_child(path, shape, "radii", 3)), (0.0, 0.0, 0.0))
-
-
-SHAPES: dict[str, Callable[[Path, Element], Part]] = {
-    "box": _box,
-    "cylinder": _round,
-    "capsule": _round,
-    "sphere": _sphere,
-    "ellipsoid": _ellipsoid,
-}
-"""Readers of a geometry as a part in its own frame, by element."""
+def _saved_state(path: Path, world: Element) -> _Saved:
+    return _Saved(path, world.first("state"))

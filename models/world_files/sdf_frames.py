@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.world_files.parts import turned_by
+from wayproof.models.world_files.parts import rotation_of, turned_by
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.xml_tree import Element
 
-FRAME_ELEMENTS = ("link", "frame", "model", "include")
+FRAME_ELEMENTS = ("link", "frame", "model", "include", "joint")
 """Elements whose name is a frame of the model or world that holds them."""
 
 
@@ -31,6 +31,10 @@ class Placement:
     def __matmul__(self, inner: Placement) -> Placement:
         """Compose poses: return the inner frame's inner frame in the outer frame."""
         return Placement(self.position + self.R @ inner.position, self.R @ inner.R)
+
+    def inverse(self) -> Placement:
+        """Return T_inner_outer."""
+        return Placement(-self.R.T @ self.position, self.R.T)
 
 
 ORIGIN = Placement(np.zeros(3), np.eye(3))
@@ -65,8 +69,9 @@ class Frames:
             for child in scope.children
             if child.tag in FRAME_ELEMENTS and "name" in child.attributes
         }
+        self._scope = scope
         self._known: dict[str, Placement] = {"": ORIGIN, "world": ORIGIN, "__model__": ORIGIN}
-        self._asked: list[str] = []
+        self._open: list[str] = []
 
     def of(self, element: Element) -> Placement:
         """Return the pose of an element of this scope in it.
@@ -75,33 +80,61 @@ class Frames:
             WorldFileError: No such frame, a circle of frames, or no pose of six numbers.
         """
         attached = element.attributes.get("attached_to", "")
+        if element.tag == "joint" and (child := element.first("child")) is not None:
+            attached = child.text.strip()  # a joint's pose is in its child's frame
         pose = element.first("pose")
         if pose is None:
             return self._named(attached, element)
         relative = pose.attributes.get("relative_to") or pose.attributes.get("frame") or attached
         return self._named(relative, pose) @ self._read(pose)
 
+    def placed(self, element: Element, default: Placement, inner: Frames | None) -> Placement:
+        """Return the pose of a model or include of this scope, its placement frame observed.
+
+        Args:
+            element: The model or include.
+            default: Its pose where it gives none: of an include, the model's own.
+            inner: Frames within the model, of which one may be the placement frame.
+
+        Raises:
+            WorldFileError: As `of`; or no such placement frame.
+        """
+        own = element.first("placement_frame")
+        name = element.attributes.get("placement_frame", "") if own is None else own.text.strip()
+        at = default if element.first("pose") is None and not name else self.of(element)
+        if not name or inner is None:
+            return at
+        return at @ inner._named(name, element).inverse()
+
     def _named(self, name: str, user: Element) -> Placement:
         if name in self._known:
+            return self._known[name]
+        head, inside, rest = name.partition("::")
+        if inside and head in self._framed and self._framed[head].tag == "model":
+            model = self._framed[head]
+            within = Frames(self._path, model)
+            outer = self.placed(model, ORIGIN, within)
+            self._known[name] = outer @ within._named(rest, user)
             return self._known[name]
         if name not in self._framed:
             what = f"<{user.tag}>: no frame '{name}' (available: {', '.join(self._framed)})"
             raise WorldFileError(self._path, what[:200], user.line)
-        if name in self._asked:
-            circle = " -> ".join([*self._asked, name])
+        if name in self._open:
+            circle = " -> ".join([*self._open, name])
             raise WorldFileError(self._path, f"frames in a circle: {circle}", user.line)
-        self._asked.append(name)
+        self._open.append(name)
         self._known[name] = self.of(self._framed[name])
-        self._asked.pop()
+        self._open.pop()
         return self._known[name]
 
     def _read(self, pose: Element) -> Placement:
         if not pose.text.strip():
             return ORIGIN
-        if pose.attributes.get("rotation_format", "euler_rpy") != "euler_rpy":
-            raise WorldFileError(
-                self._path, "<pose>: expected the angles roll pitch yaw", pose.line
-            )
+        if pose.attributes.get("rotation_format") == "quat_xyzw":
+            x, y, z, qx, qy, qz, qw = numbers(self._path, pose, 7)
+            if not qx * qx + qy * qy + qz * qz + qw * qw > 0.0:
+                raise WorldFileError(self._path, "<pose>: a quaternion of length 0", pose.line)
+            return Placement(np.array([x, y, z]), rotation_of((qw, qx, qy, qz)))
         values = numbers(self._path, pose, 6)
         angles = values[3:]
         if pose.attributes.get("degrees") in ("true", "1"):

@@ -12,6 +12,7 @@ from wayproof.models.world_files.parts import Part, vector
 from wayproof.models.worlds.solids import (
     Box,
     Capsule,
+    ConvexMesh,
     Cylinder,
     HeightField,
     Solid,
@@ -24,7 +25,10 @@ RINGS, SECTORS = 12, 24
 
 
 def solid_of(part: Part) -> Solid:
-    """Return the part as a solid in the world; an ellipsoid by triangles within it."""
+    """Return the part as a solid in the world, as bodies meet it: a mesh as its convex hull.
+
+    An ellipsoid is given by points on it.
+    """
     if part.shape == "box":
         yaw, pitch, roll = _angles(part.R_world_part)
         return Box(part.position, vector(part.size), yaw, part.kind, pitch, roll)
@@ -43,7 +47,7 @@ def solid_of(part: Part) -> Solid:
     else:
         vertices, faces = _globe(np.array(part.size))
     placed = part.position + vertices @ part.R_world_part.T
-    return TriangleMesh.from_arrays(placed, faces, part.kind)
+    return ConvexMesh.from_arrays(placed, faces, part.kind)
 
 
 def _angles(R: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -25,7 +25,7 @@ def read_table(path: Path, options: ImportOptions) -> Found:
     Raises:
         WorldFileError: Naming the line that is none.
     """
-    found = Found()
+    found = Found(plane=True)
     for number, row in enumerate(csv.reader(read_text(path).splitlines()), start=1):
         if row:
             found.parts.append(_sphere(path, number, row))

@@ -92,7 +92,8 @@ def read_voxel_map(path: Path, options: ImportOptions) -> Found:
     Raises:
         WorldFileError: Naming the line that is no cell of the map.
     """
-    return Found(parts=cell_boxes(path, read_voxels(path), options.resolution, (0.0, 0.0, 0.0)))
+    parts = cell_boxes(path, read_voxels(path), options.resolution, (0.0, 0.0, 0.0))
+    return Found(parts=parts, plane=True)
 
 
 def cell_boxes(

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wayproof.models.world_files.ground import FLOOR_KIND
 from wayproof.models.world_files.mjcf_scenes import CUSTOM_PREFIX, found_in, is_world_file
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.parts import UPRIGHT, Part
@@ -26,14 +27,11 @@ from wayproof.models.world_files.reading import WorldFileError, read_text
 from wayproof.models.world_files.solids import solid_of
 from wayproof.models.world_files.xml_tree import Element, read_xml
 from wayproof.models.worlds.materials import class_of, colour_of
-from wayproof.models.worlds.solids import FRICTION, Box
+from wayproof.models.worlds.solids import FRICTION, Box, HeightField
 from wayproof.models.worlds.world import World
 
 FORMAT = "1"
 """Version of the format; raised when files of the version before no longer read."""
-
-FLOOR_KIND = "floor"
-"""Kind of a geom that may be stepped on."""
 
 HASH_DIGITS = 16
 """Number of hex digits of the hash in a world's name."""
@@ -75,11 +73,13 @@ class FileWorld(World):
         text: The file's own.
         source: Name of the imported file.
         protocol: Protocol of its benchmark: limits and the constants of its score.
+        terrain: Height fields that may be stepped on.
     """
 
     text: str = field(default="", repr=False)
     source: str = ""
     protocol: str = ""
+    terrain: tuple[HeightField, ...] = field(default=(), repr=False)
 
     @property
     def identity(self) -> str:
@@ -89,6 +89,12 @@ class FileWorld(World):
     def mjcf(self) -> str:
         """Return the file's own text."""
         return self.text
+
+    def ground_height(self, point: ArrayLike) -> float:
+        """Return the height of the floor at a point (>= 2,), m: of the highest terrain, else 0."""
+        at = np.ravel(np.asarray(point, np.float64))[None, :2]
+        height = max((float(field.surface(at)[0]) for field in self.terrain), default=-np.inf)
+        return height if np.isfinite(height) else 0.0
 
     @cached_property
     def _corners(self) -> NDArray[np.float64]:  # (2, n, 3)
@@ -132,6 +138,7 @@ def world_of(text: str, path: Path | str = "world") -> FileWorld:
     try:
         model = mujoco.MjModel.from_xml_string(text)
         found = found_in(model, path)
+        found.plane = any(not plane.point[2] and plane.normal[2] == 1.0 for plane in found.planes)
     except ValueError as error:
         raise (
             error if isinstance(error, WorldFileError) else WorldFileError(path, _line(error))
@@ -140,9 +147,9 @@ def world_of(text: str, path: Path | str = "world") -> FileWorld:
     if ends is None or found.format != FORMAT:
         raise WorldFileError(path, f"world file of format '{found.format}', expected '{FORMAT}'")
     solids = [(part, solid_of(part)) for part in found.parts]
-    slabs = tuple(
-        solid for part, solid in solids if part.kind == FLOOR_KIND and isinstance(solid, Box)
-    )
+    floors = [solid for part, solid in solids if part.kind == FLOOR_KIND]
+    boxes = tuple(solid for solid in floors if isinstance(solid, Box))
+    slabs = boxes if len(boxes) == len(floors) else ()  # where all of the floor is known
     try:
         return FileWorld(
             name=model.names.split(b"\0")[0].decode(), seed=0, low=ends.low, high=ends.high,
@@ -150,6 +157,8 @@ def world_of(text: str, path: Path | str = "world") -> FileWorld:
             start=ends.start, start_heading=ends.start_heading, goal=ends.goal,
             floor=None if found.plane or not slabs else slabs, route_length=found.route_length,
             text=text, source=found.source, protocol=found.protocol,
+            terrain=tuple(solid for part, solid in solids
+                          if part.kind == FLOOR_KIND and isinstance(solid, HeightField)),
         )  # fmt: skip
     except ValueError as error:
         raise WorldFileError(path, str(error)) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -48,7 +49,7 @@ def read_xml(path: Path) -> Element:
     Raises:
         WorldFileError: Naming the line: no XML, a document type, or more elements than allowed.
     """
-    text = read_text(path, MOST_BYTES)
+    text = _from_declaration(read_text(path, MOST_BYTES))
     if text.count("=") > MOST_ATTRIBUTES:
         raise WorldFileError(path, f"{text.count('=')} '=', expected at most {MOST_ATTRIBUTES}")
     builder = _Builder(path)
@@ -59,6 +60,19 @@ def read_xml(path: Path) -> Element:
             path, f"no XML ({expat.ErrorString(error.code)})", error.lineno
         ) from None
     return builder.root.children[0]
+
+
+BEFORE_DECLARATION = re.compile(r"(?:\s|<!--.*?-->)+(?=<\?xml\s)", re.DOTALL)
+"""Blank lines and comments before an XML declaration, which a strict parser refuses."""
+
+
+def _from_declaration(text: str) -> str:
+    """Return text with what stands before the declaration moved behind it: lines keep count."""
+    before = BEFORE_DECLARATION.match(text)
+    if before is None:
+        return text
+    declaration, closing, rest = text[before.end() :].partition("?>")
+    return declaration + closing + before.group() + rest
 
 
 class _Builder:

@@ -102,6 +102,11 @@ class World:
         nearest = int(np.argmin(distances))
         return self.solid_names[nearest] if distances[nearest] <= radius else None
 
+    def ground_height(self, point: ArrayLike) -> float:
+        """Return the height of the floor at a point (>= 2,), m."""
+        del point
+        return 0.0
+
     def mjcf(self) -> str:
         """Write the scene as MJCF without outside references; equal worlds give equal bytes.
 

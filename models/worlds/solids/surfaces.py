@@ -196,9 +196,9 @@ class HeightField(Bounded):
         nx, ny = len(self.heights), len(self.heights[0])
         return (nx - 1) * self.spacing[0] / 2, (ny - 1) * self.spacing[1] / 2
 
-    def _below(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:  # (n,)
-        """Return whether points lie on or under the ground and not under its base."""
-        at = (points[:, :2] - self.corner[:2]) / self.spacing
+    def surface(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return the height of the ground (n,) at points (n, >= 2), m; -inf beside it."""
+        at = (np.asarray(points, np.float64)[:, :2] - self.corner[:2]) / self.spacing
         cells = np.subtract(self.nodes.shape[:2], 1)
         over = ((at >= 0.0) & (at <= cells)).all(axis=1)
         i, j = np.clip(at.astype(np.int64), 0, cells - 1).T
@@ -206,7 +206,12 @@ class HeightField(Bounded):
         z = self.nodes[..., 2]
         a, b, c, d = z[i, j], z[i + 1, j], z[i + 1, j + 1], z[i, j + 1]
         ground = np.where(u >= v, a + u * (b - a) + v * (c - b), a + v * (d - a) + u * (c - d))
-        return np.asarray(over & (points[:, 2] <= ground) & (points[:, 2] >= self.bottom))
+        return np.where(over, ground, -np.inf)
+
+    def _below(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:  # (n,)
+        """Return whether points lie on or under the ground and not under its base."""
+        ground = self.surface(points)
+        return np.asarray((points[:, 2] <= ground) & (points[:, 2] >= self.bottom))
 
 
 def _in_band(triangles: NDArray[np.float64], band: Band) -> NDArray[np.float64]:

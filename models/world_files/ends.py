@@ -1,0 +1,356 @@
+"""Choice of start and goal in an imported scene: free for the robot, connected, and far apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage, sparse
+from scipy.sparse import csgraph
+
+from wayproof.models.arrays import Vector3
+from wayproof.models.world_files.options import Found, ImportOptions
+from wayproof.models.world_files.parts import Part
+from wayproof.models.world_files.solids import solid_of
+from wayproof.models.worlds.solids import Band, HeightField, Solid
+
+LEAST_CELL = 0.05
+"""Least side of a cell, m."""
+
+MAX_CELLS = 300_000
+"""Number of cells; of a larger scene they are larger."""
+
+END_BAND = (0.03, 1.6)
+"""Height band that is clear above chosen ends, m: of the built-in quadruped and the drone."""
+
+GENEROUS = 0.3
+"""Clearance beyond the robot's radius that is tried first, m: a margin and two cells of 10 cm."""
+
+SPARE = (GENEROUS, 0.2, 0.1, 0.05)
+"""Clearances beyond the radius, tried in this order, m."""
+
+ENCLOSED = (8, 7)
+"""Directions of eight in which something stands, for a place to be inside; tried in this order."""
+
+LEAST_INSIDE = 4.0
+"""Free area from which a scene has an inside, m^2."""
+
+INSIDE_SHARE = 0.1
+"""Share of a scene's area from which that is its inside."""
+
+MAX_TILT = 0.12
+"""Steepest ground at a chosen end, rad."""
+
+MAX_WALK_SLOPE = 0.35
+"""Steepest ground on the way between chosen ends, rad."""
+
+MAX_RISE = 0.5
+"""Difference in height between chosen ends, m, where there is a choice."""
+
+SHORT = 2.0
+"""Length of a way below which it is called short, m."""
+
+
+class Chosen(NamedTuple):
+    """Start and goal.
+
+    Attributes:
+        start: On the floor, m.
+        goal: On the floor, m.
+        notes: What was chosen, and why it may be poor.
+    """
+
+    start: Vector3
+    goal: Vector3
+    notes: list[str]
+
+
+class NoSpaceError(ValueError):
+    """No place for the robot; the message says where the widest one is."""
+
+
+class Ground:
+    """Heights of an imported scene's floor."""
+
+    def __init__(self, parts: Sequence[Part]) -> None:
+        """Take the height fields among the parts of kind `floor`."""
+        solids = [solid_of(part) for part in parts if part.kind == "floor"]
+        self.floors = solids
+        self.fields = [solid for solid in solids if isinstance(solid, HeightField)]
+
+    def height(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the floor's height (n,) at points (n, 2), m; 0 beside every height field."""
+        heights = np.full(len(points), -np.inf)
+        for field in self.fields:
+            np.maximum(heights, field.surface(points), out=heights)
+        return np.where(np.isfinite(heights), heights, 0.0)
+
+
+class _Grid:
+    """Cells over the operating area, and what is free of them."""
+
+    def __init__(self, low: Vector3, high: Vector3) -> None:
+        extent = np.subtract(high[:2], low[:2])
+        self.cell = max(LEAST_CELL, sqrt(float(np.prod(extent)) / MAX_CELLS))
+        self.low = np.array(low[:2])
+        self.shape = tuple(max(round(float(n) / self.cell), 1) for n in extent)
+
+    def centres(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.float64]:
+        return np.asarray(self.low + (np.column_stack([i, j]) + 0.5) * self.cell)
+
+    def distances(
+        self, solids: Sequence[Solid], ground: NDArray[np.float64], band: Band, reach: float
+    ) -> NDArray[np.float64]:  # (nx, ny)
+        """Return distances to what stands in a band above the ground, up to a reach, m."""
+        gaps = np.full(self.shape, reach)
+        for solid in solids:
+            first = np.floor((np.array(solid.low[:2]) - reach - self.low) / self.cell)
+            last = np.ceil((np.array(solid.high[:2]) + reach - self.low) / self.cell)
+            (i0, j0), (i1, j1) = (n.astype(int).clip(0, self.shape) for n in (first, last))
+            under = ground[i0:i1, j0:j1]
+            if not under.size:
+                continue
+            low, high = float(under.min()) + band[0], float(under.max()) + band[1]
+            if solid.bottom >= high or solid.top <= low:
+                continue
+            window = gaps[i0:i1, j0:j1]
+            i, j = np.nonzero(window > 0.0)
+            there = solid.distance_in_plane(self.centres(i + i0, j + j0), (low, high))
+            window[i, j] = np.minimum(window[i, j], there)
+        return gaps
+
+
+def choose_ends(
+    found: Found,
+    low: Vector3,
+    high: Vector3,
+    options: ImportOptions,
+    start: Vector3 | None = None,
+    goal: Vector3 | None = None,
+) -> Chosen:
+    """Choose start and goal, or the one that is missing.
+
+    Both lie in one region of space that is free for the robot with some spare, on the floor, inside
+    a building where there is one, and about as far apart on foot as the region allows.
+
+    Args:
+        found: Scene with its floor at 0, or terrain.
+        low: Lower corner of the operating area, m.
+        high: Upper corner, m.
+        options: The robot's radius and height.
+        start: Given, m.
+        goal: Given, m.
+
+    Raises:
+        NoSpaceError: No place for the robot, or none that the given end can be reached from.
+    """
+    grid = _Grid(low, high)
+    ground = Ground(found.parts)
+    i, j = np.indices(grid.shape).reshape(2, -1)
+    heights = ground.height(grid.centres(i, j)).reshape(grid.shape)
+    solids = [solid_of(part) for part in found.parts if part.kind != "floor"]
+    radius, gaps = options.robot_radius, np.zeros(grid.shape)
+    for band in (END_BAND, (0.05, options.robot_height)):
+        apart = grid.distances(solids, heights, band, radius + GENEROUS + grid.cell)
+        gaps = np.minimum(apart, _to_edges(found, ground, grid, radius + GENEROUS + grid.cell))
+        for within, note in _preferred(grid, apart):
+            for spare in SPARE:
+                ends = _pair(grid, gaps > radius + spare, within, heights, start, goal)
+                if ends is not None and (ends.way >= SHORT or within.all()):
+                    notes = [note] if note else []
+                    if band is not END_BAND:
+                        notes.append(f"ends chosen for a height of {band[1]:g} m: too low to fly")
+                    return _described(grid, ends, heights, gaps, start, goal, notes)
+    widest = np.unravel_index(int(np.argmax(gaps)), gaps.shape)
+    x, y = grid.centres(*(np.array([n]) for n in widest))[0]
+    what = f"the widest place is {float(gaps.max()):.2f} m from everything, at ({x:.2f}, {y:.2f})"
+    if start is not None or goal is not None:
+        what = "nothing else can be reached from the given end"
+    raise NoSpaceError(
+        f"no space for a radius of {radius:g} m and {SPARE[-1]:g} m to spare: {what}"
+    )
+
+
+def _preferred(grid: _Grid, gaps: NDArray[np.float64]) -> list[tuple[NDArray[np.bool_], str]]:
+    """Return cells to choose from, best first: enclosed ones if there are many, then all."""
+    found = []
+    for least in ENCLOSED:
+        cells = _enclosed(gaps <= grid.cell, least) & (gaps > grid.cell)
+        if _is_large(grid, cells):
+            found.append((cells, ""))
+    note = "nothing enclosed has room for both ends: chosen outside too" if found else ""
+    return [*found, (np.ones(grid.shape, np.bool_), note)]
+
+
+class _Ends(NamedTuple):
+    start: tuple[int, int]
+    goal: tuple[int, int]
+    way: float
+
+
+def _pair(
+    grid: _Grid,
+    free: NDArray[np.bool_],
+    within: NDArray[np.bool_],
+    heights: NDArray[np.float64],
+    start: Vector3 | None,
+    goal: Vector3 | None,
+) -> _Ends | None:
+    """Return two cells of one free region that lie within some cells, as far apart as its ways go.
+
+    None without such a region.
+    """
+    slope = _slope(grid, heights)
+    labels = ndimage.label(free & (slope <= MAX_WALK_SLOPE), np.ones((3, 3)))[0]
+    standing = (labels > 0) & (slope <= MAX_TILT) & within
+    given = start or goal
+    if given is not None:
+        cell = tuple(((np.array(given[:2]) - grid.low) / grid.cell).astype(int).tolist())
+        if not all(0 <= n < most for n, most in zip(cell, grid.shape, strict=True)):
+            return None
+        region = labels == labels[cell]
+        if not labels[cell] or not (standing & region).any():
+            return None
+        return _farthest_from(grid, region, standing & region, cell, swap=start is None)
+    sizes = np.bincount(labels[standing], minlength=labels.max() + 1)
+    sizes[0] = 0
+    if not sizes.any():
+        return None
+    region = labels == int(np.argmax(sizes))
+    places = standing & region
+    level = np.abs(heights - np.median(heights[places])) <= MAX_RISE / 2.0
+    places = places & level if (places & level).sum() > 1 else places
+    i, j = np.nonzero(places)
+    first = int(np.argmin(i + j))
+    seed = (int(i[first]), int(j[first]))
+    ends = _farthest_from(grid, region, places, seed, swap=False)
+    if ends is None:
+        return None
+    return _farthest_from(grid, region, places, ends.goal, swap=True)
+
+
+def _farthest_from(
+    grid: _Grid, region: NDArray[np.bool_], places: NDArray[np.bool_], cell: tuple[int, int],
+    *, swap: bool,
+) -> _Ends | None:  # fmt: skip
+    """Return a cell and the place in the region that is farthest from it on foot."""
+    number = np.full(region.shape, -1)
+    number[region] = np.arange(int(region.sum()))
+    ways = csgraph.dijkstra(_graph(region, number, grid.cell), indices=int(number[cell]))
+    ways = np.where(np.isfinite(ways), ways, -1.0)
+    candidates = number[places]
+    best = candidates[int(np.argmax(ways[candidates]))]
+    i, j = np.nonzero(region)
+    other = (int(i[best]), int(j[best]))
+    if other == cell:
+        return None
+    way = float(ways[best])
+    return _Ends(other, cell, way) if swap else _Ends(cell, other, way)
+
+
+def _graph(region: NDArray[np.bool_], number: NDArray[np.int64], cell: float) -> sparse.csr_matrix:
+    """Return the ways between neighbouring cells of a region, m."""
+    tails, heads, lengths = [], [], []
+    for tail, head, length in (
+        (np.s_[:-1, :], np.s_[1:, :], cell),
+        (np.s_[:, :-1], np.s_[:, 1:], cell),
+        (np.s_[:-1, :-1], np.s_[1:, 1:], cell * sqrt(2.0)),
+        (np.s_[:-1, 1:], np.s_[1:, :-1], cell * sqrt(2.0)),
+    ):
+        both = region[tail] & region[head]
+        for a, b in ((tail, head), (head, tail)):
+            tails.append(number[a][both])
+            heads.append(number[b][both])
+            lengths.append(np.full(int(both.sum()), length))
+    count = int(region.sum())
+    edges = (np.concatenate(lengths), (np.concatenate(tails), np.concatenate(heads)))
+    return sparse.csr_matrix(edges, shape=(count, count))
+
+
+def _slope(grid: _Grid, heights: NDArray[np.float64]) -> NDArray[np.float64]:  # (nx, ny)
+    """Return the steepest slope of the floor near each cell, rad."""
+    if min(heights.shape) < 2 or not np.ptp(heights):
+        return np.zeros(heights.shape)
+    slopes = np.arctan(np.hypot(*np.gradient(heights, grid.cell)))
+    size = max(ceil(0.5 / grid.cell), 1)
+    return np.asarray(ndimage.maximum_filter(slopes, size=2 * size + 1))
+
+
+def _is_large(grid: _Grid, enclosed: NDArray[np.bool_]) -> bool:
+    area = int(enclosed.sum()) * grid.cell**2
+    return area >= max(LEAST_INSIDE, INSIDE_SHARE * enclosed.size * grid.cell**2)
+
+
+def _enclosed(blocked: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:  # (nx, ny)
+    """Return cells with something in `least` of eight directions at least."""
+    count = np.zeros(blocked.shape, np.int64)
+    for axis in (0, 1):
+        count += np.maximum.accumulate(blocked, axis=axis)
+        count += np.flip(np.maximum.accumulate(np.flip(blocked, axis), axis=axis), axis)
+    for flip in (False, True):
+        side = np.flip(blocked, 1) if flip else blocked
+        for turn in (False, True):
+            seen = _diagonal(np.flip(side, (0, 1)) if turn else side)
+            seen = np.flip(seen, (0, 1)) if turn else seen
+            count += np.flip(seen, 1) if flip else seen
+    return np.asarray(count >= least)
+
+
+def _diagonal(blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return cells with a blocked one towards lower x and y along the diagonal."""
+    seen = blocked.copy()
+    for i in range(1, len(seen)):
+        seen[i, 1:] |= seen[i - 1, :-1]
+    return seen
+
+
+def _to_edges(
+    found: Found, ground: Ground, grid: _Grid, reach: float
+) -> NDArray[np.float64]:  # (nx, ny)
+    """Return distances to where no floor is, and to the border of the area, up to a reach, m."""
+    borne = np.ones(grid.shape, np.bool_)
+    if ground.floors and not found.plane:
+        borne[:] = False
+        for floor in ground.floors:
+            first = np.floor((np.array(floor.low[:2]) - grid.low) / grid.cell).astype(int)
+            last = np.ceil((np.array(floor.high[:2]) - grid.low) / grid.cell).astype(int)
+            (i0, j0), (i1, j1) = (n.clip(0, grid.shape) for n in (first, last))
+            if isinstance(floor, HeightField):
+                borne[i0:i1, j0:j1] = True
+                continue
+            i, j = np.nonzero(~borne[i0:i1, j0:j1])
+            if len(i):
+                band = (floor.bottom - 1.0, floor.top + 1.0)
+                there = floor.distance_in_plane(grid.centres(i + i0, j + j0), band)
+                borne[i + i0, j + j0] = there <= 0.0
+    framed = np.pad(borne, 1)
+    far = ndimage.distance_transform_edt(framed, sampling=grid.cell)[1:-1, 1:-1] - grid.cell / 2.0
+    return np.asarray(np.minimum(far, reach))
+
+
+def _described(
+    grid: _Grid,
+    ends: _Ends,
+    heights: NDArray[np.float64],
+    gaps: NDArray[np.float64],
+    start: Vector3 | None,
+    goal: Vector3 | None,
+    notes: list[str],
+) -> Chosen:
+    """Return the ends as points, with notes on those that were chosen."""
+    points: list[Vector3] = []
+    for name, given, cell in (("start", start, ends.start), ("goal", goal, ends.goal)):
+        if given is not None:
+            points.append(given)
+            continue
+        x, y = grid.centres(np.array([cell[0]]), np.array([cell[1]])).round(3)[0].tolist()
+        points.append((x, y, round(float(heights[cell]), 4)))
+        clear = f"{float(gaps[cell]):.2f} m clear"
+        notes.append(f"{name} chosen: ({x:g}, {y:g}), {clear}")
+    notes.append(f"way from start to goal: {ends.way:.1f} m")
+    if ends.way < SHORT:
+        notes[-1] += ", which is short: nothing farther is connected"
+    return Chosen(points[0], points[1], notes)

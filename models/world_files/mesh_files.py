@@ -1,0 +1,207 @@
+"""Triangles of mesh files: STL, OBJ and PLY by trimesh, COLLADA by pycollada, glTF by trimesh."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.world_files.reading import WorldFileError, check_file
+
+MOST_FACES = 1_000_000
+MOST_BYTES = 64 * 2**20
+MAX_NODES = 20_000
+"""Maximum number of placed surfaces in a COLLADA or glTF scene: nodes can repeat each other."""
+
+MAX_NESTED_NODES = 60
+
+EXTRA = "pip install 'wayproof[imports]'"
+
+
+class Surface(NamedTuple):
+    """Triangles of one node of a mesh file.
+
+    Attributes:
+        name: Of the node, as a `<submesh>` names it.
+        vertices: (n, 3) m, in the file's axes.
+        faces: (m, 3) vertices of each triangle.
+    """
+
+    name: str
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+
+
+class MeshFile(NamedTuple):
+    """Content of a mesh file.
+
+    Attributes:
+        surfaces: In the order of the file.
+        up: Axis of the file that points up: x, y or z.
+    """
+
+    surfaces: list[Surface]
+    up: str = "z"
+
+
+def load_mesh_file(path: Path) -> MeshFile:
+    """Read the triangles of a file, in metres.
+
+    Raises:
+        WorldFileError: Another format, a broken file, more than is allowed, or no library for it.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        known = ", ".join(READERS)
+        raise WorldFileError(path, f"mesh format '{path.suffix}' (available: {known})")
+    check_file(path, MOST_BYTES)
+    try:
+        loaded = reader(path)
+    except WorldFileError:
+        raise
+    except ImportError as error:
+        raise WorldFileError(path, f"needs {error.name}: {EXTRA}") from None
+    except Exception as error:  # whatever a parser of someone else's raises on a broken file
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise WorldFileError(path, f"no mesh ({text[:100]})") from None
+    return MeshFile([_checked(path, surface) for surface in loaded.surfaces], loaded.up)
+
+
+def _checked(path: Path, surface: Surface) -> Surface:
+    _, vertices, faces = surface
+    if len(faces) > MOST_FACES:
+        raise WorldFileError(path, f"{len(faces)} triangles, expected 1 to {MOST_FACES}")
+    if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
+        raise WorldFileError(path, "a triangle of a vertex that is not there")
+    if not np.isfinite(vertices).all():
+        raise WorldFileError(path, "a vertex that is not finite")
+    return surface
+
+
+def _plain(path: Path) -> MeshFile:
+    """Read STL, OBJ or PLY: one surface."""
+    _check_count(path)
+    import trimesh
+
+    with path.open("rb") as file:  # not by name: so it looks for no materials
+        mesh = trimesh.load_mesh(file, file_type=path.suffix[1:].lower(), process=False)
+    return MeshFile([_surface(path.stem, mesh)])
+
+
+def _surface(name: str, mesh: Any) -> Surface:
+    vertices = np.array(mesh.vertices, np.float64).reshape(-1, 3)
+    return Surface(name, vertices, np.array(mesh.faces, np.int64).reshape(-1, 3))
+
+
+def _check_count(path: Path) -> None:
+    """Refuse a declared count that is too large before a parser makes arrays of it."""
+    data = path.read_bytes()
+    ending = path.suffix.lower()
+    if ending == ".obj":
+        count = data.count(b"\nf") + data.count(b"\nv ")
+    elif ending == ".ply":
+        words = [line.split() for line in data[:4000].splitlines() if line.startswith(b"element")]
+        count = max((int(w[2]) for w in words if len(w) == 3 and w[2].isdigit()), default=0)
+    elif data[:5].lower() == b"solid" and b"facet" in data[:1000]:
+        count = data.count(b"facet normal")
+    else:
+        count = int.from_bytes(data[80:84], "little")
+    if count > 2 * MOST_FACES:
+        what = f"{count} triangles and vertices, expected at most {2 * MOST_FACES}"
+        raise WorldFileError(path, what)
+
+
+def _collada(path: Path) -> MeshFile:
+    """Read COLLADA: every geometry where the scene's nodes place it, in metres."""
+    data = path.read_bytes()
+    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise WorldFileError(path, "a document type, expected none")
+    import collada
+
+    scene = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
+    unit = float(scene.assetInfo.unitmeter or 1.0)
+    surfaces: list[Surface] = []
+    for node in scene.scene.nodes if scene.scene is not None else []:
+        _walk(path, node, np.diag([unit, unit, unit, 1.0]), surfaces, 0)
+    return MeshFile(surfaces, str(scene.assetInfo.upaxis or "Y_UP")[0].lower())
+
+
+def _walk(path: Path, node: Any, T: NDArray[np.float64], into: list[Surface], depth: int) -> None:
+    """Collect the surfaces of a COLLADA node and of those below it; T is T_world_parent."""
+    import collada
+
+    if depth > MAX_NESTED_NODES or len(into) > MAX_NODES:
+        raise WorldFileError(path, f"more than {MAX_NODES} nodes, or {MAX_NESTED_NODES} deep")
+    T = T @ np.asarray(getattr(node, "matrix", np.eye(4)), np.float64)
+    for child in getattr(node, "children", ()):
+        if isinstance(child, collada.scene.GeometryNode):
+            name = node.xmlnode.get("name") or child.geometry.name or child.geometry.id
+            into += _geometry(str(name), child.geometry, T)
+        elif isinstance(child, collada.scene.NodeNode):
+            _walk(path, child.node, T @ np.eye(4), into, depth + 1)
+        elif isinstance(child, collada.scene.Node):
+            _walk(path, child, T, into, depth + 1)
+
+
+def _geometry(name: str, geometry: Any, T: NDArray[np.float64]) -> list[Surface]:
+    import collada
+
+    found = []
+    for primitive in geometry.primitives:
+        if isinstance(primitive, (collada.polylist.Polylist, collada.polygons.Polygons)):
+            primitive = primitive.triangleset()
+        if not isinstance(primitive, collada.triangleset.TriangleSet) or not len(primitive):
+            continue
+        vertices = np.asarray(primitive.vertex, np.float64).reshape(-1, 3)
+        placed = vertices @ T[:3, :3].T + T[:3, 3]
+        faces = np.asarray(primitive.vertex_index, np.int64).reshape(-1, 3)
+        found.append(Surface(name, placed, faces))
+    return found
+
+
+def _gltf(path: Path) -> MeshFile:
+    """Read glTF 2.0 or GLB: every mesh where the scene's nodes place it."""
+    import trimesh
+    from trimesh.resolvers import FilePathResolver
+
+    class Beside(FilePathResolver):
+        """Buffers in the file's own folder only."""
+
+        def get(self, name: str) -> bytes:
+            file = (path.parent / name).resolve()
+            if not file.is_relative_to(path.parent.resolve()):
+                raise WorldFileError(path, f"'{name}' lies outside the file's folder")
+            check_file(file, MOST_BYTES)
+            return file.read_bytes()
+
+    with path.open("rb") as opened:
+        scene = trimesh.load_scene(
+            opened, file_type=path.suffix[1:].lower(), resolver=Beside(str(path)),
+            process=False, skip_materials=True,
+        )  # fmt: skip
+    names = list(scene.graph.nodes_geometry)
+    if len(names) > MAX_NODES:
+        raise WorldFileError(path, f"{len(names)} nodes, expected at most {MAX_NODES}")
+    surfaces = []
+    for name in names:
+        T, geometry = scene.graph[name]
+        mesh = scene.geometry[geometry]
+        if hasattr(mesh, "faces"):
+            placed = np.asarray(mesh.vertices) @ T[:3, :3].T + T[:3, 3]
+            surfaces.append(Surface(str(name), placed, np.array(mesh.faces, np.int64)))
+    return MeshFile(surfaces, "y")
+
+
+READERS: dict[str, Callable[[Path], MeshFile]] = {
+    ".stl": _plain,
+    ".obj": _plain,
+    ".ply": _plain,
+    ".dae": _collada,
+    ".gltf": _gltf,
+    ".glb": _gltf,
+}
+"""Readers by the ending of a mesh file's name."""

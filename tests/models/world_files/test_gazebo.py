@@ -1,0 +1,395 @@
+"""Gazebo worlds as projects lay them out: models found, meshes cut, floors known, ends fit."""
+
+import numpy as np
+import pytest
+
+from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+from wayproof.models.world_files.meshes import mesh_parts
+from wayproof.models.world_files.polygons import triangulate
+from wayproof.models.world_files.solids import solid_of
+
+ENDS = {"start": (0.0, 0.0, 0.0), "goal": (3.0, 0.0, 0.0)}
+
+CUBE = "\n".join(
+    ["v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "v 0 0 1", "v 1 0 1", "v 1 1 1", "v 0 1 1",
+     "f 1 3 2", "f 1 4 3", "f 5 6 7", "f 5 7 8", "f 1 2 6", "f 1 6 5", "f 2 3 7", "f 2 7 6",
+     "f 3 4 8", "f 3 8 7", "f 4 1 5", "f 4 5 8"]
+)  # fmt: skip
+"""A cube of 1 m."""
+
+DAE = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+ <asset><unit meter="0.01"/><up_axis>{up}</up_axis></asset>
+ <library_geometries><geometry id="g"><mesh>
+  <source id="p"><float_array id="a" count="12">0 0 0 100 0 0 0 200 0 0 0 300</float_array>
+   <technique_common><accessor source="#a" count="4" stride="3"><param name="X" type="float"/>
+   <param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common>
+  </source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+  <triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/>
+   <p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles></mesh></geometry></library_geometries>
+ <library_visual_scenes><visual_scene id="s">
+  <node name="near"><instance_geometry url="#g"/></node>
+  <node name="far"><translate>1000 0 0</translate><instance_geometry url="#g"/></node>
+ </visual_scene></library_visual_scenes>
+ <scene><instance_visual_scene url="#s"/></scene></COLLADA>
+"""
+
+PLANE = """<model name='ground'><static>1</static><link name='l'><collision name='c'>{pose}
+  <geometry><plane><normal>{normal}</normal><size>20 20</size></plane></geometry></collision></link>
+  </model>"""
+BOX = """<model name='{name}'{attribute}><static>1</static>{pose}<link name='l'>{link}
+  <collision name='c'><geometry><box><size>{size}</size></box></geometry>{surface}</collision>
+  </link></model>"""
+
+
+def world(*content):
+    return f"<sdf version='1.7'><world name='w'>{''.join(content)}</world></sdf>"
+
+
+def ground(pose="", normal="0 0 1"):
+    return PLANE.format(pose=pose, normal=normal)
+
+
+def box(name="box", size="1 1 1", pose="", link="", surface="", attribute=""):
+    return BOX.format(name=name, size=size, pose=pose, link=link, surface=surface,
+                      attribute=attribute)  # fmt: skip
+
+
+def mesh(uri, more=""):
+    return f"""<sdf version='1.6'><model name='m'><static>1</static><link name='l'>
+      <collision name='c'><geometry><mesh><uri>{uri}</uri>{more}</mesh></geometry></collision>
+      </link></model></sdf>"""
+
+
+def write(path, text):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+INCLUDE = "<include><uri>{}</uri><pose>2 1 0 0 0 0</pose></include>"
+
+
+def read(path, **more):
+    return import_world(path, ImportOptions(**more), **ENDS)
+
+
+# ---- models and files
+
+
+@pytest.mark.parametrize("uri", ["model://post/meshes/c.obj", "meshes/c.obj"])
+def test_a_mesh_is_found_in_the_folder_of_its_model(tmp_path, uri):
+    write(tmp_path / "post/model.sdf", mesh(uri))
+    write(tmp_path / "post/meshes/c.obj", CUBE)
+    found, _ = read(write(tmp_path / "a.world", world(ground(), INCLUDE.format("model://post"))))
+    assert [solid.low for solid in found.solids] == [(2.0, 1.0, 0.0)]
+
+
+def test_models_are_found_as_packages_lay_them_out(tmp_path):
+    package = tmp_path / "src/halls"
+    write(package / "package.xml", "<package><name>hall_worlds</name></package>")
+    write(package / "models/post/model.sdf", mesh("model://hall_worlds/meshes/c.obj"))
+    write(package / "meshes/c.obj", CUBE)
+    path = write(package / "worlds/a.world", world(ground(), INCLUDE.format("model://post")))
+    assert len(read(path)[0].solids) == 1
+
+
+def test_models_are_found_on_the_path_of_the_user(tmp_path, monkeypatch):
+    write(tmp_path / "elsewhere/post/model.sdf", mesh("model://post/c.obj"))
+    write(tmp_path / "elsewhere/post/c.obj", CUBE)
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked/post").symlink_to(tmp_path / "elsewhere/post")
+    path = write(tmp_path / "worlds/a.world", world(ground(), INCLUDE.format("model://post")))
+    with pytest.raises(
+        WorldFileError, match=r"a\.world:3: <include>: no model 'post'; expected --"
+    ):
+        read(path)
+    for folder in ("elsewhere", "linked"):
+        assert len(read(path, model_paths=(tmp_path / folder,))[0].solids) == 1
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", str(tmp_path / "elsewhere"))
+    assert len(read(path)[0].solids) == 1
+
+
+def test_what_fuel_calls_ground_and_sun_is_known(tmp_path):
+    server = "https://fuel.gazebosim.org/1.0/OpenRobotics/models/"
+    uris = [INCLUDE.format(server + name) for name in ("Ground Plane", "Sun")]
+    found, notes = read(write(tmp_path / "a.sdf", world(*uris, box())))
+    assert found.floor is None
+    assert len(found.solids) == 1
+    assert not notes
+
+
+def test_fuel_models_are_read_from_the_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    cache = tmp_path / ".gz/fuel/fuel.gazebosim.org/open/models/a post"
+    write(cache / "1/model.sdf", "no model any more")
+    write(cache / "2/model.sdf", mesh("meshes/c.obj"))
+    write(cache / "2/meshes/c.obj", CUBE)
+    uri = INCLUDE.format("https://fuel.gazebosim.org/1.0/Open/models/A%20Post")
+    path = write(tmp_path / "w/a.sdf", world(ground(), uri))
+    assert len(read(path)[0].solids) == 1
+
+
+def test_what_is_missing_is_listed(tmp_path):
+    includes = [INCLUDE.format(f"model://{name}") for name in ("cafe", "cafe", "bar")]
+    path = write(tmp_path / "a.world", world(*includes))
+    with pytest.raises(
+        WorldFileError, match=r"nothing solid.* --model-path to .*cafe, model://bar"
+    ):
+        read(path, skip_missing=True)
+    write(tmp_path / "m.sdf", mesh("model://m/none.dae"))
+    with pytest.raises(WorldFileError, match=r"m\.sdf:2: <mesh>: no file 'm/none\.dae'"):
+        read(tmp_path / "m.sdf")
+
+
+def test_a_file_outside_of_the_project_is_refused(tmp_path):
+    write(tmp_path / "secret.obj", CUBE)
+    path = write(tmp_path / "project/a.sdf", mesh("../secret.obj"))
+    with pytest.raises(WorldFileError, match="lies outside the world's project"):
+        read(path)
+    (tmp_path / "project/link.obj").symlink_to(tmp_path / "secret.obj")
+    with pytest.raises(WorldFileError, match="lies outside the world's project"):
+        read(write(tmp_path / "project/b.sdf", mesh("link.obj")))
+
+
+def test_blank_lines_before_the_declaration_are_no_error(tmp_path):
+    text = "\n \n<?xml version='1.0'?>" + world(ground(), box())
+    assert len(read(write(tmp_path / "a.world", text))[0].solids) == 1
+
+
+# ---- meshes
+
+
+def test_collada_is_read_in_metres_with_its_nodes(tmp_path):
+    write(tmp_path / "m.dae", DAE.format(up="Y_UP"))
+    first, second = read(write(tmp_path / "m.sdf", mesh("m.dae")))[0].solids
+    np.testing.assert_allclose(first.high, (1.0, 2.0, 3.0))  # Gazebo does not turn it
+    np.testing.assert_allclose(second.low, (10.0, 0.0, 0.0), atol=1e-6)
+    more = "<submesh><name>far</name><center>true</center></submesh><scale>1 2 1</scale>"
+    (alone,) = read(write(tmp_path / "s.sdf", mesh("m.dae", more)))[0].solids
+    np.testing.assert_allclose((alone.low, alone.high), ((-0.5, -2, -1.5), (0.5, 2, 1.5)))
+    with pytest.raises(WorldFileError, match=r"no submesh 'x' \(available: near, far\)"):
+        read(write(tmp_path / "x.sdf", mesh("m.dae", "<submesh><name>x</name></submesh>")))
+    by_itself, notes = read(tmp_path / "m.dae")
+    np.testing.assert_allclose(by_itself.solids[0].high, (1.0, 0.0, 2.0), atol=1e-6)
+    assert notes[0] == "m.dae: its y axis is up, turned to z"
+
+
+def test_gltf_is_read(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(tmp_path / "m.glb")
+    (solid,) = read(write(tmp_path / "m.sdf", mesh("m.glb")))[0].solids
+    np.testing.assert_allclose(solid.high, (0.5, 1.0, 1.5))
+    np.testing.assert_allclose(read(tmp_path / "m.glb")[0].solids[0].high, (0.5, 1.5, 1.0))
+
+
+@pytest.mark.parametrize("text", ["<!DOCTYPE b [<!ENTITY a 'ha'>]><COLLADA/>", "<COLLADA", "x"])
+def test_broken_collada_is_one_line(tmp_path, text):
+    with pytest.raises(WorldFileError, match=r"m\.dae: (a document type|no mesh)") as error:
+        read(write(tmp_path / "m.dae", text))
+    assert "\n" not in str(error.value)
+
+
+def room(path):
+    """Write four walls in one piece, 9 m wide and 0.2 m thick."""
+    lines, faces = [], []
+    for r in (4.5, 4.3):
+        for z in (0, 2):
+            lines += [f"v {x} {y} {z}" for x, y in ((-r, -r), (r, -r), (r, r), (-r, r))]
+    for k in range(4):
+        n = (k + 1) % 4
+        for a, b, c, d in ((k, n, 4 + n, 4 + k), (8 + n, 8 + k, 12 + k, 12 + n),
+                           (4 + k, 4 + n, 12 + n, 12 + k), (n, k, 8 + k, 8 + n)):  # fmt: skip
+            faces += [f"f {a + 1} {b + 1} {c + 1}", f"f {a + 1} {c + 1} {d + 1}"]
+    return write(path, "\n".join(lines + faces))
+
+
+def test_a_hollow_mesh_is_cut_into_convex_pieces(tmp_path):
+    found, notes = import_world(room(tmp_path / "room.obj"))
+    assert len(found.solids) == 4
+    assert notes[0] == ("room.obj: 1 of 1 pieces not convex: cut into convex ones, within 0.000 m")
+    for point in (found.start, found.goal):
+        assert np.abs(point[:2]).max() < 4.0  # inside
+    assert float(min(solid.distance([[0.0, 0.0, 1.0]])[0] for solid in found.solids)) > 4.2
+    again, _ = import_world(tmp_path / "room.obj")  # from the cache
+    assert again.text == found.text
+
+
+def test_pieces_by_their_kind(tmp_path):
+    parts = mesh_parts(write(tmp_path / "c.obj", CUBE), np.ones(3), notes := [])
+    assert (len(parts), notes) == (1, [])
+    sheet = write(tmp_path / "f.obj", "v 0 0 1\nv 9 0 1\nv 9 9 1\nv 0 9 1\nf 1 2 3\nf 1 3 4\n")
+    (part,) = mesh_parts(sheet, np.ones(3), notes)
+    assert part.bounds[:, 2].tolist() == [0.99, 1.0]
+    hills = [f"v {x} {y} {(x * y) % 3}" for y in range(7) for x in range(7)]
+    faces = [f"f {a} {a + 1} {a + 8}\nf {a} {a + 8} {a + 7}"
+             for y in range(6) for a in range(7 * y + 1, 7 * y + 7)]  # fmt: skip
+    path = write(tmp_path / "h.obj", "\n".join(hills + faces))
+    (part,) = mesh_parts(path, np.ones(3), notes)
+    assert (part.shape, part.kind) == ("heights", "floor")
+    assert notes[-1].endswith("within 0.000 m")
+
+
+# ---- geometry, poses and kinds
+
+
+def test_placement_frames_of_models_and_includes(tmp_path):
+    link = "<pose>1 0 0 0 0 0</pose>"
+    placed = box(attribute=" placement_frame='l'", pose="<pose>0 0 0.5 0 0 0</pose>", link=link)
+    found, _ = read(write(tmp_path / "a.world", world(ground(), placed)))
+    assert found.solids[0].centre == (0.0, 0.0, 0.5)
+    write(tmp_path / "m/model.sdf", f"<sdf version='1.7'>{box(link=link)}</sdf>")
+    include = ("<include><uri>model://m</uri><placement_frame>l</placement_frame>"
+               "<pose>2 2 0.5 0 0 0</pose></include>")  # fmt: skip
+    found, _ = read(write(tmp_path / "b.world", world(ground(), include)))
+    assert found.solids[0].centre == (2.0, 2.0, 0.5)
+
+
+def test_poses_by_quaternions(tmp_path):
+    half = 0.5**0.5
+    pose = f"<pose rotation_format='quat_xyzw'>1 0 0.5  0 0 {half} {half}</pose>"
+    found, _ = read(write(tmp_path / "a.world", world(ground(), box(size="2 1 1", pose=pose))))
+    np.testing.assert_allclose(found.solids[0].high, (1.5, 1.0, 1.0), atol=1e-9)
+
+
+def test_a_saved_state_scales_inserts_and_deletes(tmp_path):
+    state = (
+        "<state world_name='w'><model name='box'><pose>1 0 1 0 0 0</pose><scale>2 1 2</scale>"
+        f"</model><insertions>{box('late', pose='<pose>5 0 0.5 0 0 0</pose>')}</insertions>"
+        "<deletions><name>gone</name></deletions></state>"
+    )
+    path = write(tmp_path / "a.world", world(ground(), box(), box("gone"), state))
+    found, _ = read(path)
+    assert [solid.high for solid in found.solids] == [(2.0, 0.5, 2.0), (5.5, 0.5, 1.0)]
+
+
+def test_polylines_fill_their_outline(tmp_path):
+    corners = [(0, 0), (4, 0), (4, 3), (3, 3), (3, 1), (0, 1)]  # an L
+    points = "".join(f"<point>{x} {y}</point>" for x, y in corners)
+    shape = box().replace(
+        "<box><size>1 1 1</size></box>", f"<polyline>{points}<height>2</height></polyline>"
+    )
+    found, _ = read(write(tmp_path / "a.world", world(ground(), shape)))
+    near = [min(float(s.distance([[x, y, 1.0]])[0]) for s in found.solids)
+            for x, y in ((3.5, 2.5), (1.0, 0.5), (1.0, 2.0))]  # fmt: skip
+    np.testing.assert_allclose(near, (0.0, 0.0, 1.0), atol=1e-12)
+    with pytest.raises(ValueError, match="crosses itself"):
+        triangulate(np.array([(0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 2.0), (1.0, 3.0)]))
+
+
+def test_planes_at_any_height_and_tilt(tmp_path):
+    low = ground("<pose>0 0 -97 0 0 0</pose>")
+    wall = ground("<pose>4 0 -96 0 0 0</pose>", "-1 0 0")
+    found, notes = read(
+        write(tmp_path / "a.world", world(low, wall, box(pose="<pose>0 3 -96.5 0 0 0</pose>")))
+    )
+    assert found.solids[0].centre == pytest.approx((0.0, 3.0, 0.5))
+    assert found.solids[1].low[0] == pytest.approx(4.0)
+    assert [note for note in notes if note.startswith("floor at -97 m")]
+    assert [note for note in notes if note.startswith("plane of 'ground': a box ")]
+
+
+def test_a_slab_under_everything_is_the_floor(tmp_path):
+    slab = box("hall", "20 20 0.2", "<pose>0 0 -0.066 0 0 0</pose>")
+    path = write(tmp_path / "a.world", world(slab, box(pose="<pose>0 3 0.534 0 0 0</pose>")))
+    found, notes = read(path)
+    assert notes[:2] == [
+        "floor by its size: hall", "floor at 0.034 m: the scene is moved by -0.034 m in z",
+    ]  # fmt: skip
+    assert len(found.floor) == 1
+    assert found.solids[0].low[2] == pytest.approx(0.0, abs=1e-9)
+    named, _ = read(path, kinds=(("floor", "box"),), floor=1.034)
+    assert [solid.kind for solid in named.solids] == ["hall"]
+    with pytest.raises(WorldFileError, match=r"no such model \(available: box, hall\)"):
+        read(path, kinds=(("floor", "cafe"),))
+
+
+@pytest.mark.parametrize(
+    ("surface", "said"),
+    [
+        ("<collide_without_contact>true</collide_without_contact>", "collide_without_contact"),
+        ("<collide_bitmask>0x00</collide_bitmask>", "collide_bitmask 0"),
+    ],
+)
+def test_what_nothing_collides_with_is_left_out(tmp_path, surface, said):
+    ghost = box("ghost", surface=f"<surface><contact>{surface}</contact></surface>")
+    found, notes = read(write(tmp_path / "a.world", world(ground(), box(), ghost)))
+    assert [solid.kind for solid in found.solids] == ["box"]
+    assert notes == [f"1 collisions with {said}: left out"]
+
+
+def test_visuals_are_solid_only_where_they_are_to_be(tmp_path):
+    seen = box("marker").replace("collision", "visual")
+    path = write(tmp_path / "a.world", world(ground(), box(), seen, "<actor name='walker'/>"))
+    found, notes = read(path)
+    assert len(found.solids) == 1
+    assert "visuals only, left out; --visuals makes them solid" in notes[0]
+    assert notes[1].startswith("<actor> 'walker' (line ")
+    assert len(read(path, visuals=True)[0].solids) == 2
+
+
+def test_an_empty_plane_is_a_world(tmp_path):
+    found, _ = import_world(write(tmp_path / "a.world", world(ground())))
+    assert found.solids == ()
+    assert found.low[:2] == (-10.0, -10.0)
+
+
+def test_urdf_is_read_with_its_joints(tmp_path):
+    text = """<robot name='r'><link name='base'><collision><geometry><box size='1 1 1'/></geometry>
+      </collision></link><link name='arm'><collision><origin xyz='0 0 1'/><geometry>
+      <cylinder radius='0.2' length='2'/></geometry></collision></link>
+      <joint name='j' type='fixed'><parent link='base'/><child link='arm'/>
+      <origin xyz='2 0 0' rpy='0 1.5707963267948966 0'/></joint></robot>"""
+    _, arm = read(write(tmp_path / "r.urdf", text))[0].solids
+    np.testing.assert_allclose((arm.tail, arm.head), ((2, 0, 0), (4, 0, 0)), atol=1e-9)
+    circle = text.replace("<link name='base'>", "<link name='base'/><link name='b'>")
+    circle = circle.replace("parent link='base'", "parent link='arm'")
+    with pytest.raises(WorldFileError, match="joints in a circle at link 'arm'"):
+        read(write(tmp_path / "c.urdf", circle))
+
+
+def test_heightmaps_span_their_size(tmp_path):
+    pillow = pytest.importorskip("PIL.Image")
+    levels = np.zeros((33, 33), np.uint8)
+    levels[:8] = 200  # the far side in y
+    pillow.fromarray(levels).save(tmp_path / "h.png")
+    shape = box("hills").replace(
+        "<box><size>1 1 1</size></box>",
+        "<heightmap><uri>file://h.png</uri><size>32 32 5</size><pos>0 0 1</pos></heightmap>",
+    )
+    found, notes = import_world(write(tmp_path / "a.sdf", world(shape)))
+    assert found.ground_height(found.start) == pytest.approx(0.0, abs=1e-6)
+    assert found.ground_height((0.0, 15.0)) == pytest.approx(5.0, abs=1e-6)
+    assert notes[-1] == "ground at 1 m at the start: the scene is moved by -1 m in z"
+    assert abs(found.goal[2]) < 0.3
+
+
+def test_ends_are_inside_a_building(tmp_path):
+    walls = [
+        ("20 0.2 2", "0 5"),
+        ("20 0.2 2", "0 -5"),
+        ("0.2 10 2", "10 0"),
+        ("0.2 7 2", "-10 1.5"),
+    ]
+    models = [box(f"wall_{n}", size, f"<pose>{at} 1 0 0 0</pose>")
+              for n, (size, at) in enumerate(walls)]  # fmt: skip
+    path = write(tmp_path / "a.world", world(ground(), *models))
+    found, notes = import_world(path)
+    for point in (found.start, found.goal):
+        assert abs(point[0]) < 9.5
+        assert abs(point[1]) < 4.5
+    assert notes[-1].startswith("way from start to goal: 2")
+    with pytest.raises(WorldFileError, match=r"no space for a radius of 9 m .* widest place is"):
+        import_world(path, ImportOptions(robot_radius=9.0))
+
+
+def test_solids_are_what_bodies_meet(tmp_path):
+    (part,) = mesh_parts(write(tmp_path / "c.obj", CUBE), np.ones(3), [])
+    solid = solid_of(part)
+    points = np.random.default_rng(0).uniform(-1.0, 2.0, (200, 3))
+    expected = np.linalg.norm(np.maximum(np.maximum(-points, points - 1.0), 0.0), axis=1)
+    np.testing.assert_allclose(solid.distance(points), expected, atol=1e-12)
+    expected = np.linalg.norm(np.maximum(np.maximum(-points, points - 1.0), 0.0)[:, :2], axis=1)
+    near = solid.distance_in_plane(points[:, :2], (0.4, 0.6))
+    np.testing.assert_allclose(near, expected, atol=1e-12)
+    assert np.isinf(solid.distance_in_plane(points[:, :2], (1.4, 1.6))).all()
