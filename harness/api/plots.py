@@ -13,24 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from wayproof.harness.study.report.palette import BELIEVED, LIMIT, TRUE, action_colour
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
 if TYPE_CHECKING:
     from wayproof.harness.api.episode import MapArrays, RecordedEpisode
-
-TRUE, BELIEVED, LIMIT = "#1f77d0", "#2a9d4a", "#d1232a"
-"""Colours of the truth, of estimates and plans, and of limits."""
-
-ACTIONS = {
-    "follow": "#dff0df",
-    "slow": "#fbf3c8",
-    "stop_and_wait": "#f8d7da",
-    "explore": "#dfe7fb",
-    "recover": "#ecdff5",
-    "goal": "#cfead0",
-    "abort": "#e8b4b8",
-}
-"""Colour of the background by action."""
 
 CELLS = {UNKNOWN: "#c9ced6", FREE: "#ffffff", OCCUPIED: "#3b4252"}
 """Colours of cells by state."""
@@ -69,7 +56,7 @@ def plot_episode(episode: RecordedEpisode) -> Figure:
             _shade(axes, times, decisions["action"].to_pylist())
             axes.legend(loc="upper right", frameon=True)
         shown = dict.fromkeys(decisions["action"].to_pylist())
-        patches = [Patch(color=ACTIONS.get(one, "#eeeeee"), label=one) for one in shown]
+        patches = [Patch(color=action_colour(one), alpha=0.35, label=one) for one in shown]
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches))
         figure.suptitle(_title(episode))
     return figure
@@ -141,8 +128,8 @@ def _shade(axes: Axes, times: NDArray[np.float64], actions: list[str]) -> None:
     """Colour the background by action, one rectangle for each run of one action."""
     starts = [0, *(n for n in range(1, len(actions)) if actions[n] != actions[n - 1])]
     for begin, end in zip(starts, [*starts[1:], len(actions) - 1], strict=True):
-        colour = ACTIONS.get(actions[begin], "#eeeeee")
-        axes.axvspan(times[begin], times[end], color=colour, lw=0, zorder=0)
+        colour = action_colour(actions[begin])
+        axes.axvspan(times[begin], times[end], color=colour, alpha=0.35, lw=0, zorder=0)
 
 
 def _title(episode: RecordedEpisode) -> str:

@@ -21,6 +21,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     print_foreign(console, result)
     console.print(verdict_in_words(result), highlight=False, soft_wrap=True)
     console.print(f"report: {path}", highlight=False, soft_wrap=True)
+    console.print(f"one page to send: {options.folder / 'report.html'}", soft_wrap=True)
     return 0, {**asdict(result), "verdict": result.verdict, "report": str(path)}
 
 
@@ -30,7 +31,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 VERB = Verb(
-    help="write a study as one self-contained HTML page",
+    help="write a study as HTML: a site in its folder, and one self-contained page",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof report logs/smoke",

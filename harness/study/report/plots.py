@@ -10,11 +10,9 @@ import matplotlib as mpl
 import mujoco
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.metrics import Trace
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.study.statistics.exact import Interval
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
@@ -32,17 +30,45 @@ TALLEST_FLOOR = 0.05
 """Height below which a geom counts as floor, m."""
 
 
-def dose_response(severities: Sequence[float], rates: Sequence[Interval], ylabel: str) -> str:
-    """Plot a rate with its interval over severity; severity 0 is the unperturbed twin."""
+def dose_response(
+    doses: Sequence[tuple[float, float]],
+    means: Sequence[Interval | None],
+    *,
+    label: str,
+    ylabel: str,
+    top: float | None = None,
+) -> str:
+    """Plot a mean with its interval over the amount of a perturbation.
+
+    Args:
+        doses: Severity and amount; the first is that of the unperturbed twin. The severities are
+            spaced evenly, and the amounts are written at them.
+        means: Means; None where no episode has the figure.
+        label: Label of the amounts.
+        ylabel: Label of the mean.
+        top: Upper end of the axis; none if None. An end of an interval that is unbounded is not
+            drawn.
+    """
+    known = [(dose, one) for dose, one in zip(doses, means, strict=True) if one is not None]
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(3.6, 2.4), layout="constrained")
+        figure = Figure(figsize=(3.6, 2.2), layout="constrained")
         axes = figure.add_subplot()
-        middle = np.array([rate.estimate for rate in rates])
-        below = middle - [rate.low for rate in rates]
-        above = np.array([rate.high for rate in rates]) - middle
-        axes.errorbar(severities, middle, yerr=[below, above], fmt="o-", capsize=3, color="#2b6cb0")
-        axes.set(xlabel="severity", ylabel=ylabel, ylim=(-0.03, 1.03), xticks=list(severities))
+        x, y = (
+            [severity for (severity, _), _ in known],
+            np.array([one.estimate for _, one in known]),
+        )
+        below = [_finite(one.estimate - one.low) for _, one in known]
+        above = [_finite(one.high - one.estimate) for _, one in known]
+        axes.errorbar(x, y, yerr=[below, above], fmt="o-", capsize=3, color="#2b6cb0")
+        axes.set(xlabel=label, ylabel=ylabel)
+        ticks = [severity for severity, _ in doses]
+        axes.set_xticks(ticks, [f"{amount:g}\n{severity:g}" for severity, amount in doses])
+        axes.set_ylim(-0.03 if top is not None else min(0.0, *axes.get_ylim()), top and top + 0.03)
         return _svg(figure)
+
+
+def _finite(length: float) -> float:
+    return length if np.isfinite(length) else 0.0
 
 
 def borne(thresholds: Sequence[float], greatest: float, xlabel: str) -> str:
@@ -56,25 +82,6 @@ def borne(thresholds: Sequence[float], greatest: float, xlabel: str) -> str:
         axes.stairs(left, edges, baseline=None, color="#2b6cb0", lw=1.5)
         axes.set(xlabel=xlabel, ylabel="share that bears it", xlim=(0.0, greatest))
         axes.set(ylim=(-0.03, 1.03))
-        return _svg(figure)
-
-
-def track(trace: Trace, scene: str, goal: Sequence[float]) -> str:
-    """Plot an episode from above: obstacles, the path of the robot, and its end."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(3.6, 3.0), layout="constrained")
-        axes = figure.add_subplot()
-        for footprint in footprints(scene):
-            axes.add_patch(Polygon(footprint, color="#b8bfc8", lw=0))
-        x, y = trace.positions[:, 0], trace.positions[:, 1]
-        axes.plot(x, y, color="#2b6cb0", lw=1.2)
-        axes.plot(x[0], y[0], "o", color="#2b6cb0", ms=4)
-        axes.plot(goal[0], goal[1], "*", color="#2f855a", ms=9)
-        if not trace.success:
-            axes.plot(x[-1], y[-1], "x", color="#c53030", ms=8, mew=2)
-        axes.set_aspect("equal")
-        axes.autoscale_view()
-        axes.set(xlabel="x, m", ylabel="y, m")
         return _svg(figure)
 
 

@@ -1,29 +1,51 @@
-"""HTML report of a study: one self-contained page; the same logs give the same bytes."""
+"""HTML report of a study: a site in a folder, and one self-contained page.
+
+The same logs, with their dates, give the same bytes. Nothing on a page is loaded from elsewhere.
+"""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jinja2
 
-from wayproof.harness.log.reader import open_log
-from wayproof.harness.metrics import METRICS, read_trace
+from wayproof.harness.metrics import METRICS
+from wayproof.harness.outputs import written_whole
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
-from wayproof.harness.study.analysis import ArmSummary, Sample, samples_of
-from wayproof.harness.study.file import CLEAN, Arm, name_of, plan_episodes
-from wayproof.harness.study.gates import gate_advice, interval_in_words
-from wayproof.harness.study.report.plots import borne, dose_response, track
-from wayproof.harness.study.rows import Row
+from wayproof.harness.study.analysis import Sample, samples_of
+from wayproof.harness.study.file import Planned, StudyFile, name_of, plan_episodes
+from wayproof.harness.study.gates import GateResult, gate_advice, interval_in_words
+from wayproof.harness.study.report.conditions import conditions_of
+from wayproof.harness.study.report.dose import doses_of
+from wayproof.harness.study.report.gallery import (
+    MAP_LEGEND,
+    Views,
+    episode_context,
+    pages_first,
+)
+from wayproof.harness.study.report.plots import borne
+from wayproof.harness.study.report.provenance import of_study
+from wayproof.harness.study.report.view import map_picture
+from wayproof.harness.study.rows import Row, first_difference, reference_of
 from wayproof.harness.study.stack_table import stack_table
+from wayproof.harness.study.statistics.exact import Interval
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import StudyResult, conclude, read_own_rows, verdict_in_words
 from wayproof.harness.study.threshold import Thresholds, read_thresholds, thresholds_in_words
 
+SITE = "report"
+"""Folder of the site in the folder of the study."""
+
 SHOWN_FAILURES = 24
 """Maximum number of pictures in the gallery; the table has every failure."""
+
+MOST_PAGES = 2000
+"""Maximum number of episodes with a page of their own, failures first; the table has all."""
 
 SHOWN_METRICS = (
     "spl",
@@ -31,6 +53,7 @@ SHOWN_METRICS = (
     "collisions",
     "least_clearance",
     "time_stopped",
+    "ate",
     "not_admitted",
     "guard_cuts",
     "jerk",
@@ -39,14 +62,27 @@ SHOWN_METRICS = (
     "deadline_misses",
 )
 
+TABLE_METRICS = ("time_to_goal", "least_clearance", "collisions", "ate", "latency_p99")
+"""Columns of the table of all episodes."""
+
 
 @dataclass(frozen=True)
 class Failure:
-    """One failed episode on the page."""
+    """One failed episode on the overview."""
 
     row: Row
     log: str
     picture: str
+    page: str
+
+
+@dataclass(frozen=True)
+class Listed:
+    """One episode in the table of all."""
+
+    row: Row
+    page: str
+    differs: int | None
 
 
 @dataclass(frozen=True)
@@ -59,77 +95,210 @@ class Borne:
 
 
 @dataclass(frozen=True)
-class Dose:
-    """One dose-response plot."""
+class Material:
+    """What a report is made from.
 
-    title: str
-    picture: str
+    Attributes:
+        study: The study.
+        planned: Its episodes.
+        rows: Those that have ended.
+        samples: The same by arm.
+        result: Verdict.
+        store: Folder of the study.
+        views: Views of its logs.
+        twins: Key of an episode -> its reference.
+    """
+
+    study: StudyFile
+    planned: Sequence[Planned]
+    rows: Sequence[Row]
+    samples: Sequence[Sample]
+    result: StudyResult
+    store: Store
+    views: Views
+    twins: Mapping[str, Row]
 
 
 def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, StudyResult]:
-    """Write `report.html` into the folder of a study.
+    """Write `report/` and `report.html` into the folder of a study; return the site's first page.
 
     Raises:
         InputError: The folder is not one of a study or has no episode, or a log is damaged.
+    """
+    material = read_material(folder, allow_plugins)
+    templates = _templates()
+    runs: list[Mapping[str, str]] = []
+    paged = pages_first(material.rows, MOST_PAGES)
+    draft = folder / f".{SITE}"
+    shutil.rmtree(draft, ignore_errors=True)  # of a run that was ended
+    (draft / "episodes").mkdir(parents=True)
+    _write_episodes(material, paged, draft, templates, runs)
+    overview = _overview(material, paged, runs)
+    pages = {
+        draft / "index.html": ("report.html.j2", {**overview, "site": True, "root": ""}),
+        draft / "episodes.html": ("episodes.html.j2", _table(material, paged)),
+        draft / "style.css": ("style.css.j2", {}),
+    }
+    for path, (name, context) in pages.items():
+        path.write_text(templates.get_template(name).render(context), encoding="utf-8")
+    with written_whole(folder / "report.html", "report") as partial:
+        page = templates.get_template("report.html.j2").render({**overview, "site": False})
+        partial.write_text(page, encoding="utf-8")
+    shutil.rmtree(folder / SITE, ignore_errors=True)
+    draft.rename(folder / SITE)
+    return folder / SITE / "index.html", material.result
+
+
+def read_material(folder: Path, allow_plugins: bool = False) -> Material:
+    """Read a study with all rows.
+
+    Raises:
+        InputError: As `write_report`.
     """
     store = Store(folder)
     study = store.read_study(allow_plugins)
     planned = plan_episodes(study, store.read_contents())
     rows, foreign = read_own_rows(planned, store, allow_plugins)
-    result = conclude(study, planned, rows, foreign)
     first = planned[0].arm
-    samples = samples_of(rows, first.variant, first.stack)
-    page = _template().render(
-        result=result,
-        verdict=verdict_in_words(result),
-        interval=interval_in_words,
-        advice=gate_advice,
-        name_of=name_of,
-        metrics={name: METRICS[name] for name in SHOWN_METRICS},
-        stacks=stack_table(samples, max(one.config.episode.time_limit for one in planned)),
-        doses=_doses(result.arms),
-        borne=_borne(read_thresholds(study, store)),
-        causes=sorted({cause for one in result.arms for cause in one.causes}),
-        outcomes=sorted({outcome for one in result.arms for outcome in one.outcomes}),
-        failures=_failures(samples, store, allow_plugins),
-        failed=sum(not row.success for row in rows),
+    by_arm = {(row.arm, row.seed): row for row in rows}
+    twins = {}
+    for row in rows:
+        reference = reference_of(row.arm, first.variant, first.stack)
+        if reference is not None and (reference, row.seed) in by_arm:
+            twins[row.key] = by_arm[reference, row.seed]
+    return Material(
+        study=study,
+        planned=planned,
+        rows=rows,
+        samples=samples_of(rows, first.variant, first.stack),
+        result=conclude(study, planned, rows, foreign),
+        store=store,
+        views=Views(store, allow_plugins),
+        twins=twins,
     )
-    path = folder / "report.html"
-    draft = path.with_suffix(".partial")
-    draft.write_text(page, encoding="utf-8")
-    draft.replace(path)
-    return path, result
 
 
-def _template() -> jinja2.Template:
+def _write_episodes(
+    material: Material,
+    paged: set[str],
+    site: Path,
+    templates: jinja2.Environment,
+    runs: list[Mapping[str, str]],
+) -> None:
+    """Write the pages of episodes, and note the versions that ran them."""
+    template = templates.get_template("episode.html.j2")
+    planned = {one.key: one for one in material.planned}
+    shown = [row for row in material.rows if row.key in paged]
+    keys = ["", *(row.key for row in shown), ""]
+    for number, row in enumerate(shown):
+        context = episode_context(
+            row,
+            material.twins.get(row.key),
+            planned[row.key],
+            material.views,
+            (keys[number], keys[number + 2]),
+        )
+        view = material.views.of(row)
+        if view is not None:
+            runs.append(view.log.run)
+        page = template.render(context, site=True, root="../", study=material.result.name)
+        (site / "episodes" / f"{row.key}.html").write_text(page, encoding="utf-8")
+
+
+def _overview(
+    material: Material, paged: set[str], runs: Sequence[Mapping[str, str]]
+) -> dict[str, Any]:
+    """Return what the first page shows."""
+    result, limit = material.result, _time_limit(material)
+    return {
+        "result": result,
+        "verdict": verdict_in_words(result),
+        "interval": interval_in_words,
+        "reason": gate_reason,
+        "side": side_of_drop,
+        "name_of": name_of,
+        "metrics": _measured(result),
+        "heading": _heading,
+        "stacks": stack_table(material.samples, limit),
+        "conditions": conditions_of(material.samples),
+        "doses": doses_of(material.samples, limit),
+        "borne": _borne(read_thresholds(material.study, material.store)),
+        "causes": sorted({cause for one in result.arms for cause in one.causes}),
+        "outcomes": sorted({outcome for one in result.arms for outcome in one.outcomes}),
+        "failures": _failures(material, paged),
+        "failed": sum(not row.success for row in material.rows),
+        "map_legend": MAP_LEGEND,
+        "provenance": of_study(material.study, material.planned, material.store, runs),
+    }
+
+
+def _measured(result: StudyResult) -> list[str]:
+    """Return the shown metrics that an arm has."""
+    return [
+        name for name in SHOWN_METRICS if any(one.metrics[name] is not None for one in result.arms)
+    ]
+
+
+def _time_limit(material: Material) -> float:
+    return max(one.config.episode.time_limit for one in material.planned)
+
+
+def _table(material: Material, paged: set[str]) -> dict[str, Any]:
+    """Return what the table of all episodes shows."""
+    listed = []
+    for row in material.rows:
+        twin = material.twins.get(row.key)
+        differs = None if twin is None else first_difference(row, twin)
+        page = f"episodes/{row.key}.html" if row.key in paged else ""
+        listed.append(Listed(row, page, differs))
+    return {
+        "result": material.result,
+        "rows": listed,
+        "outcomes": sorted({row.outcome for row in material.rows}),
+        "columns": TABLE_METRICS,
+        "heading": _heading,
+        "name_of": name_of,
+        "site": True,
+        "root": "",
+    }
+
+
+def _heading(name: str) -> str:
+    unit = METRICS[name].unit
+    text = name.replace("_", " ")
+    return f"{text}, {unit}" if unit else text
+
+
+def gate_reason(gate: GateResult) -> str:
+    """Return why a gate has its verdict."""
+    if gate.verdict == "inconclusive":
+        return gate_advice(gate)
+    return f"the whole interval {'keeps' if gate.verdict == 'held' else 'breaks'} the bound"
+
+
+def side_of_drop(drop: Interval) -> str:
+    """Return `bad` or `good` where the whole interval of a drop lies on one side of 0."""
+    if drop.low > 0.0:
+        return "bad"
+    return "good" if drop.high < 0.0 else ""
+
+
+def _templates() -> jinja2.Environment:
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     environment = jinja2.Environment(
         loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
     environment.filters["number"] = _number
-    return environment.get_template("report.html.j2")
+    environment.filters["signed"] = _signed
+    return environment
 
 
 def _number(value: float | None, digits: int = 2) -> str:
     return "" if value is None else f"{value:.{digits}f}"
 
 
-def _doses(arms: Sequence[ArmSummary]) -> list[Dose]:
-    """Return a plot for each world, robot, stack, variant and perturbation, from severity 0 on."""
-    clean = {one.arm: one for one in arms if one.arm.perturbation == CLEAN}
-    families: dict[Arm, list[ArmSummary]] = {}
-    for one in arms:
-        if one.arm.perturbation != CLEAN:
-            families.setdefault(replace(one.arm, severity=0), []).append(one)
-    doses = []
-    for arm, members in families.items():
-        twin = clean.get(replace(arm, perturbation=CLEAN))
-        shown = sorted([*([twin] if twin else []), *members], key=lambda one: one.arm.severity)
-        picture = dose_response(
-            [one.arm.severity for one in shown], [one.success for one in shown], "success"
-        )
-        doses.append(Dose(name_of(arm), picture))
-    return doses
+def _signed(value: float | None, digits: int = 2) -> str:
+    return "" if value is None else f"{value:+.{digits}f}"
 
 
 def _borne(thresholds: Sequence[Thresholds]) -> list[Borne]:
@@ -140,14 +309,13 @@ def _borne(thresholds: Sequence[Thresholds]) -> list[Borne]:
     ]
 
 
-def _failures(samples: Sequence[Sample], store: Store, allow_plugins: bool) -> list[Failure]:
-    rows = [row for sample in samples for row in sample.rows if not row.success]
+def _failures(material: Material, paged: set[str]) -> list[Failure]:
+    rows = [row for sample in material.samples for row in sample.rows if not row.success]
     failures = []
     for row in rows[:SHOWN_FAILURES]:
-        path = store.log(row.key)
-        picture = ""
-        if path.is_file():
-            log = open_log(path, allow_plugins)
-            picture = track(read_trace(log), log.scene, log.mission.goal)
-        failures.append(Failure(row, shlex.quote(str(path)), picture))
+        view = material.views.of(row)
+        picture = "" if view is None else map_picture(view)
+        page = f"episodes/{row.key}.html" if row.key in paged else ""
+        log = shlex.quote(str(material.store.log(row.key)))
+        failures.append(Failure(row, log, picture, page))
     return failures

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import functools
+import html
 import json
 import re
+import shlex
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 
-from wayproof.harness.cli.main import main
+from wayproof.harness.cli.main import main, verb_parsers
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.file import plan_episodes, read_study
 from wayproof.harness.study.processes import run_in_processes
+from wayproof.harness.study.report.provenance import run_command
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
 from wayproof.harness.worker_pool import Bounds
@@ -44,7 +49,7 @@ def test_a_page_tells_what_happened(folder: Path, capsys: pytest.CaptureFixture[
     assert main(["report", str(folder), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     page = (folder / "report.html").read_text()
-    assert document["report"] == str(folder / "report.html")
+    assert document["report"] == str(folder / "report" / "index.html")
     assert document["verdict"] == "failed"
     assert "2 of 4 episodes reached the goal. Of 2 gates: 1 failed, 1 inconclusive" in page
     assert page.count("<figure>") == 2  # one for each failure
@@ -66,11 +71,60 @@ def test_a_page_needs_nothing_from_outside(folder: Path) -> None:
 
 
 def test_the_same_logs_give_the_same_bytes(folder: Path) -> None:
-    pages = []
+    sites = []
     for _ in range(2):
         main(["report", str(folder)])
-        pages.append((folder / "report.html").read_bytes())
-    assert pages[0] == pages[1]
+        files = [folder / "report.html", *sorted((folder / "report").rglob("*.*"))]
+        sites.append({path: path.read_bytes() for path in files})
+    assert sites[0] == sites[1]
+    assert len(sites[0]) == 1 + 3 + 4
+
+
+def test_every_link_of_the_site_leads_to_a_page_of_it(folder: Path) -> None:
+    main(["report", str(folder)])
+    pages = sorted((folder / "report").rglob("*.html"))
+    assert len(pages) == 2 + 4
+    linked = set()
+    for page in pages:
+        text = page.read_text()
+        for link in re.findall(r"""(?:src|href)\s*=\s*["']([^"'#]+)""", text):
+            target = (page.parent / link).resolve()
+            assert target.is_file(), f"{page}: {link}"
+            linked.add(target)
+        for svg in re.findall(r"<svg.*?</svg>", text, re.DOTALL):
+            ET.fromstring(svg)
+    assert {page.resolve() for page in pages} <= linked
+
+
+def test_the_page_of_an_episode_has_its_twin_its_charts_and_commands(folder: Path) -> None:
+    main(["report", str(folder)])
+    table = pq.read_table(folder / "table.parquet").to_pylist()
+    row = next(one for one in table if one["outcome"] == "timeout")
+    twin = next(one for one in table if one["seed"] == row["seed"] and one is not row)
+    page = (folder / "report" / "episodes" / f"{row['key']}.html").read_text()
+    assert f'href="{twin["key"]}.html">its twin' in page
+    assert page.count("<svg") == 2 + 2 + 4  # maps, strips, charts
+    assert f"<td>{row['least_clearance']:.3f}</td>" in page
+    assert f"{row['least_clearance'] - twin['least_clearance']:+.3f}" in page
+    commands = html.unescape(re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)[0]).splitlines()
+    assert commands[-1].endswith("--set episode.time_limit=2.0")
+    for command in commands:  # as they are typed where the report was made
+        program, verb, *words = shlex.split(command)
+        options = verb_parsers()[verb].parse_args(words)
+        assert program == "wayproof"
+        assert (
+            verb == "run"
+            or Path(options.log if verb in ("explain", "view") else options.log[0]).is_file()
+        )
+
+
+def test_a_command_of_a_page_runs_its_episode_again(folder: Path, tmp_path: Path) -> None:
+    study = read_study(str(folder.parent / "study.toml"))
+    planned = next(one for one in plan_episodes(study) if one.config.episode.time_limit == 2.0)
+    words = shlex.split(run_command(planned))[1:]
+    assert main([*words, "--log", str(tmp_path / "d.mcap")]) == 1
+    chain = open_log(tmp_path / "d.mcap").result["chain"]
+    assert chain == open_log(Store(folder).log(planned.key)).result["chain"]
 
 
 def test_what_users_write_is_text_and_not_markup(folder: Path) -> None:

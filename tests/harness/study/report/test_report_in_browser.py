@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import http.server
 import json
+import re
 import shutil
 import socket
 import subprocess
@@ -28,7 +29,7 @@ STUDY = """
 name = "seen"
 worlds = ["empty"]
 robots = ["drone"]
-seeds = 1
+seeds = 2
 gates = ["success.mean >= 0.99"]
 [set]
 "episode.time_limit" = 1
@@ -51,7 +52,7 @@ def browser() -> str:
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of two episodes that time out."""
+    """The report of four episodes that time out."""
     folder = tmp_path_factory.mktemp("seen")
     path = folder / "study.toml"
     path.write_text(STUDY)
@@ -118,6 +119,62 @@ def test_a_page_is_seen_and_asks_nothing_of_anybody(
     assert dark[900:].any()
 
 
+LOOKED_AT = """
+<script>
+  const pages = PAGES;
+  let left = pages.length;
+  for (const [name, width, text] of pages) {
+    const frame = document.createElement("iframe");
+    frame.width = width; frame.height = 800;
+    frame.onload = () => {
+      const page = frame.contentDocument, root = page.documentElement;
+      console.log(`WIDTH ${name} ${width} ${root.clientWidth} ${root.scrollWidth}`);
+      if (name === "episodes.html") {
+        const shown = () => [...page.querySelectorAll("#episodes tbody tr:not([hidden])")];
+        const column = n => shown().map(row => row.cells[n].textContent);
+        page.querySelectorAll("th")[1].click(); page.querySelectorAll("th")[1].click();
+        console.log(`SEEDS ${column(1)}`);
+        const text = page.querySelector("#text");
+        text.value = "pose_drift"; text.dispatchEvent(new Event("input"));
+        console.log(`FILTERED ${column(0).length} ${page.querySelector("#count").textContent}`);
+      }
+    };
+    frame.srcdoc = text;
+    document.body.append(frame);
+  }
+</script>
+"""
+"""Page that opens others in frames of a width, and says how wide they are; sorts and filters."""
+
+
+def test_no_page_scrolls_sideways_and_the_table_sorts_and_filters(
+    browser: str, page: Path, tmp_path: Path
+) -> None:
+    site = page.parent / "report"
+    style = f"<style>{(site / 'style.css').read_text()}</style>"
+    names = [
+        "index.html",
+        "episodes.html",
+        str(next(site.glob("episodes/*.html")).relative_to(site)),
+    ]
+    texts = {
+        name: re.sub(r'<link rel="stylesheet"[^>]*>', lambda _: style, (site / name).read_text())
+        for name in names
+    }
+    pages = [[name, width, texts[name]] for name in names for width in (390, 1280)]
+    wrapper = tmp_path / "frames.html"
+    listed = json.dumps(pages).replace("</", "<\\/")
+    wrapper.write_text(f"<body>{LOOKED_AT.replace('PAGES', listed)}</body>")
+    seen = Seen(browser, wrapper.as_uri(), tmp_path)
+    said = "\n".join(seen.console)
+    widths = re.findall(r"WIDTH (\S+) (\d+) (\d+) (\d+)", said)
+    assert len(widths) == len(pages), said
+    for name, width, inner, content in widths:
+        assert int(content) <= int(inner) <= int(width), (name, width, content)
+    assert "SEEDS 1,1,0,0" in said
+    assert "FILTERED 2 2 of 4" in said
+
+
 def test_a_page_that_asks_is_found_out(browser: str, tmp_path: Path) -> None:
     """What the test above looks for is seen where it is there."""
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Quiet)
@@ -150,3 +207,5 @@ def test_the_same_logs_give_the_same_bytes_again(page: Path) -> None:
     main(["report", str(page.parent)])
     assert page.read_bytes() == before
     assert socket.gethostname() not in page.read_text()
+    for one in (page.parent / "report").rglob("*.html"):
+        assert socket.gethostname() not in one.read_text()

@@ -1,0 +1,189 @@
+"""Small charts as SVG text, a few kB each, legible at the width of a phone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from markupsafe import escape
+from numpy.typing import NDArray
+
+from wayproof.harness.study.report.palette import LABEL, action_colour
+
+Array = NDArray[np.float64]
+
+WIDTH, HEIGHT = 420, 150
+"""Size of a chart in units of the SVG, which are pixels on a phone."""
+
+LEFT, RIGHT, TOP, BOTTOM = 42, 8, 8, 20
+"""Margins of the plotted area."""
+
+STRIP_HEIGHT = 46
+
+
+class Line(NamedTuple):
+    """A line of a chart.
+
+    Attributes:
+        name: Name in the legend.
+        colour: Colour of the line.
+        values: (n,) values; one that is not finite is left out.
+        dashed: Whether the line is dashed.
+    """
+
+    name: str
+    colour: str
+    values: Array
+    dashed: bool = False
+
+
+class Mark(NamedTuple):
+    """A vertical line at a time, s."""
+
+    name: str
+    colour: str
+    time: float
+
+
+def line_chart(
+    times: Array,
+    lines: Sequence[Line],
+    marks: Sequence[Mark] = (),
+    top: float | None = None,
+    stacked: bool = False,
+) -> str:
+    """Draw lines over time; what exceeds `top` is cut off.
+
+    Args:
+        times: (n,) s.
+        lines: Lines of n values.
+        marks: Vertical lines.
+        top: Upper end of the axis; the greatest value if None.
+        stacked: Whether each is an area on top of those before it, all of finite values.
+    """
+    if stacked:
+        heights = np.cumsum([one.values for one in lines], axis=0)
+        lines = [one._replace(values=height) for one, height in zip(lines, heights, strict=True)]
+    finite = np.concatenate([one.values[np.isfinite(one.values)] for one in lines])
+    high = top if top is not None else float(finite.max(initial=0.0))
+    low = min(0.0, float(finite.min(initial=0.0)))
+    ticks = nice_ticks(low, high if high > low else low + 1.0)
+    low, high = min(low, ticks[0]), max(high, ticks[-1])
+    across = _scale(float(times[0]), float(times[-1]), LEFT, WIDTH - RIGHT)
+    down = _scale(low, high, HEIGHT - BOTTOM, TOP)
+    parts = [_y_tick(tick, down(tick)) for tick in ticks]
+    parts += [_x_tick(tick, across(tick)) for tick in nice_ticks(float(times[0]), float(times[-1]))]
+    parts += [_mark(one, across(one.time)) for one in marks]
+    for line in reversed(lines) if stacked else ():
+        shown = np.minimum(line.values, high)
+        corners = [(times[0], 0.0), *zip(times, shown, strict=True), (times[-1], 0.0)]
+        points = " ".join(f"{across(t):.1f},{down(v):.1f}" for t, v in corners)
+        parts.append(f'<polygon points="{points}" fill="{line.colour}"/>')
+    for line in () if stacked else lines:
+        dash = ' stroke-dasharray="5 3"' if line.dashed else ""
+        shown = np.minimum(line.values, high)
+        for run in _runs(np.isfinite(line.values)):
+            points = " ".join(
+                f"{across(t):.1f},{down(v):.1f}"
+                for t, v in zip(times[run], shown[run], strict=True)
+            )
+            parts.append(
+                f'<polyline points="{points}" fill="none" stroke="{line.colour}" '
+                f'stroke-width="1.6"{dash}/>'
+            )
+    return _svg(HEIGHT, parts)
+
+
+def strip(times: Array, actions: Sequence[str], labels: Sequence[str], late: Sequence[bool]) -> str:
+    """Draw the actions over time as a strip, with failure labels below; each names itself."""
+    ends = [*times[1:], times[-1] + (times[-1] - times[0]) / max(len(times) - 1, 1)]
+    across = _scale(float(times[0]), float(ends[-1]), LEFT, WIDTH - RIGHT)
+    parts = []
+    for first, last in _blocks(actions):
+        parts.append(
+            _block(across(times[first]), across(ends[last]), 4, 16, action_colour(actions[first]))
+            + f"<title>{escape(actions[first])}, decisions {first} to {last}</title></rect>"
+        )
+    for first, last in _blocks(labels):
+        if labels[first] not in ("", "none"):
+            parts.append(
+                _block(across(times[first]), across(ends[last]), 22, 5, LABEL)
+                + f"<title>{escape(labels[first])}, decisions {first} to {last}</title></rect>"
+            )
+    for time, was_late in zip(times, late, strict=True):
+        if was_late:
+            x = across(time)
+            parts.append(f'<line x1="{x:.1f}" x2="{x:.1f}" y1="2" y2="22" stroke="#000"/>')
+    parts += [
+        _x_tick(tick, across(tick), STRIP_HEIGHT)
+        for tick in nice_ticks(float(times[0]), float(ends[-1]))
+    ]
+    return _svg(STRIP_HEIGHT, parts)
+
+
+def nice_ticks(low: float, high: float, most: int = 5) -> list[float]:
+    """Return round numbers from low to high, at most `most` + 1 of them."""
+    if not high > low:
+        return [low]
+    rough = (high - low) / most
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(power * factor for factor in (1, 2, 5, 10) if power * factor >= rough * 0.999)
+    first = math.ceil(low / step - 1e-9)
+    return [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+class _scale(NamedTuple):
+    """Linear map from values to units of the SVG."""
+
+    low: float
+    high: float
+    begin: float
+    end: float
+
+    def __call__(self, value: float) -> float:
+        share = (value - self.low) / ((self.high - self.low) or 1.0)
+        return self.begin + share * (self.end - self.begin)
+
+
+def _runs(kept: NDArray[np.bool_]) -> list[slice]:
+    """Return the runs of entries that are kept."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], kept.astype(np.int8), [0]])))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _blocks(names: Sequence[str]) -> list[tuple[int, int]]:
+    """Return the first and last index of each run of one name."""
+    starts = [k for k in range(len(names)) if k == 0 or names[k] != names[k - 1]]
+    return list(zip(starts, [*(k - 1 for k in starts[1:]), len(names) - 1], strict=True))
+
+
+def _block(x1: float, x2: float, y: float, height: float, colour: str) -> str:
+    width = max(x2 - x1, 0.6)
+    return f'<rect x="{x1:.1f}" y="{y}" width="{width:.1f}" height="{height}" fill="{colour}">'
+
+
+def _mark(mark: Mark, x: float) -> str:
+    return (
+        f'<line x1="{x:.1f}" x2="{x:.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}" '
+        f'stroke="{mark.colour}" stroke-dasharray="2 2"><title>{escape(mark.name)}</title></line>'
+    )
+
+
+def _y_tick(value: float, y: float) -> str:
+    return (
+        f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}" stroke="#e2e8f0"/>'
+        f'<text x="{LEFT - 4}" y="{y + 4:.1f}" text-anchor="end">{value:g}</text>'
+    )
+
+
+def _x_tick(value: float, x: float, height: int = HEIGHT) -> str:
+    return f'<text x="{x:.1f}" y="{height - 4}" text-anchor="middle">{value:g} s</text>'
+
+
+def _svg(height: int, parts: Sequence[str]) -> str:
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {height}" font-size="11" fill="#4a5568" role="img">'
+        f"{''.join(parts)}</svg>"
+    )

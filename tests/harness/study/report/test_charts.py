@@ -1,0 +1,80 @@
+"""Charts of an episode's page: where lines, areas and blocks lie, by hand."""
+
+import re
+
+import numpy as np
+import pytest
+
+from wayproof.harness.study.report.charts import Line, Mark, line_chart, nice_ticks, strip
+from wayproof.harness.study.report.top_view import Tracks, top_view
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ticks"),
+    [(0.0, 1.0, [0, 0.2, 0.4, 0.6, 0.8, 1.0]), (0.0, 7.0, [0, 2, 4, 6]), (3.0, 3.0, [3.0])],
+)
+def test_ticks_are_round(low, high, ticks):
+    assert nice_ticks(low, high) == pytest.approx(ticks)
+
+
+def points(svg, shape="polyline"):
+    found = re.findall(rf'<{shape} points="([^"]*)"', svg)
+    return [[tuple(map(float, one.split(","))) for one in text.split()] for text in found]
+
+
+def test_a_line_breaks_where_nothing_is_known():
+    values = np.array([0.0, 1.0, np.nan, 1.0, 0.0])
+    svg = line_chart(np.arange(5.0), [Line("a", "#000", values)])
+    assert points(svg) == [[(42, 130), (134.5, 8)], [(319.5, 8), (412, 130)]]
+
+
+def test_what_exceeds_the_top_is_cut_off():
+    svg = line_chart(np.arange(3.0), [Line("a", "#000", np.array([0.0, 100.0, 1.0]))], top=1.0)
+    assert points(svg) == [[(42, 130), (227, 8), (412, 8)]]
+
+
+def test_areas_lie_on_top_of_each_other():
+    lines = [Line("a", "#00f", np.array([1.0, 1.0])), Line("b", "#f00", np.array([1.0, 0.0]))]
+    svg = line_chart(np.array([0.0, 1.0]), lines, stacked=True)
+    above, below = points(svg, "polygon")  # the last one first, so that the others cover it
+    assert above == [(42, 130), (42, 8), (412, 69), (412, 130)]
+    assert below == [(42, 130), (42, 69), (412, 69), (412, 130)]
+
+
+def test_marks_and_names_are_text_and_not_markup():
+    svg = line_chart(np.arange(2.0), [Line("a", "#000", np.ones(2))], [Mark("<b>", "#f00", 0.5)])
+    assert "<title>&lt;b&gt;</title>" in svg
+    svg = strip(np.arange(3.0), ["follow", "follow", "<i>"], ["none"] * 3, [False] * 3)
+    assert "<i>" not in svg
+
+
+def test_a_strip_has_a_block_for_each_run_and_a_bar_for_each_label():
+    actions = ["follow", "follow", "slow", "follow"]
+    labels = ["none", "no_path", "no_path", "none"]
+    svg = strip(np.arange(4.0), actions, labels, [False, True, False, False])
+    titles = re.findall(r"<title>(.*?)</title>", svg)
+    assert titles == [
+        "follow, decisions 0 to 1",
+        "slow, decisions 2 to 2",
+        "follow, decisions 3 to 3",
+        "no_path, decisions 1 to 2",
+    ]
+    assert svg.count("<line") == 1  # the late one
+
+
+def test_from_above_y_is_up_and_the_end_of_a_failure_is_marked():
+    track = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]])
+    square = np.array([[0.0, 2.0], [1.0, 2.0], [1.0, 3.0], [0.0, 3.0]])
+    svg = top_view([square], Tracks(track, track + np.array([0.0, 0.1]), (2.0, 1.0), failed=True))
+    believed, true = points(svg)
+    (wall,) = points(svg, "polygon")
+    assert believed[2][1] < believed[0][1]
+    assert max(y for _, y in wall) < min(y for _, y in believed)
+    assert true[0][1] < believed[0][1]
+    assert "<title>end</title>" in svg
+    assert "last chance" not in svg
+    fine = top_view(
+        [], Tracks(track, np.zeros((0, 2)), (2.0, 1.0), failed=False, chance=(2.0, 0.0))
+    )
+    assert len(points(fine)) == 1
+    assert "last chance" in fine
