@@ -1,10 +1,11 @@
 """Nodes of rclpy on trial: the examples through an office, and one broken in each way."""
 
+import subprocess
 from pathlib import Path
 
 import pytest
 
-from tests.ros2.conftest import EXAMPLES, HERE, started
+from tests.ros2.conftest import EXAMPLES, HERE, PYTHON, started
 from wayproof.harness.errors import InputError
 from wayproof.harness.replay.replay import replay
 
@@ -64,3 +65,16 @@ def test_commands_that_cannot_be_heard_are_refused_before_the_episode(trial, kin
         trial("pace=lockstep", "episode.time_limit=1")
     assert line in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_the_parameters_for_nav2_are_read_by_ros():
+    reader = (
+        "import rclpy, sys; rclpy.init(args=['--ros-args', '--params-file', sys.argv[1]]);"
+        "make = lambda name, namespace='': rclpy.create_node(name, namespace=namespace,"
+        "  automatically_declare_parameters_from_overrides=True);"
+        "print(make('controller_server').get_parameter('FollowPath.motion_model').value,"
+        "  make('global_costmap', 'global_costmap').get_parameter('width').value)"
+    )
+    file = EXAMPLES.parent / "nav2/quadruped.yaml"
+    words = [PYTHON, "-c", reader, str(file)]
+    assert subprocess.run(words, capture_output=True, text=True).stdout.split() == ["Omni", "50"]
