@@ -22,7 +22,7 @@ ORDER = (
     *("user_code", "log", "recordings", "scenario", "recompute", "attribution"),
     *("warm_up", "sim", "episode", "runner"),
     *("replay", "counterfactual", "study.statistics", "trajectory_error"),
-    *("metrics", "clearance", "explain", "viewer", "tables"),
+    *("metrics", "clearance", "explain", "viewer", "tables", "map_files"),
     *("gym", "worker_pool", "study", "api", "bench", "cli", "bench.soak"),
 )
 """Parts of the harness; each imports only those before it, be it in a function or for types."""

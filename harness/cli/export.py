@@ -40,11 +40,24 @@ def _write_table(kind: str, default: str) -> Callable[[Log, Path, argparse.Names
     return write
 
 
+def _write_map(log: Log, path: Path, options: argparse.Namespace) -> Document:
+    """Write the map of a decision in the format that the file's ending says."""
+    from wayproof.harness.map_files.files import write_map
+
+    decision, cells = write_map(log, path, options.at)
+    return {"decision": decision, "cells": cells}
+
+
 OUTPUTS: dict[str, Output] = {
     "parquet": Output("table as Parquet", _write_table("parquet", "decisions")),
     "csv": Output("table as CSV, without columns of lists", _write_table("csv", "decisions")),
     "tum": Output("trajectory as TUM, for evo", _write_table("tum", "poses")),
     "kitti": Output("trajectory as KITTI poses, for evo", _write_table("kitti", "poses")),
+    "map": Output(
+        "map as .yaml and .pgm (Nav2), .bt (OctoMap), .pcd or .ply (centres of occupied cells), "
+        "or .map (our own)",
+        _write_map,
+    ),
 }
 """Option -> what it writes."""
 
@@ -81,12 +94,15 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         help="decisions, truth, poses (the estimated ones) or sweeps (default: decisions; of a "
         "trajectory: poses)",
     )
+    parser.add_argument(
+        "--at", type=int, metavar="N", help="decision whose map is written (default: the last)"
+    )
     add_unchecked(parser)
     add_plugins(parser)
 
 
 VERB = Verb(
-    help="write decisions, poses and sweeps of a log as Parquet, CSV, TUM or KITTI files",
+    help="write what a log holds as files: tables, trajectories, and its map",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof export logs/warehouse-drone-3.mcap --parquet decisions.parquet",

@@ -31,6 +31,18 @@ POSES = (ODOMETRY, POSE, POSE_COVARIANCE)
 ROS1_DEFINITIONS = {name: "geometry_msgs/TransformStamped[] transforms\n" for name in TRANSFORMS}
 """Definitions of messages of ROS 1 that `rosbags` has for ROS 2 alone."""
 
+ROS2_DEFINITIONS = {
+    "nav2_msgs/msg/CostmapMetaData": (
+        "builtin_interfaces/Time map_load_time\nbuiltin_interfaces/Time update_time\n"
+        "string layer\nfloat32 resolution\nuint32 size_x\nuint32 size_y\n"
+        "geometry_msgs/Pose origin\n"
+    ),
+    "nav2_msgs/msg/Costmap": (
+        "std_msgs/Header header\nnav2_msgs/CostmapMetaData metadata\nuint8[] data\n"
+    ),
+}
+"""Definitions of Nav2's messages, which `rosbags` does not have; they travel in the bag."""
+
 
 class StampedTransform(NamedTuple):
     """A pose of a message.
@@ -77,10 +89,9 @@ def typestore(encoding: str) -> Typestore:
         raise InputError(
             "ROS bags: rosbags is not installed: pip install rosbags (the extra 'recordings')"
         ) from None
-    if encoding != "ros1":
-        return get_typestore(Stores.ROS2_JAZZY)
-    store = get_typestore(Stores.ROS1_NOETIC)
-    for name, definition in ROS1_DEFINITIONS.items():
+    ros1 = encoding == "ros1"
+    store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
+    for name, definition in (ROS1_DEFINITIONS if ros1 else ROS2_DEFINITIONS).items():
         store.register(get_types_from_msg(definition, name))
     return store
 

@@ -1,0 +1,194 @@
+"""Conversion of a recording, or of a log with its maps, to a bag of ROS.
+
+Of a log the bag has, beside what the robot measured (see `recordings.bags.writing`):
+
+- `/map`, an OccupancyGrid of the states: 0 free, 100 occupied, -1 unknown;
+- `/costmap_raw`, a nav2_msgs/Costmap by the scale of `nav2_costmap_2d`, and `/costmap`, the same as
+  an OccupancyGrid, translated as Nav2's publisher does;
+- `/plan` and `/trajectory`, a Path each: the planned path and the committed trajectory.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import Log, open_log
+from wayproof.harness.recordings.bags.building import Builder
+from wayproof.harness.recordings.bags.writing import (
+    WORLD,
+    BagKind,
+    Stamped,
+    encoding_of,
+    recording_messages,
+    write_bag,
+)
+from wayproof.harness.recordings.recording import Recording
+from wayproof.harness.recordings.types import Transform
+from wayproof.harness.stack.decision import path_of
+from wayproof.harness.viewer.layer import layer_at
+from wayproof.harness.viewer.moments import Moment, moments
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap
+
+GRID_PERIOD_NS = 1_000_000_000
+"""Time between two grids of the bag, ns; the last decision has one too."""
+
+FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION = 0, 253, 254, 255
+"""Costs of `nav2_costmap_2d/cost_values.hpp`."""
+
+GRID, COSTS, PATH = "nav_msgs/msg/OccupancyGrid", "nav2_msgs/msg/Costmap", "nav_msgs/msg/Path"
+
+
+def convert(recording: Recording, log: Log | None, out: Path, kind: BagKind) -> int:
+    """Write a bag; return the number of its messages.
+
+    Args:
+        recording: What is written of sensors and poses.
+        log: The log that the recording was opened from, whose maps and plans are written too.
+        out: File of ROS 1, or folder of ROS 2.
+        kind: Kind of the bag.
+
+    Raises:
+        InputError: It cannot be read or written.
+    """
+    messages = recording_messages(recording, kind)
+    if log is not None:
+        views = _views(log, Builder(encoding_of(kind)), kind)
+        messages = heapq.merge(messages, views, key=lambda one: one.stamp_ns)
+    return write_bag(messages, out, kind)
+
+
+def open_log_of(recording: Recording, path: Path, allow_plugins: bool) -> Log | None:
+    """Return the log that a recording was opened from; None of another format."""
+    return open_log(path, allow_plugins) if recording.format == "wayproof" else None
+
+
+def costs_of(costmap: Costmap, layer: int, collision_distance_sq: int) -> NDArray[np.uint8]:
+    """Return costs (nx, ny) of a layer by Nav2's scale.
+
+    Occupied cells are lethal (254), unknown ones have no information (255), free ones within the
+    inflation radius of an occupied one are inscribed (253), and beyond it the cost falls by Nav2's
+    law from 252 to 0.
+
+    Args:
+        costmap: The costmap.
+        layer: Index along z.
+        collision_distance_sq: Greatest squared distance that is forbidden, cells^2.
+    """
+    states = costmap.state[:, :, layer]
+    distances = costmap.obstacle_clearance[:, :, layer]
+    fall = np.where(np.isinf(costmap.cost_table), INSCRIBED, costmap.cost_table)
+    costs = np.floor(fall).astype(np.uint8)[distances]
+    costs[distances <= collision_distance_sq] = INSCRIBED
+    costs[states == OCCUPIED] = LETHAL
+    costs[states == UNKNOWN] = NO_INFORMATION
+    return costs
+
+
+def occupancy_of_costs() -> NDArray[np.int8]:  # (256,)
+    """Return the occupancy by cost: the table of Nav2's `Costmap2DPublisher`."""
+    table = np.zeros(256, np.int8)
+    table[1:INSCRIBED] = 1 + 97 * (np.arange(1, INSCRIBED) - 1) // 251
+    table[INSCRIBED], table[LETHAL], table[NO_INFORMATION] = 99, 100, -1
+    return table
+
+
+def _views(log: Log, build: Builder, kind: BagKind) -> Iterator[Stamped]:
+    """Yield grids and paths of a log's decisions, in order of time."""
+    last = int(log.result.get("decisions", "0")) - 1
+    written_ns = -GRID_PERIOD_NS
+    for moment in moments(log):
+        now = moment.time_ns
+        yield Stamped(now, "/plan", PATH, _path(build, now, path_of(moment.decision.global_path)))
+        committed = path_of(moment.decision.trajectory.path)
+        yield Stamped(now, "/trajectory", PATH, _path(build, now, committed))
+        if now - written_ns >= GRID_PERIOD_NS or moment.decision.sequence == last:
+            written_ns = now
+            yield from _grids(moment, build, kind)
+
+
+def _grids(moment: Moment, build: Builder, kind: BagKind) -> Iterator[Stamped]:
+    costmap, now = moment.costmap, moment.time_ns
+    layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
+    states = costmap.state[:, :, layer]
+    occupancy = np.full(states.shape, -1, np.int8)
+    occupancy[states == FREE], occupancy[states == OCCUPIED] = 0, 100
+    yield Stamped(now, "/map", GRID, _grid(build, now, costmap, occupancy))
+    costs = costs_of(costmap, layer, moment.decision.collision_distance_sq)
+    translated = occupancy_of_costs()[costs]
+    yield Stamped(now, "/costmap", GRID, _grid(build, now, costmap, translated))
+    if kind != "ros1":  # Nav2 is of ROS 2 alone
+        yield Stamped(now, "/costmap_raw", COSTS, _costmap(build, now, costmap, costs))
+
+
+def _grid(build: Builder, now: int, costmap: Costmap, cells: NDArray[np.int8]) -> Any:
+    columns, rows = cells.shape
+    return build.make(
+        "nav_msgs/OccupancyGrid",
+        header=build.header(now, WORLD),
+        info=build.make(
+            "nav_msgs/MapMetaData",
+            map_load_time=build.time(now),
+            resolution=costmap.resolution,
+            width=columns,
+            height=rows,
+            origin=_corner(build, costmap),
+        ),
+        data=np.ascontiguousarray(cells.T).reshape(-1),
+    )
+
+
+def _costmap(build: Builder, now: int, costmap: Costmap, costs: NDArray[np.uint8]) -> Any:
+    columns, rows = costs.shape
+    return build.make(
+        "nav2_msgs/Costmap",
+        header=build.header(now, WORLD),
+        metadata=build.make(
+            "nav2_msgs/CostmapMetaData",
+            map_load_time=build.time(now),
+            update_time=build.time(now),
+            layer="master",
+            resolution=costmap.resolution,
+            size_x=columns,
+            size_y=rows,
+            origin=_corner(build, costmap),
+        ),
+        data=np.ascontiguousarray(costs.T).reshape(-1),
+    )
+
+
+def _corner(build: Builder, costmap: Costmap) -> Any:
+    x, y = (float(value) for value in costmap.origin[:2])
+    return build.pose(Transform(np.array([x, y, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])))
+
+
+def _path(build: Builder, now: int, points: NDArray[np.float64]) -> Any:
+    header = build.header(now, WORLD)
+    unturned = np.array([1.0, 0.0, 0.0, 0.0])
+    poses = [
+        build.make(
+            "geometry_msgs/PoseStamped",
+            header=header,
+            pose=build.pose(Transform(point, unturned)),
+        )
+        for point in points
+    ]
+    return build.make("nav_msgs/Path", header=header, poses=poses)
+
+
+def check_name(out: Path, kind: BagKind) -> None:
+    """Refuse a name that ROS tools would not take.
+
+    Raises:
+        InputError: A bag of ROS 1 that does not end in `.bag`, or one of ROS 2 with an ending.
+    """
+    if kind == "ros1" and out.suffix != ".bag":
+        raise InputError(f"--ros1: got '{out}', expected a name that ends in .bag")
+    if kind != "ros1" and out.suffix in (".mcap", ".db3", ".bag"):
+        raise InputError(f"--ros2: got '{out}', expected the name of a folder, without an ending")
