@@ -14,6 +14,7 @@ import msgspec
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.recording_config import RecordingConfig
 from wayproof.harness.renamed import current_value, renamed, with_current_names
 from wayproof.maps import MAPS, CostmapConfig, MapConfig
 from wayproof.maps.bounds import Bounds, check_fields
@@ -91,8 +92,8 @@ class MotionConfig:
     """
 
     speed_fraction: Annotated[float, Bounds(0.05, 1.0)] = 1.0
-    altitude_low: Annotated[float, Bounds(0.0, 100.0, "m")] = 0.2
-    altitude_high: Annotated[float, Bounds(0.0, 100.0, "m")] = 2.8
+    altitude_low: Annotated[float, Bounds(-1e4, 1e4, "m")] = 0.2
+    altitude_high: Annotated[float, Bounds(-1e4, 1e4, "m")] = 2.8
 
     def __post_init__(self) -> None:
         """Check every field, and refuse an empty altitude band."""
@@ -100,7 +101,7 @@ class MotionConfig:
         if self.altitude_high < self.altitude_low:
             raise ValueError(
                 f"motion.altitude_high: got {self.altitude_high:g}, expected "
-                f"{self.altitude_low:g} to 100 m"
+                f"{self.altitude_low:g} to 10000 m"
             )
 
 
@@ -158,6 +159,8 @@ class Config:
         odometry: How good the pose is that the stack and the controller get.
         perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
         robot_file: Text of the robot's spec file, in a log; set by the run.
+        recording: The recording that the inputs come from, and how it is judged; none of a
+            simulated episode.
     """
 
     world: str
@@ -181,6 +184,7 @@ class Config:
     stack: StackConfig = field(default_factory=StackConfig)
     perturbation: AnyPerturbation | None = None
     robot_file: str = ""
+    recording: RecordingConfig | None = None
 
     def __post_init__(self) -> None:
         """Refuse points that are not 2 or 3 numbers and seeds that a generator would refuse."""

@@ -13,12 +13,22 @@ from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.geometry import yaw_of_quaternion
+from wayproof.harness.listed_beams import (
+    CODEC,
+    WIDE_CODEC,
+    ListedBeams,
+    check_count,
+    read_list,
+    read_ranges,
+)
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.maps.sweep import Ranges
 from wayproof.models.classes import CLASSES
 from wayproof.models.poses import Trail, rotation_matrices
 from wayproof.models.sensors import range_codec
 from wayproof.models.sensors.beams import (
     DROPPED,
+    LONGEST_LISTED_RANGE,
     LONGEST_RANGE,
     NO_RETURN,
     BeamTable,
@@ -29,10 +39,11 @@ from wayproof.models.sensors.beams import (
     rotate,
 )
 
-CODEC = "u16-delta-planes"
-
 MAX_COORDINATE = 1e5
 """Maximum distance from the world's origin along an axis, m; beyond any mission."""
+
+UNIT_LENGTH = 1e-9
+"""Difference from unit length beyond which a quaternion is scaled to it."""
 
 
 @dataclass(frozen=True)
@@ -73,19 +84,21 @@ class WorldSweep:
     Attributes:
         origins: (m, 3) position of the sensor at each moment, m.
         directions: (n, 3) unit vectors.
-        ranges_mm: (n,) uint16 along the beams.
+        ranges_mm: (n,) along the beams.
         moments: (n,) int32 index of the origin of each beam.
     """
 
     origins: NDArray[np.float64]
     directions: NDArray[np.float64]
-    ranges_mm: NDArray[np.uint16]
+    ranges_mm: Ranges
     moments: NDArray[np.int32]
 
     def without_no_returns(self) -> WorldSweep:
         """The sweep with beams without return dropped."""
         silent = self.ranges_mm == NO_RETURN
-        return replace(self, ranges_mm=np.where(silent, DROPPED, self.ranges_mm))
+        ranges_mm = self.ranges_mm.copy()
+        ranges_mm[silent] = DROPPED
+        return replace(self, ranges_mm=ranges_mm)
 
 
 class Beams:
@@ -103,9 +116,10 @@ class Beams:
         self.table = table
         self.range = range
         self.rate = rate
-        self._ages = -1e-9 * pose_offsets(table, round(1e9 / rate))
-        self._moments = pose_indices(table)
-        self._directions = directions(table, 0)
+        if not table.listed:
+            self._ages = (-1e-9 * pose_offsets(table, round(1e9 / rate))).astype(np.float64)
+            self._moments = pose_indices(table)
+            self._directions = directions(table, 0)
         self._position_base_sensor = position_base_sensor
         self._R_base_sensor = R_base_sensor
 
@@ -121,28 +135,58 @@ class Beams:
             InputError: The sweep has another number of beams, or its shutter rolls and the pose
                 has no trail.
         """
-        if len(sweep.ranges_mm) != self.table.beams:
+        if self.table.listed:
+            return self._place_listed(sweep, pose)
+        if len(sweep.ranges_mm) != self.table.beams or sweep.ranges_mm.dtype != np.uint16:
             raise InputError(
                 f"sweep of '{sweep.sensor}': {len(sweep.ranges_mm)} beams, "
                 f"expected {self.table.beams}"
             )
         if self.table.non_repetitive:
             self._directions = directions(self.table, sequence)
-        origins, rotations = self._poses(pose)
+        several = self.table.scan_poses > 1
+        origins, rotations = self._poses(pose, self._ages if several else None)
         one = len(rotations) == 1
         beams = rotate(rotations[0] if one else rotations[self._moments], self._directions)
         ranges = ray_ranges(self.table, self._directions, sweep.ranges_mm)
         return WorldSweep(origins, beams, ranges, self._moments)
 
-    def _poses(self, pose: Pose) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Estimated poses of the sensor at each moment: (m, 3), m, and (m, 3, 3), world."""
+    def _place_listed(self, sweep: SweepInput, pose: Pose) -> WorldSweep:
+        beams = sweep.beams
+        if beams is None:
+            raise InputError(f"sweep of '{sweep.sensor}': no beams, expected a list of them")
+        position, R = beams.position_base_sensor, beams.R_base_sensor
+        ages = beams.ages if beams.ages.any() else None
+        origins, rotations = self._poses(pose, ages, position, R)
+        one = len(rotations) == 1
+        placed = rotate(rotations[0] if one else rotations[beams.poses], beams.directions)
+        return WorldSweep(origins, placed, sweep.ranges_mm, beams.poses)
+
+    def _poses(
+        self,
+        pose: Pose,
+        ages: NDArray[np.float64] | None,
+        position_base_sensor: NDArray[np.float64] | None = None,
+        R_base_sensor: NDArray[np.float64] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Estimated poses of the sensor: (m, 3), m, and (m, 3, 3), world.
+
+        Args:
+            pose: Of the base at the time of the decision.
+            ages: (m,) before that, s; None for that time alone.
+            position_base_sensor: (3,) m, in place of the sensor's own.
+            R_base_sensor: (3, 3) likewise.
+        """
+        mounted, R = position_base_sensor, R_base_sensor
+        if mounted is None or R is None:
+            mounted, R = self._position_base_sensor, self._R_base_sensor
         positions, rotations = pose.position[None], pose.rotation[None]
-        if self.table.scan_poses > 1:
+        if ages is not None:
             if pose.trail is None:
                 raise InputError("pose without a trail, expected one for a rolling shutter")
-            positions, rotations = pose.trail.before_now(self._ages)
-        origins = positions + turn(rotations, self._position_base_sensor[None])[:, 0]
-        R_sensor_world = turn(rotations, self._R_base_sensor.T)
+            positions, rotations = pose.trail.before_now(ages)
+        origins = positions + turn(rotations, mounted[None])[:, 0]
+        R_sensor_world = turn(rotations, R.T)
         return origins, np.ascontiguousarray(R_sensor_world.transpose(0, 2, 1))
 
 
@@ -155,11 +199,19 @@ def turn(rotations: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArra
 
 @dataclass(frozen=True)
 class SweepInput:
-    """One sweep: the sensor's name, (n,) uint16 ranges, mm, and (n,) classes if there are any."""
+    """One sweep of a sensor.
+
+    Attributes:
+        sensor: Its name.
+        ranges_mm: (n,) mm.
+        classes: (n,) uint8 class of what each beam hit, if there are any.
+        beams: Beams of a sweep that lists them; else those of the sensor's tables.
+    """
 
     sensor: str
-    ranges_mm: NDArray[np.uint16]
+    ranges_mm: Ranges
     classes: NDArray[np.uint8] | None = None
+    beams: ListedBeams | None = None
 
 
 @dataclass(frozen=True)
@@ -172,6 +224,7 @@ class Inputs:
         pose: Estimated pose at that time.
         sweeps: In the order in which they are integrated.
         digest: Hash of the messages that these were read from.
+        goal: (3,) m, goal of this decision; None if it is the mission's.
     """
 
     time_ns: int
@@ -179,10 +232,14 @@ class Inputs:
     pose: Pose
     sweeps: tuple[SweepInput, ...]
     digest: str
+    goal: NDArray[np.float64] | None = None
 
 
 def inputs_from_messages(
-    pose: pb.Pose, sweeps: Sequence[pb.Sweep], written: Sequence[bytes] | None = None
+    pose: pb.Pose,
+    sweeps: Sequence[pb.Sweep],
+    written: Sequence[bytes] | None = None,
+    goal: pb.Goal | None = None,
 ) -> Inputs:
     """Read the inputs of one decision back from its messages.
 
@@ -191,22 +248,25 @@ def inputs_from_messages(
     Args:
         pose: The estimated pose.
         sweeps: In the order in which they are integrated.
-        written: Sweeps and pose serialized, if that is done already.
+        written: Sweeps, pose and goal serialized, if that is done already.
+        goal: Goal of this decision; of recordings alone.
 
     Raises:
         InputError: A sweep's codec is unknown, or its size is wrong.
     """
     if written is None:
-        written = [serialized(message) for message in (*sweeps, pose)]
+        goals = () if goal is None else (goal,)
+        written = [serialized(message) for message in (*sweeps, pose, *goals)]
     return Inputs(
         time_ns=pose.timestamp.ToNanoseconds(),
         sequence=pose.sequence,
         pose=_pose(pose),
         sweeps=tuple(
-            SweepInput(sweep.sensor, decode_ranges(sweep), decode_classes(sweep))
+            SweepInput(sweep.sensor, decode_ranges(sweep), decode_classes(sweep), read_list(sweep))
             for sweep in sweeps
         ),
         digest=inputs_digest(written),
+        goal=None if goal is None else _goal(goal),
     )
 
 
@@ -228,7 +288,7 @@ def decode_classes(sweep: pb.Sweep) -> NDArray[np.uint8] | None:  # (rows * colu
 
 
 def inputs_digest(written: Sequence[bytes]) -> str:
-    """Hash of a decision's inputs as they are logged: its sweeps, then its pose."""
+    """Hash of a decision's inputs as they are logged: sweeps, then pose, then goal if any."""
     digest = hashlib.blake2b(digest_size=16)
     for data in written:
         digest.update(data)
@@ -253,7 +313,24 @@ def _pose(message: pb.Pose) -> Pose:
         raise InputError(f"pose: {error}") from None
     position, quaternion = np.array(message.position), np.array(message.quaternion)
     check_pose(position, quaternion, message.position_sigma, trail)
+    quaternion = unit_quaternion(quaternion)
     return Pose(position, quaternion, message.position_sigma, trail, message.heading_sigma)
+
+
+def _goal(message: pb.Goal) -> NDArray[np.float64]:  # (3,) m
+    goal = np.array(message.position)
+    if goal.shape != (3,) or not (np.abs(goal) <= MAX_COORDINATE).all():
+        raise InputError(f"goal: got {goal}, expected 3 numbers within {MAX_COORDINATE:g} m")
+    return goal
+
+
+def unit_quaternion(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:  # (4,)
+    """A quaternion scaled to unit length, or unchanged if it has it to rounding."""
+    length = np.sqrt(np.square(quaternion).sum())
+    if abs(length - 1.0) <= UNIT_LENGTH:
+        return quaternion
+    scaled: NDArray[np.float64] = quaternion / length
+    return scaled
 
 
 def check_pose(
@@ -288,7 +365,7 @@ def beams_from_info(info: pb.SensorInfo) -> Beams:
     Raises:
         InputError: The tables are invalid.
     """
-    width = info.row_width
+    width = info.row_width if info.order != "list" else 2  # of no rows
     if width not in (1, 2) or len(info.rows) % width or len(info.columns) % width:
         raise InputError(f"sensor '{info.name}': beam tables of width {width}, expected 1 or 2")
     if not 0.0 < info.rate_hz < np.inf:
@@ -313,24 +390,25 @@ def beams_from_info(info: pb.SensorInfo) -> Beams:
     orthogonal = np.allclose(turn(R[None], R)[0], np.eye(3), atol=1e-6)
     if not (np.abs(position) <= MAX_COORDINATE).all() or not orthogonal:
         raise InputError(f"sensor '{info.name}': no mounting")
-    if not 0.0 < info.range_m <= LONGEST_RANGE:
+    longest = LONGEST_LISTED_RANGE if table.listed else LONGEST_RANGE
+    if not 0.0 < info.range_m <= longest:
         raise InputError(
-            f"sensor '{info.name}': range {info.range_m:g} m, expected up to {LONGEST_RANGE:g} m"
+            f"sensor '{info.name}': range {info.range_m:g} m, expected up to {longest:g} m"
         )
     return Beams(table, info.range_m, info.rate_hz, position, rotation.reshape(3, 3))
 
 
-def decode_ranges(sweep: pb.Sweep) -> NDArray[np.uint16]:  # (rows * columns,)
+def decode_ranges(sweep: pb.Sweep) -> Ranges:  # (rows * columns,)
     """The ranges of a sweep, mm.
 
     Raises:
-        InputError: Unknown codec, or not two bytes for each beam.
+        InputError: Unknown codec, or not the right number of bytes for each beam.
     """
-    count = sweep.rows * sweep.columns
-    if count == 0:
-        raise InputError(f"sweep of {sweep.rows} x {sweep.columns} beams, expected at least one")
+    count = check_count(sweep)
+    if sweep.codec == WIDE_CODEC:
+        return read_ranges(sweep)
     if sweep.codec != CODEC:
-        raise InputError(f"sweep codec '{sweep.codec}', expected '{CODEC}'")
+        raise InputError(f"sweep codec '{sweep.codec}', expected '{CODEC}' or '{WIDE_CODEC}'")
     if len(sweep.ranges) != 2 * count:
         raise InputError(f"sweep of {len(sweep.ranges)} bytes, expected {2 * count}")
     return range_codec.decode(sweep.ranges, sweep.rows)

@@ -17,6 +17,9 @@ Outcome = Literal[
     "success", "collision", "fall", "timeout", "stuck", "out_of_bounds", "aborted", "error"
 ]
 
+RECORDED = "recorded"
+"""Outcome in the log of a recording, which is neither a success nor a failure."""
+
 RECOVERED = "recovered: "
 """Prefix of the reason of a recovered log, whose end is missing and whose outcome is `error`."""
 
@@ -98,6 +101,34 @@ def figures_of(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> 
         [truth.clearance_m for truth in truths],
         sum(decision.deadline_missed for decision in decisions),
     )
+
+
+def recorded_figures(
+    decisions: Sequence[pb.Decision], motions: Sequence[pb.RecordedMotion]
+) -> dict[str, float | str]:
+    """The figures of a recording's result that follow from its decisions and motion, by name.
+
+    Args:
+        decisions: All of them.
+        motions: One for each.
+    """
+    return {
+        "decisions": len(decisions),
+        "sim_time_s": decisions[-1].timestamp.ToNanoseconds() * 1e-9,
+        "path_length_m": sum(way_length(motion) for motion in motions),
+        "deadline_misses": sum(decision.deadline_missed for decision in decisions),
+        "chain": decisions[-1].chain,
+    }
+
+
+def way_of(motion: pb.RecordedMotion) -> NDArray[np.float64]:
+    """Poses (n, 4) since the decision before: x, y, z, m, and heading, rad."""
+    return np.array(motion.way).reshape(-1, 4)
+
+
+def way_length(motion: pb.RecordedMotion) -> float:
+    """Length of the recorded way since the decision before, m."""
+    return polyline_length(way_of(motion)[:, :3])
 
 
 def figures(

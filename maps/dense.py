@@ -18,7 +18,7 @@ from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from wayproof.maps.store.slot_pool import EVERYWHERE, MEBIBYTE, Layer, SlotPool
-from wayproof.maps.sweep import SweepStatistics, check_time, prepare_sweep
+from wayproof.maps.sweep import Ranges, SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.brick_index import (
     BRICK_SHAPE,
     brick_boxes,
@@ -101,7 +101,7 @@ class DenseMap(Representation):
         self,
         origins: ArrayLike,
         directions: NDArray[np.float64],
-        ranges_mm: NDArray[np.uint16],
+        ranges_mm: Ranges,
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,

@@ -11,7 +11,7 @@ from wayproof.maps.cell_sets import CellMask, ball_mask, box_mask, floor_mask
 from wayproof.maps.columns import ColumnMap
 from wayproof.maps.config import MapConfig
 from wayproof.maps.states import FREE, OCCUPIED
-from wayproof.maps.sweep import SweepStatistics
+from wayproof.maps.sweep import Ranges, SweepStatistics
 
 
 class Representation(ColumnMap, Protocol):
@@ -54,7 +54,7 @@ class Representation(ColumnMap, Protocol):
         self,
         origins: ArrayLike,
         directions: NDArray[np.float64],
-        ranges_mm: NDArray[np.uint16],
+        ranges_mm: Ranges,
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,

@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from wayproof.maps.grid import MAX_COORDINATE
 from wayproof.maps.kernels import beams
 
+Ranges = NDArray[np.uint16] | NDArray[np.uint32]
+"""Ranges, mm; of 32 bits where one is longer than 65.534 m. 65535 is no return in both."""
+
 
 @dataclass(frozen=True)
 class SweepStatistics:
@@ -40,7 +43,7 @@ class Sweep:
         sensors: (m, 3) sub-cells that beams start in.
         moments: (n,) origin of each beam, ascending; (0,) if all start at the first.
         directions: (n, 3) unit vectors, world.
-        ranges_mm: (n,) measured ranges, mm.
+        ranges_mm: (n,) uint16 or uint32 measured ranges, mm; 65535 is no return in both.
         limits_mm: Nearest return that counts, and range up to which no return clears.
         resolution: Edge of a cell, m.
     """
@@ -49,7 +52,7 @@ class Sweep:
     sensors: NDArray[np.int64]
     moments: NDArray[np.int32]
     directions: NDArray[np.float64]
-    ranges_mm: NDArray[np.uint16]
+    ranges_mm: Ranges
     limits_mm: tuple[int, int]
     resolution: float
 
@@ -82,7 +85,7 @@ def prepare_sweep(
     origins: ArrayLike,
     moments: NDArray[np.int32] | None,
     directions: NDArray[np.float64],
-    ranges_mm: NDArray[np.uint16],
+    ranges_mm: Ranges,
     range_limit: float,
     minimum_range: float,
     resolution: float,
@@ -105,10 +108,10 @@ def prepare_sweep(
         raise ValueError(
             f"origins: got {starts[strange].tolist()}, expected finite coordinates within 1e6 m"
         )
-    if ranges_mm.dtype != np.uint16 or directions.shape != (*ranges_mm.shape, 3):
+    if ranges_mm.dtype not in (np.uint16, np.uint32) or directions.shape != (*ranges_mm.shape, 3):
         raise ValueError(
             f"beams: got directions {directions.shape} and ranges {ranges_mm.dtype} "
-            f"{ranges_mm.shape}, expected (n, 3) and uint16 (n,)"
+            f"{ranges_mm.shape}, expected (n, 3) and uint16 or uint32 (n,)"
         )
     longest = beams.MAX_BEAM_CELLS * resolution
     if not 0.0 < range_limit <= longest:
@@ -133,7 +136,7 @@ def prepare_sweep(
         sensors,
         _plain(moments[order] if len(moments) else moments, np.int32),
         _plain(directions[order], np.float64),
-        _plain(ranges_mm[order], np.uint16),
+        _plain(ranges_mm[order], ranges_mm.dtype.type),
         (round(minimum_range * 1000), round(range_limit * 1000)),
         resolution,
     )

@@ -17,11 +17,12 @@ ALLOWED = {
 
 
 ORDER = (
-    *("errors", "schema", "geometry", "perturbations", "renamed", "behaviour_config", "config"),
-    *("mission", "inputs", "stack", "interface", "result", "ending", "outputs", "supervision"),
+    *("errors", "schema", "geometry", "perturbations", "renamed", "behaviour_config"),
+    *("recording_config", "config", "mission", "listed_beams", "inputs", "stack", "interface"),
+    *("result", "ending", "outputs", "supervision"),
     *("user_code", "log", "recordings", "scenario", "recompute", "attribution"),
     *("warm_up", "sim", "episode", "runner"),
-    *("replay", "counterfactual", "study.statistics", "trajectory_error"),
+    *("replay", "shadow", "counterfactual", "study.statistics", "trajectory_error"),
     *("metrics", "clearance", "explain", "viewer", "tables", "map_files"),
     *("gym", "worker_pool", "study", "api", "bench", "cli", "bench.soak"),
 )

@@ -9,7 +9,7 @@ from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.inputs import Beams, beams_from_info
 from wayproof.harness.interface.connect import Session, ShowsReferee, connect
 from wayproof.harness.interface.observations import task_of
-from wayproof.harness.interface.trial import TrialNavigator
+from wayproof.harness.interface.trial import ShadowTrialNavigator, TrialNavigator
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.build import build_navigator, reported
@@ -35,7 +35,8 @@ def navigator_for(
     """
     if config.stack.name == BUILTIN:
         return build_navigator(config, mission, beams)
-    return reported(config, lambda: TrialNavigator(config, mission, beams, session))
+    kind = TrialNavigator if config.recording is None else ShadowTrialNavigator
+    return reported(config, lambda: kind(config, mission, beams, session))
 
 
 @contextlib.contextmanager

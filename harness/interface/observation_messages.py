@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.harness.inputs import SweepInput
 from wayproof.harness.interface.types import (
@@ -17,7 +18,9 @@ from wayproof.harness.interface.types import (
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.maps.sweep import Ranges
 from wayproof.models.poses import Trail
+from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 
 def hello(name: str) -> sb.Hello:
@@ -129,11 +132,16 @@ def observation_message(observation: Observation, task: Task) -> sb.Observation:
         sensor = task.sensors[sweep.sensor]
         message.sweeps.add(
             sensor=sweep.sensor,
-            ranges_mm=sweep.ranges_mm.astype("<u2").tobytes(),
+            ranges_mm=_in_16_bits(sweep.ranges_mm).tobytes(),
             classes=b"" if sweep.classes is None else sweep.classes.tobytes(),
             directions=_directions(sensor, observation.sequence) if _varies(sensor) else b"",
         )
     return message
+
+
+def _in_16_bits(ranges_mm: Ranges) -> NDArray[np.uint16]:  # (n,)
+    """Ranges (n,) as the interface has them; a longer one carries no information."""
+    return np.where(ranges_mm > NO_RETURN, DROPPED, ranges_mm).astype("<u2")
 
 
 def sweep_inputs(message: sb.Observation) -> list[SweepInput]:

@@ -36,6 +36,7 @@ from wayproof.harness.stack.footprint_mode import FootprintDecision
 from wayproof.harness.stack.maneuvers import brake
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.reasons import Kind, Reason
+from wayproof.harness.stack.shadowing import AtRecordedPoses
 from wayproof.harness.stack.types import Command, PlannerInput, distance, is_stationary
 from wayproof.planners import Trajectory, TrajectorySample, hold, remaining
 
@@ -239,6 +240,10 @@ def logged_answer(command: sb.Command, time_ns: int) -> pb.StackCommand:
     answer = pb.StackCommand(sequence=command.sequence, command=sent)
     answer.timestamp.FromNanoseconds(time_ns)
     return answer
+
+
+class ShadowTrialNavigator(AtRecordedPoses, TrialNavigator):
+    """A stack on trial in shadow mode."""
 
 
 def _overlap_reason(kind: Kind, judgement: Judgement) -> Reason:

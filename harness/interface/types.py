@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from wayproof.harness.inputs import Beams, WorldSweep, beams_from_info
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.maps.sweep import Ranges
 from wayproof.models.poses import Trail, rotation_matrices
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN, directions
 from wayproof.planners import Trajectory
@@ -103,14 +104,15 @@ class Sweep:
 
     Attributes:
         sensor: Its name.
-        ranges_mm: (n,) uint16, as measured: along the beam, or of a depth camera along its axis;
-            0: dropped, 65535: no return within range.
+        ranges_mm: (n,) mm, uint16, or uint32 where one is longer than 65.534 m, as measured: along
+            the beam, or of a depth camera along its axis; 0: dropped, 65535: no return within
+            range.
         classes: (n,) uint8, of what each beam met, where `sensors.semantics` is set; else none.
         place: Beams in the world frame by the estimated pose, computed when called.
     """
 
     sensor: str
-    ranges_mm: NDArray[np.uint16]
+    ranges_mm: Ranges
     classes: NDArray[np.uint8] | None
     place: Callable[[], WorldSweep]
 

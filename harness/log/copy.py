@@ -18,6 +18,8 @@ GLOBAL_PATH_PERIOD_NS = 1_000_000_000
 
 TOPICS: dict[type[Message], str] = {
     pb.Pose: "/pose",
+    pb.Goal: "/goal",
+    pb.RecordedMotion: "/recorded",
     pb.Latency: "/latency",
     pb.StackCommand: "/command",
     pb.State: "/state",

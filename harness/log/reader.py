@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -54,6 +55,9 @@ BEFORE_PREDICATES = ("action", "reason", "label", "predicate", "chain")
 LONGEST_NS = 4000 * 10**9
 """Simulated time beyond every episode, ns: `episode.time_limit` is at most an hour."""
 
+LONGEST_RECORDING_NS = 10 * 86_400 * 10**9
+"""Time beyond every recording, ns: ten days."""
+
 
 @dataclass(frozen=True)
 class Record:
@@ -65,6 +69,7 @@ class Record:
         decision: The logged decision.
         state: State of the simulator to resume the episode with this decision, if it was kept.
         answer: Answer of a stack on trial that the decision was made with; None for the built-in.
+        motion: What the robot of a recording did up to this decision; None of an episode.
     """
 
     inputs: Inputs
@@ -72,6 +77,7 @@ class Record:
     decision: pb.Decision
     state: pb.State | None = None
     answer: pb.StackCommand | None = None
+    motion: pb.RecordedMotion | None = None
 
 
 @dataclass(frozen=True)
@@ -154,12 +160,17 @@ class Log:
     def records_with_truth(self) -> Iterator[tuple[Record, pb.Truth]]:
         """Yield every decision with its inputs and the ground truth that follows it in the log.
 
+        Of a recording, which has no truth, the recorded motion stands for it, see `as_truth`.
+
         Raises:
             InputError: A decision has no truth.
         """
         record = None
         for item in self._records_and_rest():
             if isinstance(item, Record):
+                if item.motion is not None:
+                    yield item, as_truth(item.motion)
+                    continue
                 if record is not None:
                     break
                 record = item
@@ -184,6 +195,7 @@ class Log:
         self.check_sweeps()
         sweeps: list[pb.Sweep] = []
         pose, latency, state, answer = pb.Pose(), pb.Latency(), None, None
+        goal, motion = None, None
         count, time_ns = 0, -1
         for message in read_messages(self.path):
             if isinstance(message, pb.Sweep):
@@ -192,17 +204,23 @@ class Log:
                 pose = message
             elif isinstance(message, pb.Latency):
                 latency = message
+            elif isinstance(message, pb.Goal):
+                goal = message
+            elif isinstance(message, pb.RecordedMotion):
+                motion = message
             elif isinstance(message, pb.State):
                 state = message
             elif isinstance(message, pb.StackCommand):
                 answer = message
             elif isinstance(message, pb.Decision):
-                inputs = inputs_from_messages(pose, sweeps)
+                inputs = inputs_from_messages(
+                    pose, sweeps, goal=None if self.config.recording is None else goal
+                )
                 self._check_order(inputs, count, time_ns)
                 if answer is not None and answer.sequence != count:
                     answer = None  # of another decision: this one has none
-                yield Record(inputs, latency, message, state, answer)
-                sweeps, state, answer = [], None, None
+                yield Record(inputs, latency, message, state, answer, motion)
+                sweeps, state, answer, goal, motion = [], None, None, None, None
                 count, time_ns = count + 1, inputs.time_ns
             else:
                 yield message
@@ -225,20 +243,41 @@ class Log:
 
     def _check_order(self, inputs: Inputs, count: int, before_ns: int) -> None:
         """Check that decisions count from 0 and that simulated time increases."""
-        if inputs.sequence != count or not before_ns < inputs.time_ns < LONGEST_NS:
+        longest = LONGEST_NS if self.config.recording is None else LONGEST_RECORDING_NS
+        if inputs.sequence != count or not before_ns < inputs.time_ns < longest:
             raise InputError(
                 f"log '{self.path}': decision {inputs.sequence} at {inputs.time_ns} ns, expected "
                 f"{count} after {before_ns} ns"
             )
+        if (self.config.recording is not None) and inputs.goal is None:
+            raise InputError(f"log '{self.path}': decision {inputs.sequence} without its goal")
         for sweep in inputs.sweeps:
             if sweep.sensor not in self.beams:
                 raise InputError(f"log '{self.path}': sweep of '{sweep.sensor[:40]}', not declared")
+
+    def motions(self) -> Iterator[pb.RecordedMotion]:
+        """Yield the recorded motion up to each decision; nothing of an episode."""
+        for message in read_messages(self.path):
+            if isinstance(message, pb.RecordedMotion):
+                yield message
 
     def truth(self) -> Iterator[pb.Truth]:
         """Yield the ground truth of each decision, for scoring."""
         for message in read_messages(self.path):
             if isinstance(message, pb.Truth):
                 yield message
+
+
+def as_truth(motion: pb.RecordedMotion) -> pb.Truth:
+    """The recorded motion in the place of a truth, to show it; its clearance is not a number."""
+    return pb.Truth(
+        timestamp=motion.timestamp,
+        sequence=motion.sequence,
+        position=motion.position,
+        quaternion=motion.quaternion,
+        velocity=motion.velocity,
+        clearance_m=math.nan,
+    )
 
 
 def open_log(path: Path, allow_plugins: bool = False) -> Log:

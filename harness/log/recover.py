@@ -19,7 +19,7 @@ from wayproof.harness.log.reader import read_head
 from wayproof.harness.log.writer import TRACEBACK
 from wayproof.harness.mission import Mission
 from wayproof.harness.outputs import ENDING
-from wayproof.harness.result import RECOVERED, figures_of
+from wayproof.harness.result import RECOVERED, figures_of, recorded_figures
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.user_code import plugins_of
 
@@ -90,6 +90,9 @@ def _result_of(reading: _Reading, mission: Mission, reason: str) -> dict[str, st
     result |= {"sim_time_s": 0.0, "chain": ""}
     if not decisions:
         return {name: str(value) for name, value in result.items()}
+    if reading.motions:
+        result |= recorded_figures(decisions, reading.motions)
+        return {name: str(value) for name, value in result.items()}
     last = truths[-1]
     result |= {
         "goal_distance_m": goal_distance(mission, np.array(last.position)),
@@ -150,17 +153,24 @@ class _Reading:
         self._path = path
         self.damage = ""
         self.sweeps = 0
-        self.decisions: list[pb.Decision] = []  # each with its truth
+        self.decisions: list[pb.Decision] = []  # each with its truth or motion
         self.truths: list[pb.Truth] = []
+        self.motions: list[pb.RecordedMotion] = []  # of a recording, in the place of truths
 
     def items(self) -> Iterator[Attachment | Metadata | Packet]:
         """Yield all items up to the damage, and count the decisions."""
-        decision = None
+        decision, motion = None, None
         for item in self._sound():
             if isinstance(item, Packet) and is_ours(item):
                 message = decode(item, self._path)
-                if isinstance(message, pb.Decision):
+                if isinstance(message, pb.RecordedMotion):
+                    motion = message
+                elif isinstance(message, pb.Decision):
                     decision = message
+                    if motion is not None:
+                        self.decisions.append(message)
+                        self.motions.append(motion)
+                        decision = motion = None
                 elif isinstance(message, pb.Truth) and decision is not None:
                     self.decisions.append(decision)
                     self.truths.append(message)

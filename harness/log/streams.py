@@ -22,6 +22,9 @@ from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.schema import wayproof_pb2 as pb
 
+GOAL = "goal"
+"""The stream of the goals of a recording."""
+
 COMMAND = "command"
 """The stream of the answers of a stack on trial: inputs that follow from the other streams."""
 
@@ -35,8 +38,9 @@ DIGEST_SIZE = 8
 
 def own_streams(config: Config) -> list[str]:
     """Input streams besides those of the sensors."""
-    on_trial = config.stack.name != BUILTIN
-    return ["pose", "latency", *([COMMAND] if on_trial else [])]
+    on_trial = [COMMAND] if config.stack.name != BUILTIN else []
+    recorded = [GOAL] if config.recording is not None else []
+    return ["pose", *recorded, "latency", *on_trial]
 
 
 class StreamHashes:

@@ -4,8 +4,9 @@ A log grows under the name `<name>.mcap.partial`, which one writer at a time hol
 complete it gets its own name by an atomic rename. `log_time` is simulated time; `sequence` counts
 through the file.
 
-Topics: `/sensor/<name>/info`, `/sensor/<name>`, `/pose` and `/latency` are inputs; a replay
-compares `/decision`; `/truth` is for scoring and `/state` for forks.
+Topics: `/sensor/<name>/info`, `/sensor/<name>`, `/pose` and `/latency` are inputs, and `/goal` of a
+recording; a replay compares `/decision`; `/truth`, or `/recorded` of a recording, is for scoring,
+and `/state` for forks.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ import numpy as np
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.ending import BETWEEN_DECISIONS, Limits, goal_distance
 from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import unit_quaternion
 from wayproof.harness.interface.errors import StackCause
 from wayproof.harness.log.digest import CONTENT
 from wayproof.harness.log.reader import Log
@@ -26,7 +27,13 @@ from wayproof.harness.log.writer import FORMAT_VERSION, WITH_REASONS
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.recompute.segments import Segment, segments_of
 from wayproof.harness.replay.content import Content, read_content
-from wayproof.harness.result import ends_in_error, figures_of
+from wayproof.harness.result import (
+    RECORDED,
+    ends_in_error,
+    figures_of,
+    recorded_figures,
+    way_of,
+)
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, chain_hash
 
@@ -38,6 +45,12 @@ HALF_STEP_S = 0.005
 
 NUMBERED = ("poses", "latencies", "truths", "streams")
 """Kinds of messages with one message per decision."""
+
+NUMBERED_OF_RECORDING = ("poses", "goals", "latencies", "motions", "streams")
+"""The same of a recording, which has no truth."""
+
+INPUTS = ("poses", "goals", "latencies")
+"""Of these, inputs, which are not read for a row of a study."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +96,8 @@ def contradictions(log: Log, content: Content | None = None) -> list[Difference]
     subject = Subject(log, content, tuple(segments_of(log)))
     found = [*_format(subject), *_numbering(subject)]
     if not found:  # the checks index the messages by number
-        found = [one for check in CHECKS for one in check(subject)]
+        checks = CHECKS if log.config.recording is None else CHECKS_OF_RECORDING
+        found = [one for check in checks for one in check(subject)]
     return found + altered  # the digest names no place, so it comes last
 
 
@@ -128,9 +142,10 @@ def _numbering(subject: Subject) -> Iterator[Difference]:
             yield Difference(f"{name}.timestamp", f"{now_ns} ns", f"more than {last_ns} ns")
         last_ns = now_ns
     stamps = [(one.sequence, one.timestamp.ToNanoseconds()) for one in content.decisions]
-    for kind in NUMBERED:
+    recorded = subject.log.config.recording is not None
+    for kind in NUMBERED_OF_RECORDING if recorded else NUMBERED:
         messages: Sequence[pb.Truth] = getattr(content, kind)
-        if kind in ("poses", "latencies") and not messages and not content.inputs:
+        if kind in INPUTS and not messages and not content.inputs:
             continue  # not read for a row of a study
         yield from _stamps(kind, messages, stamps, subject.incomplete)
 
@@ -140,7 +155,7 @@ def _stamps(
 ) -> Iterator[Difference]:
     """Numbers and times are those of the decisions; at an error inputs may lead by one."""
     found = [(one.sequence, one.timestamp.ToNanoseconds()) for one in messages]
-    leads = may_lead and kind in ("poses", "latencies") and len(found) == len(stamps) + 1
+    leads = may_lead and kind in (*INPUTS, "motions") and len(found) == len(stamps) + 1
     if len(found) != len(stamps) and not leads:
         yield Difference(f"number of {kind}", str(len(found)), str(len(stamps)))
     for number, (one, expected) in enumerate(zip(found, stamps, strict=False)):
@@ -283,8 +298,15 @@ def _inputs(subject: Subject) -> Iterator[Difference]:
             yield Difference(name, decision.input_digest, had.digest)
             return
     for decision, pose in zip(content.decisions, content.poses, strict=False):
-        for field in ("position", "quaternion", "position_sigma"):
-            one, other = getattr(decision, field), getattr(pose, field)
+        pairs = {
+            "position": (list(decision.position), list(pose.position)),
+            "quaternion": (
+                list(decision.quaternion),
+                unit_quaternion(np.array(pose.quaternion)).tolist(),
+            ),
+            "position_sigma": (decision.position_sigma, pose.position_sigma),
+        }
+        for field, (one, other) in pairs.items():
             if one != other:
                 yield Difference(f"/decision[{decision.sequence}].{field}", f"{one}", f"{other}")
                 return
@@ -375,6 +397,49 @@ CHECKS: tuple[Callable[[Subject], Iterator[Difference]], ...] = (
 """Independent checks, the most informative first: messages name the first that fails."""
 
 
+def _recorded_result(subject: Subject) -> Iterator[Difference]:
+    """The figures of a recording's result follow from decisions and motion."""
+    result, content = subject.log.result, subject.content
+    if result["outcome"] not in (RECORDED, "error"):
+        yield Difference("result.outcome", result["outcome"], RECORDED)
+    for name, value in recorded_figures(content.decisions, content.motions).items():
+        same = result.get(name) == value or (
+            not isinstance(value, str) and _is_number(result.get(name), value)
+        )
+        if not same:
+            yield Difference(f"result.{name}", result.get(name, "none"), f"{value}")
+
+
+def _recorded_way(subject: Subject) -> Iterator[Difference]:
+    """The recorded way is unbroken; it leads through the poses but for the perturbation's error."""
+    before = None
+    shifts = {one.sequence: list(one.pose_shift) for one in subject.content.perturbations}
+    for motion, pose in zip(subject.content.motions, subject.content.poses, strict=False):
+        way, place = way_of(motion), f"/recorded[{motion.sequence}]"
+        ends = way[0, :3].tolist(), way[-1, :3].tolist()
+        if ends[1] != list(motion.position) or (before is not None and ends[0] != before):
+            yield Difference(f"{place}.way", f"{ends}", f"{[before, list(motion.position)]}")
+            return
+        before = ends[1]
+        shift = shifts.get(motion.sequence, [0.0, 0.0, 0.0])
+        off = np.array(pose.position) - np.array(motion.position) - np.array(shift)
+        if not (np.abs(off) <= SAME).all():
+            yield Difference(f"{place}.position", f"{list(motion.position)}", f"{pose.position}")
+            return
+
+
+CHECKS_OF_RECORDING: tuple[Callable[[Subject], Iterator[Difference]], ...] = (
+    _recorded_result,
+    _recorded_way,
+    _chain,
+    _inputs,
+    _hashes,
+    _delays,
+    _perturbation,
+)
+"""Checks of a recording's log: of inputs and decisions; there is no simulation and no truth."""
+
+
 def _ends_at_decision(subject: Subject) -> bool:
     return subject.log.result["outcome"] not in BETWEEN_DECISIONS
 
@@ -386,6 +451,9 @@ def _limits(subject: Subject, number: int) -> Limits:
 
 def _is_active(subject: Subject, number: int) -> bool:
     segment = subject.segment_of(number)
+    if segment.config.recording is not None:
+        now_ns = subject.content.decisions[number].timestamp.ToNanoseconds()
+        return (segment.config.perturbation or UNPERTURBED).is_active(now_ns)
     rate = next(iter(segment.beams.values())).rate  # as in `harness.sim.perturb`
     return (segment.config.perturbation or UNPERTURBED).is_active(round(number / rate * 1e9))
 

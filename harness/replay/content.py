@@ -44,6 +44,8 @@ class Content:
         perturbations: Records of perturbations.
         poses: Estimated poses.
         latencies: Delays.
+        goals: Goals of a recording's decisions.
+        motions: Motion of a recording's robot.
         inputs: Hashes of the inputs of each decision; empty if the sweeps were not read.
         digest: Digest of the whole file; empty if it was not computed.
     """
@@ -54,6 +56,8 @@ class Content:
     perturbations: list[pb.Perturbation] = field(default_factory=list)
     poses: list[pb.Pose] = field(default_factory=list)
     latencies: list[pb.Latency] = field(default_factory=list)
+    goals: list[pb.Goal] = field(default_factory=list)
+    motions: list[pb.RecordedMotion] = field(default_factory=list)
     inputs: list[InputRecord] = field(default_factory=list)
     digest: str = ""
 
@@ -71,6 +75,10 @@ class Content:
             self.poses.append(message)
         elif isinstance(message, pb.Latency):
             self.latencies.append(message)
+        elif isinstance(message, pb.Goal):
+            self.goals.append(message)
+        elif isinstance(message, pb.RecordedMotion):
+            self.motions.append(message)
 
 
 def read_content(log: Log) -> Content:
@@ -106,10 +114,11 @@ class _Running:
         self._streams = StreamHashes([*names, *own_streams(log.config)])
         self._written: list[bytes] = []
         self._pose = b""
+        self._goal: list[bytes] = []
         self._arrived: set[str] = set()
 
     def add(self, message: Message) -> None:
-        if not isinstance(message, (pb.Sweep, pb.Pose, pb.Latency, pb.StackCommand)):
+        if not isinstance(message, (pb.Sweep, pb.Pose, pb.Goal, pb.Latency, pb.StackCommand)):
             return
         data = serialized(message)
         if isinstance(message, pb.Sweep):
@@ -120,12 +129,16 @@ class _Running:
             self._arrived.add(message.sensor)
         elif isinstance(message, pb.Pose):
             self._pose = data
+        elif isinstance(message, pb.Goal):
+            if not self._log.config.recording:
+                raise InputError(f"log '{self._log.path}': a goal in it, but no recording")
+            self._goal = [data]
         self._streams.update(topic_of(message)[1:], data)
 
     def close(self) -> InputRecord:
         """Return the hashes of the inputs of one decision, and start the next."""
         hashes = {one.name: one.hash for one in self._streams.message(0, 0).streams}
-        digest = inputs_digest([*self._written, self._pose])
+        digest = inputs_digest([*self._written, self._pose, *self._goal])
         record = InputRecord(digest, hashes, frozenset(self._arrived))
-        self._written, self._arrived = [], set()
+        self._written, self._arrived, self._goal = [], set(), []
         return record

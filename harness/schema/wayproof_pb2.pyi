@@ -48,7 +48,7 @@ class SensorInfo(_message.Message):
     def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., range_m: _Optional[float] = ..., row_width: _Optional[int] = ..., rows: _Optional[_Iterable[float]] = ..., columns: _Optional[_Iterable[float]] = ..., position_base_sensor: _Optional[_Iterable[float]] = ..., rotation_base_sensor: _Optional[_Iterable[float]] = ..., order: _Optional[str] = ..., beams: _Optional[int] = ..., row_step: _Optional[int] = ..., column_step: _Optional[int] = ..., scan_poses: _Optional[int] = ..., measures: _Optional[str] = ..., rate_hz: _Optional[float] = ..., device: _Optional[str] = ..., source: _Optional[str] = ...) -> None: ...
 
 class Sweep(_message.Message):
-    __slots__ = ("timestamp", "sequence", "sensor", "rows", "columns", "codec", "ranges", "classes")
+    __slots__ = ("timestamp", "sequence", "sensor", "rows", "columns", "codec", "ranges", "classes", "directions", "beam_poses", "ages_ns", "mount")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     SENSOR_FIELD_NUMBER: _ClassVar[int]
@@ -57,6 +57,10 @@ class Sweep(_message.Message):
     CODEC_FIELD_NUMBER: _ClassVar[int]
     RANGES_FIELD_NUMBER: _ClassVar[int]
     CLASSES_FIELD_NUMBER: _ClassVar[int]
+    DIRECTIONS_FIELD_NUMBER: _ClassVar[int]
+    BEAM_POSES_FIELD_NUMBER: _ClassVar[int]
+    AGES_NS_FIELD_NUMBER: _ClassVar[int]
+    MOUNT_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     sensor: str
@@ -65,7 +69,11 @@ class Sweep(_message.Message):
     codec: str
     ranges: bytes
     classes: bytes
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., sensor: _Optional[str] = ..., rows: _Optional[int] = ..., columns: _Optional[int] = ..., codec: _Optional[str] = ..., ranges: _Optional[bytes] = ..., classes: _Optional[bytes] = ...) -> None: ...
+    directions: bytes
+    beam_poses: bytes
+    ages_ns: _containers.RepeatedScalarFieldContainer[int]
+    mount: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., sensor: _Optional[str] = ..., rows: _Optional[int] = ..., columns: _Optional[int] = ..., codec: _Optional[str] = ..., ranges: _Optional[bytes] = ..., classes: _Optional[bytes] = ..., directions: _Optional[bytes] = ..., beam_poses: _Optional[bytes] = ..., ages_ns: _Optional[_Iterable[int]] = ..., mount: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Pose(_message.Message):
     __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma", "history_positions", "history_quaternions", "history_period_s", "heading_sigma")
@@ -88,6 +96,32 @@ class Pose(_message.Message):
     history_period_s: float
     heading_sigma: float
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., history_positions: _Optional[_Iterable[float]] = ..., history_quaternions: _Optional[_Iterable[float]] = ..., history_period_s: _Optional[float] = ..., heading_sigma: _Optional[float] = ...) -> None: ...
+
+class Goal(_message.Message):
+    __slots__ = ("timestamp", "sequence", "position")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    position: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class RecordedMotion(_message.Message):
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "way")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    WAY_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    position: _containers.RepeatedScalarFieldContainer[float]
+    quaternion: _containers.RepeatedScalarFieldContainer[float]
+    velocity: _containers.RepeatedScalarFieldContainer[float]
+    way: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., way: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Latency(_message.Message):
     __slots__ = ("timestamp", "sequence", "mode", "delay_s")

@@ -6,7 +6,7 @@ import time
 
 import mujoco
 
-from wayproof.harness.inputs import CODEC
+from wayproof.harness.listed_beams import CODEC
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.injector import PerturbationInjector
 from wayproof.harness.sim.simulation import Simulation

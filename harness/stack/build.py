@@ -10,6 +10,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Beams
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.shadowing import ShadowNavigator
 from wayproof.planners import state_space_for
 
 T = TypeVar("T", bound=Navigator)
@@ -27,7 +28,8 @@ def build_navigator(config: Config, mission: Mission, beams: Mapping[str, Beams]
         state_space_for(planner.state_space, planner.name, flat=flat, discs=bool(mission.discs))
     except ValueError as error:
         raise InputError(f"robot '{config.robot}': {error}") from None
-    return reported(config, lambda: Navigator(config, mission, beams))
+    kind = Navigator if config.recording is None else ShadowNavigator
+    return reported(config, lambda: kind(config, mission, beams))
 
 
 def reported(config: Config, make: Callable[[], T]) -> T:

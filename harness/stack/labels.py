@@ -56,7 +56,7 @@ def vote(
     layer.integrate_sweep(
         placed.origins,
         placed.directions[part],
-        placed.ranges_mm[part],
+        placed.ranges_mm[part].astype(np.uint16, copy=False),  # of a sensor with tables
         limits,
         labels,
         placed.moments[part],

@@ -148,7 +148,7 @@ class PlannerInputBuilder:
             seed=config.seed,
             position=self._mapper.planning_point(inputs.pose.position),
             heading=inputs.pose.heading,
-            goal=self._goal,
+            goal=self._goal if inputs.goal is None else self._mapper.planning_point(inputs.goal),
             goal_tolerance=GOAL_SHARE * config.episode.goal_tolerance,
             traversable=spaces.traversable,
             known_free=spaces.known_free,

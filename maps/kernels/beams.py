@@ -75,7 +75,7 @@ class SweepBeams(NamedTuple):
     sensors: NDArray[np.int64]
     groups: NDArray[np.int64]
     directions: NDArray[np.float64]
-    ranges_mm: NDArray[np.uint16]
+    ranges_mm: NDArray[np.uint16] | NDArray[np.uint32]
     limits_mm: tuple[int, int]
     resolution: float
 
@@ -121,7 +121,7 @@ def locate_sensors(
 def locate_ends(
     origin: tuple[float, float, float],  # m
     directions: NDArray[np.float64],  # (3 n,) unit vectors
-    ranges_mm: NDArray[np.uint16],  # (n,)
+    ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
     limits_mm: tuple[int, int],  # nearest and farthest return
     scale: float,  # sub-cells a metre
     cells: NDArray[np.int64],  # (4, CHUNK) out: x, y, z and fate

@@ -18,7 +18,7 @@ from wayproof.maps.others.blocks import Blocks
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
-from wayproof.maps.sweep import Sweep, SweepStatistics, check_time, prepare_sweep
+from wayproof.maps.sweep import Ranges, Sweep, SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.endpoints import BeamEndpoints
 from wayproof.maps.voxel.log_odds import MAX_UNITS, decay_per_tick
 
@@ -65,7 +65,7 @@ class BlockMap(Representation):
         self,
         origins: ArrayLike,
         directions: NDArray[np.float64],
-        ranges_mm: NDArray[np.uint16],
+        ranges_mm: Ranges,
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,

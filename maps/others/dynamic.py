@@ -21,7 +21,7 @@ from wayproof.maps.others.ever_free import EverFreeSpace
 from wayproof.maps.others.tracking import NO_CELLS, Traffic
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.store.slot_pool import EVERYWHERE, ChangeLog
-from wayproof.maps.sweep import SweepStatistics, prepare_sweep
+from wayproof.maps.sweep import Ranges, SweepStatistics, prepare_sweep
 from wayproof.maps.voxel.brick_index import brick_boxes, brick_cells, brick_of
 from wayproof.maps.voxel.endpoints import BeamEndpoints
 from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
@@ -118,7 +118,7 @@ class DynamicMap(VoxelMap):
         self,
         origins: ArrayLike,
         directions: NDArray[np.float64],
-        ranges_mm: NDArray[np.uint16],
+        ranges_mm: Ranges,
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,

@@ -18,7 +18,7 @@ from wayproof.maps.elementary import exponentials
 from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, cells_at, centres
 from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
-from wayproof.maps.sweep import SweepStatistics, check_time, prepare_sweep
+from wayproof.maps.sweep import Ranges, SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.endpoints import BeamRanges
 from wayproof.maps.voxel.log_odds import states_of
 
@@ -79,7 +79,7 @@ class OctoMap(Representation):
         self,
         origins: ArrayLike,
         directions: NDArray[np.float64],
-        ranges_mm: NDArray[np.uint16],
+        ranges_mm: Ranges,
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,

@@ -21,7 +21,7 @@ from wayproof.maps.kernels import update as updates
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.representation import Representation
 from wayproof.maps.states import FREE, OCCUPIED
-from wayproof.maps.sweep import SweepStatistics, prepare_sweep
+from wayproof.maps.sweep import Ranges, SweepStatistics, prepare_sweep
 from wayproof.maps.voxel import storage
 from wayproof.maps.voxel.bricks import Bricks
 from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick, states_of
@@ -107,7 +107,7 @@ class VoxelMap(Representation):
         self,
         origins: ArrayLike,
         directions: NDArray[np.float64],
-        ranges_mm: NDArray[np.uint16],
+        ranges_mm: Ranges,
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,

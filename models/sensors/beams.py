@@ -24,12 +24,16 @@ MILLIMETRES = 1000.0
 """Millimetres per metre."""
 
 LONGEST_RANGE = 65.534
-"""Longest distance that a report can hold, m."""
+"""Longest distance that a report of 16 bits can hold, m: of all sensors but those that list their
+beams."""
+
+LONGEST_LISTED_RANGE = 1000.0
+"""Longest distance of a sensor that lists its beams, m; its reports have 32 bits where needed."""
 
 MAX_BEAMS = 1 << 24
 """Maximum number of beams in a sweep, checked before an array of that size is made."""
 
-Order = Literal["grid", "pairs"]
+Order = Literal["grid", "pairs", "list"]
 Measures = Literal["range", "depth"]
 
 
@@ -39,13 +43,13 @@ class BeamTable:
 
     A `grid` fires every row at every column, the same beams in every sweep. `pairs` never repeats a
     sweep: its beams step through rows and columns at two rates and go on where the sweep before
-    ended, see `directions`.
+    ended, see `directions`. A `list` has no tables: each sweep holds its own beams.
 
     Attributes:
         rows: (r, 2) cos and sin of elevation, or (r, 1) slopes z/x.
         columns: (c, 2) cos and sin of azimuth, or (c, 1) slopes y/x.
         beams: Beams in a sweep; r * c of a grid.
-        order: `grid` or `pairs`.
+        order: `grid`, `pairs` or `list`.
         row_step: Rows from one beam of `pairs` to the next, up and down again.
         column_step: Columns from one beam of `pairs` to the next, modulo c.
         scan_poses: Sensor poses in one sweep, evenly spread over it; 1 is a global shutter.
@@ -71,6 +75,9 @@ class BeamTable:
             table = np.array(getattr(self, name), dtype=np.float64, order="C")
             table.setflags(write=False)
             object.__setattr__(self, name, table)
+        if self.listed:
+            _check_list(self)
+            return
         _check_tables(self)
         _check_order(self)
 
@@ -78,6 +85,11 @@ class BeamTable:
     def non_repetitive(self) -> bool:
         """Whether each sweep goes on where the one before ended, instead of firing one grid."""
         return self.order == "pairs"
+
+    @property
+    def listed(self) -> bool:
+        """Whether each sweep holds its own beams."""
+        return self.order == "list"
 
     @property
     def image_rows(self) -> int:
@@ -102,10 +114,18 @@ def _check_tables(table: BeamTable) -> None:
             raise ValueError(f"{name}: expected finite slopes, or cos and sin of one angle a row")
 
 
+def _check_list(table: BeamTable) -> None:
+    if table.rows.size or table.columns.size or table.beams or table.measures != "range":
+        raise ValueError(
+            f"order: got 'list' with {table.rows.size} rows, {table.columns.size} columns, "
+            f"{table.beams} beams and '{table.measures}', expected none and 'range'"
+        )
+
+
 def _check_order(table: BeamTable) -> None:
     full = len(table.rows) * len(table.columns)
     if table.order not in ("grid", "pairs"):
-        raise ValueError(f"order: got '{table.order}', expected 'grid' or 'pairs'")
+        raise ValueError(f"order: got '{table.order}', expected 'grid', 'pairs' or 'list'")
     if not table.non_repetitive and table.beams != full:
         raise ValueError(f"beams: got {table.beams}, expected rows x columns = {full}")
     if table.non_repetitive and min(table.beams, table.row_step, table.column_step) < 1:
@@ -133,7 +153,12 @@ def directions(table: BeamTable, sequence: int) -> NDArray[np.float64]:  # (beam
     Args:
         table: Beams of the sensor.
         sequence: Number of the sweep, >= 0; a grid's beams do not depend on it.
+
+    Raises:
+        ValueError: The order is `list`.
     """
+    if table.listed:
+        raise ValueError("directions: a sensor of order 'list' has them in its sweeps")
     if not table.non_repetitive:
         return beam_directions(table.rows, table.columns)
     first = sequence * table.beams
@@ -212,8 +237,10 @@ def quantise(distance: NDArray[np.float64], range_limit: float) -> NDArray[np.ui
 
 
 def ray_ranges(
-    table: BeamTable, directions: NDArray[np.float64], millimetres: NDArray[np.uint16]
-) -> NDArray[np.uint16]:  # (n,)
+    table: BeamTable,
+    directions: NDArray[np.float64],
+    millimetres: NDArray[np.uint16] | NDArray[np.uint32],
+) -> NDArray[np.uint16] | NDArray[np.uint32]:  # (n,)
     """Return a report as ranges along its beams, which a map takes, mm.
 
     A depth along the x axis is divided by the beam's share of that axis, rounded to the millimetre

@@ -86,7 +86,8 @@ def bench_log(robot: str, lidar: str) -> LogRow:
         path = Path(result.log)
         head = read_head(walk(path, head_only=True), path, False)
         messages = list(read_messages(path))
-        ranges = [(decode_ranges(m), m.rows) for m in messages if isinstance(m, pb.Sweep)]
+        sweeps = [message for message in messages if isinstance(message, pb.Sweep)]
+        ranges = [(decode_ranges(sweep).astype(np.uint16), sweep.rows) for sweep in sweeps]
         minutes = result.sim_time_s / 60.0
         began, own_began = time.process_time(), time.thread_time()
         _write(folder / "again.mcap", head, messages, "full")

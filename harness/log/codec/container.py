@@ -47,7 +47,10 @@ reaches 1.3. A message takes many times its bytes in memory: two bytes make a po
 MOST_DECLARED = 10_000
 """Maximum number of records in chunks that are no messages: schemas, channels, unknown ones."""
 
-ONCE = frozenset(f"wayproof.{name}" for name in ("Pose", "Latency", "State", "Truth", "Streams"))
+ONCE = frozenset(
+    f"wayproof.{name}"
+    for name in ("Pose", "Goal", "Latency", "State", "Truth", "RecordedMotion", "Streams")
+)
 """Schemas with one message per decision."""
 
 DECISION, SWEEP, TABLE = "wayproof.Decision", "wayproof.Sweep", "wayproof.SensorInfo"

@@ -43,6 +43,8 @@ _MESSAGES: dict[str, type[Message]] = {
         pb.SensorInfo,
         pb.Sweep,
         pb.Pose,
+        pb.Goal,
+        pb.RecordedMotion,
         pb.Latency,
         pb.StackCommand,
         pb.Decision,
@@ -88,11 +90,24 @@ def _check_times(message: Message) -> None:
 
 
 def _check_place(message: Message) -> None:
-    """Raise a ValueError if a true position is out of range: its square may overflow."""
-    if isinstance(message, pb.Truth) and not all(
+    """Raise a ValueError if a true or recorded position is out of range: squares may overflow."""
+    if isinstance(message, pb.RecordedMotion):
+        _check_motion(message)
+    if isinstance(message, (pb.Truth, pb.RecordedMotion)) and not all(
         abs(x) <= MAX_COORDINATE for x in message.position
     ):
         raise ValueError("position")
+
+
+def _check_motion(message: pb.RecordedMotion) -> None:
+    """Raise a ValueError if a recorded motion has the wrong size, or numbers out of range."""
+    sizes = len(message.position), len(message.quaternion), len(message.velocity)
+    if sizes != (3, 4, 3) or not message.way or len(message.way) % 4:
+        raise ValueError("motion")
+    if not all(abs(x) <= MAX_COORDINATE for x in (*message.velocity, *message.way)):
+        raise ValueError("way")
+    if not abs(sum(x * x for x in message.quaternion) - 1.0) <= 1e-3:
+        raise ValueError("quaternion")
 
 
 def _check_texts(message: Message) -> None:

@@ -8,12 +8,14 @@ from functools import cached_property
 import numpy as np
 
 from wayproof.harness.config import Config
+from wayproof.harness.inputs import Inputs
 from wayproof.harness.log.paths import Array
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.audit.body import Body
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
+from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import Representation
 
 SIGMAS = 2.0
@@ -107,6 +109,19 @@ def standing_at_start(mission: Mission) -> pb.Trajectory:
         heading=[mission.start_heading],
         sample_period_s=0.1,
     )
+
+
+def resting(navigator: Navigator, inputs: Inputs) -> pb.Trajectory:
+    """Return the trajectory before a decision of a recording: a hold at the recorded pose."""
+    x, y, z = navigator.mapper.planning_point(inputs.pose.position).tolist()
+    trajectory = pb.Trajectory(
+        path=[pb.Point(x=x, y=y, z=z)],
+        arc_length=[0.0],
+        heading=[inputs.pose.heading],
+        sample_period_s=0.1,
+    )
+    trajectory.start.FromNanoseconds(inputs.time_ns)
+    return trajectory
 
 
 def apart(moment: Moment, a: Array, b: Array) -> float:

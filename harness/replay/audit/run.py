@@ -11,7 +11,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.audit.body import Body
-from wayproof.harness.replay.audit.moment import Moment, Violation, standing_at_start
+from wayproof.harness.replay.audit.moment import Moment, Violation, resting, standing_at_start
 from wayproof.harness.replay.audit.motion import (
     check_deadline,
     check_joint,
@@ -161,6 +161,8 @@ def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
     for record in log.records():
         navigator = stack.watch(record.inputs)
         run = stack.segment
+        if run.config.recording is not None:  # nothing follows the trajectories
+            before = (resting(navigator, record.inputs),)
         moment = Moment(
             record=record,
             config=run.config,

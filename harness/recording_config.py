@@ -1,0 +1,58 @@
+"""Settings of the section `recording`: where the inputs come from, and how they are judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from wayproof.maps.bounds import Bounds, check_fields
+
+GoalRule = Literal["ahead", "end"]
+"""Where the goal of a decision lies: ahead on the recorded way, or at its end."""
+
+
+@dataclass(frozen=True)
+class RecordingConfig:
+    """A recording, and how the stack is taken through it.
+
+    Attributes:
+        format: Format of the recording; set by the run.
+        sha256: Hash of its files; set by the run.
+        goal: `ahead`: the goal is a place that the robot really reached, at least `goal_distance`
+            further along its way, and it moves on when the robot comes near; `end`: the last place
+            of the recording, for all decisions.
+        goal_distance: Least length of the recorded way to the goal of `ahead`, m, and the spacing
+            of its goals. Built in, about two seconds of way at 2 m/s.
+        decision_period: Least time between two decisions, s; 0 decides at every sweep. Sweeps in
+            between are integrated at the next decision, each from the pose that it was taken at.
+        area_margin: Distance from the recorded way to the border of the operating area, m. Nothing
+            is mapped beyond it.
+        origin: Point of the recording's world frame that is the origin of the log's, m; set by the
+            run from the first pose and `body_height`.
+        body_height: Height of the body's origin above the floor at the first pose, m.
+        sensor_height: Height above the floor that scans of a planar laser are taken to have, m,
+            where the recording puts the laser on the floor; it has no influence but to lie between
+            `map.min_obstacle_height` and `map.max_obstacle_height`.
+        position_sigma: Standard deviation of the recorded position, m. Twice it is added to
+            `costmap.localization_margin`.
+        horizon: Time ahead for which the recorded way is judged, s.
+
+    Raises:
+        ValueError: A value is out of its bounds.
+    """
+
+    format: str = ""
+    sha256: str = ""
+    goal: GoalRule = "ahead"
+    goal_distance: Annotated[float, Bounds(0.5, 1000.0, "m")] = 5.0
+    decision_period: Annotated[float, Bounds(0.0, 60.0, "s")] = 0.1
+    area_margin: Annotated[float, Bounds(0.5, 200.0, "m")] = 10.0
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    body_height: Annotated[float, Bounds(-100.0, 100.0, "m")] = 0.0
+    sensor_height: Annotated[float, Bounds(0.01, 100.0, "m")] = 0.3
+    position_sigma: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.0
+    horizon: Annotated[float, Bounds(0.05, 60.0, "s")] = 1.0
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        check_fields(self, "recording.")

@@ -1,0 +1,94 @@
+"""The stack in shadow mode: it decides at each pose of a recording, and nothing follows it.
+
+The recorded robot did not do as it was commanded. So before each decision the planner state is that
+of a robot at rest at the recorded pose: what was committed before is void. The global path is kept
+where it still begins near the robot, so that a search is made as seldom as it is on a robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from wayproof.harness.inputs import Inputs
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.types import Array, PlannerState
+from wayproof.planners import arc_lengths, hold, point_at
+
+NEAR_PATH = 0.5
+"""Greatest distance between the robot and a global path that is kept, m: half the width of a
+corridor that the narrowest robot passes."""
+
+REJOIN = 2.0
+"""Length of path skipped where the robot rejoins it, in units of its distance from the path: it then
+turns by less than 30 degrees."""
+
+
+class AtRecordedPoses(Navigator):
+    """Decides from rest at each recorded pose."""
+
+    def step(
+        self, inputs: Inputs, sense_ms: float = 0.0, answer: pb.StackCommand | None = None
+    ) -> pb.Decision:
+        """Take the recorded pose as that of the robot at rest, and decide."""
+        position = self.mapper.planning_point(inputs.pose.position)
+        self.state = at_rest(self.state, position, inputs.pose.heading, inputs.time_ns)
+        return super().step(inputs, sense_ms, answer)
+
+
+def at_rest(state: PlannerState, position: Array, heading: float, time_ns: int) -> PlannerState:
+    """The planner state of a robot that rests at a pose, wherever it was commanded to be.
+
+    Args:
+        state: After the last decision; not written to.
+        position: (3,) in the costmap's frame, m.
+        heading: rad.
+        time_ns: Time of the pose.
+    """
+    path = None if state.global_path is None else rejoined(state.global_path, position)
+    return replace(
+        state,
+        trajectory=hold(position, time_ns, heading),
+        earlier=(),
+        global_path=path,
+        exploration=None if path is None else state.exploration,
+        path_loss=None,
+        rest_since_ns=-1,
+        viewpoints=np.empty((0, 3)),
+        backtracks=0,
+    )
+
+
+def rejoined(path: Array, position: Array) -> Array | None:
+    """The rest of a path (n, 3), from a position (3,) that is near it; None if it is not."""
+    arcs = arc_lengths(path)
+    along, away = nearest_on(path, arcs, position)
+    if away > NEAR_PATH:
+        return None
+    ahead = along + REJOIN * away
+    if ahead >= arcs[-1]:
+        return np.stack([position, path[-1]])
+    joined = np.vstack([position, point_at(path, ahead), path[arcs > ahead]])
+    kept = np.append(True, np.abs(np.diff(joined, axis=0)).max(axis=1) > 1e-9)
+    rest: Array = joined[kept]
+    return rest if len(rest) > 1 else None
+
+
+def nearest_on(path: Array, arcs: Array, position: Array) -> tuple[float, float]:
+    """The nearest point of a path (n, 3): its arc length, and its distance from a position, m."""
+    if len(path) == 1:
+        return 0.0, float(np.sqrt(np.square(path[0] - position).sum()))
+    starts, steps = path[:-1], np.diff(path, axis=0)
+    squares = np.maximum(np.square(steps).sum(axis=1), 1e-18)
+    shares = np.clip(((position - starts) * steps).sum(axis=1) / squares, 0.0, 1.0)
+    offsets = starts + shares[:, None] * steps - position
+    distances = np.sqrt(np.square(offsets).sum(axis=1))
+    best = int(distances.argmin())
+    along = arcs[best] + shares[best] * (arcs[best + 1] - arcs[best])
+    return float(along), float(distances[best])
+
+
+class ShadowNavigator(AtRecordedPoses, Navigator):
+    """The built-in stack in shadow mode."""
