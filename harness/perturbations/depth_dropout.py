@@ -41,8 +41,7 @@ def _rays(report: Report, share: float) -> NDArray[np.bool_]:
 
 def _patch(report: Report, share: float) -> NDArray[np.bool_]:
     """A rectangle of that share of the image and of its shape; it may wrap round the columns."""
-    rows = report.table.image_rows
-    columns = report.table.beams // rows
+    rows, columns = report.image_shape
     height = max(1, round(rows * math.sqrt(share)))
     width = max(1, round(share * rows * columns / height))
     rng = report.rng()

@@ -28,4 +28,4 @@ class DepthNoise(Perturbation, frozen=True, tag="depth_noise"):
         error = self.amount * MILLIMETRES * report.rng().standard_normal(len(reported))
         nearest = max(1.0, device.minimum_range * MILLIMETRES)
         noisy = np.clip(np.rint(reported + error), nearest, device.range * MILLIMETRES)
-        return np.where(report.echoes, noisy, reported).astype(np.uint16)
+        return np.where(report.echoes, noisy, reported).astype(np.uint32)

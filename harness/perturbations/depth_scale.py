@@ -27,4 +27,4 @@ class DepthScale(Perturbation, frozen=True, tag="depth_scale"):
         scaled = np.rint(report.ranges_mm * (1.0 + self.amount))
         seen = scaled <= report.device.range * MILLIMETRES
         longer = np.where(seen, scaled, report.silence)
-        return np.where(report.echoes, longer, report.ranges_mm).astype(np.uint16)
+        return np.where(report.echoes, longer, report.ranges_mm).astype(np.uint32)

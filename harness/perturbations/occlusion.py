@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.perturbations.perturbation import Changes, Perturbation, Ranges, Report
 from wayproof.models.random_streams import stream
-from wayproof.models.sensors.beams import DROPPED, directions
+from wayproof.models.sensors.beams import DROPPED
 
 
 class Occlusion(Perturbation, frozen=True, tag="occlusion"):
@@ -33,7 +33,7 @@ class Occlusion(Perturbation, frozen=True, tag="occlusion"):
 
     def report(self, report: Report) -> Ranges:
         """The sweep with its blocked beams blinded."""
-        cosine = _planar(directions(report.table, report.sequence)) @ self._centre(report)
+        cosine = _planar(report.directions) @ self._centre(report)
         blocked = cosine >= math.cos(math.radians(0.5 * self.amount))
         return np.where(blocked, DROPPED, report.ranges_mm)
 
@@ -41,7 +41,7 @@ class Occlusion(Perturbation, frozen=True, tag="occlusion"):
         if self.direction is not None:
             angle = math.radians(self.direction)
             return np.array([math.cos(angle), math.sin(angle)])
-        beams = _planar(directions(report.table, 0))
+        beams = _planar(report.first_directions)
         chosen = stream(report.seed, "perturbation/occlusion", 0).integers(len(beams))
         return np.asarray(beams[chosen])
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from wayproof.harness.perturbations.displacement import Displacement
 from wayproof.models.odometry import PoseError
 from wayproof.models.random_streams import stream
-from wayproof.models.sensors.beams import DROPPED, NO_RETURN, BeamTable
-from wayproof.models.sensors.devices import Device
+from wayproof.models.sensors.beams import DROPPED, NO_RETURN, BeamTable, directions
 
 if TYPE_CHECKING:
     from wayproof.models.worlds import World  # it loads the simulator
 
 Array = NDArray[np.float64]
-Ranges = NDArray[np.uint16]
+Ranges = NDArray[np.uint16] | NDArray[np.uint32]
 Severity = Annotated[float, msgspec.Meta(gt=0.0, le=5.0)]
 
 MAX_SEVERITY = 5.0
@@ -38,6 +37,34 @@ Changes = Literal["nothing", "pose", "ranges", "arrivals", "delay", "world"]
 delay of decisions, or the simulated world."""
 
 UNCHANGED = PoseError()
+
+
+class RangeLimits(Protocol):
+    """What a perturbation reads of a device; `Device` and recorded sensors have it."""
+
+    @property
+    def range(self) -> float:
+        """Longest measured distance, m."""
+
+    @property
+    def minimum_range(self) -> float:
+        """Distance below which a surface gives no information, m."""
+
+    @property
+    def no_return_is_free(self) -> bool:
+        """Whether a beam without echo is evidence of free space up to the range."""
+
+
+class ListedDirections(NamedTuple):
+    """Directions of a sweep that lists its beams.
+
+    Attributes:
+        of_sweep: (n, 3) unit, sensor frame.
+        of_first: (m, 3) those of the sensor's first sweep.
+    """
+
+    of_sweep: Array
+    of_first: Array
 
 
 @dataclass(frozen=True)
@@ -51,14 +78,34 @@ class Report:
         ranges_mm: (n,) as reported, mm.
         seed: Seed of the episode.
         sequence: Number of the sweep.
+        listed: Directions of a sweep that lists them; else those of the table.
     """
 
     sensor: str
-    device: Device
+    device: RangeLimits
     table: BeamTable
     ranges_mm: Ranges
     seed: int
     sequence: int
+    listed: ListedDirections | None = None
+
+    @property
+    def image_shape(self) -> tuple[int, int]:
+        """Rows and columns of the sweep as an image; one row where it has none."""
+        rows = 1 if self.listed is not None else self.table.image_rows
+        return rows, len(self.ranges_mm) // rows
+
+    @property
+    def directions(self) -> Array:  # (n, 3)
+        """Unit directions of the beams, sensor frame."""
+        if self.listed is not None:
+            return self.listed.of_sweep
+        return directions(self.table, self.sequence)
+
+    @property
+    def first_directions(self) -> Array:  # (m, 3)
+        """Those of the sensor's first sweep."""
+        return self.listed.of_first if self.listed is not None else directions(self.table, 0)
 
     @property
     def echoes(self) -> NDArray[np.bool_]:  # (n,)

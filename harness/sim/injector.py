@@ -73,7 +73,7 @@ class PerturbationInjector:
         ranges, classes = self._measured(caster, data, trail, sequence)
         mount, table = caster.mount, caster.table
         report = Report(mount.name, mount.device, table, ranges, self._seed, sequence)
-        perturbed = self._perturbation.report(report)
+        perturbed = self._perturbation.report(report).astype(np.uint16)
         self._changed_beams += int((perturbed != ranges).sum())
         if len(classes):
             silent = (perturbed == DROPPED) | (perturbed == NO_RETURN)

@@ -22,8 +22,8 @@ NEAR_PATH = 0.5
 corridor that the narrowest robot passes."""
 
 REJOIN = 2.0
-"""Length of path skipped where the robot rejoins it, in units of its distance from the path: it then
-turns by less than 30 degrees."""
+"""Length of path that is skipped where the robot rejoins it, in units of its distance from it: the
+robot then turns by less than 30 degrees."""
 
 
 class AtRecordedPoses(Navigator):

@@ -1,0 +1,213 @@
+"""From a recording and a body to the settings, the mission and the sensors of a log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.config import HASH_SEPARATOR, Config, override
+from wayproof.harness.errors import InputError
+from wayproof.harness.mission import Mission
+from wayproof.harness.recording_config import RecordingConfig
+from wayproof.harness.recordings.recording import Recording
+from wayproof.harness.recordings.types import RecordedSweep, Transform
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.shadow.body import Body
+from wayproof.harness.shadow.sweeps import SweepWriter, sensor_message
+from wayproof.harness.shadow.way import Way
+from wayproof.maps.kernels.beams import MAX_BEAM_CELLS
+from wayproof.models.sensors.beams import LONGEST_LISTED_RANGE
+
+Array = NDArray[np.float64]
+
+FAR = 5e3
+"""Coordinate beyond which the first pose becomes the origin of the log's frame, m."""
+
+BELOW, ABOVE = 0.5, 0.5
+"""Room of the operating area below the floor and above the body of a ground robot, m."""
+
+AIR_MARGIN = 2.0
+"""Room of the operating area above and below the way of a robot that flies, m."""
+
+LEAST_STEP_CELLS = 0.3
+"""Least step height, cells: the floor's layer of a map reaches up to a quarter of a cell."""
+
+FIRST_SWEEPS = 50
+"""Number of sweeps that are looked at for the rate and the mount of each sensor."""
+
+NAME = 60
+"""Longest part of a recording's name in the name of the world."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """All that a recording is stepped through with.
+
+    Attributes:
+        config: Resolved.
+        mission: Of the stack.
+        infos: Declarations of the sensors.
+        writers: Writers of their sweeps, by the name in the recording.
+        lift: Height that is added to the mounts of planar lasers, m.
+        way: Of the robot.
+    """
+
+    config: Config
+    mission: Mission
+    infos: tuple[pb.SensorInfo, ...]
+    writers: dict[str, SweepWriter]
+    lift: float
+    way: Way
+
+    @property
+    def recorded(self) -> RecordingConfig:
+        """Settings of the section `recording`."""
+        assert self.config.recording is not None
+        return self.config.recording
+
+
+def prepare(recording: Recording, body: Body, settings: Iterable[str], seed: int) -> Prepared:
+    """Resolve the settings, and declare mission and sensors.
+
+    Args:
+        recording: Open.
+        body: Of its robot.
+        settings: `section.field=value` of the user.
+        seed: Of the stack's searches and of a perturbation.
+
+    Raises:
+        InputError: A setting is refused, or the recording has no sweep.
+    """
+    settings = list(settings)
+    lasers = all(sensor.kind == "laser" for sensor in recording.sensors)
+    planar = lasers and body.motion == "ground"
+    first = _first_sweeps(recording)
+    config = _config(recording, body, settings, seed, planar)
+    recorded = config.recording
+    assert recorded is not None
+    way = Way(recording.track, recorded, flat=planar)
+    start_ns = min(sweeps[0].time_ns for sweeps in first.values())
+    mission = _mission(way, body, config, start_ns)
+    if body.motion == "air":
+        config = _within_altitudes(config, mission, settings)
+    lift = _lift(config, recorded, first) if planar else 0.0
+    infos: list[pb.SensorInfo] = []
+    writers: dict[str, SweepWriter] = {}
+    for sensor in recording.sensors:
+        sweeps = first.get(sensor.name)
+        if sweeps is None:
+            continue
+        mount = lifted(sweeps[0].T_body_sensor, lift)
+        longest = min(LONGEST_LISTED_RANGE, (MAX_BEAM_CELLS - 1) * config.map.resolution)
+        info = sensor_message(sensor, mount, min(sensor.range_max, longest), _rate(sweeps))
+        if any(info.name == other.name for other in infos):
+            raise InputError(f"recording '{recording.name}': two sensors of the name {info.name}")
+        infos.append(info)
+        writers[sensor.name] = SweepWriter(sensor, info, mount)
+    return Prepared(config, mission, tuple(infos), writers, lift, way)
+
+
+def lifted(mount: Transform, lift: float) -> Transform:
+    """A mount at a greater height, m."""
+    return Transform(mount.position + np.array([0.0, 0.0, lift]), mount.quaternion)
+
+
+def _config(
+    recording: Recording, body: Body, settings: list[str], seed: int, planar: bool
+) -> Config:
+    """The settings: a flat grid for planar lasers on the ground, unless the user says otherwise."""
+    name = "".join(c if c.isprintable() else "?" for c in recording.name)[:NAME]
+    config = Config(
+        world=f"{name}{HASH_SEPARATOR}{recording.sha256[:16]}",
+        robot=body.identity,
+        seed=seed,
+        recording=RecordingConfig(format=recording.format, sha256=recording.sha256),
+    )
+    defaults = ["map.kind=grid2d"] if planar else []
+    config = override(config, [*defaults, *settings])
+    assert config.recording is not None
+    x, y, z = recording.track.positions[0].tolist()
+    if max(abs(x), abs(y)) <= FAR:
+        x = y = 0.0
+    origin = (float(round(x)), float(round(y)), z - config.recording.body_height)
+    return replace(config, recording=replace(config.recording, origin=origin))
+
+
+def _first_sweeps(recording: Recording) -> dict[str, list[RecordedSweep]]:
+    """The first sweeps of each sensor."""
+    found: dict[str, list[RecordedSweep]] = {}
+    for count, sweep in enumerate(recording.sweeps()):
+        found.setdefault(sweep.sensor, []).append(sweep)
+        enough = len(found) == len(recording.sensors) and all(len(s) > 1 for s in found.values())
+        if enough or count >= FIRST_SWEEPS:
+            break
+    if not found:
+        faults = ", ".join(f"{n} {what}" for what, n in recording.faults.items())
+        raise InputError(
+            f"recording '{recording.name}': no sweep with a pose ({faults or 'no sweep at all'})"
+        )
+    return found
+
+
+def _rate(sweeps: list[RecordedSweep]) -> float:
+    """Sweeps a second, by the first two; 1 if there is only one."""
+    if len(sweeps) < 2 or sweeps[1].time_ns <= sweeps[0].time_ns:
+        return 1.0
+    return 1e9 / (sweeps[1].time_ns - sweeps[0].time_ns)
+
+
+def _mission(way: Way, body: Body, config: Config, start_ns: int) -> Mission:
+    assert config.recording is not None
+    margin = config.recording.area_margin
+    low, high = way.positions.min(axis=0) - margin, way.positions.max(axis=0) + margin
+    if body.motion == "ground":
+        low[2], high[2] = -BELOW, body.height + ABOVE
+    else:
+        low[2], high[2] = low[2] + margin - AIR_MARGIN, high[2] - margin + AIR_MARGIN
+    start = way.pose(start_ns)
+    try:
+        return Mission(
+            motion=body.motion,
+            radius=body.radius,
+            height=body.height,
+            step_height=max(body.step_height, LEAST_STEP_CELLS * config.map.resolution),
+            max_speed=body.max_speed,
+            max_acceleration=body.max_acceleration,
+            max_jerk=body.max_jerk,
+            max_yaw_rate=body.max_yaw_rate,
+            low=_triple(low),
+            high=_triple(high),
+            start=_triple(start.position),
+            start_heading=float(start.row[3]),
+            goal=_triple(way.positions[-1]),
+            discs=body.discs,
+        )
+    except ValueError as error:
+        raise InputError(f"recording with robot '{body.identity}': {error}") from None
+
+
+def _within_altitudes(config: Config, mission: Mission, settings: list[str]) -> Config:
+    """The config with the altitudes of the operating area, unless the user gave some."""
+    named = {setting.partition("=")[0] for setting in settings}
+    own = {"motion.altitude_low": mission.low[2], "motion.altitude_high": mission.high[2]}
+    given = [f"{name}={value!r}" for name, value in own.items() if name not in named]
+    given.sort(reverse=own["motion.altitude_low"] < config.motion.altitude_high)
+    return override(config, given)
+
+
+def _lift(
+    config: Config, recorded: RecordingConfig, first: dict[str, list[RecordedSweep]]
+) -> float:
+    """Height added to lasers that the recording has on the floor, m; a scan has no height."""
+    lowest = min(float(sweeps[0].T_body_sensor.position[2]) for sweeps in first.values())
+    if recorded.body_height + lowest > config.map.min_obstacle_height:
+        return 0.0
+    return recorded.sensor_height - recorded.body_height - lowest
+
+
+def _triple(point: Array) -> tuple[float, float, float]:
+    x, y, z = point.tolist()
+    return x, y, z

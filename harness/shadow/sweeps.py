@@ -1,0 +1,125 @@
+"""Recorded sweeps as messages of the log, each beam with the pose that it leaves from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.listed_beams import MOST_POSES, OLDEST_S, write_list
+from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.poses import rotation_matrices
+from wayproof.models.sensors.beams import DROPPED, MILLIMETRES, NO_RETURN
+
+POSE_STEP_NS = 5_000_000
+"""Time for which beams leave from one pose, ns: at 2 m/s the sensor moves by 1 cm meanwhile."""
+
+SAME_MOUNT = 1e-6
+"""Difference up to which two mounts are one, m and of quaternions."""
+
+
+def topic_name(name: str) -> str:
+    """The name of a sensor in the log, from its topic or file."""
+    kept = "".join(c if c.isalnum() or c in "-_." else "_" for c in name.strip("/"))
+    return kept[:60] or "sensor"
+
+
+def sensor_message(
+    sensor: RecordedSensor, mount: Transform, range_m: float, rate_hz: float
+) -> pb.SensorInfo:
+    """The sensor as the log declares it.
+
+    Args:
+        sensor: Of the recording.
+        mount: T_base_sensor.
+        range_m: Longest range that counts, m.
+        rate_hz: Sweeps a second.
+    """
+    R = rotation_matrices(mount.quaternion[None])[0]
+    return pb.SensorInfo(
+        name=topic_name(sensor.name),
+        kind=KINDS[sensor.kind],
+        range_m=range_m,
+        rate_hz=rate_hz,
+        order="list",
+        measures="range",
+        scan_poses=1,
+        device=sensor.name,
+        source="recording",
+        position_base_sensor=mount.position.tolist(),
+        rotation_base_sensor=R.ravel().tolist(),
+    )
+
+
+KINDS = {"laser": "lidar", "points": "lidar", "depth": "depth_camera"}
+"""Kind of a recorded sensor -> kind in the log."""
+
+
+class SweepWriter:
+    """Writes the sweeps of one sensor."""
+
+    def __init__(self, sensor: RecordedSensor, info: pb.SensorInfo, mount: Transform) -> None:
+        """Write as declared.
+
+        Args:
+            sensor: Of the recording.
+            info: Its declaration in the log.
+            mount: T_base_sensor in the declaration.
+        """
+        self._sensor, self._info, self._mount = sensor, info, mount
+
+    @property
+    def silence(self) -> int:
+        """Report of a beam without return: evidence of free space only if the sensor says so."""
+        return int(NO_RETURN if self._sensor.missing_returns_known else DROPPED)
+
+    def write(
+        self, sweep: RecordedSweep, mount: Transform, time_ns: int, sequence: int
+    ) -> pb.Sweep:
+        """Write one sweep.
+
+        Args:
+            sweep: As recorded.
+            mount: T_base_sensor at its time, in the log's frame of the body.
+            time_ns: Time of the decision.
+            sequence: Number of the decision.
+        """
+        message = pb.Sweep(sequence=sequence, sensor=self._info.name)
+        message.timestamp.FromNanoseconds(time_ns)
+        poses, ages = _ages(sweep, time_ns)
+        write_list(message, sweep.directions, self._millimetres(sweep), poses, ages)
+        numbers = [*mount.position.tolist(), *mount.quaternion.tolist()]
+        known = [*self._mount.position.tolist(), *self._mount.quaternion.tolist()]
+        if max(abs(a - b) for a, b in zip(numbers, known, strict=True)) > SAME_MOUNT:
+            message.mount.extend(numbers)
+        return message
+
+    def _millimetres(self, sweep: RecordedSweep) -> NDArray[np.uint32]:
+        """Ranges in whole mm; shorter than the sensor's least and beyond its greatest: dropped."""
+        ranges = sweep.ranges.astype(np.float64)
+        silent = np.isinf(ranges)
+        counted = np.rint(np.where(silent, 0.0, ranges) * MILLIMETRES)
+        counted[counted == NO_RETURN] = NO_RETURN - 1  # 65.535 m has another meaning
+        lost = (ranges < self._sensor.range_min) | (ranges > self._info.range_m) | (counted < 1.0)
+        counted[lost] = DROPPED
+        counted[silent] = self.silence
+        return counted.astype(np.uint32)
+
+
+def _ages(sweep: RecordedSweep, time_ns: int) -> tuple[NDArray[np.int64] | None, tuple[int, ...]]:
+    """Index of the pose that each beam leaves from, and the age of each pose, ns."""
+    if sweep.beam_times_ns is None or len(sweep.beam_times_ns) == 0:
+        return None, (min(max(time_ns - sweep.time_ns, 0), round(OLDEST_S * 1e9)),)
+    ages = np.clip(time_ns - sweep.time_ns - sweep.beam_times_ns, 0, round(OLDEST_S * 1e9))
+    least = int(ages.min())
+    step = max(POSE_STEP_NS, -(-(int(ages.max()) - least + 1) // MOST_POSES))
+    bins = (ages - least) // step
+    used, poses = np.unique(bins, return_inverse=True)
+    return poses.ravel(), tuple(int(least + step * (2 * k + 1) // 2) for k in used.tolist())
+
+
+def greatest_age(sweeps: Sequence[pb.Sweep]) -> int:
+    """Age of the oldest pose of sweeps, ns."""
+    return max((max(sweep.ages_ns, default=0) for sweep in sweeps), default=0)
