@@ -35,6 +35,7 @@ class RecordingConfig:
             `map.min_obstacle_height` and `map.max_obstacle_height`.
         position_sigma: Standard deviation of the recorded position, m. Twice it is added to
             `costmap.localization_margin`.
+        footprint_clearing: Whether the space of the bare body is marked free wherever it stands.
         horizon: Time ahead for which the recorded way is judged, s.
 
     Raises:
@@ -51,6 +52,7 @@ class RecordingConfig:
     body_height: Annotated[float, Bounds(-100.0, 100.0, "m")] = 0.0
     sensor_height: Annotated[float, Bounds(0.01, 100.0, "m")] = 0.3
     position_sigma: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.0
+    footprint_clearing: bool = True
     horizon: Annotated[float, Bounds(0.05, 60.0, "s")] = 1.0
 
     def __post_init__(self) -> None:

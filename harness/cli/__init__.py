@@ -20,6 +20,7 @@ from wayproof.harness.cli import (
     run,
     score,
     serve,
+    shadow,
     sign,
     study,
     threshold,
@@ -30,6 +31,7 @@ from wayproof.harness.cli.verb import Document, Verb
 
 VERBS: dict[str, Verb] = {
     "run": run.VERB,
+    "shadow": shadow.VERB,
     "replay": replay.VERB,
     "verify": verify.VERB,
     "explain": explain.VERB,

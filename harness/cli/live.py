@@ -34,7 +34,7 @@ class LiveLine:
         self.decisions = 0
         self._live = Live(console=console, refresh_per_second=10)
 
-    def __call__(self, decision: pb.Decision, truth: pb.Truth) -> None:
+    def __call__(self, decision: pb.Decision, truth: pb.Truth | pb.RecordedMotion) -> None:
         """Show a decision; the line appears with the first one."""
         self.decisions += 1
         self._live.start()

@@ -45,10 +45,10 @@ def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: Planner
     swept = poses if oriented.traversable.discs else poses[:, :3]  # a round body may turn
     if (swept == swept[0]).all():  # it keeps its place; a body that creeps does not
         return Judgement("admitted", Obstruction(0.0))
-    if _is_free(circumscribed.traversable, oriented.traversable, poses):
+    if is_free(circumscribed.traversable, oriented.traversable, poses):
         return Judgement("admitted", Obstruction(arc_length(poses[:, :3])))
     overlap = obstruction.on_poses(oriented, poses, oriented.unknown_blocks)
-    blocked = not _is_free(circumscribed.optimistic, oriented.optimistic, poses)
+    blocked = not is_free(circumscribed.optimistic, oriented.optimistic, poses)
     return Judgement("blocked" if blocked else "unknown", overlap)
 
 
@@ -58,7 +58,7 @@ def _poses(trajectory: Trajectory, planner_input: PlannerInput) -> Array:
     return poses_from(trajectory, elapsed)
 
 
-def _is_free(circumscribed: FreeSpace, oriented: FreeSpace, poses: Array) -> bool:
+def is_free(circumscribed: FreeSpace, oriented: FreeSpace, poses: Array) -> bool:
     """Whether the body is free at and between all poses: as one disc, or as it is headed."""
     if fits_along(circumscribed, poses[:, :3]):
         return True

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from wayproof.harness.config import HASH_SEPARATOR, Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
+from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.recording_config import RecordingConfig
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.recordings.types import RecordedSweep, Transform
@@ -37,6 +38,9 @@ LEAST_STEP_CELLS = 0.3
 
 FIRST_SWEEPS = 50
 """Number of sweeps that are looked at for the rate and the mount of each sensor."""
+
+REMOTE = ("exec", "unix", "tcp")
+"""Kinds of stacks in another process."""
 
 NAME = 60
 """Longest part of a recording's name in the name of the world."""
@@ -69,7 +73,15 @@ class Prepared:
         return self.config.recording
 
 
-def prepare(recording: Recording, body: Body, settings: Iterable[str], seed: int) -> Prepared:
+def prepare(
+    recording: Recording,
+    body: Body,
+    settings: Iterable[str] = (),
+    *,
+    seed: int = 0,
+    stack: str | None = None,
+    perturbation: AnyPerturbation | None = None,
+) -> Prepared:
     """Resolve the settings, and declare mission and sensors.
 
     Args:
@@ -77,17 +89,29 @@ def prepare(recording: Recording, body: Body, settings: Iterable[str], seed: int
         body: Of its robot.
         settings: `section.field=value` of the user.
         seed: Of the stack's searches and of a perturbation.
+        stack: In place of the built-in one; its goal is the end of the recording.
+        perturbation: The one assumption that is off.
 
     Raises:
         InputError: A setting is refused, or the recording has no sweep.
     """
     settings = list(settings)
+    if stack is not None and stack.partition(":")[0] in REMOTE:
+        raise InputError(
+            f"--stack {stack}: the interface to other processes has no sweeps that list their "
+            "beams, expected a name of 'wayproof list', module:Class or file.py:Class"
+        )
     lasers = all(sensor.kind == "laser" for sensor in recording.sensors)
     planar = lasers and body.motion == "ground"
     first = _first_sweeps(recording)
     config = _config(recording, body, settings, seed, planar)
     recorded = config.recording
     assert recorded is not None
+    config = replace(config, perturbation=perturbation)
+    if stack is not None:
+        recorded = replace(recorded, goal="end")  # a stack on trial is told one goal, at its start
+        trial = replace(config.stack, name=stack)
+        config = replace(config, stack=trial, recording=recorded)
     way = Way(recording.track, recorded, flat=planar)
     start_ns = min(sweeps[0].time_ns for sweeps in first.values())
     mission = _mission(way, body, config, start_ns)

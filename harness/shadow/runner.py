@@ -40,7 +40,7 @@ TRAIL_PERIOD_NS = 10_000_000
 MOST_TRAIL = 256
 """Maximum number of poses in a trail."""
 
-Observer = Callable[[pb.Decision], None]
+Observer = Callable[[pb.Decision, pb.RecordedMotion], None]
 
 
 def run_recording(
@@ -77,7 +77,7 @@ def run_recording(
             for batch in batches(recording.sweeps(), period_ns):
                 decision = run.decide(batch)
                 if observe is not None:
-                    observe(decision)
+                    observe(decision, run.motions[-1])
             log.finish(run.result(recording.faults))
         draft.publish()
         return draft.path

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
-from wayproof.harness.inputs import Beams, Inputs
+from wayproof.harness.inputs import Beams, Inputs, WorldSweep
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
+from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.maps import MAPS, Costmap
 
@@ -30,6 +31,8 @@ class Mapper:
         labels: Classes of its cells, if sweeps have classes.
         costmap: Inflated for the mission's body.
         on_integrated: Callback after each integration; only counterfactuals set one.
+        on_placed: Callback with each placed sweep, its range, m, and its time, ns; only the
+            assessment of a recording sets one.
     """
 
     def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
@@ -37,6 +40,8 @@ class Mapper:
         self._config, self._mission = config, mission
         self._beams = dict(beams)
         self._body = body_of(mission)
+        recorded = config.recording
+        self._clears_footprint = recorded is not None and recorded.footprint_clearing
         self._extra_radius = self._body.circumscribed_radius - min(self._body.radii)
         self.map = MAPS[config.map.kind](config.map, config.threads, mission.low, mission.high)
         self.labels = make_layer(config.map, config.sensors.semantics)
@@ -55,6 +60,7 @@ class Mapper:
             threads=config.threads,
         )
         self.on_integrated: Callable[[Inputs], None] | None = None
+        self.on_placed: Callable[[WorldSweep, float, int], None] | None = None
         self._declare_start_free()
 
     def set_sensors(self, beams: Mapping[str, Beams]) -> None:
@@ -81,12 +87,16 @@ class Mapper:
                 inputs.time_ns,
                 placed.moments,
             )
+            if self.on_placed is not None:
+                self.on_placed(placed, beams.range, inputs.time_ns)
             if self.labels is not None and sweep.classes is not None:
                 limits = self._config.map.minimum_range, beams.range
                 vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
         if (reach := self._config.map.no_decay_radius) > 0.0:
             position = inputs.pose.position
             self.map.exempt_from_decay(position - reach, position + reach, inputs.time_ns)
+        if self._clears_footprint:
+            clear_footprint(self.map, self._mission, inputs.pose, inputs.time_ns)
         if self.on_integrated is not None:
             self.on_integrated(inputs)
 

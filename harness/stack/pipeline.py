@@ -50,6 +50,16 @@ class Navigator:
         self.state = self._draft = PlannerState(hold(start, 0, mission.start_heading))
         self.chain = ""
 
+    def planner_inputs(self, inputs: Inputs) -> tuple[PlannerInput, PlannerInput]:
+        """The planner input for the circumscribed footprint, and for the oriented one.
+
+        Of a round body they are the same. They hold until the next update of the costmap.
+        """
+        circumscribed = self._input_builder.circumscribed(inputs)
+        if not self._input_builder.elongated:
+            return circumscribed, circumscribed
+        return circumscribed, self._input_builder.oriented(circumscribed)
+
     @property
     def draft(self) -> PlannerState:
         """Planner state after the last decision, committed or not."""

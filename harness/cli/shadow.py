@@ -1,0 +1,199 @@
+"""`wayproof shadow`: step the stack through a recording, and judge the way really driven."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from wayproof.harness.cli.recording_options import add_recording, options_of
+from wayproof.harness.cli.verb import Document, Verb, add_log_folder, add_settings
+
+if TYPE_CHECKING:
+    from wayproof.harness.recordings.recording import Recording
+    from wayproof.harness.shadow.prepare import Prepared
+    from wayproof.harness.shadow.summary import Summary
+
+SHOWN_PLACES = 10
+SHOWN_STOPS = 3
+
+EXIT_CODES = {"admitted": 0, "not admitted": 1, "nothing shown": 3}
+STYLES = {"admitted": "bold green", "not admitted": "bold red", "nothing shown": "bold yellow"}
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Decide on a recording, write its log, and judge it."""
+    from wayproof.harness.recordings.formats import open_recording
+    from wayproof.harness.shadow.assess import assess
+    from wayproof.harness.shadow.body import find_body
+    from wayproof.harness.shadow.prepare import prepare
+    from wayproof.harness.shadow.summary import summarize
+
+    body = find_body(options.robot)
+    recording = open_recording(options.recording, options=options_of(options))
+    perturbation = None
+    if options.perturb is not None:
+        from wayproof.harness.perturbations import perturbation_from
+
+        perturbation = perturbation_from(options.perturb)
+    prepared = prepare(
+        recording,
+        body,
+        options.set,
+        seed=options.seed,
+        stack=options.stack,
+        perturbation=perturbation,
+    )
+    path = options.log or options.logs / f"{log_name(recording, options, prepared)}.mcap"
+    console.print(f"{recording.name}: {recording.chosen}", soft_wrap=True, highlight=False)
+    began = time.perf_counter()
+    _run(recording, prepared, path, console)
+    stepped = time.perf_counter() - began
+    with console.status("judging the way on the maps of each moment"):
+        summary = summarize(assess(path, allow_plugins=True))
+    wall = time.perf_counter() - began
+    print_summary(console, summary)
+    minutes = max(summary.duration_s, 1e-9) / 60.0
+    console.print(
+        f"{stepped:.1f} s for the decisions and {wall - stepped:.1f} s for the verdict: "
+        f"{wall / minutes:.1f} s a minute of recording",
+        highlight=False,
+    )
+    console.print(f"log: {summary.log}  chain: {summary.chain}", soft_wrap=True, highlight=False)
+    console.print(f"next: wayproof report {summary.log}", soft_wrap=True, highlight=False)
+    document = asdict(summary)
+    document |= {"wall_time_s": wall, "seconds_per_minute": wall / minutes}
+    return EXIT_CODES[summary.verdict], document
+
+
+def _run(recording: Recording, prepared: Prepared, path: Path, console: Console) -> None:
+    """Write the log, with a live line."""
+    from wayproof.harness.cli.live import LiveLine
+    from wayproof.harness.cli.run import interrupted, warn_of_kept
+    from wayproof.harness.log.writer import hold_log
+    from wayproof.harness.shadow.runner import run_recording
+
+    line = LiveLine(console, prepared.config.world.partition("@")[0])
+    with hold_log(path) as draft:
+        warn_of_kept(draft)
+        try:
+            with line:
+                run_recording(recording, prepared, draft, line)
+        except KeyboardInterrupt:
+            raise interrupted(path, line.decisions) from None
+
+
+def log_name(recording: Recording, options: argparse.Namespace, prepared: Prepared) -> str:
+    """Return the recording's name, with eight digits of a hash of all that it is read with."""
+    import hashlib
+
+    from wayproof.harness.config import to_json
+
+    stem = recording.name.partition(".")[0] or "recording"
+    kept = "".join(c if c.isalnum() or c in "-_" else "-" for c in stem)[:60]
+    read = f"{options_of(options)}".encode() + to_json(prepared.config)
+    return f"{kept}-{hashlib.sha256(read).hexdigest()[:8]}"
+
+
+def print_summary(console: Console, summary: Summary) -> None:
+    """Print the verdict, the worst places, and what the stack would have done."""
+    share = "" if summary.admitted_share is None else f" ({summary.admitted_share:.1%} admitted)"
+    text = Text.assemble(
+        (summary.verdict, STYLES[summary.verdict]), f": {summary.reason}{share}; {summary.faults}"
+    )
+    console.print(text, soft_wrap=True)
+    _print_places(console, summary)
+    for line in lines_of(summary):
+        console.print(f"  {line}", soft_wrap=True, highlight=False)
+    for stop in summary.stops[:SHOWN_STOPS]:
+        at = ", ".join(f"{value:.1f}" for value in stop.position[:2])
+        console.print(
+            f"    {stop.seconds:.1f} s from {stop.begin_s:.1f} s on (decision {stop.sequence}), at "
+            f"({at}): {stop.action}: {stop.reason}",
+            soft_wrap=True,
+            highlight=False,
+        )
+
+
+def lines_of(summary: Summary) -> list[str]:
+    """Return the figures of a summary in sentences."""
+    actions = ", ".join(f"{name} {count}" for name, count in summary.actions.items())
+    bound = ">= " if summary.clearance_is_bound else ""
+    latency = summary.latency_ms
+    ahead = "no second of way to judge"
+    if summary.ahead_share is not None:
+        ahead = f"{summary.ahead_share:.1%} of {summary.ahead_decisions} decisions"
+    return [
+        f"the way of the next second was admitted at {ahead}",
+        f"{summary.hindsight_m:.2f} m led through cells that are occupied at the end, "
+        f"{summary.hindsight_admitted_m:.2f} m of it admitted when entered",
+        f"least clearance by the map {bound}{summary.least_clearance_m:.2f} m, at "
+        f"{summary.least_clearance_s:.1f} s",
+        f"decisions {latency['p50']:.1f} ms (p50), {latency['p99']:.1f} (p99), "
+        f"{latency['max']:.1f} (max); map {summary.map_mib:.1f} MiB",
+        f"the stack, from rest at each pose: {actions}; it would have stood for "
+        f"{summary.stopped_s:.1f} of the {summary.moving_s:.1f} s in which the robot moved",
+    ]
+
+
+def _print_places(console: Console, summary: Summary) -> None:
+    if not summary.places:
+        return
+    lengths = ", ".join(f"{why} {length:.2f} m" for why, length in summary.refused_m.items())
+    table = Table(title=f"not admitted when entered: {lengths}", title_justify="left")
+    for name in ("decision", "from, s", "way, m", "at, m", "why", "cells"):
+        table.add_column(name, justify="right" if name != "cells" else "left")
+    for place in summary.places[:SHOWN_PLACES]:
+        at = ", ".join(f"{value:.1f}" for value in place.position[:2])
+        cells = " ".join(_point(cell.place) for cell in place.cells[:2])
+        table.add_row(
+            str(place.sequence),
+            f"{place.begin_s:.1f}",
+            f"{place.length_m:.2f}",
+            at,
+            place.why,
+            cells,
+        )
+    console.print(table)
+    if len(summary.places) > SHOWN_PLACES:
+        console.print(f"  and {len(summary.places) - SHOWN_PLACES} more places")
+
+
+def _point(place: tuple[float, ...]) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in place) + ")"
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_recording(parser)
+    parser.add_argument(
+        "--robot", required=True, help="body: a spec file, or a name of 'wayproof list'"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of the searches (default: 0)")
+    add_settings(parser)
+    parser.add_argument(
+        "--perturb",
+        metavar="KIND:SEVERITY[:MODE]",
+        help="make one assumption wrong, with severity 1 to 5",
+    )
+    parser.add_argument(
+        "--stack", metavar="STACK", help="stack that decides, as of 'wayproof run'; it is run"
+    )
+    parser.add_argument(
+        "--log", type=Path, metavar="FILE", help="log file (default: in the folder of --logs)"
+    )
+    add_log_folder(parser)
+
+
+VERB = Verb(
+    help="judge the way of a recorded robot, and what the stack would have done; "
+    "exit code 1 if some of it was not admitted, 3 if nothing was shown",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof shadow fr079.clf.bz2 --robot pioneer.toml",
+)

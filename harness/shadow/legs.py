@@ -1,0 +1,99 @@
+"""The recorded way in legs: steps long enough to be way, each judged when it was entered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayproof.harness.geometry import polyline_length
+from wayproof.harness.log.paths import Array
+from wayproof.harness.shadow.overlap import Cell
+from wayproof.harness.shadow.way import LEAST_STEP, knots
+
+
+@dataclass(frozen=True)
+class Piece:
+    """The way from one decision to the next, judged on the map of the first.
+
+    Attributes:
+        sequence: Number of the decision.
+        begin_ns: Its time.
+        end_ns: Time of the next.
+        poses: (n, 4) believed: x, y, z, m, and heading, rad.
+        admitted: Whether the body was free at and between all poses.
+        why: Why not; empty if it was.
+        cells: Cells in the way.
+    """
+
+    sequence: int
+    begin_ns: int
+    end_ns: int
+    poses: Array
+    admitted: bool
+    why: str
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Successive pieces that together are at least one step of way.
+
+    Attributes:
+        sequence: Decision on whose map it was entered, or, where it was not admitted, the one on
+            whose map it first was not.
+        begin_ns: Time at its begin.
+        end_ns: Time at its end.
+        poses: (n, 4) believed: x, y, z, m, and heading, rad.
+        length_m: m.
+        admitted: Whether each piece was admitted on the map of its own decision.
+        why: Why not, of the first piece that was not; empty if all were.
+        cells: Cells in the way of that piece.
+        hindsight_cells: Number of cells that the bare body overlapped and that the map without
+            decay holds occupied at the end of the recording.
+    """
+
+    sequence: int
+    begin_ns: int
+    end_ns: int
+    poses: Array
+    length_m: float
+    admitted: bool
+    why: str
+    cells: tuple[Cell, ...]
+    hindsight_cells: int = 0
+
+
+def legs_of(pieces: Sequence[Piece]) -> list[Leg]:
+    """Join successive pieces to legs.
+
+    A rest of less than a step at the end of the recording is no way, and is left out.
+    """
+    legs: list[Leg] = []
+    open_: list[Piece] = []
+    for piece in pieces:
+        open_.append(piece)
+        away = np.square(piece.poses[:, :3] - open_[0].poses[0, :3]).sum(axis=1)
+        if away.max() >= LEAST_STEP * LEAST_STEP:
+            legs.append(_leg(open_))
+            open_ = []
+    return legs
+
+
+def _leg(pieces: Sequence[Piece]) -> Leg:
+    poses = np.concatenate([piece.poses for piece in pieces])
+    kept = knots(poses[:, :3])
+    ends = np.unique(np.append(kept, len(poses) - 1))
+    refused = [piece for piece in pieces if not piece.admitted]
+    named = refused[0] if refused else pieces[0]
+    return Leg(
+        sequence=named.sequence,
+        begin_ns=pieces[0].begin_ns,
+        end_ns=pieces[-1].end_ns,
+        poses=poses,
+        length_m=polyline_length(poses[ends, :3]),
+        admitted=not refused,
+        why=named.why,
+        cells=named.cells,
+    )
