@@ -18,6 +18,7 @@ from wayproof.harness.ending import goal_distance
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import Log
+from wayproof.harness.result import RECORDED
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 from wayproof.harness.trajectory_error import Track
@@ -81,6 +82,11 @@ class Trace:
         return self.outcome == "success"
 
     @property
+    def recorded(self) -> bool:
+        """Whether it is of a recording, of which no truth is known."""
+        return self.outcome == RECORDED
+
+    @property
     def path_length(self) -> float:
         """Distance travelled, m."""
         return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
@@ -95,9 +101,15 @@ def read_trace(log: Log) -> Trace:
     return trace_of(log, *_read(log.path))
 
 
-def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> Trace:
+def trace_of(
+    log: Log,
+    decisions: Sequence[pb.Decision],
+    truths: Sequence[pb.Truth],
+    motions: Sequence[pb.RecordedMotion] = (),
+) -> Trace:
     """The trace of a log whose messages were read already."""
-    stages = [decision.stages for decision in decisions]
+    if log.config.recording is not None:
+        return _recorded_trace(log, decisions, motions)
     if not truths:
         raise InputError(f"log '{log.path}': no decisions in it")
     known = _known_without_result(log, truths[-1])  # older recovered logs state less
@@ -116,7 +128,7 @@ def trace_of(log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Tru
         velocities=np.array([truth.velocity for truth in truths]).reshape(-1, 3),
         clearances=np.array([truth.clearance_m for truth in truths]),
         actions=None if log.not_compared else tuple(one.action for one in decisions),
-        latencies=np.array([s.sense_ms + s.map_ms + s.costmap_ms + s.plan_ms for s in stages]),
+        latencies=_latencies(decisions),
         missed=np.array([decision.deadline_missed for decision in decisions], bool),
         start_distance=math.dist(log.mission.start[:axes], log.mission.goal[:axes]),
         verdicts=tuple(one.verdict for one in verdicts) if verdicts else None,
@@ -142,6 +154,37 @@ def _track(messages: Sequence[pb.Decision | pb.Truth]) -> Track:
     return Track(positions, np.array([one.quaternion for one in messages]).reshape(-1, 4))
 
 
+def _recorded_trace(
+    log: Log, decisions: Sequence[pb.Decision], motions: Sequence[pb.RecordedMotion]
+) -> Trace:
+    """The trace of a recording: the motion is the recorded one, and there is no truth."""
+    if not motions:
+        raise InputError(f"log '{log.path}': no decisions in it")
+    judged = all(one.HasField("verdict") for one in decisions)
+    return Trace(
+        outcome=log.result["outcome"],
+        duration=float(log.result.get("sim_time_s", "nan")),
+        collisions=0,
+        goal_distance=math.nan,
+        route_length=None,
+        times=np.array([motion.timestamp.ToNanoseconds() * 1e-9 for motion in motions]),
+        positions=np.array([motion.position for motion in motions]).reshape(-1, 3),
+        velocities=np.array([motion.velocity for motion in motions]).reshape(-1, 3),
+        clearances=np.full(len(motions), math.nan),
+        actions=tuple(one.action for one in decisions),
+        latencies=_latencies(decisions),
+        missed=np.array([decision.deadline_missed for decision in decisions], bool),
+        start_distance=math.nan,
+        verdicts=tuple(one.verdict.verdict for one in decisions) if judged else None,
+        cuts=np.array([one.verdict.cut for one in decisions], bool) if judged else None,
+    )
+
+
+def _latencies(decisions: Sequence[pb.Decision]) -> Array:
+    stages = [decision.stages for decision in decisions]
+    return np.array([s.sense_ms + s.map_ms + s.costmap_ms + s.plan_ms for s in stages])
+
+
 def _known_without_result(log: Log, last: pb.Truth) -> dict[str, str]:
     """Figures of an episode's end as its last truth has them."""
     return {
@@ -151,14 +194,16 @@ def _known_without_result(log: Log, last: pb.Truth) -> dict[str, str]:
     }
 
 
-def _read(path: Path) -> tuple[list[pb.Decision], list[pb.Truth]]:
-    decisions, truths = [], []
+def _read(path: Path) -> tuple[list[pb.Decision], list[pb.Truth], list[pb.RecordedMotion]]:
+    decisions, truths, motions = [], [], []
     for message in read_messages(path):
         if isinstance(message, pb.Decision):
             decisions.append(message)
         elif isinstance(message, pb.Truth):
             truths.append(message)
-    return decisions, truths
+        elif isinstance(message, pb.RecordedMotion):
+            motions.append(message)
+    return decisions, truths, motions
 
 
 def success(trace: Trace) -> float:
@@ -372,6 +417,16 @@ METRICS: dict[str, Metric] = {
 }
 
 
+OF_TRUTH = (
+    *("success", "spl", "soft_spl", "barn_score", "collisions", "least_clearance"),
+    *("path_ratio", "time_to_goal"),
+)
+"""Metrics that a recording does not have, as nobody knows the truth."""
+
+
 def score(trace: Trace) -> dict[str, float | None]:
-    """Every metric of an episode, by name."""
-    return {name: metric.function(trace) for name, metric in METRICS.items()}
+    """Every metric of an episode, by name; of a recording those that need no truth."""
+    return {
+        name: None if trace.recorded and name in OF_TRUTH else metric.function(trace)
+        for name, metric in METRICS.items()
+    }

@@ -16,7 +16,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Beams, Inputs, inputs_from_messages
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.paths import densely
-from wayproof.harness.log.reader import Log
+from wayproof.harness.log.reader import Log, as_truth
 from wayproof.harness.mission import Mission
 from wayproof.harness.recompute.segments import Segment, SegmentedStack, segments_of
 from wayproof.harness.result import Contact
@@ -28,10 +28,18 @@ from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 
 Array = NDArray[np.float64]
 
+NO_SCENE = """<mujoco><worldbody><body name="robot_base"><freejoint/>
+<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
+"""In the place of the scene of a recording: nothing is known to stand anywhere."""
+
 
 @dataclass(frozen=True)
 class Moment:
-    """One decision with its inputs and the ground truth; an answer, where a stack was on trial."""
+    """One decision with its inputs and the ground truth.
+
+    With an answer, where a stack was on trial; with a goal of its own in a recording, where the
+    recorded motion stands for the truth.
+    """
 
     pose: pb.Pose
     sweeps: tuple[pb.Sweep, ...]
@@ -39,11 +47,12 @@ class Moment:
     decision: pb.Decision
     truth: pb.Truth
     answer: pb.StackCommand | None = None
+    goal: pb.Goal | None = None
 
     @property
     def inputs(self) -> Inputs:
         """Inputs of the decision."""
-        return inputs_from_messages(self.pose, list(self.sweeps))
+        return inputs_from_messages(self.pose, list(self.sweeps), goal=self.goal)
 
     @property
     def time_ns(self) -> int:
@@ -117,7 +126,11 @@ class Case:
         """Return the case with the settings and the mission of a decision."""
         segments = tuple(one for one in self.segments if one.begin <= number)
         last = segments[-1]
-        return replace(self, config=last.config, mission=last.mission, segments=segments)
+        mission, goal = last.mission, self.moments[number].goal if self.moments else None
+        if goal is not None:
+            x, y, z = goal.position
+            mission = replace(mission, goal=(x, y, z))
+        return replace(self, config=last.config, mission=mission, segments=segments)
 
     def beams_at(self, number: int) -> Mapping[str, Beams]:
         """Return the beam geometry of a decision, by sensor name."""
@@ -144,7 +157,8 @@ def read_case(log: Log) -> Case:
     if not moments:
         raise InputError(f"log '{log.path}': no decisions in it")
     try:
-        space = TrueSpace(safe_scene(log.scene))
+        recorded = log.config.recording is not None
+        space = TrueSpace(NO_SCENE if recorded else safe_scene(log.scene))
     except (KeyError, *NOT_COMPILED) as error:
         text = " ".join(str(error).split())[:200]
         raise InputError(f"log '{log.path}': its scene: {text}") from None
@@ -166,6 +180,8 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
     sweeps: list[pb.Sweep] = []
     pose, latency, decision = pb.Pose(), pb.Latency(), pb.Decision()
     answer: pb.StackCommand | None = None
+    goal: pb.Goal | None = None
+    motion: pb.RecordedMotion | None = None
     for message in messages:
         if isinstance(message, pb.Sweep):
             sweeps.append(message)
@@ -175,8 +191,16 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
             latency = message
         elif isinstance(message, pb.StackCommand):
             answer = message
+        elif isinstance(message, pb.Goal):
+            goal = message
+        elif isinstance(message, pb.RecordedMotion):
+            motion = message
         elif isinstance(message, pb.Decision):
             decision = message
+            if motion is not None:
+                truth = as_truth(motion)
+                yield Moment(pose, tuple(sweeps), latency, decision, truth, answer, goal)
+                sweeps, answer, motion, goal = [], None, None, None
         elif isinstance(message, pb.Truth):
             yield Moment(pose, tuple(sweeps), latency, decision, message, answer)
             sweeps, answer = [], None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -71,10 +72,13 @@ def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -
 def _explain_episode(log: Log, options: argparse.Namespace, console: Console) -> Document:
     from wayproof.harness.counterfactual.record import read_check
     from wayproof.harness.explain import make_card, phases
+    from wayproof.harness.log.reader import as_truth
 
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
     decisions = list(log.decisions())
-    course = phases(decisions, list(log.truth()))
+    recorded = log.config.recording is not None
+    truths = [as_truth(motion) for motion in log.motions()] if recorded else list(log.truth())
+    course = phases(decisions, truths)
     console.print(f"{outcome}: {reason}; {log.path}", soft_wrap=True)
     for phase in course:
         console.print(f"  {phase}", soft_wrap=True, highlight=False)
@@ -83,6 +87,8 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
     for line in _last_lines(log):
         console.print(f"  stderr: {line}", soft_wrap=True, highlight=False)
     case, finding, misses = _why(log, bool(decisions))
+    if recorded and options.check:
+        raise InputError("--check: simulates again, which a recording cannot")
     verdict = _check(log, finding, options.stack) if options.check else read_check(log)
     if verdict is not None:
         finding = verdict.finding
@@ -127,6 +133,8 @@ def _why(log: Log, with_decisions: bool) -> tuple[Case | None, Finding | None, l
     if log.record == "decisions" or (failed and not with_decisions):
         return None, _stored_cause(log), []
     case = read_case(log)
+    if log.config.recording is not None:
+        return case, None, []  # without truth there is neither failure nor cause
     finding = _stored_cause(log) if failed else find_cause(case)
     return case, finding, near_misses(case, SHOWN_MISSES)
 
@@ -239,6 +247,7 @@ def _rows(card: Card) -> list[tuple[str, str]]:
     place = ", ".join(f"{value:.2f}" for value in card.position)
     search = f"; {card.planner}, {card.iterations} iterations" if card.planner else "; path kept"
     search = "" if card.stack else search  # it did its own
+    recorded = math.isnan(card.true_clearance_m)  # there is no truth
     least = in_metres(card.least_clearance_m, card.least_clearance_is_bound)
     rows = [
         ("why", card.reason),
@@ -256,12 +265,13 @@ def _rows(card: Card) -> list[tuple[str, str]]:
         (
             "pose",
             f"({place}) m, sigma {card.position_sigma_m:.3f} m; "
-            f"truly {card.pose_error_m:.3f} m off",
+            f"{'off the recorded pose by' if recorded else 'truly'} {card.pose_error_m:.3f} m"
+            f"{'' if recorded else ' off'}",
         ),
         (
             "inflation",
-            f"{card.inflation_radius_m:.2f} m, of it {card.margin_m:.2f} m margin; "
-            f"true clearance {true_in_metres(card.true_clearance_m)}",
+            f"{card.inflation_radius_m:.2f} m, of it {card.margin_m:.2f} m margin"
+            + ("" if recorded else f"; true clearance {true_in_metres(card.true_clearance_m)}"),
         ),
         ("stages", f"{stages} ms"),
         (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -41,6 +42,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
                 "least_clearance_is_bound": is_bound,
             }
         )
+        if trace.recorded:
+            documents[-1]["recording"] = _recording(path, options)
         table = Table(title=f"{path}: {log.result['outcome']}", title_justify="left")
         table.add_column("metric")
         table.add_column("value", justify="right")
@@ -53,8 +56,34 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
                 text = f">= {text}"
             about = [summary_of(METRICS[name])] if options.long else []
             table.add_row(name, text, METRICS[name].unit, *about)
+        for name, value in documents[-1].get("recording", {}).items():
+            if name in SHOWN_OF_RECORDING:
+                text = "-" if value is None else f"{value:.3f}"
+                table.add_row(name, text, SHOWN_OF_RECORDING[name], *[""] * options.long)
         console.print(table)
     return 0, one_or_all("scores", documents)
+
+
+SHOWN_OF_RECORDING = {
+    "admitted_share": "",
+    "ahead_share": "",
+    "driven_m": "m",
+    "hindsight_m": "m",
+    "least_clearance_m": "m",
+    "stopped_s": "s",
+    "map_mib": "MiB",
+}
+"""Figures of a recording's assessment in the table, with their units."""
+
+
+def _recording(path: Path, options: argparse.Namespace) -> Document:
+    """Return the assessment of a recording's way."""
+    from dataclasses import asdict
+
+    from wayproof.harness.shadow.assess import assess
+    from wayproof.harness.shadow.summary import summarize
+
+    return asdict(summarize(assess(path, options.allow_plugins)))
 
 
 def summary_of(metric: Metric) -> str:

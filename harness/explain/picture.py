@@ -124,8 +124,9 @@ def _draw_truth(axes: Axes, case: Case, moment: Moment) -> None:
 def _draw_motion(axes: Axes, case: Case, moment: Moment) -> None:
     before = [one.true_position for one in case.moments if one.time_ns <= moment.time_ns]
     after = [one.true_position for one in case.moments if one.time_ns >= moment.time_ns]
-    _line(axes, np.array(before), color="#1f77d0", ls=":", label="true way so far")
-    _line(axes, np.array(after), color="#9bbfe3", ls=":", label="true way after")
+    way = "true way" if case.config.recording is None else "recorded way"
+    _line(axes, np.array(before), color="#1f77d0", ls=":", label=f"{way} so far")
+    _line(axes, np.array(after), color="#9bbfe3", ls=":", label=f"{way} after")
     command = command_at(case, moment.decision.sequence)
     if command is None:
         global_path = path_of(moment.decision.global_path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -60,10 +61,12 @@ class Phase:
         """Return the phase in one line."""
         span = f"{self.start_s:6.1f} to {self.end_s:5.1f} s"
         label = "" if self.label == "none" else f" [{self.label}]"
+        clearance = ""
+        if not math.isnan(self.least_clearance_m):  # of a recording there is no truth
+            clearance = f", least clearance {true_in_metres(self.least_clearance_m)}"
         return (
             f"{span}  {VERBS.get(self.action, self.action)}{label}: {self.distance_m:.2f} m, "
-            f"{_place(self.start)} to {_place(self.end)}, least clearance "
-            f"{true_in_metres(self.least_clearance_m)}; {self.reason}"
+            f"{_place(self.start)} to {_place(self.end)}{clearance}; {self.reason}"
         )
 
 

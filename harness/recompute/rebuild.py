@@ -34,10 +34,12 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
         config: Settings; by default those of the log.
 
     Raises:
-        InputError: The robot is unknown, or the scene is not one of this robot, or refers to other
-            files.
+        InputError: The log is of a recording, the robot is unknown, or the scene is not one of
+            this robot, or refers to other files.
     """
     config = config or log.config
+    if config.recording is not None:
+        raise InputError(f"log '{log.path}': of a recording, which nothing can simulate again")
     redirect_mujoco_warnings()
     text = safe_scene(log.scene)
     robot = find_logged_robot(config, text)

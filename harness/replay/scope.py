@@ -33,6 +33,8 @@ def scope_of(log: Log, with_cause: bool) -> Scope:
         log: The log.
         with_cause: Whether the cause was recomputed.
     """
+    if log.config.recording is not None:
+        return _scope_of_recording(log)
     result = ["number and times of decisions", "least clearance", "path length", "deadline misses"]
     physics = ["truth", "contact"] if log.result.get("contact") else ["truth"]
     if not ends_in_error(log.result):
@@ -56,6 +58,15 @@ def scope_of(log: Log, with_cause: bool) -> Scope:
         simulation=("sweeps", "states", *inputs, *physics),
         claims=_claims(log),
     )
+
+
+def _scope_of_recording(log: Log) -> Scope:
+    """Sort the parts of a recording's log: its inputs are claims, for there is no simulation."""
+    inputs = ("decisions", "chain", "input digests", "streams of inputs")
+    figures = ("number and times of decisions", "way driven", "deadline misses")
+    perturbed = ("perturbation's kind, amount and delay",) if log.config.perturbation else ()
+    recorded = ("sweeps", "poses", "goals", "recorded way", "faults of the recording")
+    return Scope((*inputs, *figures, *perturbed), (), (*recorded, *_claims(log)))
 
 
 def _claims(log: Log) -> tuple[str, ...]:

@@ -155,6 +155,8 @@ class _Trial:
             yield "replay", self._replay
         if self._broke_off_in_code():
             return  # code that ended one process may end this one
+        if self._log.config.recording is not None:
+            return  # there is nothing to simulate
         if self._simulate or self._log.record == "decisions":
             yield "simulation", self._simulate_again
 

@@ -21,6 +21,12 @@ NEAR_PATH = 0.5
 """Greatest distance between the robot and a global path that is kept, m: half the width of a
 corridor that the narrowest robot passes."""
 
+LEAST_REJOIN = 0.5
+"""Least length of path that is skipped there, m: a robot beside its path hardly turns."""
+
+JOINING_POINTS = 11
+"""Points of the straight piece that rejoins a path: the logged one is every fifth."""
+
 REJOIN = 2.0
 """Length of path that is skipped where the robot rejoins it, in units of its distance from it: the
 robot then turns by less than 30 degrees."""
@@ -67,10 +73,12 @@ def rejoined(path: Array, position: Array) -> Array | None:
     along, away = nearest_on(path, arcs, position)
     if away > NEAR_PATH:
         return None
-    ahead = along + REJOIN * away
+    ahead = along + max(REJOIN * away, LEAST_REJOIN)
     if ahead >= arcs[-1]:
         return np.stack([position, path[-1]])
-    joined = np.vstack([position, point_at(path, ahead), path[arcs > ahead]])
+    shares = np.linspace(0.0, 1.0, JOINING_POINTS)[:, None]
+    joining = position + shares * (point_at(path, ahead) - position)
+    joined = np.vstack([joining, path[arcs > ahead]])
     kept = np.append(True, np.abs(np.diff(joined, axis=0)).max(axis=1) > 1e-9)
     rest: Array = joined[kept]
     return rest if len(rest) > 1 else None

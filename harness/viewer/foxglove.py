@@ -98,7 +98,8 @@ class _Output:
 
 def _logged(moment: Moment) -> Iterator[View]:
     yield "/decision", moment.decision
-    yield "/truth", moment.truth
+    motion = moment.record.motion
+    yield ("/truth", moment.truth) if motion is None else ("/recorded", motion)
     yield "/latency", moment.record.latency
 
 

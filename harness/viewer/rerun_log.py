@@ -5,6 +5,7 @@ Rerun is large and headless runs do not need it, so `rerun_view.py` imports this
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.explain.commanded import Commanded
 from wayproof.harness.log.reader import Log
+from wayproof.harness.result import RECORDED
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.layer import FRONTIER, INFLATED
@@ -196,9 +198,10 @@ class _Artist:
 def curves(moment: Snapshot) -> dict[str, float]:
     """Return the values of the curves over simulated time, by name."""
     decision, truth, stages = moment.decision, moment.truth, moment.decision.stages
+    known = not math.isnan(truth.clearance_m)  # a recording has no truth
     return {
+        **({"motion/true_clearance_m": truth.clearance_m} if known else {}),
         "motion/speed_m_s": float(np.linalg.norm(truth.velocity)),
-        "motion/true_clearance_m": truth.clearance_m,
         "motion/committed_m": decision.committed_length_m,
         "latency/sense_ms": stages.sense_ms,
         "latency/map_ms": stages.map_ms,
@@ -252,7 +255,7 @@ def _show_end(stream: rr.RecordingStream, log: Log, last: Snapshot, root: str) -
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
     end_ns = round(float(log.result.get("sim_time_s", last.time_ns * 1e-9)) * 1e9)
     stream.set_time("time", duration=np.timedelta64(max(end_ns, last.time_ns), "ns"))
-    good = outcome == "success"
+    good = outcome in ("success", RECORDED)
     text = rr.TextLog(f"{outcome}: {reason}", level="INFO" if good else "ERROR")
     stream.log(f"{root}/reasons", text)
     if end_ns > last.time_ns:  # otherwise the last action would seem to go on

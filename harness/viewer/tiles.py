@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wayproof.maps import Representation
-from wayproof.maps.columns import WORD_BITS, Window, unpack
+from wayproof.maps.columns import WORD_BITS, Window, layer_bits, unpack
 
 TILE = 32
 """Number of columns along each side of a tile."""
+
+MOST_BELOW = 32
+"""Maximum number of layers from the floor up to the first shown."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,11 @@ class Tiles:
         """Create tiles without cells for a box of space with corners (3,), m, world."""
         window = Window.covering(low, high, resolution)
         first = min(max(window.floor_layer + 1, 0), window.shape[2] - 1)
-        self._window = window.layers(first, window.shape[2])
+        shown = window.layers(first, window.shape[2])
+        # A flat grid has no window without the floor, so some layers below are read with them.
+        below = min(max(shown.first[2], 0), MOST_BELOW)
+        self._window = shown.layers(-below, shown.shape[2])
+        self._shown = layer_bits(below, self._window.shape[2], self._window.shape[2])
         nx, ny, nz = self._window.shape
         self._told = np.zeros((nx, ny, -(-nz // WORD_BITS)), np.uint64)
 
@@ -47,7 +54,7 @@ class Tiles:
         """Return the tiles with a cell that changed since the last call."""
         window = self._window
         occupied, _ = a_map.columns(window.first, self._told.shape)
-        bits = np.ascontiguousarray(occupied)
+        bits = np.ascontiguousarray(occupied & self._shown)
         turned = (bits != self._told).any(axis=2)  # (nx, ny)
         self._told = bits
         found = []

@@ -106,7 +106,8 @@ def _check_motion(message: pb.RecordedMotion) -> None:
         raise ValueError("motion")
     if not all(abs(x) <= MAX_COORDINATE for x in (*message.velocity, *message.way)):
         raise ValueError("way")
-    if not abs(sum(x * x for x in message.quaternion) - 1.0) <= 1e-3:
+    w, x, y, z = message.quaternion
+    if not abs(w * w + x * x + y * y + z * z - 1.0) <= 1e-3:
         raise ValueError("quaternion")
 
 

@@ -70,6 +70,8 @@ class ReasonCheck:
         """
         found: list[str] = []
         if decision.HasField("predicate"):
+            if config.recording is not None:
+                self._past.stand(decision)
             scene = Scene(decision, built, config, mission)
             found = list(self._false(scene))
             self.checked += 1

@@ -67,6 +67,18 @@ class Past:
         if len(decision.global_path) > 1:
             self.way = path_of(decision.global_path)
 
+    def stand(self, decision: pb.Decision) -> None:
+        """Void all trajectories: a recorded robot stands where the next decision is made."""
+        x, y, z = decision.position
+        hold = pb.Trajectory(
+            start=decision.timestamp,
+            path=[pb.Point(x=x, y=y, z=z)],
+            arc_length=[0.0],
+            heading=[0.0],
+            sample_period_s=0.1,
+        )
+        self.trajectories = [hold]
+
     def followed(self, time_ns: int) -> pb.Trajectory | None:
         """Return the trajectory that the robot follows at a time; None before the first."""
         begun = [one for one in self.trajectories if one.start.ToNanoseconds() <= time_ns]
