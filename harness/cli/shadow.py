@@ -49,6 +49,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         seed=options.seed,
         stack=options.stack,
         perturbation=perturbation,
+        begin_s=options.begin,
+        end_s=options.end,
     )
     path = options.log or options.logs / f"{log_name(recording, options, prepared)}.mcap"
     console.print(f"{recording.name}: {recording.chosen}", soft_wrap=True, highlight=False)

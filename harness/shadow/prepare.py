@@ -14,6 +14,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.recording_config import RecordingConfig
 from wayproof.harness.recordings.recording import Recording
+from wayproof.harness.recordings.track import RecordedTrack
 from wayproof.harness.recordings.types import RecordedSweep, Transform
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.body import Body
@@ -81,6 +82,8 @@ def prepare(
     seed: int = 0,
     stack: str | None = None,
     perturbation: AnyPerturbation | None = None,
+    begin_s: float = 0.0,
+    end_s: float | None = None,
 ) -> Prepared:
     """Resolve the settings, and declare mission and sensors.
 
@@ -91,6 +94,8 @@ def prepare(
         seed: Of the stack's searches and of a perturbation.
         stack: In place of the built-in one; its goal is the end of the recording.
         perturbation: The one assumption that is off.
+        begin_s: Time from which on the recording is read, s.
+        end_s: Time up to which it is read, s; None to its end.
 
     Raises:
         InputError: A setting is refused, or the recording has no sweep.
@@ -112,7 +117,7 @@ def prepare(
         recorded = replace(recorded, goal="end")  # a stack on trial is told one goal, at its start
         trial = replace(config.stack, name=stack)
         config = replace(config, stack=trial, recording=recorded)
-    way = Way(recording.track, recorded, flat=planar)
+    way = Way(_part(recording.track, begin_s, end_s), recorded, flat=planar)
     start_ns = min(sweeps[0].time_ns for sweeps in first.values())
     mission = _mission(way, body, config, start_ns)
     if body.motion == "air":
@@ -132,6 +137,21 @@ def prepare(
         infos.append(info)
         writers[sensor.name] = SweepWriter(sensor, info, mount)
     return Prepared(config, mission, tuple(infos), writers, lift, way)
+
+
+def _part(track: RecordedTrack, begin_s: float, end_s: float | None) -> RecordedTrack:
+    """The part of a track between two times, with the pose before it and the one after it."""
+    first = int(np.searchsorted(track.times_ns, round(begin_s * 1e9), side="right")) - 1
+    last = len(track.times_ns)
+    if end_s is not None:
+        last = int(np.searchsorted(track.times_ns, round(end_s * 1e9))) + 1
+    part = slice(min(max(first, 0), last - 1), last)
+    return replace(
+        track,
+        times_ns=track.times_ns[part],
+        positions=track.positions[part],
+        quaternions=track.quaternions[part],
+    )
 
 
 def lifted(mount: Transform, lift: float) -> Transform:

@@ -1,0 +1,94 @@
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from tests.harness.shadow.conftest import FR079, shadowed, written
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.metrics import OF_TRUTH, read_trace, score
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.consistency import contradictions
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.replay.verify import verify
+
+
+def test_a_real_recording_gives_the_same_chain_twice(fr079_log, robot, tmp_path):
+    again = shadowed(FR079, robot, tmp_path / "again.mcap", end_s=12.0)
+    assert open_log(again).result["chain"] == open_log(fr079_log).result["chain"]
+
+
+def test_its_log_replays_and_audits_and_verifies_without_truth(fr079_log):
+    log = open_log(fr079_log)
+    assert contradictions(log) == []
+    assert replay(fr079_log).identical
+    assert audit(fr079_log).violations == ()
+    assert verify(fr079_log).verified
+    assert list(log.truth()) == []
+
+
+def test_its_metrics_of_truth_are_absent_and_not_zero(fr079_log):
+    scores = score(read_trace(open_log(fr079_log)))
+    assert all(scores[name] is None for name in OF_TRUTH)
+    assert scores["path_length"] > 4.0
+    assert scores["latency_p50"] > 0.0
+
+
+def test_decisions_start_from_rest_where_the_robot_really_was(fr079_log):
+    for record in open_log(fr079_log).records():
+        path = record.decision.trajectory.path[0]
+        believed = record.decision.position
+        assert np.hypot(path.x - believed[0], path.y - believed[1]) < 1e-6
+        assert record.inputs.goal is not None
+
+
+def test_goals_are_places_that_the_robot_reached_later(fr079_log):
+    log = open_log(fr079_log)
+    places = np.array([motion.position for motion in log.motions()])
+    records = list(log.records())
+    goals = {tuple(record.inputs.goal.tolist()) for record in records}
+    assert 1 <= len(goals) <= 3
+    np.testing.assert_allclose(records[-1].inputs.goal, places[-1], atol=0.2)
+
+
+def test_a_map_of_columns_is_the_default_for_a_planar_laser_on_the_ground(fr079_log):
+    config = open_log(fr079_log).config
+    assert config.map.kind == "grid2d"
+    assert config.recording.format == "carmen"
+    assert config.robot.startswith("wheeled@")
+
+
+def test_a_changed_result_is_a_contradiction(fr079_log):
+    from dataclasses import replace
+
+    log = open_log(fr079_log)
+    forged = replace(log, result={**log.result, "path_length_m": "1.0"})
+    assert [one.field for one in contradictions(forged)][:1] == ["result.path_length_m"]
+
+
+def test_the_stack_is_stopped_by_no_earlier_command(robot, tmp_path):
+    poses = [(0.4 * k, 0.3 if k % 2 else -0.3, 0.0) for k in range(12)]  # it jumps about
+    log = shadowed(written(tmp_path / "zigzag.clf", poses), robot, tmp_path / "zigzag.mcap")
+    actions = [decision.action for decision in open_log(log).decisions()]
+    assert "stop_and_wait" not in actions[2:8]
+
+
+@pytest.mark.parametrize(
+    ("asked", "text"),
+    [
+        ({"settings": ["map.resolution=7"]}, "map.resolution"),
+        ({"settings": ["recording.goal=sideways"]}, "recording.goal"),
+        ({"stack": "exec:true"}, "other processes"),
+    ],
+)
+def test_bad_settings_are_one_line(robot, tmp_path, asked, text):
+    with pytest.raises(InputError, match=text):
+        shadowed(FR079, robot, tmp_path / "no.mcap", end_s=1.0, **asked)
+
+
+def test_a_reference_stack_is_judged_on_a_recording(robot, tmp_path):
+    log = shadowed(FR079, robot, tmp_path / "gap.mcap", end_s=3.0, stack="gap")
+    assert replay(log).identical
+    trace = read_trace(open_log(log))
+    assert set(trace.verdicts) <= {"admitted", "unknown", "blocked"}
+    assert asdict(open_log(log).config.recording)["goal"] == "end"
