@@ -173,8 +173,8 @@ def point_beams(
     """
     x, y, z = (points[:, axis].astype(np.float64) for axis in range(3))
     lengths = np.sqrt(x * x + y * y + z * z)
-    with np.errstate(over="ignore"):
-        ranges, known = measured(lengths.astype(np.float32), limits, faults)
+    # A length that overflowed to inf would count as a beam without return.
+    ranges, known = measured(np.minimum(lengths, 1e9).astype(np.float32), limits, faults)
     met = known & (ranges < np.inf)
     none = known & ~met
     order = np.concatenate([np.flatnonzero(met), np.flatnonzero(none)])

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.recordings.beams import Beams, Limits, Silent, point_beams
+from wayproof.harness.recordings.beams import FARTHEST, Beams, Limits, Silent, point_beams
 from wayproof.harness.recordings.recording import Faults
 
 Intrinsics = tuple[float, float, float, float]
@@ -32,11 +32,19 @@ def depth_beams(
     told = chosen > 0.0  # false for NaN
     faults["pixel: no measurement"] += int((~told).sum())
     silent = np.isinf(chosen)
-    met = told & ~silent
+    far = told & ~silent & (chosen > FARTHEST)
+    faults["range: beyond the maximum"] += int(far.sum())
+    met = told & ~silent & ~far
     points = np.empty((int(met.sum()), 3), np.float32)
     points[:, :2] = slopes[met] * chosen[met, None]
     points[:, 2] = chosen[met]
     return point_beams(points, None, limits, faults, Silent(_unit(slopes[told & silent])))
+
+
+def usable(intrinsics: Intrinsics) -> bool:
+    """Return whether intrinsics may be those of a camera: finite, and of a focal length."""
+    fx, fy, cx, cy = intrinsics
+    return all(0.1 <= focal <= 1e6 for focal in (fx, fy)) and abs(cx) <= 1e6 and abs(cy) <= 1e6
 
 
 @lru_cache(maxsize=8)

@@ -7,6 +7,7 @@ from pathlib import Path
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.recordings import carmen, frames, kitti, simulated, tum
 from wayproof.harness.recordings.bags import bag
+from wayproof.harness.recordings.depth import usable
 from wayproof.harness.recordings.recording import Format, Recording, RecordingOptions
 
 FORMATS: dict[str, Format] = {
@@ -31,6 +32,7 @@ def open_recording(path: Path, *, options: RecordingOptions | None = None) -> Re
         InputError: In one line: no such file, no known format, several choices, or damage.
     """
     options = options or RecordingOptions()
+    _check(options)
     if not path.exists():
         raise InputError(f"recording '{path}': no such file or folder")
     if path.is_file() and path.stat().st_size == 0:
@@ -44,3 +46,24 @@ def open_recording(path: Path, *, options: RecordingOptions | None = None) -> Re
             return one.open(path, options)
     listed = ", ".join(f"{name}: {one.help}" for name, one in FORMATS.items())
     raise InputError(f"recording '{path}': of no known format ({listed})")
+
+
+def _check(options: RecordingOptions) -> None:
+    """Refuse options that no recording can be read with.
+
+    Raises:
+        InputError: Naming the option.
+    """
+    if options.intrinsics is not None and not usable(options.intrinsics):
+        got = ",".join(f"{value:g}" for value in options.intrinsics)
+        raise InputError(f"intrinsics {got}: expected fx,fy,cx,cy in pixels, fx and fy above 0")
+    for name, value, least in (
+        ("range_max", options.range_max, 1e-3),
+        ("depth_scale", options.depth_scale, 1e-6),
+        ("pixel_stride", options.pixel_stride, 1),
+        ("max_gap_s", options.max_gap_s, 0.0),
+        ("start_s", options.start_s, -1e9),
+        ("end_s", options.end_s, -1e9),
+    ):
+        if value is not None and not least <= value <= 1e9:
+            raise InputError(f"{name} {value:g}: expected {least:g} to 1e9")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from wayproof.harness.recordings.depth import Intrinsics
+from wayproof.harness.recordings.depth import Intrinsics, usable
 from wayproof.harness.recordings.depth_files import DepthFiles
 from wayproof.harness.recordings.folders import (
     FolderContents,
@@ -113,7 +113,7 @@ def _intrinsics(path: Path, faults: Faults) -> Intrinsics | None:
     except (ValueError, IndexError):
         faults["intrinsics: no matrix"] += 1
         return None
-    if not (0.0 < fx < 1e6 and 0.0 < fy < 1e6 and abs(cx) < 1e6 and abs(cy) < 1e6):
+    if not usable((fx, fy, cx, cy)):
         faults["intrinsics: no matrix"] += 1
         return None
     return fx, fy, cx, cy

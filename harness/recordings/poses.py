@@ -49,7 +49,8 @@ def sound(poses: StampedPoses, faults: Faults, what: str = "pose") -> StampedPos
     Quaternions off unit length are normalised and counted; those far off are left out, and
     counted, with those that are not finite. Faults are counted as those of `what`.
     """
-    squares = (poses.quaternions * poses.quaternions).sum(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = (poses.quaternions * poses.quaternions).sum(axis=1)
     near = np.abs(poses.positions).max(axis=1, initial=0.0) <= MAX_COORDINATE  # false for NaN
     finite = np.isfinite(poses.positions).all(axis=1) & np.isfinite(squares)
     unit = np.abs(squares - 1.0) <= UNIT_CLOSE  # false for NaN

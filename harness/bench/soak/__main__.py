@@ -20,11 +20,15 @@ from wayproof.harness.bench.soak.hostile import Refused, soak_hostile
 from wayproof.harness.bench.soak.kill import Killed, soak_kill
 from wayproof.harness.bench.soak.processors import Processors, soak_processors
 from wayproof.harness.bench.soak.race import Raced, soak_race
+from wayproof.harness.bench.soak.recordings import Broken, soak_recordings
 from wayproof.harness.bench.soak.studies import Disturbed, soak_studies
 from wayproof.harness.bench.soak.worlds import Drawn, soak_worlds
 
 SOAKS: dict[
-    str, Callable[..., Killed | Fuzzed | Tally | Drawn | Disturbed | Processors | Raced | Refused]
+    str,
+    Callable[
+        ..., Killed | Fuzzed | Tally | Drawn | Disturbed | Processors | Raced | Refused | Broken
+    ],
 ] = {
     "kill": soak_kill,
     "fuzz": soak_fuzz,
@@ -34,6 +38,7 @@ SOAKS: dict[
     "processors": soak_processors,
     "race": soak_race,
     "hostile": soak_hostile,
+    "recordings": soak_recordings,
 }
 """Name on the command line -> function of (count, seed, progress, number of the first)."""
 

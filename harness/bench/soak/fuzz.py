@@ -110,7 +110,7 @@ def _cases(source: Path, seed: int, begin: int, end: int, report: Callable[[str]
     folder = source.parent / "work"
     os.chdir(folder)
     log = open_log(source)
-    _limit_memory()
+    limit_memory()
     _watch_files(source.parent, report)
     for case in range(begin, end):
         report(f"begin {case}")
@@ -152,7 +152,7 @@ def run_case(kind: str, source: Path, log: Log, rng: np.random.Generator) -> Non
         replay(path)
 
 
-def _limit_memory() -> None:
+def limit_memory() -> None:
     """Limit the address space to the present one and the memory of a case."""
     pages = int(Path("/proc/self/statm").read_text().split()[0])
     most = pages * resource.getpagesize() + int(MOST_MEMORY_MIB * 2**20)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.bags.container import Broken, RawMessage
+from wayproof.harness.recordings.depth import usable
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -180,7 +181,7 @@ def camera_of(raw: RawMessage) -> Camera:
     matrix: NDArray[np.float64] = message.K if raw.encoding == "ros1" else message.k
     distortion: NDArray[np.float64] = message.D if raw.encoding == "ros1" else message.d
     fx, _, cx, _, fy, cy = (float(value) for value in matrix[:6])
-    if not (0.0 < fx < 1e6 and 0.0 < fy < 1e6 and abs(cx) < 1e6 and abs(cy) < 1e6):
+    if not usable((fx, fy, cx, cy)):
         raise Broken("a camera without intrinsics")
     distorted = bool((distortion != 0.0).any())
     return Camera(int(message.width), int(message.height), (fx, fy, cx, cy), distorted)

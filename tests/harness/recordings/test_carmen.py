@@ -186,3 +186,18 @@ def test_what_is_no_recording_is_refused_in_a_line(tmp_path, content, said):
         open_recording(path)
     with pytest.raises(InputError, match=r"unknown format of recordings 'x'|no such|empty"):
         open_recording(path, options=RecordingOptions(format="x"))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"range_max": 0.0}, "range_max 0: expected 0.001"),
+        ({"range_max": float("nan")}, "range_max nan"),
+        ({"pixel_stride": 0}, "pixel_stride 0"),
+        ({"intrinsics": (0.0, 1.0, 1.0, 1.0)}, "intrinsics 0,1,1,1"),
+        ({"end_s": float("inf")}, "end_s inf"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(fr079, options, said):
+    with pytest.raises(InputError, match=said):
+        open_recording(fr079, options=RecordingOptions(**options))

@@ -205,18 +205,18 @@ def test_a_depth_image_has_a_beam_for_every_so_many_pixels(tmp_path):
     millimetres[0, 1] = 0
     bag.image(10.5, millimetres, "16UC1")
     metres = np.full((4, 6), 2.0, np.float32)
-    metres[0, :2] = np.nan, np.inf
+    metres[0, :3] = np.nan, np.inf, 3e38
     bag.image(10.6, metres, "32FC1")
     recording = opened(bag.write(tmp_path / "bag.bag"), pixel_stride=1)
     first, second = recording.sweeps()
     assert recording.sensors[0].kind == "depth"
-    assert len(first.ranges) == len(second.ranges) == 23
-    assert np.isinf(second.ranges).tolist() == [False] * 22 + [True]
+    assert (len(first.ranges), len(second.ranges)) == (23, 22)
+    assert np.isinf(second.ranges).tolist() == [False] * 21 + [True]
     # The first pixel's: (0 - 3) / 2, (0 - 2) / 2, 1, two metres deep.
     assert first.points[0].tolist() == [-3.0, -2.0, 2.0]
     assert first.ranges[0] == np.float32(np.sqrt(17.0))
     np.testing.assert_allclose(second.directions[-1] * np.sqrt(3.0), [-1.0, -1.0, 1.0], rtol=1e-6)
-    assert recording.faults == {"pixel: no measurement": 2}
+    assert recording.faults == {"pixel: no measurement": 2, "range: beyond the maximum": 1}
     assert len(next(opened(tmp_path / "bag.bag").sweeps()).ranges) == 1  # stride 4
 
 

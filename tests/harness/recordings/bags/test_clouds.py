@@ -106,10 +106,11 @@ def test_sizes_that_the_data_does_not_have_are_counted(tmp_path, fields, changed
 
 def test_empty_clouds_and_far_points_are_counted(tmp_path):
     empty = {"width": 0, "row_step": 0, "data": np.empty(0, np.uint8)}
-    far = columns(np.array([[1e30, 0, 0], [2e5, 0, 0], [1, 0, 0]], np.float32))
+    most = np.finfo(np.float32).max  # whose length is beyond 32 bits: not a beam without return
+    far = columns(np.array([[most] * 3, [1e30, 0, 0], [2e5, 0, 0], [1, 0, 0]], np.float32))
     found, recording = sweeps(tmp_path, (far, {}), (columns(), empty))
     assert [sweep.ranges.tolist() for sweep in found] == [[1.0]]
-    assert recording.faults == {"range: beyond the maximum": 2, "sweep: nothing measured": 1}
+    assert recording.faults == {"range: beyond the maximum": 3, "sweep: nothing measured": 1}
 
 
 def test_times_far_from_the_stamp_are_counted(tmp_path):
