@@ -19,7 +19,7 @@ suppress_warnings = [
 CHAPTERS = {
     "Get started": ["get-started", "concepts", "comparison"],
     "Use your own": [
-        *("tutorials/stack", "stack-interface", "ros2", "nav2"),
+        *("tutorials/stack", "stack-interface", "ros2", "nav2", "gym"),
         *("tutorials/planner", "tutorials/robot", "robots"),
         *("tutorials/sensor", "sensors", "imports"),
     ],

@@ -130,8 +130,8 @@ class StackConfig:
 
     Attributes:
         name: `builtin`, a reference stack, `module:Class` or `path/to/file.py:Class` of the user's
-            own, `exec:COMMAND`, `unix:PATH` or `tcp:HOST:PORT` of one that listens, or `ros2` with
-            options.
+            own, `policy:FILE.onnx`, `exec:COMMAND`, `unix:PATH` or `tcp:HOST:PORT` of one that
+            listens, or `ros2` with options.
         guard: Whether the referee brakes in the stack's place where its map does not admit the
             space that a command can sweep.
     """

@@ -18,6 +18,7 @@ from wayproof.harness.bench.episodes.robots import PARTS as ROBOT_PARTS
 from wayproof.harness.bench.episodes.robots import bench_robots
 from wayproof.harness.bench.episodes.study import bench_study, bench_study_size
 from wayproof.harness.bench.episodes.worlds import bench_worlds
+from wayproof.harness.bench.micro.gym import bench_gym
 from wayproof.harness.bench.micro.loop import LOADS, bench_loop
 from wayproof.harness.bench.micro.map import PARTS as MAP_PARTS
 from wayproof.harness.bench.micro.map import bench_map
@@ -51,6 +52,7 @@ STAGES: dict[str, Stage] = {
     "coverage": Stage(bench_coverage, 1000, parts=COVERAGE_PARTS),
     "crossing": Stage(bench_crossing, 10, keeps=True),
     "delays": Stage(bench_delays, 2),
+    "gym": Stage(bench_gym, 5),
     "loop": Stage(bench_loop, 3, parts=LOADS),
     "map": Stage(bench_map, 15, parts=MAP_PARTS),
     "plan": Stage(bench_plan, 15),

@@ -135,7 +135,7 @@ def add_stack(parser: argparse.ArgumentParser) -> None:
         "--stack",
         metavar="STACK",
         help="put a stack on trial: a name of 'wayproof list', module:Class, file.py:Class, "
-        "exec:COMMAND, unix:PATH, tcp:HOST:PORT or ros2[:KEY=VALUE,...]",
+        "policy:FILE.onnx, exec:COMMAND, unix:PATH, tcp:HOST:PORT or ros2[:KEY=VALUE,...]",
     )
     parser.add_argument(
         "--guard", action="store_true", help="brake where the referee does not admit a command"

@@ -17,6 +17,9 @@ PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
 CODE = "code"
 """Field of the metadata `run`: a hash of the source code of Wayproof."""
 
+KINDS = ("*.py", "*.onnx")
+"""Files that decisions follow from: source code, and the policies of reference stacks."""
+
 FOLDERS = ("harness", "maps", "models", "planners")
 
 ROOT = Path(__file__).parents[2]
@@ -48,13 +51,13 @@ def this_machine() -> Mapping[str, str]:
 
 @functools.cache
 def code_digest() -> str:
-    """Return 16 digits of the SHA-256 over all source files of Wayproof and their names."""
+    """Return 16 digits of the SHA-256 over all source files and policies, and their names."""
     digest = hashlib.sha256()
-    for folder in FOLDERS:
-        for path in sorted((ROOT / folder).rglob("*.py")):
-            data = path.read_bytes()
-            digest.update(f"{path.relative_to(ROOT).as_posix()} {len(data)}\n".encode())
-            digest.update(data)
+    files = [path for name in FOLDERS for kind in KINDS for path in (ROOT / name).rglob(kind)]
+    for path in sorted(files):
+        data = path.read_bytes()
+        digest.update(f"{path.relative_to(ROOT).as_posix()} {len(data)}\n".encode())
+        digest.update(data)
     return digest.hexdigest()[:16]
 
 
