@@ -23,7 +23,7 @@ ORDER = (
     *("user_code", "log", "recordings", "scenario", "recompute", "attribution"),
     *("warm_up", "sim", "episode", "runner"),
     *("warm_up", "sim", "episode", "runner"),
-    *("replay", "shadow", "counterfactual", "study.statistics", "trajectory_error"),
+    *("replay", "shadow", "lab", "counterfactual", "study.statistics", "trajectory_error"),
     *("metrics", "clearance", "explain", "viewer", "tables", "map_files"),
     *("gym", "worker_pool", "study", "api", "bench", "cli", "bench.soak"),
 )

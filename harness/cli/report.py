@@ -13,7 +13,9 @@ from wayproof.harness.cli.verb import Document, Verb, add_plugins
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Write the report of a study; exit code 0 if it is written, whatever the verdict."""
+    """Write the report of a study or a recording; exit code 0 if it is, whatever the verdict."""
+    if options.folder.is_file():
+        return _recording(options, console)
     from wayproof.harness.study.report.report import write_report
     from wayproof.harness.study.study import verdict_in_words
 
@@ -25,13 +27,27 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     return 0, {**asdict(result), "verdict": result.verdict, "report": str(path)}
 
 
+def _recording(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Write the page of a recording's log."""
+    from wayproof.harness.shadow.page import write_page
+
+    out = options.folder.with_suffix(".html")
+    summary = write_page(options.folder, out, options.allow_plugins)
+    console.print(f"{summary.verdict}: {summary.reason}", highlight=False, soft_wrap=True)
+    console.print(f"page: {out}", highlight=False, soft_wrap=True)
+    return 0, {**asdict(summary), "report": str(out)}
+
+
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", metavar="FOLDER", type=Path, help="folder of a study")
+    parser.add_argument(
+        "folder", metavar="FOLDER", type=Path, help="folder of a study, or log of a recording"
+    )
     add_plugins(parser)
 
 
 VERB = Verb(
-    help="write a study as HTML: a site in its folder, and one self-contained page",
+    help="write a study as HTML: a site in its folder, and one self-contained page; "
+    "or the page of a recording, beside its log",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof report logs/smoke",

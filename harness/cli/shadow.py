@@ -105,6 +105,8 @@ def log_name(recording: Recording, options: argparse.Namespace, prepared: Prepar
 
 def print_summary(console: Console, summary: Summary) -> None:
     """Print the verdict, the worst places, and what the stack would have done."""
+    from wayproof.harness.shadow.summary import lines_of
+
     share = "" if summary.admitted_share is None else f" ({summary.admitted_share:.1%} admitted)"
     text = Text.assemble(
         (summary.verdict, STYLES[summary.verdict]), f": {summary.reason}{share}; {summary.faults}"
@@ -121,27 +123,6 @@ def print_summary(console: Console, summary: Summary) -> None:
             soft_wrap=True,
             highlight=False,
         )
-
-
-def lines_of(summary: Summary) -> list[str]:
-    """Return the figures of a summary in sentences."""
-    actions = ", ".join(f"{name} {count}" for name, count in summary.actions.items())
-    bound = ">= " if summary.clearance_is_bound else ""
-    latency = summary.latency_ms
-    ahead = "no second of way to judge"
-    if summary.ahead_share is not None:
-        ahead = f"{summary.ahead_share:.1%} of {summary.ahead_decisions} decisions"
-    return [
-        f"the way of the next second was admitted at {ahead}",
-        f"{summary.hindsight_m:.2f} m led through cells that are occupied at the end, "
-        f"{summary.hindsight_admitted_m:.2f} m of it admitted when entered",
-        f"least clearance by the map {bound}{summary.least_clearance_m:.2f} m, at "
-        f"{summary.least_clearance_s:.1f} s",
-        f"decisions {latency['p50']:.1f} ms (p50), {latency['p99']:.1f} (p99), "
-        f"{latency['max']:.1f} (max); map {summary.map_mib:.1f} MiB",
-        f"the stack, from rest at each pose: {actions}; it would have stood for "
-        f"{summary.stopped_s:.1f} of the {summary.moving_s:.1f} s in which the robot moved",
-    ]
 
 
 def _print_places(console: Console, summary: Summary) -> None:

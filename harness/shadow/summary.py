@@ -181,6 +181,27 @@ def summarize(assessed: Assessed) -> Summary:
     )
 
 
+def lines_of(summary: Summary) -> list[str]:
+    """Return the figures of a summary in sentences."""
+    actions = ", ".join(f"{name} {count}" for name, count in summary.actions.items())
+    bound = ">= " if summary.clearance_is_bound else ""
+    latency = summary.latency_ms
+    ahead = "no second of way to judge"
+    if summary.ahead_share is not None:
+        ahead = f"{summary.ahead_share:.1%} of {summary.ahead_decisions} decisions"
+    return [
+        f"the way of the next second was admitted at {ahead}",
+        f"{summary.hindsight_m:.2f} m led through cells that are occupied at the end, "
+        f"{summary.hindsight_admitted_m:.2f} m of it admitted when entered",
+        f"least clearance by the map {bound}{summary.least_clearance_m:.2f} m, at "
+        f"{summary.least_clearance_s:.1f} s",
+        f"decisions {latency['p50']:.1f} ms (p50), {latency['p99']:.1f} (p99), "
+        f"{latency['max']:.1f} (max); map {summary.map_mib:.1f} MiB",
+        f"the stack, from rest at each pose: {actions}; it would have stood for "
+        f"{summary.stopped_s:.1f} of the {summary.moving_s:.1f} s in which the robot moved",
+    ]
+
+
 def seconds(decision: pb.Decision) -> float:
     """Time of a decision, s."""
     return float(decision.timestamp.ToNanoseconds()) * 1e-9

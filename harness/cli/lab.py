@@ -1,0 +1,168 @@
+"""`wayproof lab`: one log or recording through maps of other settings, side by side."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from wayproof.harness.cli.recording_options import add_recording, options_of
+from wayproof.harness.cli.verb import Document, Verb, add_settings
+from wayproof.harness.errors import InputError
+
+if TYPE_CHECKING:
+    from wayproof.harness.lab.source import Source
+    from wayproof.harness.lab.trials import Rays, Trial
+
+SWEEPS = 200
+"""Default number of sweeps."""
+
+
+def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Integrate the same sweeps into every map, and print the table."""
+    from wayproof.harness.lab.trials import against_octomap, cast_rays, run_trial, variants
+
+    if not 1 <= options.sweeps <= 100_000:
+        raise InputError(f"--sweeps: got {options.sweeps}, expected 1 to 100000")
+    if options.plot is not None and options.plot.suffix != ".png":
+        raise InputError(f"--plot: got '{options.plot}', expected a name that ends in .png")
+    source = _source(options)
+    if options.kind is not None:
+        source = replace(source, config=replace(source.config, kind=options.kind))
+    trials: list[Trial] = []
+    refused: dict[str, str] = {}
+    with console.status("integrating") as status:
+        for group, setting, config in variants(source.config):
+            status.update(f"{group} {setting}")
+            try:
+                trials.append(run_trial(source, group, setting, config))
+            except (ValueError, MemoryError) as error:
+                refused[f"{group} {setting}"] = str(error) or "out of memory"
+        peers = against_octomap(source)
+        rays = cast_rays(source)
+    trials += peers or ()
+    _print(console, source, trials, refused, rays)
+    if peers is None:
+        console.print("  no OctoMap beside it: pip install pyoctomap", highlight=False)
+    if options.plot is not None:
+        from wayproof.harness.lab.plots import plot
+
+        plot(trials, options.plot)
+        console.print(f"plot: {options.plot}", soft_wrap=True, highlight=False)
+    document: Document = {
+        "source": source.name,
+        "sweeps": len(source.sweeps),
+        "trials": [asdict(trial) for trial in trials],
+        "refused": refused,
+        "rays": None if rays is None else asdict(rays),
+    }
+    return 0, document
+
+
+def _source(options: argparse.Namespace) -> Source:
+    """The sweeps of a log, or of a recording."""
+    from wayproof.harness.lab.source import of_log, of_recording
+    from wayproof.harness.log.codec.container import MAGIC
+    from wayproof.harness.log.reader import open_log
+
+    path: Path = options.recording
+    if path.is_file():
+        with path.open("rb") as file:
+            is_mcap = file.read(len(MAGIC)) == MAGIC
+        if is_mcap and options.format is None and _is_ours(path):
+            open_log(path)  # says what is wrong with it
+            return of_log(path, options.sweeps)
+    from wayproof.harness.recordings.formats import open_recording
+    from wayproof.harness.shadow.body import find_body
+    from wayproof.harness.shadow.prepare import prepare
+
+    if options.robot is None:
+        raise InputError("--robot: expected a body for a recording, whose region is mapped")
+    recording = open_recording(path, options=options_of(options))
+    prepared = prepare(
+        recording,
+        find_body(options.robot),
+        options.set,
+        begin_s=options.begin,
+        end_s=options.end,
+    )
+    return of_recording(recording, prepared, options.sweeps)
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether an MCAP file is a log of Wayproof, and not a bag."""
+    from wayproof.harness.log.reader import open_log
+
+    try:
+        open_log(path)
+    except InputError as error:
+        return "not a Wayproof log" not in str(error)
+    return True
+
+
+def _print(
+    console: Console,
+    source: Source,
+    trials: list[Trial],
+    refused: dict[str, str],
+    rays: Rays | None,
+) -> None:
+    table = Table(title=f"{source.name}: {len(source.sweeps)} sweeps", title_justify="left")
+    for name in ("varied", "map", "ms", "MiB", "occupied", "free", "misses", "same"):
+        left = name in ("varied", "map")
+        table.add_column(name, justify="left" if left else "right", no_wrap=True)
+    for one in trials:
+        table.add_row(
+            f"{one.group} {one.setting}",
+            one.kind,
+            f"{one.ms_p50:.2f}",
+            f"{one.memory_mib:.2f}",
+            str(one.occupied),
+            str(one.free),
+            "-" if one.misses_to_free is None else str(one.misses_to_free),
+            "" if one.agreement is None else f"{one.agreement:.3%}",
+        )
+    console.print(table)
+    console.print(
+        "  ms: median of a sweep; misses: sweeps through a cell until it is free again; "
+        "same: cells as in OctoMap",
+        soft_wrap=True,
+        highlight=False,
+    )
+    for setting, why in refused.items():
+        console.print(f"  not made: {setting}: {why}", soft_wrap=True, highlight=False)
+    if rays is not None:
+        console.print(
+            f"  rays from the last place: {rays.occupied:.0%} meet something within 10 m, "
+            f"{rays.unknown:.0%} meet unknown space before it; "
+            f"{rays.mean_free_m:.2f} m are free on average",
+            soft_wrap=True,
+            highlight=False,
+        )
+
+
+def _add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_recording(parser)
+    parser.add_argument("--robot", help="body of a recording: a spec file, or a robot's name")
+    add_settings(parser)
+    parser.add_argument(
+        "--sweeps",
+        type=int,
+        default=SWEEPS,
+        metavar="N",
+        help=f"number of sweeps that are integrated (default: {SWEEPS})",
+    )
+    parser.add_argument("--kind", metavar="NAME", help="kind of the maps (default: the log's)")
+    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw memory and time")
+
+
+VERB = Verb(
+    help="compare resolutions, clamps and decay of the map on the sweeps of a log or a recording",
+    add_arguments=_add_arguments,
+    run=run,
+    example="wayproof lab logs/warehouse-drone-3.mcap",
+)

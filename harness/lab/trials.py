@@ -1,0 +1,235 @@
+"""Maps of other settings on the same sweeps: memory, time, cells, ghosts, and agreement."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wayproof.harness.lab.source import Source
+from wayproof.maps import FREE, MAPS, OCCUPIED, MapConfig, Representation, VoxelMap, states_in
+from wayproof.maps.bounds import check_fields
+
+RESOLUTIONS = (0.01, 0.05, 0.1, 0.2)
+"""Resolutions that are compared, m."""
+
+CLAMPS = ((0.12, 0.97), (0.02, 0.98), (0.3, 0.7))
+"""Clamping thresholds that are compared: the default, wide, and narrow."""
+
+HALF_LIVES = (0.0, 5.0, 30.0)
+"""Half-lives that are compared, s; 0 is none."""
+
+WALL_SWEEPS = 50
+"""Sweeps that see the thing before it leaves, in the trial of ghosts."""
+
+MOST_MISSES = 1000
+
+MOST_CELLS = 1e8
+"""Maximum number of cells of a region, about; beyond it all space is mapped."""
+
+RAYS = 64
+"""Directions of the rays that are cast from the last origin."""
+
+RAY_RANGE = 10.0
+"""Their range, m."""
+
+OUR_GUARD, OCTOMAP = "floor_grazing_filter", "octomap"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One map of the lab.
+
+    Attributes:
+        group: What is varied: `resolution`, `clamps`, `decay`, or `peer`.
+        setting: The setting, in words.
+        kind: Of the map.
+        ms_p50: Median wall time to integrate a sweep, ms.
+        ms_p99: 99th percentile, ms.
+        memory_mib: Of the map at the end, MiB.
+        occupied: Number of occupied cells at the end.
+        free: Number of free cells.
+        misses_to_free: Sweeps that must see through a cell until it is free again, after something
+            stood in it for 50 sweeps; None if it never is.
+        agreement: Share of the cells known to either that are the same in OctoMap; None without.
+    """
+
+    group: str
+    setting: str
+    kind: str
+    ms_p50: float
+    ms_p99: float
+    memory_mib: float
+    occupied: int
+    free: int
+    misses_to_free: int | None
+    agreement: float | None = None
+
+
+@dataclass(frozen=True)
+class Rays:
+    """What rays from the last sensor's place meet in the map of the default settings.
+
+    Attributes:
+        occupied: Share that stop at an occupied cell.
+        unknown: Share that, asked to stop there, stop at an unknown cell before it.
+        mean_free_m: Mean length up to the first occupied or unknown cell, m.
+    """
+
+    occupied: float
+    unknown: float
+    mean_free_m: float
+
+
+def variants(base: MapConfig) -> Iterator[tuple[str, str, MapConfig]]:
+    """Yield group, setting in words, and config of each map."""
+    for resolution in RESOLUTIONS:
+        yield "resolution", f"{100 * resolution:g} cm", replace(base, resolution=resolution)
+    for low, high in CLAMPS:
+        yield "clamps", f"{low:g} to {high:g}", replace(base, prob_min=low, prob_max=high)
+    for half_life in HALF_LIVES:
+        words = f"{half_life:g} s" if half_life else "none"
+        yield "decay", words, replace(base, half_life=half_life)
+
+
+def run_trial(source: Source, group: str, setting: str, config: MapConfig) -> Trial:
+    """Integrate all sweeps of a source into one map.
+
+    Raises:
+        ValueError: The map cannot have these settings, or not on these sweeps.
+    """
+    a_map, spent = build(source, config)
+    counts = a_map.counts()
+    p50, p99 = np.percentile(spent, [50, 99]).tolist()
+    return Trial(
+        group=group,
+        setting=setting,
+        kind=config.kind,
+        ms_p50=p50,
+        ms_p99=p99,
+        memory_mib=a_map.memory_bytes() / 2**20,
+        occupied=counts.get("occupied", 0),
+        free=counts.get("free", 0),
+        misses_to_free=misses_to_free(config),
+    )
+
+
+def build(source: Source, config: MapConfig) -> tuple[Representation, list[float]]:
+    """Integrate all sweeps of a source; return the map, and the wall time of each, ms."""
+    check_fields(config, "map.")
+    a_map = _empty(source, config)
+    spent = []
+    for one in source.sweeps:
+        sweep = one.sweep
+        if config.no_return == "ignored":
+            sweep = sweep.without_no_returns()
+        longest = min(one.range_m, 2046.0 * config.resolution)
+        began = time.perf_counter()
+        a_map.integrate(
+            sweep.origins, sweep.directions, sweep.ranges_mm, longest, one.time_ns, sweep.moments
+        )
+        spent.append((time.perf_counter() - began) * 1e3)
+    return a_map, spent
+
+
+def _empty(source: Source, config: MapConfig) -> Representation:
+    """An empty map of the source's region; of all space where fine cells make that too large."""
+    low, high = np.array(source.low), np.array(source.high)
+    if float(np.prod((high - low) / config.resolution)) > MOST_CELLS:
+        return MAPS[config.kind](config, 1)
+    return MAPS[config.kind](config, 1, source.low, source.high)
+
+
+def misses_to_free(config: MapConfig) -> int | None:
+    """Sweeps that must cross a cell until it is free, after a thing stood in it for 50 sweeps.
+
+    Measured on a map of this kind, without decay: one beam along x at a height of 0.3 m.
+    """
+    a_map = MAPS[config.kind](replace(config, half_life=0.0), 1, (-4, -4, -1), (4, 4, 2))
+    size = config.resolution
+    origin = np.array([0.5 * size, 0.5 * size, 0.3])
+    beam, place = np.array([[1.0, 0.0, 0.0]]), np.array([[1.0 + 0.5 * size, 0.5 * size, 0.3]])
+    met = np.array([round(1000 * float(place[0, 0] - origin[0]))], np.uint16)
+    beyond = np.array([2000], np.uint16)
+    now = 0
+    for _ in range(WALL_SWEEPS):
+        a_map.integrate(origin, beam, met, 3.0, now)
+        now += 100_000_000
+    if a_map.state_at(place)[0] != OCCUPIED:
+        return None
+    for misses in range(1, MOST_MISSES + 1):
+        a_map.integrate(origin, beam, beyond, 3.0, now)
+        now += 100_000_000
+        if a_map.state_at(place)[0] == FREE:
+            return misses
+    return None
+
+
+def against_octomap(source: Source) -> tuple[Trial, Trial] | None:
+    """Our voxel map and OctoMap on the same sweeps, without decay and without the floor's guard.
+
+    Returns:
+        Ours with the agreement, and OctoMap's; None if pyoctomap is not installed.
+    """
+    settings = replace(
+        source.config,
+        kind="voxel",
+        half_life=0.0,
+        floor_grazing_filter=False,
+        no_decay_radius=0.0,
+    )
+    try:
+        peer, peer_ms = build(source, replace(settings, kind=OCTOMAP))
+    except ValueError as error:
+        if "pyoctomap" in str(error):
+            return None
+        raise
+    ours, ours_ms = build(source, settings)
+    share = agreement(source, ours, peer)
+    made = []
+    for a_map, kind, spent in ((ours, "voxel", ours_ms), (peer, OCTOMAP, peer_ms)):
+        counts = a_map.counts()
+        p50, p99 = np.percentile(spent, [50, 99]).tolist()
+        made.append(
+            Trial(
+                group="peer",
+                setting="no decay or guard",
+                kind=kind,
+                ms_p50=p50,
+                ms_p99=p99,
+                memory_mib=a_map.memory_bytes() / 2**20,
+                occupied=counts.get("occupied", 0),
+                free=counts.get("free", 0),
+                misses_to_free=misses_to_free(replace(settings, kind=kind)),
+                agreement=share,
+            )
+        )
+    return made[0], made[1]
+
+
+def agreement(source: Source, ours: Representation, peer: Representation) -> float | None:
+    """Share of the cells in the region that either map knows and that both hold alike."""
+    mine = states_in(ours, source.low, source.high)
+    theirs = states_in(peer, source.low, source.high)
+    known = (mine != 0) | (theirs != 0)
+    return float((mine[known] == theirs[known]).mean()) if known.any() else None
+
+
+def cast_rays(source: Source) -> Rays | None:
+    """Cast rays from the last origin in a voxel map of the source's settings."""
+    if not source.sweeps:
+        return None
+    a_map, _ = build(source, replace(source.config, kind="voxel"))
+    assert isinstance(a_map, VoxelMap)
+    origin = source.sweeps[-1].sweep.origins[-1]
+    hits, before, lengths = 0, 0, []
+    for angle in np.linspace(0.0, 2.0 * np.pi, RAYS, endpoint=False):
+        toward = np.array([np.cos(angle), np.sin(angle), 0.0])
+        stopped = a_map.cast_ray(origin, toward, RAY_RANGE)
+        first = a_map.cast_ray(origin, toward, RAY_RANGE, stop_at_unknown=True)
+        hits += stopped is not None
+        before += first is not None and first.state != OCCUPIED
+        lengths.append(RAY_RANGE if first is None else first.distance)
+    return Rays(hits / RAYS, before / RAYS, float(np.mean(lengths)))

@@ -1,0 +1,115 @@
+"""Inputs of a decision from one batch of recorded sweeps, as messages of the log."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.shadow.batches import Batch
+from wayproof.harness.shadow.perturb import RecordedPerturbation
+from wayproof.harness.shadow.prepare import Prepared, lifted
+from wayproof.harness.shadow.sweeps import greatest_age
+from wayproof.harness.shadow.way import RecordedPose
+from wayproof.models.poses import Trail
+
+TRAIL_PERIOD_NS = 10_000_000
+"""Time between two poses of a trail, ns."""
+
+MOST_TRAIL = 256
+"""Maximum number of poses in a trail."""
+
+
+class Given(NamedTuple):
+    """Inputs of one decision, and what the robot did since the one before.
+
+    Attributes:
+        sweeps: As the stack gets them.
+        pose: Likewise.
+        goal: Of the decision.
+        motion: Recorded.
+    """
+
+    sweeps: list[pb.Sweep]
+    pose: pb.Pose
+    goal: pb.Goal
+    motion: pb.RecordedMotion
+
+
+class InputWriter:
+    """Writes the inputs of one pass through a recording, batch by batch."""
+
+    def __init__(self, prepared: Prepared, perturbation: RecordedPerturbation) -> None:
+        """Start before the first batch."""
+        self._prepared, self._perturbation = prepared, perturbation
+        self._before: RecordedPose | None = None
+        self._before_ns = 0
+
+    def write(self, batch: Batch, sequence: int) -> Given:
+        """Write the inputs of the next decision."""
+        motion = self._motion(batch.time_ns, sequence)
+        sweeps = self._perturbation.sweeps(self._sweeps(batch, sequence), batch.time_ns, sequence)
+        pose = self._pose(sweeps, motion, batch.time_ns, sequence)
+        goal = pb.Goal(sequence=sequence, position=self._prepared.way.goal(batch.time_ns).tolist())
+        goal.timestamp.FromNanoseconds(batch.time_ns)
+        return Given(sweeps, pose, goal, motion)
+
+    def _sweeps(self, batch: Batch, sequence: int) -> list[pb.Sweep]:
+        prepared = self._prepared
+        return [
+            prepared.writers[sweep.sensor].write(
+                sweep, lifted(sweep.T_body_sensor, prepared.lift), batch.time_ns, sequence
+            )
+            for sweep in batch.sweeps
+            if sweep.sensor in prepared.writers
+        ]
+
+    def _motion(self, time_ns: int, sequence: int) -> pb.RecordedMotion:
+        """What the robot did since the decision before."""
+        way, pose = self._prepared.way, self._prepared.way.pose(time_ns)
+        begin_ns = self._before_ns if self._before is not None else time_ns
+        poses = way.between(begin_ns, time_ns)
+        if self._before is not None:
+            poses[0] = self._before.row
+        poses[-1] = pose.row
+        velocity = np.zeros(3)
+        if time_ns > begin_ns:
+            velocity = (poses[-1, :3] - poses[0, :3]) / ((time_ns - begin_ns) * 1e-9)
+        message = pb.RecordedMotion(
+            sequence=sequence,
+            position=pose.position.tolist(),
+            quaternion=pose.quaternion.tolist(),
+            velocity=velocity.tolist(),
+            way=poses.ravel().tolist(),
+        )
+        message.timestamp.FromNanoseconds(time_ns)
+        self._before, self._before_ns = pose, time_ns
+        return message
+
+    def _pose(
+        self, sweeps: Sequence[pb.Sweep], motion: pb.RecordedMotion, time_ns: int, sequence: int
+    ) -> pb.Pose:
+        """The pose that the stack is given, with a trail where beams are older."""
+        message = pb.Pose(
+            sequence=sequence,
+            position=motion.position,
+            quaternion=motion.quaternion,
+            position_sigma=self._prepared.recorded.position_sigma,
+        )
+        message.timestamp.FromNanoseconds(time_ns)
+        if (age := greatest_age(sweeps)) > 0:
+            trail = self._trail(time_ns, age)
+            message.history_positions.extend(trail.positions.ravel().tolist())
+            message.history_quaternions.extend(trail.quaternions.ravel().tolist())
+            message.history_period_s = trail.period
+        self._perturbation.pose(message, motion, time_ns)
+        return message
+
+    def _trail(self, time_ns: int, age_ns: int) -> Trail:
+        """Poses up to a time, from at least an age before it on."""
+        period_ns = max(TRAIL_PERIOD_NS, -(-age_ns // (MOST_TRAIL - 1)))
+        steps = np.arange(-(-age_ns // period_ns), -1, -1, dtype=np.int64)
+        times = np.maximum(time_ns - steps * period_ns, 0)
+        return Trail(*self._prepared.way.at(times), period_ns * 1e-9)
