@@ -9,9 +9,11 @@ from pathlib import Path
 import pytest
 
 from wayproof import Config, build, open_log, override, run_episode
+from wayproof.harness.bench.ros2_latency import measure
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.command_messages import costmap_of, planned_path_of
 from wayproof.harness.interface.connect import connect
+from wayproof.harness.replay.asked_again import ask_again
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import stack_pb2 as sb
 
@@ -70,6 +72,13 @@ def test_what_was_received_and_when_is_in_the_log(lockstep):
 def test_a_second_run_gives_the_same_chain_though_the_first_sweep_came_twice(lockstep, tmp_path):
     with node("Repeats"):
         assert trial(tmp_path, "pace=lockstep").chain == lockstep.chain
+
+
+def test_the_node_asked_again_on_the_log_answers_alike(lockstep):
+    with node("Client"):
+        asked = ask_again(Path(lockstep.log), f"ros2:domain={DOMAIN},pace=lockstep")
+    assert asked.identical
+    assert asked.answers == lockstep.decisions
 
 
 def test_a_node_with_a_timer_is_found_out_and_slow_or_not_gives_the_same_chain(tmp_path):
@@ -168,6 +177,13 @@ def test_a_command_that_takes_effect_before_it_is_made_is_refused(tmp_path):
         trial(tmp_path, "pace=controller,controller_frequency=10")
     assert "a command is made up to 0.1 s after its sweep" in str(error.value)
     assert not list(tmp_path.iterdir())
+
+
+def test_round_trips_are_measured():
+    with node("Client"):
+        latencies = measure(f"ros2:domain={DOMAIN},pace=lockstep", "own", 5)
+    assert len(latencies) == 5
+    assert (latencies > 0.0).all()
 
 
 def connect_within(starting_s, name):
