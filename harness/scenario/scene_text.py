@@ -16,12 +16,13 @@ from wayproof.models.world_files.mjcf_bounds import Bounds
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.xml_tree import Element
 
-MAX_CHARACTERS = 16 * 2**20
+MAX_CHARACTERS = 64 * 2**20
+"""As of an imported world: two million heights in text take half of it."""
 
 MAX_ELEMENTS = 50_000
 
 REFUSED_ELEMENTS = frozenset(
-    "include plugin extension instance model attach flexcomp composite replicate skin hfield "
+    "include plugin extension instance model attach flexcomp composite replicate skin "
     "deformable".split()
 )
 """Elements that name files or code, or that multiply."""

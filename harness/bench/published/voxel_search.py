@@ -17,6 +17,9 @@ from numpy.typing import NDArray
 
 _compiled = numba.njit(cache=True, error_model="numpy")
 
+SLAB = 64
+"""Cells along x whose moves are worked out at once: the rest of the map takes no memory for it."""
+
 SQRT2 = 2.0**0.5
 SQRT3 = 3.0**0.5
 
@@ -87,6 +90,14 @@ def _allowed_moves(padded: NDArray[np.bool_]) -> NDArray[np.uint32]:  # (nx * ny
     """Bit n is set where `STEPS[n]` leads through free cells only, the cell itself included."""
     shape = tuple(size - 2 for size in padded.shape)
     allowed = np.zeros(shape, np.uint32)
+    for first in range(0, shape[0], SLAB):
+        allowed[first : first + SLAB] = _allowed_within(padded[first : first + SLAB + 2])
+    return allowed.reshape(-1)
+
+
+def _allowed_within(padded: NDArray[np.bool_]) -> NDArray[np.uint32]:  # (nx, ny, nz)
+    shape = tuple(size - 2 for size in padded.shape)
+    allowed = np.zeros(shape, np.uint32)
     for number, step in enumerate(STEPS):
         free = np.ones(shape, np.bool_)
         for corner in np.ndindex(2, 2, 2):
@@ -95,7 +106,7 @@ def _allowed_moves(padded: NDArray[np.bool_]) -> NDArray[np.uint32]:  # (nx * ny
             offset = 1 + np.array(corner) * step
             free &= ~padded[tuple(slice(o, o + n) for o, n in zip(offset, shape, strict=True))]
         allowed |= np.left_shift(free.astype(np.uint32), np.uint32(number))
-    return allowed.reshape(-1)
+    return allowed
 
 
 @_compiled

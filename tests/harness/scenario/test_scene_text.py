@@ -45,6 +45,8 @@ def test_our_own_scenes_pass():
         (scene("", '<option noslip_iterations="2000000000"/>'), "noslip_iterations 2e+09"),
         (scene("", '<custom><numeric name="a" size="400000000"/></custom>'), "size 4e+08"),
         (scene("", f"<asset>{TEXTURES}</asset>"), "pixels of all textures"),
+        (scene("", '<asset><hfield nrow="40000" ncol="40000"/></asset>'), "heights of all fields"),
+        (scene("", '<asset><hfield file="a.png"/></asset>'), "<hfield file=...>"),
         (scene("<body>" * 20_000 + "</body>" * 20_000), "more than 100 elements within one"),
     ],
 )
