@@ -21,13 +21,24 @@ from wayproof.harness.bench.soak.kill import Killed, soak_kill
 from wayproof.harness.bench.soak.processors import Processors, soak_processors
 from wayproof.harness.bench.soak.race import Raced, soak_race
 from wayproof.harness.bench.soak.recordings import Broken, soak_recordings
+from wayproof.harness.bench.soak.stacks import Replayed, soak_stacks
 from wayproof.harness.bench.soak.studies import Disturbed, soak_studies
 from wayproof.harness.bench.soak.worlds import Drawn, soak_worlds
 
 SOAKS: dict[
     str,
     Callable[
-        ..., Killed | Fuzzed | Tally | Drawn | Disturbed | Processors | Raced | Refused | Broken
+        ...,
+        Killed
+        | Fuzzed
+        | Tally
+        | Drawn
+        | Disturbed
+        | Processors
+        | Raced
+        | Refused
+        | Broken
+        | Replayed,
     ],
 ] = {
     "kill": soak_kill,
@@ -39,6 +50,7 @@ SOAKS: dict[
     "race": soak_race,
     "hostile": soak_hostile,
     "recordings": soak_recordings,
+    "stacks": soak_stacks,
 }
 """Name on the command line -> function of (count, seed, progress, number of the first)."""
 
