@@ -423,6 +423,9 @@ OF_TRUTH = (
 )
 """Metrics that a recording does not have, as nobody knows the truth."""
 
+OF_STACKS_ON_TRIAL = ("not_admitted", "guard_cuts")
+"""Figures that only stacks on trial have."""
+
 
 def score(trace: Trace) -> dict[str, float | None]:
     """Every metric of an episode, by name; of a recording those that need no truth."""

@@ -146,6 +146,11 @@ def unseen_obstacle(facts: ContactFacts) -> str | None:
     """The obstacle was in unknown space, which the policy lets the robot enter."""
     if facts.own or facts.unknown <= facts.free:
         return None
+    if facts.commanded is not None:
+        return (
+            f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were "
+            f"unknown at decision {facts.decision}; {_followed(facts.commanded)}"
+        )
     return (
         f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were "
         f"unknown at decision {facts.decision}, and the robot was let in"

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-from wayproof.harness.metrics import METRICS
+from wayproof.harness.config import BUILTIN
+from wayproof.harness.metrics import METRICS, OF_STACKS_ON_TRIAL
 from wayproof.harness.study.analysis import Pairs, Sample, cluster_of, is_imported
 from wayproof.harness.study.file import Arm, Gate, name_of
 from wayproof.harness.study.rows import Row
@@ -78,9 +79,19 @@ def judge(
         (gate, one)
         for gate in gates
         for one in populations
-        if one.compared or gate.statistic == "mean"
+        if one.compared or (gate.statistic == "mean" and _has_figure(gate, one, populations))
     ]
     return [_judge(gate, one, len(judged), time_limit) for gate, one in judged]
+
+
+def _has_figure(gate: Gate, sample: Sample, samples: Sequence[Sample]) -> bool:
+    """Return whether an arm can have a gate's figure.
+
+    No referee judges the built-in stack, so its arm is left out beside those of stacks on trial.
+    Without these it stays, and the gate is inconclusive, as nothing is shown.
+    """
+    others = any(one.arm.stack not in ("", BUILTIN) for one in samples)
+    return not (others and gate.metric in OF_STACKS_ON_TRIAL and sample.arm.stack == BUILTIN)
 
 
 def _populations(samples: Sequence[Sample]) -> list[Sample]:

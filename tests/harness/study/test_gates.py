@@ -147,6 +147,17 @@ def test_episodes_that_did_not_run_are_no_evidence() -> None:
     assert judged("success.mean >= 0.9", [*rows[:40], crashed]).worlds == 41
 
 
+def test_a_figure_of_stacks_on_trial_is_judged_on_their_arms_alone() -> None:
+    builtin, gap = (dataclasses.replace(ARM, stack=name) for name in ("builtin", "gap"))
+    gate = read_gate("not_admitted.mean <= 0.5")
+    rows = [row(seed, builtin) for seed in range(40)]
+    ours = judge(samples_of(rows, "", "builtin"), [gate], 60.0)
+    assert [(one.arm, one.verdict) for one in ours] == [(builtin, "inconclusive")]
+    rows += [row(seed, gap, not_admitted=0.1) for seed in range(40)]
+    both = judge(samples_of(rows, "", "builtin"), [gate], 60.0)
+    assert [(one.arm, one.verdict) for one in both] == [(gap, "held")]
+
+
 def test_an_arm_without_its_partner_is_inconclusive() -> None:
     drift = Arm("warehouse", "drone", "", "pose_drift", 3)
     result = judged("success.drop <= 0.5", [row(k, drift) for k in range(9)])
