@@ -37,8 +37,12 @@ NO_SCENE = """<mujoco><worldbody><body name="robot_base"><freejoint/>
 class Moment:
     """One decision with its inputs and the ground truth.
 
-    With an answer, where a stack was on trial; with a goal of its own in a recording, where the
-    recorded motion stands for the truth.
+    In a recording the recorded motion stands for the truth.
+
+    Attributes:
+        answer: Of the stack on trial; None of the built-in one.
+        goal: Of its own, in a recording.
+        added_delay_s: Part of the delay that a perturbation added, s.
     """
 
     pose: pb.Pose
@@ -48,6 +52,7 @@ class Moment:
     truth: pb.Truth
     answer: pb.StackCommand | None = None
     goal: pb.Goal | None = None
+    added_delay_s: float = 0.0
 
     @property
     def inputs(self) -> Inputs:
@@ -182,6 +187,7 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
     answer: pb.StackCommand | None = None
     goal: pb.Goal | None = None
     motion: pb.RecordedMotion | None = None
+    added_s = 0.0
     for message in messages:
         if isinstance(message, pb.Sweep):
             sweeps.append(message)
@@ -195,6 +201,8 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
             goal = message
         elif isinstance(message, pb.RecordedMotion):
             motion = message
+        elif isinstance(message, pb.Perturbation):
+            added_s = message.added_delay_s
         elif isinstance(message, pb.Decision):
             decision = message
             if motion is not None:
@@ -202,8 +210,9 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
                 yield Moment(pose, tuple(sweeps), latency, decision, truth, answer, goal)
                 sweeps, answer, motion, goal = [], None, None, None
         elif isinstance(message, pb.Truth):
-            yield Moment(pose, tuple(sweeps), latency, decision, message, answer)
-            sweeps, answer = [], None
+            held = tuple(sweeps)
+            yield Moment(pose, held, latency, decision, message, answer, None, added_s)
+            sweeps, answer, added_s = [], None, 0.0
 
 
 def yaw_of(quaternion: Sequence[float]) -> float:

@@ -74,9 +74,14 @@ def commands_to(case: Case, time_s: float) -> tuple[int, ...]:
 
 
 def answer_s(moment: Moment) -> float:
-    """Return the time that a stack on trial took to answer, s; 0 where it does not count."""
-    measured = moment.latency.mode == "measured"
-    return moment.decision.stages.answer_ms * 1e-3 if measured else 0.0
+    """Return the time that a stack on trial took to answer, s; 0 where it does not count.
+
+    Its share of the logged delay, which is an input, and not the measured stage, which no
+    simulation repeats.
+    """
+    if moment.answer is None or moment.latency.mode != "measured":
+        return 0.0
+    return moment.latency.delay_s - moment.added_delay_s
 
 
 def against(decision: pb.Decision) -> bool:
@@ -127,9 +132,15 @@ def _cells_in_the_way(case: Case, navigator: Navigator, moment: Moment, name: st
 
 
 def _occupied_about(case: Case, navigator: Navigator, moment: Moment) -> Array:
-    """Return the centres (n, 3) of occupied cells within body and margin of a command's path."""
+    """Return the centres (n, 3) of occupied cells within body and margin of a command's path.
+
+    A body that lags behind the start of the path has to get there first.
+    """
     costmap, axes = navigator.costmap, case.axes
-    path = densely(path_of(moment.decision.trajectory.path), costmap.resolution)
+    path = np.vstack([moment.pose.position, path_of(moment.decision.trajectory.path)])
+    if axes == 2:
+        path[0, 2] = path[1, 2]
+    path = densely(path, costmap.resolution)
     reach = costmap.inflation_radius + costmap.resolution
     held = np.argwhere(costmap.state == OCCUPIED)
     centres: Array = costmap.origin + (held + 0.5) * costmap.resolution

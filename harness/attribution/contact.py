@@ -37,12 +37,12 @@ def went_into_the_unknown(facts: ContactFacts) -> str | None:
     commanded = facts.commanded
     if commanded is None or commanded.verdict != "unknown" or not facts.there_when_decided:
         return None
-    if facts.unknown <= facts.free:
+    if facts.unknown + facts.hidden <= facts.free:
         return None
     return (
-        f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were unknown "
-        f"at decision {facts.decision}, of which the referee admitted {commanded.free_m:.2f} m; "
-        f"{_followed(commanded)}"
+        f"{facts.name} stood in unknown space at decision {facts.decision} ({facts.unknown} of "
+        f"{facts.unknown + facts.free} cells before it unknown), of which the referee "
+        f"admitted {commanded.free_m:.2f} m; {_followed(commanded)}"
     )
 
 

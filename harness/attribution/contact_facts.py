@@ -70,6 +70,8 @@ class ContactFacts:
             mapped obstacles than body and margin allow, m.
         late: Earliest decision that avoids the place and would have been in time with the expected
             delay, but was not: its number, its delay and the expected one.
+        hidden: Number of cells of the obstacle itself at the contact that were unknown, less those
+            mapped free: negative of glass, which beams pass.
         late_answer: Part of that delay which a stack on trial took to answer, s.
         commanded: The commands of a stack on trial that led to it against the referee's verdict;
             None of the built-in stack, or if those that led to it were admitted.
@@ -97,6 +99,7 @@ class ContactFacts:
     disregarded: float
     late: tuple[int, float, float] | None
     late_answer: float = 0.0
+    hidden: int = 0
     commanded: CommandedFacts | None = None
 
 
@@ -114,7 +117,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
     believed = place + moment.error
     observed_s = float(navigator.map.observed_ns_at(believed[None])[0]) * 1e-9
     since = case.moments[max(number - 1, 0) : number + 1]  # a sweep takes that long
-    free, unknown, own = _mapped(case, navigator, contact, moment)
+    free, unknown, hidden, own = _mapped(case, navigator, contact, moment)
     off, planned = _planned(case, contact, last, time_s)
     expected, late = case.config.latency.expected, _late(case, contact, number)
     return ContactFacts(
@@ -139,6 +142,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         margin=last.decision.localization_margin_m,
         usual=usual_margin(case, last),
         late=None if late is None else (late.decision.sequence, late.latency.delay_s, expected),
+        hidden=hidden,
         late_answer=0.0 if late is None else answer_s(late),
         commanded=commanded_facts(case, commands, navigator, number, contact.name),
     )
@@ -219,8 +223,11 @@ def _stood(case: Case, contact: Contact, moment: Moment, within: float) -> bool:
 
 def _mapped(
     case: Case, navigator: Navigator, contact: Contact, moment: Moment
-) -> tuple[int, int, Array]:
-    """Return numbers of free and unknown cells at a contact, and distances (n,) of own cells."""
+) -> tuple[int, int, int, Array]:
+    """Return numbers of free, unknown and hidden cells at a contact, and distances of own cells.
+
+    The last are (n,), m.
+    """
     size = navigator.map.resolution
     place = np.array(contact.position) + moment.error
     reach = OWN_REACH + float(np.linalg.norm(moment.error))
@@ -236,9 +243,11 @@ def _mapped(
     outside = [
         k for k in about if case.space.distance_to(truly + offsets[k], contact.name) > 0.5 * size
     ]
+    inside = np.setdiff1d(about, outside)
     return (
         int((states[outside] == FREE).sum()),
         int((states[outside] == UNKNOWN).sum()),
+        int((states[inside] == UNKNOWN).sum()) - int((states[inside] == FREE).sum()),
         distances[mine],
     )
 

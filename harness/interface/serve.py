@@ -15,7 +15,7 @@ import numpy as np
 
 from wayproof.harness.errors import InputError, printable
 from wayproof.harness.inputs import Pose
-from wayproof.harness.interface.command_messages import command_message
+from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.connect import make_stack
 from wayproof.harness.interface.observation_messages import (
     fate_from,
@@ -101,6 +101,10 @@ def answer_all(stack: Stack, name: str, read: IO[bytes], write: IO[bytes]) -> No
                 command = stack.step(observation_from(message.observation, task))
                 answer = command_message(command, message.observation.sequence)
                 _send(write, sb.FromStack(command=answer))
+        except CommandError as error:
+            failure = sb.Failure(text=f"returned a command with {error}"[:300])
+            _send(write, sb.FromStack(failure=failure))
+            break
         except Exception as error:
             text = printable(f"{type(error).__name__}: {' '.join(str(error).split())}")[:300]
             failure = sb.Failure(text=text, traceback=traceback.format_exc()[-16_000:])

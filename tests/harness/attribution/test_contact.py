@@ -60,6 +60,14 @@ UNKNOWN = replace(BLOCKED, verdict="unknown", in_the_way=0, blocked=0)
             "moved_obstacle",
         ),
         ({"commanded": UNKNOWN, "own": 0}, "missed_obstacle"),
+        (
+            {"commanded": UNKNOWN, "own": 0, "free": 12, "unknown": 5, "hidden": 16},
+            "unseen_obstacle",
+        ),
+        (
+            {"commanded": UNKNOWN, "own": 0, "free": 4, "unknown": 3, "hidden": -9},
+            "missed_obstacle",
+        ),
         ({"commanded": UNKNOWN}, "margin_too_small"),
     ],
 )
