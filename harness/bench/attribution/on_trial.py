@@ -38,7 +38,7 @@ GARBAGE = f"exec:{sys.executable} -m wayproof.harness.bench.attribution.garbage_
 WALL_S = 5.0
 """`plugins.wall_s` of all episodes: wall time after which a stack is taken to hang, s."""
 
-GRACE_S = 30.0
+GRACE_S = 60.0
 """Wall time that starting and ending a stack and attributing its failure may take besides, s."""
 
 LONGEST_S = 300.0
