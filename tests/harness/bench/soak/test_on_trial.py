@@ -12,7 +12,7 @@ import pytest
 from wayproof.harness.attribution import CAUSES
 from wayproof.harness.bench.attribution import faulty_stacks
 from wayproof.harness.bench.attribution.garbage_stack import framed, garbage
-from wayproof.harness.bench.attribution.on_trial import (
+from wayproof.harness.bench.soak.on_trial import (
     KINDS,
     MARK,
     Drawn,

@@ -1,6 +1,6 @@
 """Planted faults of stacks on trial: the cause found, and all that a broken stack may do to us.
 
-`python -m wayproof.harness.bench.attribution.on_trial --count 20` runs each kind of fault in the
+`python -m wayproof.harness.bench.soak.on_trial --count 20` runs each kind of fault in the
 registered worlds, as `wayproof run` does, half of those that can be a class behind `exec:`. Of each
 episode: is the cause the planted one, is there no traceback, does no process outlive it, does it
 end within its deadline, does its log replay, and can it be explained. An episode in which the fault
