@@ -67,6 +67,8 @@ def open_episode(path: Path, options: RecordingOptions) -> Recording:
     faults = new_faults()
     log = open_log(path)
     log.check_sweeps()
+    if log.config.recording is not None:
+        raise InputError(f"recording '{path}': the log of a recording, expected the recording")
     for name in options.sensors:
         if name not in log.beams:
             raise unknown_name("sensor of the recording", name, log.beams)
