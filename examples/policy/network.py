@@ -120,9 +120,14 @@ def onnx_model(network: Network) -> ModelProto:
         if k < last:
             nodes.append(("Relu", [f"sum_{k}"], f"layer_{k + 1}", {}))
     nodes.append(("ArgMax", [f"sum_{last}"], "twist", {"axis": 1, "keepdims": 0}))
-    nodes.append(("Gather", ["actions", "twist"], "action", {"axis": 0}))
+    nodes.append(("Gather", ["actions", "twist"], "learned", {"axis": 0}))
+    constants |= APPROACH
+    nodes += approach()
     graph = helper.make_graph(
-        [helper.make_node(op, given, [out], **more) for op, given, out, more in nodes],
+        [
+            helper.make_node(op, given, [out] if isinstance(out, str) else out, **more)
+            for op, given, out, more in nodes
+        ],
         "policy",
         [
             helper.make_tensor_value_info(name, TensorProto.FLOAT, [1, *OBSERVATION[name].shape])
@@ -132,6 +137,41 @@ def onnx_model(network: Network) -> ModelProto:
         [numpy_helper.from_array(_float32(value), name) for name, value in constants.items()],
     )
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+
+
+APPROACH = {
+    "zero": np.zeros((1, 1)), "rest": np.zeros((1, 4)),
+    "full": np.ones((1, 1)), "slow": 0.1 * np.ones(()), "half": 0.5 * np.ones(()),
+    "gain": 2.0 * np.ones((1, 1)), "low": -np.ones(()), "high": np.ones(()),
+    "begin_m": np.ones((1, 1)), "end_m": 0.12 * np.ones((1, 1)),
+    "parts": np.array([1, 1, 1], np.int64),
+}  # fmt: skip
+"""Constants of the last metre."""
+
+
+def approach() -> list[tuple[str, list[str], str | list[str], dict[str, int]]]:
+    """Nodes of the last metre, which is a rule: turn to the goal, drive at it, rest at 0.12 m.
+
+    The classes are too coarse to come to rest within the tolerance.
+    """
+    return [
+        ("Split", ["goal", "parts"], ["x", "y", "z"], {"axis": 1}),
+        ("Max", ["away", "end_m"], "away_some", {}),
+        ("Div", ["y", "away_some"], "bend", {}),
+        ("Mul", ["bend", "gain"], "turn_wide", {}),
+        ("Clip", ["turn_wide", "low", "high"], "turn_ahead", {}),
+        ("Less", ["x", "zero"], "behind", {}),
+        ("Where", ["behind", "full", "turn_ahead"], "turn", {}),
+        ("Clip", ["x", "slow", "half"], "speed", {}),
+        ("Abs", ["y"], "aside", {}),
+        ("Less", ["aside", "x"], "ahead", {}),
+        ("Where", ["ahead", "speed", "zero"], "forward", {}),
+        ("Concat", ["forward", "zero", "zero", "turn"], "rule", {"axis": 1}),
+        ("Less", ["away", "end_m"], "arrived", {}),
+        ("Where", ["arrived", "rest", "rule"], "near_action", {}),
+        ("Less", ["away", "begin_m"], "near_goal", {}),
+        ("Where", ["near_goal", "near_action", "learned"], "action", {}),
+    ]
 
 
 def _float32(value: object) -> np.ndarray:

@@ -97,7 +97,7 @@ def main() -> None:
     """Train, and write the policy, the figures of each round and their curve."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--rounds", type=int, default=10, help="of DAgger, without the expert's")
+    parser.add_argument("--rounds", type=int, default=1, help="of DAgger, without the expert's")
     parser.add_argument("--jobs", type=int, default=2, help="processes; the result is the same")
     options = parser.parse_args()
     folder: Path = options.folder
