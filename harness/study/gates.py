@@ -217,4 +217,4 @@ def gate_advice(result: GateResult) -> str:
         return "no episode has this figure"
     if result.worlds_needed is not None:
         return f"about {result.worlds_needed} worlds would show it if the estimate stayed"
-    return "the estimate does not lie within the bound: it cannot be shown to be held"
+    return "the estimate is at the bound or beyond: no number of worlds would show it"

@@ -73,8 +73,11 @@ class Row:
 
     @property
     def ran(self) -> bool:
-        """Return whether there is a log; an outcome `error` with a log is a failed episode."""
-        return self.outcome != "error" or bool(self.chain)
+        """Return whether there is a log; an outcome `error` with a log is a failed episode.
+
+        A stack that fails in its first decision leaves no chain, but a cause.
+        """
+        return self.outcome != "error" or bool(self.chain or self.cause)
 
 
 def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row | None:
@@ -88,8 +91,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
     error = store.error(key)
     path = store.log(key)
     if error is not None:
-        metrics: dict[str, float | None] = {**dict.fromkeys(METRICS), "success": 0.0}
-        return Row(key, arm, seed, "error", error, "", "", 0.0, metrics, ())
+        return Row(key, arm, seed, "error", error, "", "", 0.0, _without_decisions(), ())
     if not path.is_file():
         return None
     log = open_planned(path, planned, allow_plugins)
@@ -108,12 +110,19 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
         check=log.check.get("answer", ""),
         chain=log.result["chain"],
         duration=float(log.result["sim_time_s"]),
-        metrics=score(trace_of(log, decisions, content.truths)),
+        metrics=score(trace_of(log, decisions, content.truths))
+        if decisions
+        else _without_decisions(),
         acts=tuple(_act(one) for one in decisions),
         declared=tuple(done.streams),
         streams=names,
         hashes=tuple(_hashes(one, names) for one in streams),
     )
+
+
+def _without_decisions() -> dict[str, float | None]:
+    """Return the metrics of an episode that ended before its first decision: no success."""
+    return {**dict.fromkeys(METRICS), "success": 0.0}
 
 
 def _read(path: Path) -> Content:

@@ -27,7 +27,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import pytest
 
 from docs.blocks import HERE, blocks, commands
 from tests.harness.interface.cpp import compiler
@@ -421,9 +420,8 @@ def dry_run(words):
 
 
 def compile_here(words):
-    """Compile C++ by this machine's compiler; without one the rest of the page is skipped."""
-    command = compiler() or pytest.skip("no C++ compiler on this machine")
-    ended = subprocess.run([*command, *words], capture_output=True, text=True, check=False)
+    """Compile C++ by this machine's compiler, or by the one of `ziglang`."""
+    ended = subprocess.run([*compiler(), *words], capture_output=True, text=True, check=False)
     return ended.returncode, ended.stdout + ended.stderr
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import Sample, cluster_of
 from wayproof.harness.study.file import CLEAN, Arm, name_of, perturbation_at
-from wayproof.harness.study.report.plots import dose_response
+from wayproof.harness.study.report.plots import Curve, dose_response
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.statistics.exact import Interval
 from wayproof.harness.study.statistics.intervals import mean_interval
@@ -17,7 +17,7 @@ from wayproof.harness.study.statistics.support import TIME
 
 @dataclass(frozen=True)
 class Dose:
-    """Plots of one perturbation on one world, robot, stack and variant."""
+    """Plots of one perturbation on one world, robot and variant, with a curve for each stack."""
 
     title: str
     pictures: list[str]
@@ -26,39 +26,46 @@ class Dose:
 def doses_of(samples: Sequence[Sample], time_limit: float) -> list[Dose]:
     """Return the plots of each perturbation, from its unperturbed twin on."""
     clean = {one.arm: one for one in samples if one.arm.perturbation == CLEAN}
-    families: dict[Arm, list[Sample]] = {}
+    families: dict[Arm, dict[str, list[Sample]]] = {}
     for one in samples:
         if one.arm.perturbation != CLEAN:
-            families.setdefault(replace(one.arm, severity=0), []).append(one)
+            family = families.setdefault(replace(one.arm, severity=0, stack=""), {})
+            family.setdefault(one.arm.stack, []).append(one)
     doses = []
-    for arm, members in families.items():
-        twin = clean.get(replace(arm, perturbation=CLEAN))
-        shown = sorted([*([twin] if twin else []), *members], key=lambda one: one.arm.severity)
+    for arm, stacks in families.items():
+        shown = {}
+        for stack, members in stacks.items():
+            twin = clean.get(replace(arm, perturbation=CLEAN, stack=stack))
+            every = [*([twin] if twin else []), *members]
+            shown[stack] = sorted(every, key=lambda one: one.arm.severity)
         doses.append(Dose(name_of(arm), _pictures(arm, shown, time_limit)))
     return doses
 
 
-def _pictures(arm: Arm, shown: Sequence[Sample], time_limit: float) -> list[str]:
-    doses = [(one.arm.severity, _amount(arm, one.arm.severity)) for one in shown]
+def _pictures(arm: Arm, shown: Mapping[str, Sequence[Sample]], time_limit: float) -> list[str]:
     done = perturbation_at(arm.perturbation, 1.0)
     unit = f", {done.unit}" if done is not None and done.unit else ""
     label = f"{arm.perturbation}{unit}; severity below"
-    success = [
-        _mean([(row, row.metrics["success"]) for row in one.rows], "success") for one in shown
-    ]
-    clearance = [
-        _mean([(row, row.metrics["least_clearance"]) for row in one.rows], "least_clearance")
-        for one in shown
-    ]
-    time = [_time(one.rows, time_limit) for one in shown]
-    panels = (
-        ("success", success, 1.0),
-        ("least clearance, m", clearance, None),
-        ("time to the goal, s", time, None),
+    panels: tuple[tuple[str, Callable[[Sequence[Row]], Interval | None], float | None], ...] = (
+        ("success", lambda rows: _metric(rows, "success"), 1.0),
+        ("least clearance, m", lambda rows: _metric(rows, "least_clearance"), None),
+        ("time to the goal, s", lambda rows: _time(rows, time_limit), None),
     )
+    doses = {
+        stack: [(one.arm.severity, _amount(arm, one.arm.severity)) for one in some]
+        for stack, some in shown.items()
+    }
     return [
-        dose_response(doses, intervals, label=label, ylabel=name, top=top)
-        for name, intervals, top in panels
+        dose_response(
+            [
+                Curve(stack, doses[stack], [mean(one.rows) for one in some])
+                for stack, some in shown.items()
+            ],
+            label=label,
+            ylabel=name,
+            top=top,
+        )
+        for name, mean, top in panels
     ]
 
 
@@ -71,11 +78,11 @@ def _amount(arm: Arm, severity: float) -> float:
     return one.nothing if one is not None else 0.0
 
 
-def _mean(values: Sequence[tuple[Row, float | None]], metric: str) -> Interval | None:
-    known = [(value, cluster_of(row)) for row, value in values if value is not None]
+def _metric(rows: Sequence[Row], metric: str) -> Interval | None:
+    known = [(row, value) for row in rows if (value := row.metrics[metric]) is not None]
     if not known:
         return None
-    numbers, clusters = zip(*known, strict=True)
+    numbers, clusters = [value for _, value in known], [cluster_of(row) for row, _ in known]
     return mean_interval(numbers, clusters, METRICS[metric].support)
 
 

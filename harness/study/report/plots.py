@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib as mpl
 import mujoco
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -26,45 +27,77 @@ STYLE: Any = {
     "axes.spines.right": False,
 }
 
+COLOURS = ("#2b6cb0", "#d55e00", "#009e73", "#cc79a7", "#806000", "#444444")
+MARKERS = "osD^vP"
+"""Colours and markers of curves, in turn; the colours differ for the colour-blind as well."""
+
+ASIDE = 0.02
+"""Distance between the points of two curves, as a share of the axis, so that no interval hides
+another."""
+
 TALLEST_FLOOR = 0.05
 """Height below which a geom counts as floor, m."""
 
 
+class Curve(NamedTuple):
+    """Means over the amount of a perturbation.
+
+    Attributes:
+        name: In the legend; empty of a single curve.
+        doses: Severity and amount of each mean; the first is that of the unperturbed twin.
+        means: Means with their intervals; None where no episode has the figure.
+    """
+
+    name: str
+    doses: Sequence[tuple[float, float]]
+    means: Sequence[Interval | None]
+
+
 def dose_response(
-    doses: Sequence[tuple[float, float]],
-    means: Sequence[Interval | None],
-    *,
-    label: str,
-    ylabel: str,
-    top: float | None = None,
+    curves: Sequence[Curve], *, label: str, ylabel: str, top: float | None = None
 ) -> str:
-    """Plot a mean with its interval over the amount of a perturbation.
+    """Plot means with their intervals over the amount of a perturbation, curves side by side.
 
     Args:
-        doses: Severity and amount; the first is that of the unperturbed twin. The severities are
-            spaced evenly, and the amounts are written at them.
-        means: Means; None where no episode has the figure.
+        curves: One, or one for each stack. The severities are spaced evenly, and the amounts are
+            written at them.
         label: Label of the amounts.
         ylabel: Label of the mean.
         top: Upper end of the axis; none if None. An end of an interval that is unbounded is not
             drawn.
     """
-    known = [(dose, one) for dose, one in zip(doses, means, strict=True) if one is not None]
+    doses = sorted({dose for curve in curves for dose in curve.doses})
+    apart = ASIDE * (doses[-1][0] - doses[0][0])
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(3.6, 2.2), layout="constrained")
+        named = any(curve.name for curve in curves)
+        figure = Figure(figsize=(3.6, 2.8 if named else 2.2), layout="constrained")
         axes = figure.add_subplot()
-        x, y = (
-            [severity for (severity, _), _ in known],
-            np.array([one.estimate for _, one in known]),
-        )
-        below = [_finite(one.estimate - one.low) for _, one in known]
-        above = [_finite(one.high - one.estimate) for _, one in known]
-        axes.errorbar(x, y, yerr=[below, above], fmt="o-", capsize=3, color="#2b6cb0")
+        for place, curve in enumerate(curves):
+            _draw_curve(axes, curve, apart * (place - 0.5 * (len(curves) - 1)), place)
         axes.set(xlabel=label, ylabel=ylabel)
         ticks = [severity for severity, _ in doses]
         axes.set_xticks(ticks, [f"{amount:g}\n{severity:g}" for severity, amount in doses])
         axes.set_ylim(-0.03 if top is not None else min(0.0, *axes.get_ylim()), top and top + 0.03)
+        if named:
+            figure.legend(loc="outside upper left", ncols=2, fontsize=8)
         return _svg(figure)
+
+
+def _draw_curve(axes: Axes, curve: Curve, offset: float, place: int) -> None:
+    known = [(dose, one) for dose, one in zip(curve.doses, curve.means, strict=True) if one]
+    axes.errorbar(
+        [severity + offset for (severity, _), _ in known],
+        [one.estimate for _, one in known],
+        yerr=[
+            [_finite(one.estimate - one.low) for _, one in known],
+            [_finite(one.high - one.estimate) for _, one in known],
+        ],
+        fmt=f"{MARKERS[place % len(MARKERS)]}-",
+        ms=4,
+        capsize=3,
+        color=COLOURS[place % len(COLOURS)],
+        label=curve.name,
+    )
 
 
 def _finite(length: float) -> float:

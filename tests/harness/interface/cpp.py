@@ -1,6 +1,5 @@
 """The C++ compiler of this machine."""
 
-import importlib.util
 import os
 import shlex
 import shutil
@@ -13,16 +12,15 @@ FLAGS = ["-O2", "-std=c++17", "-Wall", "-Wextra", "-Werror"]
 
 
 def compiler():
-    """The command of a C++ compiler, in words; empty if there is none.
+    """The command of a C++ compiler, in words.
 
-    `$CXX`, one on the path, or the one of the package `ziglang`.
+    `$CXX`, one on the path, or the one of the package `ziglang`, which the extra `dev` has.
     """
     if given := shlex.split(os.environ.get("CXX", "")):
         return given
     if found := next(filter(shutil.which, ("c++", "g++", "clang++")), None):
         return [found]
-    zig = importlib.util.find_spec("ziglang") is not None
-    return [sys.executable, "-m", "ziglang", "c++"] if zig else []
+    return [sys.executable, "-m", "ziglang", "c++"]
 
 
 def compile_cpp(source, program):

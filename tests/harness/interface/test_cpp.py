@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.harness.interface.cpp import ROOT, compile_cpp, compiler
+from tests.harness.interface.cpp import ROOT, compile_cpp
 from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.interface.command_messages import command_message
 from wayproof.harness.interface.observation_messages import (
@@ -19,8 +19,6 @@ from wayproof.harness.replay.asked_again import _infos, ask_again
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.planners import hold
-
-pytestmark = pytest.mark.skipif(not compiler(), reason="no C++ compiler on this machine")
 
 
 @pytest.fixture(scope="module")

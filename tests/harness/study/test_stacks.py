@@ -13,8 +13,10 @@ from wayproof.harness.study.analysis import samples_of
 from wayproof.harness.study.compare import compare
 from wayproof.harness.study.file import Arm, plan_episodes, read_study
 from wayproof.harness.study.processes import run_in_processes
+from wayproof.harness.study.report.plots import COLOURS, Curve, dose_response
 from wayproof.harness.study.rows import Row, reference_of
 from wayproof.harness.study.stack_table import stack_table
+from wayproof.harness.study.statistics.exact import Interval
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
 from wayproof.harness.worker_pool import Bounds
@@ -217,3 +219,49 @@ def test_the_packaged_study_of_stacks():
     episodes = plan_episodes(study)
     assert {one.arm.stack for one in episodes} == {"builtin", "blind", "gap", "dwa"}
     assert len(episodes) == 4 * 4 * 2 * study.seeds
+
+
+CRASHES = """
+class Mine:
+    def start(self, task):
+        pass
+
+    def step(self, observation):
+        raise KeyError("map")
+
+    def close(self):
+        pass
+"""
+
+
+def test_a_build_that_fails_in_its_first_decision_has_failed_and_not_passed(tmp_path, capsys):
+    folders = []
+    for name in ("before", "after"):
+        place = tmp_path / name
+        stack = built(place, 2.0)
+        if name == "after":
+            (place / "mine.py").write_text(CRASHES)
+        folders.append(ran(place, stack, limit=15))
+    result = compare(*folders, ["success.drop <= 0.1"], allow_plugins=True)
+    [arm] = result.arms
+    assert arm.against.lost == (1, 2)
+    assert dict(arm.outcomes) == {"error": 2}
+    [gate] = result.gates
+    assert gate.verdict != "held"  # two pairs show no more
+    assert result.exit_code(allow_inconclusive=False) != 0
+    assert main(["report", str(folders[1]), "--allow-plugins"]) == 0
+    assert "KeyError" in (folders[1] / "report.html").read_text()
+    capsys.readouterr()
+
+
+def test_curves_of_stacks_stand_in_one_plot():
+    rate, doses = Interval(0.5, 0.2, 0.8), [(0, 0.0), (1, 0.5), (3, 1.5), (5, 2.5)]
+    names = ("builtin", "gap", "a/mine.py:Mine")
+    curves = [Curve(name, doses, [rate, rate, None, rate]) for name in names]
+    picture = dose_response(curves, label="pose_drift, %", ylabel="success", top=1.0)
+    for name, colour in zip(names, COLOURS, strict=False):
+        assert f">{name}</text>" in picture
+        assert colour in picture
+    alone = dose_response([Curve("", doses, [rate] * 4)], label="x", ylabel="success", top=1.0)
+    assert COLOURS[0] in alone
+    assert COLOURS[1] not in alone
