@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from wayproof.harness.cli.study import add_inconclusive, print_study
+from wayproof.harness.cli.summaries import add_summaries, write_summaries
 from wayproof.harness.cli.verb import Document, Verb, add_plugins
 from wayproof.harness.study.default_gates import DEFAULT_GATES
 
@@ -17,9 +18,15 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Compare two folders of one study; exit codes as for a study."""
     from wayproof.harness.study.compare import compare
 
-    result = compare(
+    compared = compare(
         options.before, options.after, options.gate or DEFAULT_GATES, options.allow_plugins
     )
+    result = compared.result
+    write_summaries(options, result, options.allow_inconclusive)
+    if options.html is not None:
+        from wayproof.harness.study.report.builds import write_comparison
+
+        write_comparison(compared, options.before, options.after, options.html)
     print_study(console, result)
     identical = [one.against for one in result.arms if one.against]
     if identical and not any(one.changed for one in identical):
@@ -42,6 +49,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="GATE",
         help=f"condition on B against A, repeatable (default: {' and '.join(DEFAULT_GATES)})",
     )
+    parser.add_argument(
+        "--html", type=Path, metavar="FILE", help="write the comparison as an HTML page"
+    )
+    add_summaries(parser)
     add_inconclusive(parser)
     add_plugins(parser)
 

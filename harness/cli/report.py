@@ -9,7 +9,9 @@ from pathlib import Path
 from rich.console import Console
 
 from wayproof.harness.cli.study import print_foreign
+from wayproof.harness.cli.summaries import add_summaries, write_summaries
 from wayproof.harness.cli.verb import Document, Verb, add_plugins
+from wayproof.harness.errors import InputError
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -20,6 +22,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.study.study import verdict_in_words
 
     path, result = write_report(options.folder, options.allow_plugins)
+    write_summaries(options, result)
     print_foreign(console, result)
     console.print(verdict_in_words(result), highlight=False, soft_wrap=True)
     console.print(f"report: {path}", highlight=False, soft_wrap=True)
@@ -31,6 +34,8 @@ def _recording(options: argparse.Namespace, console: Console) -> tuple[int, Docu
     """Write the page of a recording's log."""
     from wayproof.harness.shadow.page import write_page
 
+    if options.markdown is not None or options.junit is not None:
+        raise InputError("--markdown, --junit: expected the folder of a study, got a log")
     out = options.folder.with_suffix(".html")
     summary = write_page(options.folder, out, options.allow_plugins)
     console.print(f"{summary.verdict}: {summary.reason}", highlight=False, soft_wrap=True)
@@ -42,6 +47,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "folder", metavar="FOLDER", type=Path, help="folder of a study, or log of a recording"
     )
+    add_summaries(parser)
     add_plugins(parser)
 
 

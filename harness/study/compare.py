@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.study.analysis import samples_between, summarise
+from wayproof.harness.study.analysis import Sample, samples_between, summarise
 from wayproof.harness.study.file import Arm, Planned, plan_episodes, read_gate
 from wayproof.harness.study.gates import judge
 from wayproof.harness.study.rows import Row
@@ -15,9 +15,24 @@ from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import StudyResult, error_in_words, read_own_rows
 
 
+@dataclass(frozen=True)
+class Compared:
+    """Comparison of two folders.
+
+    Attributes:
+        result: Its verdict.
+        samples: The arms with their pairs.
+        time_limit: Time limit of an episode, s.
+    """
+
+    result: StudyResult
+    samples: list[Sample]
+    time_limit: float
+
+
 def compare(
     before: Path, after: Path, gates: Sequence[str], allow_plugins: bool = False
-) -> StudyResult:
+) -> Compared:
     """Compare the episodes of the second folder with those of the first.
 
     Episodes of either folder without a partner in the other count as missing. Where each folder has
@@ -39,7 +54,7 @@ def compare(
     expected = {(one.arm, one.seed) for one in (*planned, *planned_before)}
     kept, kept_before = ({(row.arm, row.seed) for row in some} for some in (rows, rows_before))
     errors = [row for row in (*rows, *rows_before) if not row.ran]
-    return StudyResult(
+    result = StudyResult(
         name=f"{after} against {before}",
         episodes=len(expected),
         missing=len(expected - (kept & kept_before)),
@@ -49,6 +64,7 @@ def compare(
         gates=judge(samples, judged, limit),
         foreign=(*foreign_before, *foreign),
     )
+    return Compared(result, samples, limit)
 
 
 def _renamed(before: Sequence[Planned], after: Sequence[Planned]) -> dict[str, str]:

@@ -14,12 +14,11 @@ from typing import Any
 
 import jinja2
 
-from wayproof.harness.metrics import METRICS
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.analysis import Sample, samples_of
 from wayproof.harness.study.file import Planned, StudyFile, name_of, plan_episodes
-from wayproof.harness.study.gates import GateResult, gate_advice, interval_in_words
+from wayproof.harness.study.gates import interval_in_words
 from wayproof.harness.study.report.conditions import conditions_of
 from wayproof.harness.study.report.dose import doses_of
 from wayproof.harness.study.report.gallery import (
@@ -30,10 +29,11 @@ from wayproof.harness.study.report.gallery import (
 )
 from wayproof.harness.study.report.plots import borne
 from wayproof.harness.study.report.provenance import of_study
+from wayproof.harness.study.report.templates import templates
 from wayproof.harness.study.report.view import map_picture
+from wayproof.harness.study.report.words import gate_reason, heading, side_of_drop
 from wayproof.harness.study.rows import Row, first_difference, reference_of
 from wayproof.harness.study.stack_table import stack_table
-from wayproof.harness.study.statistics.exact import Interval
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import StudyResult, conclude, read_own_rows, verdict_in_words
 from wayproof.harness.study.threshold import Thresholds, read_thresholds, thresholds_in_words
@@ -126,13 +126,13 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
         InputError: The folder is not one of a study or has no episode, or a log is damaged.
     """
     material = read_material(folder, allow_plugins)
-    templates = _templates()
+    pages_of = templates()
     runs: list[Mapping[str, str]] = []
     paged = pages_first(material.rows, MOST_PAGES)
     draft = folder / f".{SITE}"
     shutil.rmtree(draft, ignore_errors=True)  # of a run that was ended
     (draft / "episodes").mkdir(parents=True)
-    _write_episodes(material, paged, draft, templates, runs)
+    _write_episodes(material, paged, draft, pages_of, runs)
     overview = _overview(material, paged, runs)
     pages = {
         draft / "index.html": ("report.html.j2", {**overview, "site": True, "root": ""}),
@@ -140,9 +140,9 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
         draft / "style.css": ("style.css.j2", {}),
     }
     for path, (name, context) in pages.items():
-        path.write_text(templates.get_template(name).render(context), encoding="utf-8")
+        path.write_text(pages_of.get_template(name).render(context), encoding="utf-8")
     with written_whole(folder / "report.html", "report") as partial:
-        page = templates.get_template("report.html.j2").render({**overview, "site": False})
+        page = pages_of.get_template("report.html.j2").render({**overview, "site": False})
         partial.write_text(page, encoding="utf-8")
     shutil.rmtree(folder / SITE, ignore_errors=True)
     draft.rename(folder / SITE)
@@ -182,11 +182,11 @@ def _write_episodes(
     material: Material,
     paged: set[str],
     site: Path,
-    templates: jinja2.Environment,
+    pages_of: jinja2.Environment,
     runs: list[Mapping[str, str]],
 ) -> None:
     """Write the pages of episodes, and note the versions that ran them."""
-    template = templates.get_template("episode.html.j2")
+    template = pages_of.get_template("episode.html.j2")
     planned = {one.key: one for one in material.planned}
     shown = [row for row in material.rows if row.key in paged]
     keys = ["", *(row.key for row in shown), ""]
@@ -218,7 +218,7 @@ def _overview(
         "side": side_of_drop,
         "name_of": name_of,
         "metrics": _measured(result),
-        "heading": _heading,
+        "heading": heading,
         "stacks": stack_table(material.samples, limit),
         "conditions": conditions_of(material.samples),
         "doses": doses_of(material.samples, limit),
@@ -256,49 +256,11 @@ def _table(material: Material, paged: set[str]) -> dict[str, Any]:
         "rows": listed,
         "outcomes": sorted({row.outcome for row in material.rows}),
         "columns": TABLE_METRICS,
-        "heading": _heading,
+        "heading": heading,
         "name_of": name_of,
         "site": True,
         "root": "",
     }
-
-
-def _heading(name: str) -> str:
-    unit = METRICS[name].unit
-    text = name.replace("_", " ")
-    return f"{text}, {unit}" if unit else text
-
-
-def gate_reason(gate: GateResult) -> str:
-    """Return why a gate has its verdict."""
-    if gate.verdict == "inconclusive":
-        return gate_advice(gate)
-    return f"the whole interval {'keeps' if gate.verdict == 'held' else 'breaks'} the bound"
-
-
-def side_of_drop(drop: Interval) -> str:
-    """Return `bad` or `good` where the whole interval of a drop lies on one side of 0."""
-    if drop.low > 0.0:
-        return "bad"
-    return "good" if drop.high < 0.0 else ""
-
-
-def _templates() -> jinja2.Environment:
-    loader = jinja2.FileSystemLoader(Path(__file__).parent)
-    environment = jinja2.Environment(
-        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
-    )
-    environment.filters["number"] = _number
-    environment.filters["signed"] = _signed
-    return environment
-
-
-def _number(value: float | None, digits: int = 2) -> str:
-    return "" if value is None else f"{value:.{digits}f}"
-
-
-def _signed(value: float | None, digits: int = 2) -> str:
-    return "" if value is None else f"{value:+.{digits}f}"
 
 
 def _borne(thresholds: Sequence[Thresholds]) -> list[Borne]:

@@ -201,13 +201,13 @@ def test_a_build_of_a_stack_is_gated_against_the_one_before(tmp_path, capsys):
         place = tmp_path / name
         place.mkdir()
         folders.append(ran(place, built(place, speed), limit=15))
-    result = compare(*folders, gate, allow_plugins=True)
+    result = compare(*folders, gate, allow_plugins=True).result
     [arm] = result.arms
     assert arm.arm.stack.endswith("after/mine.py:Mine")
     assert (arm.against.pairs, arm.against.lost) == (2, (1, 2))
     assert arm.against.drop.estimate == 1.0
     assert result.missing == 0
-    same = compare(folders[0], folders[0], gate, allow_plugins=True)
+    same = compare(folders[0], folders[0], gate, allow_plugins=True).result
     assert same.arms[0].against.changed == 0
     command = ["compare", *map(str, folders), "--allow-plugins", "--gate", "success.mean >= 0.99"]
     assert main(command) == 1

@@ -150,6 +150,16 @@ def test_a_study_is_no_worse_than_itself(folder: Path, capsys: pytest.CaptureFix
     assert all(one["against"]["drop"]["estimate"] == 0 for one in document["arms"])
 
 
+def test_a_comparison_is_a_page_a_table_and_test_cases(folder: Path, tmp_path: Path) -> None:
+    page, table, cases = (tmp_path / name for name in ("c.html", "c.md", "c.xml"))
+    options = ["--html", str(page), "--markdown", str(table), "--junit", str(cases)]
+    assert main(["compare", str(folder), str(folder), *options]) == 3
+    assert "Episodes with another outcome" in page.read_text()
+    assert not re.findall(r"""(?:src|href)\s*=\s*["'](?:https?:|//)""", page.read_text())
+    assert "inconclusive" in table.read_text()
+    assert ET.parse(cases).getroot().get("errors") == "2"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

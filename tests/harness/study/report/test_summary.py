@@ -1,0 +1,86 @@
+"""Verdicts as Markdown and JUnit XML: each verdict, and text that is no markup."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+
+import pytest
+
+from wayproof.harness.study.analysis import ArmSummary
+from wayproof.harness.study.file import Arm
+from wayproof.harness.study.gates import GateResult
+from wayproof.harness.study.report.summary import junit, markdown
+from wayproof.harness.study.statistics.exact import Interval
+from wayproof.harness.study.study import StudyResult
+
+ARM = Arm("empty", "drone", "", "none", 0)
+RATE = Interval(0.5, 0.1, 0.9)
+
+
+def gate(verdict, required=False, interval=RATE):
+    return GateResult("success.mean >= 0.5", ARM, verdict, interval, 1, 6, None, required)
+
+
+def result(*gates, missing=0, name="s"):
+    summary = ArmSummary(ARM, 6, RATE, {"success": 3, "timeout": 3}, {}, 60.0, {}, None)
+    return StudyResult(name, 6, missing, 0, "", [summary], list(gates))
+
+
+def cases(text):
+    suite = ET.fromstring(text)
+    return suite, {
+        case.get("name"): [child.tag for child in case] for case in suite.iter("testcase")
+    }
+
+
+@pytest.mark.parametrize(
+    ("verdict", "tags"),
+    [("held", []), ("failed", ["failure"]), ("inconclusive", ["error"])],
+)
+def test_a_gate_is_a_test_case(verdict, tags):
+    suite, found = cases(junit(result(gate(verdict))))
+    assert found == {"episodes": [], "success.mean >= 0.5 for empty drone": tags}
+    assert suite.get("tests") == "2"
+    assert int(suite.get("failures")) == tags.count("failure")
+    assert int(suite.get("errors")) == tags.count("error")
+
+
+def test_only_gates_that_need_no_proof_are_skipped_on_request():
+    lax = junit(result(gate("inconclusive")), allow_inconclusive=True)
+    assert cases(lax)[1]["success.mean >= 0.5 for empty drone"] == ["skipped"]
+    strict = junit(result(gate("inconclusive", required=True)), allow_inconclusive=True)
+    assert cases(strict)[1]["success.mean >= 0.5 for empty drone"] == ["error"]
+
+
+def test_an_incomplete_study_does_not_pass():
+    _, found = cases(junit(result(gate("held"), missing=1)))
+    assert found["episodes"] == ["error"]
+    assert "❌ s: incomplete" in markdown(result(gate("held"), missing=1))
+    assert "✅ s: held" in markdown(result(gate("held")))
+    assert "❔ s: inconclusive" in markdown(result(gate("inconclusive", interval=None)))
+
+
+def test_markdown_has_a_line_for_each_gate_and_arm():
+    lines = markdown(result(gate("failed"), gate("held"))).splitlines()
+    assert any(
+        line.startswith("| ❌ failed | `success.mean &lt;") or "❌ failed" in line for line in lines
+    )
+    assert sum("| ✅ held |" in line for line in lines) == 1
+    assert "| empty drone | 6 | 0.50 (0.10 to 0.90) | 60.0 |  |  |  |" in lines
+
+
+def test_names_are_text_and_not_markup():
+    strange = "a|b <img src=x>\n# c\x1b"
+    shown = markdown(result(gate("held"), name=strange))
+    assert "<img" not in shown
+    assert "\n# c" not in shown
+    assert "a\\|b" in shown
+    suite, _ = cases(junit(result(gate("held"), name=strange)))
+    assert "\\x1b" in suite.get("name")
+
+
+def test_an_unbounded_interval_is_words():
+    wide = replace(gate("inconclusive"), interval=Interval(0.0, -float("inf"), float("inf")))
+    for text in (markdown(result(wide)), junit(result(wide))):
+        assert "unbounded" in text
+        assert "inf " not in text
+        assert "nan" not in text.replace("inconclusive", "")
