@@ -18,6 +18,7 @@ from wayproof.harness.cli import (
     recover,
     replay,
     report,
+    robot,
     run,
     score,
     serve,
@@ -56,6 +57,7 @@ VERBS: dict[str, Verb] = {
     "demo": demo.VERB,
     "bench": bench.VERB,
     "import": import_world.VERB,
+    "robot": robot.VERB,
     "completion": completion.VERB,
 }
 """Name on the command line -> verb, in the order of `--help`."""

@@ -83,8 +83,8 @@ def build(config: Config, world: World | None = None) -> Scenario:
     robot = find_robot(config)
     spec = robot.spec
     world = apply_world_perturbation(find_world(config) if world is None else world, config)
-    start = _place(config.start, world.start, spec)
-    goal = _place(config.goal, world.goal, spec)
+    start = _place(config.start, world.start, world, spec)
+    goal = _place(config.goal, world.goal, world, spec)
     for name, point in (("start", start), ("goal", goal)):
         _check_point(name, point, world, spec, config)
     try:
@@ -173,10 +173,13 @@ def sensor_info(caster: Caster) -> pb.SensorInfo:
     )
 
 
-def _place(given: tuple[float, ...] | None, own: Point, spec: RobotSpec) -> Point:
-    """Base origin for a point given as x,y or x,y,z; without z the body's rest height."""
+def _place(given: tuple[float, ...] | None, own: Point, world: World, spec: RobotSpec) -> Point:
+    """Base origin for a point given as x,y or x,y,z; without z at rest on the floor there."""
     point = own[:2] if given is None else given
-    z = float(point[2]) if len(point) == 3 else spec.rest_height
+    if len(point) == 3:
+        z = float(point[2])
+    else:
+        z = spec.rest_height + world.ground_height(point)
     return float(point[0]), float(point[1]), z
 
 
@@ -200,7 +203,12 @@ def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config:
             raise InputError(
                 f"{name}: altitude {point[2]:g} m, expected {window[0]:g} to {window[1]:g} m"
             )
-    obstacle = world.contains_obstacle(np.array(point), spec.radius)
+    if spec.motion == "ground":
+        ground = point[2] - spec.rest_height
+        band = (ground + spec.step_height, ground + spec.height)
+        obstacle = world.obstacle_in_band(np.array(point), spec.radius, band)
+    else:
+        obstacle = world.contains_obstacle(np.array(point), spec.radius)
     if obstacle is not None:
         raise InputError(
             f"{name}: ({text}) is within the body's radius of {spec.radius:g} m of '{obstacle}', "

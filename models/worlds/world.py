@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.materials import class_of
 from wayproof.models.worlds.movers import Mover
-from wayproof.models.worlds.solids import FRICTION, Box, Solid
+from wayproof.models.worlds.solids import FRICTION, Band, Box, Solid
 from wayproof.models.worlds.solids.solid import numbers
 
 _SCENE = """\
@@ -101,6 +101,26 @@ class World:
         distances = [solid.distance(np.reshape(point, (1, 3)))[0] for solid in self.solids]
         nearest = int(np.argmin(distances))
         return self.solid_names[nearest] if distances[nearest] <= radius else None
+
+    def obstacle_in_band(self, point: ArrayLike, radius: float, band: Band) -> str | None:
+        """Name the nearest solid that stands within `radius` of a place, in a height band.
+
+        Args:
+            point: (>= 2,) world frame, m.
+            radius: m.
+            band: Heights that a body on the ground takes up, above what it steps over, m.
+        """
+        at = np.ravel(np.asarray(point, np.float64))[None, :2]
+        nearest, found = radius, None
+        for name, solid in zip(self.solid_names, self.solids, strict=True):
+            low, high = np.array(solid.low[:2]), np.array(solid.high[:2])
+            beyond = np.maximum(np.maximum(low - at[0], at[0] - high), 0.0)
+            if solid.bottom >= band[1] or solid.top <= band[0] or (beyond > radius).any():
+                continue
+            distance = float(solid.distance_in_plane(at, band)[0])
+            if distance <= nearest:
+                nearest, found = distance, name
+        return found
 
     def ground_height(self, point: ArrayLike) -> float:
         """Return the height of the floor at a point (>= 2,), m."""

@@ -21,6 +21,7 @@ from wayproof.models.robots.custom.rotorcraft import (
 )
 from wayproof.models.robots.custom.source import RobotSpecError, Source, find_mjcf, open_source
 from wayproof.models.robots.custom.spec_file import CLASS_SEPARATOR, SpecFile, parse_spec
+from wayproof.models.robots.custom.stride import stride_findings, walked
 from wayproof.models.robots.quadrotor import QuadrotorController
 from wayproof.models.robots.quadruped import QuadrupedController
 from wayproof.models.robots.robot import Controller, RobotSpec
@@ -170,7 +171,12 @@ def read_robot(path: Path) -> CustomRobot:
     source = open_source(find_mjcf(spec.mjcf, path.parent), spec.base)
     kind = CONTROLLERS.get(spec.controller)
     mjcf = kept_mjcf(source, spec) if kind is None else kind.mjcf(source, spec)
-    return CustomRobot(text, spec, _rest_height(spec, mjcf), mjcf)
+    rest_height = _rest_height(spec, mjcf)
+    if spec.controller == "trot" and spec.discs:
+        wrong = [text for text in stride_findings(spec, walked(mjcf, spec)) if "discs" in text]
+        if wrong:
+            raise RobotSpecError(wrong[0])
+    return CustomRobot(text, spec, rest_height, mjcf)
 
 
 def logged_robot(text: str, scene: str, prefix: str) -> CustomRobot:

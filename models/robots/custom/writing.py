@@ -158,12 +158,20 @@ def check_size(spec: SpecFile, points: Array, flying: bool) -> None:
     Raises:
         RobotSpecError: Saying what it reaches.
     """
+    wrong = size_findings(spec, points, flying)
+    if wrong:
+        raise RobotSpecError("; ".join(wrong))
+
+
+def size_findings(spec: SpecFile, points: Array, flying: bool) -> list[str]:
+    """Return what the body (n, 3) exceeds: radius, height, or both; z up from the ground."""
     reach = float(np.linalg.norm(points[:, : 3 if flying else 2], axis=1).max())
-    if spec.radius < reach:
-        raise RobotSpecError(f"radius: got {spec.radius:g} m, but the body reaches {reach:.3f} m")
     top = float(np.ptp(points[:, 2]) if flying else points[:, 2].max())
-    if spec.height < top:
-        raise RobotSpecError(f"height: got {spec.height:g} m, but the body reaches {top:.3f} m")
+    return [
+        f"{name}: got {given:g} m, but the body reaches {found:.3f} m"
+        for name, given, found in (("radius", spec.radius, reach), ("height", spec.height, top))
+        if given < found
+    ]
 
 
 def surface(model: mujoco.MjModel, data: mujoco.MjData) -> Array:  # (n, 3)
@@ -173,6 +181,13 @@ def surface(model: mujoco.MjModel, data: mujoco.MjData) -> Array:  # (n, 3)
         R = data.geom_xmat[geom].reshape(3, 3)
         places.append(_outline(model, geom) @ R.T + data.geom_xpos[geom])
     return np.concatenate(places)
+
+
+def outline(source: Source, geom: int) -> Array:  # (n, 3)
+    """Return points about a geom of the source in the base's frame, m."""
+    R = source.data.geom_xmat[geom].reshape(3, 3)
+    placed = _outline(source.model, geom) @ R.T + source.data.geom_xpos[geom]
+    return np.array([source.place(point) for point in placed])
 
 
 def _outline(model: mujoco.MjModel, geom: int) -> Array:  # (n, 3)

@@ -1,9 +1,12 @@
+import re
+
 import mujoco
 import numpy as np
 import pytest
 
 from tests.models.robots.hound import LEAN, SPEC, hound
 from wayproof.models.robots.custom import RobotSpecError, read_robot
+from wayproof.models.robots.custom.checking import check_spec
 from wayproof.models.robots.custom.legged_parameters import foot_mass, scaled
 from wayproof.models.robots.custom.writing import farthest
 from wayproof.models.robots.quadruped import Parameters, Quadruped
@@ -221,7 +224,7 @@ BAD_SPECS = [
     ("ideal-lidar-floor", "lidar-9000", "unknown device 'lidar-9000' (available: "),
     ('base = "torso"', 'base = "trunk"', "no body 'trunk' in 'hound.xml' (available: torso)"),
     ('"toe_vl", "toe_vr"', '"toe_vr", "toe_vl"', "feet: FL is at ("),
-    ('"toe_vl"', '"nose"', "feet: 'nose' is neither a geom nor a site"),
+    ('"toe_vl"', '"nose"', "feet: 'nose' is neither a geom, a site nor a body"),
     ('"toe_vl"', '"toe_hl"', "expected four different legs"),
     (
         '"trot"',
@@ -293,3 +296,54 @@ def test_bad_crafts(tmp_path, old, new, said):
     with pytest.raises(RobotSpecError) as error:
         custom_robot(tmp_path, CRAFT_SPEC.replace(old, new), "craft", CRAFT)
     assert said in str(error.value)
+
+
+def test_discs_have_to_hold_the_walking_body(tmp_path):
+    bad = SPEC.replace("radius = 0.4", "radius = 0.4\ndiscs = [[0.0, 0.1]]")
+    with pytest.raises(RobotSpecError, match=r"discs: walking the body reaches 0\.\d+ m beyond"):
+        custom_robot(tmp_path, bad, "hound", hound())
+    checked = check_spec(tmp_path / "hound.toml")
+    assert len(checked.wrong) == 1
+    assert checked.proposal is not None
+    (tmp_path / "proposed.toml").write_text(checked.proposal.toml())
+    proposed = read_robot(tmp_path / "proposed.toml")
+    assert proposed.file.discs == checked.proposal.spec.discs
+    assert proposed.file.feet == ("toe_vl", "toe_vr", "toe_hl", "toe_hr")
+
+
+def test_a_check_names_all_sizes_at_once(tmp_path):
+    small = SPEC.replace("radius = 0.4", "radius = 0.2").replace("height = 0.4", "height = 0.2")
+    (tmp_path / "small.toml").write_text(small)
+    (tmp_path / "hound.xml").write_text(hound())
+    wrong = check_spec(tmp_path / "small.toml").wrong
+    assert [line.split(":")[0] for line in wrong] == ["radius", "height"]
+    with pytest.raises(RobotSpecError, match=r"radius: got 0\.2 m, .*; height: got 0\.2 m"):
+        read_robot(tmp_path / "small.toml")
+
+
+def test_unnamed_feet_are_named_by_their_body(tmp_path):
+    path = tmp_path / "nameless.xml"
+    path.write_text(re.sub(r"""name=['"]toe_\w\w['"]""", "", hound()))
+    assert "toe_vl" not in path.read_text()
+    proposal = check_spec(path).proposal
+    assert proposal is not None
+    (tmp_path / "nameless.toml").write_text(proposal.toml())
+    assert read_robot(tmp_path / "nameless.toml").spec.motion == "ground"
+
+
+def test_a_craft_is_proposed_from_its_thrusters(tmp_path):
+    sites = {"a": (-0.1, -0.1), "b": (-0.1, 0.1), "c": (0.1, 0.1), "d": (0.1, -0.1)}
+    places = "".join(f'<site name="{n}" pos="{x} {y} 0"/>' for n, (x, y) in sites.items())
+    motors = "".join(
+        f'<motor site="{n}" ctrllimited="true" ctrlrange="0 6" gear="0 0 1 0 0 0.02"/>'
+        for n in sites
+    )
+    (tmp_path / "craft.xml").write_text(
+        f'<mujoco><worldbody><body name="hull"><freejoint/><geom type="box" size=".1 .1 .03" '
+        f'mass="1"/>{places}</body></worldbody><actuator>{motors}</actuator></mujoco>'
+    )
+    proposal = check_spec(tmp_path / "craft.xml").proposal
+    assert proposal is not None
+    assert (proposal.spec.rotors, proposal.spec.rotor.thrust) == (("a", "b", "c", "d"), 6.0)
+    (tmp_path / "craft.toml").write_text(proposal.toml())
+    assert read_robot(tmp_path / "craft.toml").spec.motion == "air"

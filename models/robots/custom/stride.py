@@ -1,0 +1,145 @@
+"""Space that a legged robot takes up as it walks, measured by walking it on level ground."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import ceil
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from wayproof.models.arrays import Array
+from wayproof.models.robots.custom.legged_parameters import legged_parameters
+from wayproof.models.robots.custom.spec_file import SpecFile
+from wayproof.models.robots.custom.writing import surface
+from wayproof.models.robots.quadruped import QuadrupedController
+
+GROUND = """<mujoco><option timestep="0.002" integrator="implicitfast" cone="pyramidal"
+  iterations="50"/><worldbody><geom name="floor" type="plane" size="50 50 1"
+  friction="0.8 0.005 0.0001"/></worldbody></mujoco>"""
+"""Level ground with the options and the friction of every world."""
+
+PREFIX = "robot/"
+
+COURSE = ((1.5, 1.0, 0.0), (1.5, 0.7, 1.0), (1.5, 0.7, -1.0), (1.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+"""Time, s, and shares of the spec's speed and yaw rate: ahead, in both bends, on the spot, stop."""
+
+SAMPLE = 10
+"""Physics steps between two looks at the body's outline."""
+
+SPARE = 0.01
+"""What proposed discs and radii are larger by, m."""
+
+
+class Stride(NamedTuple):
+    """Outline of a body as it walks.
+
+    Attributes:
+        corners: (n, 2) corners of the convex outline about the base's origin, x ahead, m.
+        height: Highest point above the ground, m.
+        fell: Whether the robot fell.
+    """
+
+    corners: Array
+    height: float
+    fell: bool
+
+    @property
+    def reach(self) -> float:
+        """Greatest distance of the outline from the base's origin, m."""
+        return float(np.linalg.norm(self.corners, axis=1).max())
+
+    def uncovered(self, discs: tuple[tuple[float, float], ...]) -> float:
+        """Return how far the outline is beyond the discs (offset, radius), m; 0 if it is not."""
+        gaps = [
+            np.linalg.norm(self._outline - (offset, 0.0), axis=1) - radius
+            for offset, radius in discs
+        ]
+        return max(float(np.min(gaps, axis=0).max()), 0.0)
+
+    @property
+    def _outline(self) -> Array:
+        """Return corners and points 1 cm apart between them."""
+        points = []
+        for tail, head in zip(self.corners, np.roll(self.corners, -1, axis=0), strict=True):
+            count = max(ceil(float(np.linalg.norm(head - tail)) / 0.01), 1)
+            points.append(tail + np.arange(count)[:, None] / count * (head - tail))
+        return np.concatenate(points)
+
+    def discs(self) -> tuple[tuple[float, float], ...]:
+        """Return discs in a row ahead that cover the outline: as many as it is longer than wide."""
+        outline = self._outline
+        low, high = outline.min(axis=0), outline.max(axis=0)
+        half_width = float(np.abs(outline[:, 1]).max())
+        length = float(high[0] - low[0])
+        count = int(np.clip(ceil(length / (2.0 * half_width)) + 1, 2, 6))
+        best: tuple[tuple[float, float], ...] = ()
+        for inset in np.linspace(0.5, 1.0, 26) * half_width:
+            offsets = np.linspace(low[0] + inset, high[0] - inset, count)
+            gaps = np.abs(outline[:, None, 0] - offsets)
+            radius = float(np.hypot(gaps.min(axis=1), outline[:, 1]).max()) + SPARE
+            if not best or radius < best[0][1]:
+                radius = ceil(100.0 * radius) / 100.0
+                best = tuple((round(float(offset), 3), radius) for offset in offsets)
+        return best
+
+
+@lru_cache(maxsize=16)
+def walked(mjcf: str, spec: SpecFile) -> Stride:
+    """Walk a robot over a course and return its outline.
+
+    Args:
+        mjcf: The robot alone, in the form of the trot controller.
+        spec: Its spec.
+    """
+    ground = mujoco.MjSpec.from_string(GROUND)
+    robot = mujoco.MjSpec.from_string(mjcf)
+    ground.attach(robot, prefix=PREFIX, frame=ground.worldbody.add_frame())
+    model = ground.compile()
+    data = mujoco.MjData(model)
+    parameters = legged_parameters(model, PREFIX, spec)
+    controller = QuadrupedController(model, PREFIX, parameters)
+    controller.reset(data, np.array([0.0, 0.0, parameters.gait.height]), 0.0)
+    base = model.body(PREFIX + "base").id
+    alone = mujoco.MjModel.from_xml_string(mjcf)
+    own = mujoco.MjData(alone)
+    points, height, fell = [], 0.0, False
+    for time, speed, turn in COURSE:
+        command = np.array([speed * spec.limits.speed, 0.0, turn * spec.limits.yaw_rate])
+        for step in range(round(time / model.opt.timestep)):
+            controller.walk(data, command)
+            mujoco.mj_step(model, data)
+            if step % SAMPLE:
+                continue
+            own.qpos[:] = data.qpos
+            mujoco.mj_kinematics(alone, own)
+            seen = surface(alone, own)
+            height = max(height, float(seen[:, 2].max()))
+            R = data.xmat[base].reshape(3, 3)
+            ahead = R[:2, 0] / np.hypot(*R[:2, 0])
+            offset = seen[:, :2] - data.xpos[base, :2]
+            left = np.array([-ahead[1], ahead[0]])
+            points.append(np.column_stack([offset @ ahead, offset @ left]))
+            fell |= bool(R[2, 2] < np.cos(spec.limits.tilt))
+    cloud = np.concatenate([one[ConvexHull(one).vertices] for one in points])
+    return Stride(cloud[ConvexHull(cloud).vertices], height, fell)
+
+
+def stride_findings(spec: SpecFile, stride: Stride) -> list[str]:
+    """Return what of a spec does not hold the body as it walks, and what would."""
+    wrong = []
+    if stride.fell:
+        wrong.append("limits: the robot falls as it walks with these")
+    for name, given, reach in (
+        ("radius", spec.radius, stride.reach), ("height", spec.height, stride.height)
+    ):  # fmt: skip
+        if given < reach:
+            wrong.append(f"{name}: got {given:g} m, but walking the body reaches {reach:.3f} m")
+    beyond = stride.uncovered(spec.discs) if spec.discs else 0.0
+    if beyond > 0.0:
+        discs = ", ".join(f"[{offset:g}, {radius:g}]" for offset, radius in stride.discs())
+        wrong.append(f"discs: walking the body reaches {beyond:.3f} m beyond them; expected such "
+                     f"as discs = [{discs}]")  # fmt: skip
+    return wrong

@@ -1,0 +1,48 @@
+"""Scenarios of imported worlds: what an import chose, a run accepts."""
+
+import numpy as np
+import pytest
+
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.scenario.scenario import build
+from wayproof.harness.scenario.scene_text import safe_scene
+from wayproof.models.world_files import ImportOptions, import_world
+
+
+def saved(folder, world):
+    path = folder / "world.xml"
+    path.write_text(world.text)
+    return str(path)
+
+
+@pytest.mark.parametrize("robot", ["quadruped", "drone"])
+def test_a_walk_on_terrain_begins_and_ends_on_the_ground(tmp_path, robot):
+    x, y = np.meshgrid(np.linspace(0.0, 12.0, 121), np.linspace(0.0, 8.0, 81))
+    np.save(tmp_path / "hills.npy", 2.0 + 0.3 * np.exp(-((x - 6.0) ** 2) - (y - 4.0) ** 2))
+    world, notes = import_world(tmp_path / "hills.npy", ImportOptions(resolution=0.1))
+    assert notes[-1].startswith("ground at 2 m at the start: the scene is moved by -2")
+    assert (0.5 < np.array(world.start[:2])).all()
+    assert np.hypot(*np.subtract(world.goal, world.start)[:2]) > 8.0
+    scenario = build(Config(saved(tmp_path, world), robot, 0))
+    assert scenario.config.start[2] == pytest.approx(scenario.spec.rest_height, abs=1e-3)
+    assert "<hfield" in safe_scene(scenario.scene.mjcf)
+    on_top = build(Config(saved(tmp_path, world), robot, 0, goal=(6.0, 4.0)))
+    assert on_top.config.goal[2] == pytest.approx(on_top.spec.rest_height + 0.3, abs=0.01)
+
+
+def test_what_a_walker_steps_on_does_not_block_its_start(tmp_path):
+    boxes = [("slab", "2 2 0.01", "0 0 0.005"), ("post", "0.2 0.2 1", "6 3 0.5")]
+    models = "".join(
+        f"<model name='{name}'><static>1</static><pose>{at} 0 0 0</pose><link name='l'>"
+        f"<collision name='c'><geometry><box><size>{size}</size></box></geometry></collision>"
+        "</link></model>"
+        for name, size, at in boxes
+    )
+    ground = "<include><uri>model://ground_plane</uri></include>"
+    path = tmp_path / "a.world"
+    path.write_text(f"<sdf version='1.6'><world name='w'>{ground}{models}</world></sdf>")
+    world, _ = import_world(path, None, (0.0, 0.0, 0.0), (4.0, 0.0, 0.0))
+    build(Config(saved(tmp_path, world), "quadruped", 0))
+    with pytest.raises(InputError, match=r"start: .* is within the body's radius .* of 'post_0'"):
+        build(Config(saved(tmp_path, world), "quadruped", 0, start=(6.0, 2.6)))
