@@ -242,7 +242,7 @@ def test_a_build_that_fails_in_its_first_decision_has_failed_and_not_passed(tmp_
         if name == "after":
             (place / "mine.py").write_text(CRASHES)
         folders.append(ran(place, stack, limit=15))
-    result = compare(*folders, ["success.drop <= 0.1"], allow_plugins=True)
+    result = compare(*folders, ["success.drop <= 0.1"], allow_plugins=True).result
     [arm] = result.arms
     assert arm.against.lost == (1, 2)
     assert dict(arm.outcomes) == {"error": 2}
