@@ -19,11 +19,17 @@ from pathlib import Path
 from wayproof.harness.errors import InputError
 from wayproof.harness.supervision import ENDED, connect
 
+OTHER_PROCESSES = ("exec:", "unix:", "tcp:", "ros2:")
+"""Beginnings of names of stacks that run in a process of their own."""
+
 
 def names_user_code(options: Namespace) -> bool:
-    """Return whether the options of `wayproof run` name a planner or controller of the user."""
+    """Return whether `wayproof run` loads a planner, stack, policy or controller of the user."""
     settings = [one.partition("=") for one in options.set]
     if any(key == "planner.name" and ":" in value for key, _, value in settings):
+        return True
+    stacks = [options.stack or "", *(value for key, _, value in settings if key == "stack.name")]
+    if any(":" in name and not name.startswith(OTHER_PROCESSES) for name in stacks):
         return True
     with contextlib.suppress(OSError, ValueError):  # bad specs are refused where they are read
         spec = tomllib.loads(Path(options.robot).read_text(encoding="utf-8"))
@@ -69,7 +75,8 @@ def _finish(log: Path, code: int, stacks: str) -> int:
         how = "did not return, and could not be interrupted (plugins.wall_s)"
     partial = log.with_name(f"{log.name}.partial")
     try:
-        reason, _ = finish_partial(partial, log, how, stacks)
+        cause = "stack_hung" if stacks else "stack_died"
+        reason, _ = finish_partial(partial, log, how, stacks, cause)
     except InputError as error:
         print(f"wayproof: a user's code: the process {how}; {error}", file=sys.stderr)
         return 1

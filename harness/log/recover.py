@@ -106,7 +106,9 @@ def _result_of(reading: _Reading, mission: Mission, reason: str) -> dict[str, st
     return {name: str(value) for name, value in result.items()}
 
 
-def finish_partial(partial: Path, target: Path, what: str, traceback: str) -> tuple[str, int]:
+def finish_partial(
+    partial: Path, target: Path, what: str, traceback: str, stack_cause: str = ""
+) -> tuple[str, int]:
     """Finish the log of a process that ended without doing so, with the outcome `error`.
 
     Args:
@@ -114,6 +116,8 @@ def finish_partial(partial: Path, target: Path, what: str, traceback: str) -> tu
         target: Name of the finished log.
         what: End of the process, in words that follow its name.
         traceback: Printable lines for the log; may be empty.
+        stack_cause: Cause of the error if a stack on trial is the only code of the user's in that
+            process; none by default.
 
     Returns:
         Reason in the log, and its number of decisions, which may be 0.
@@ -127,10 +131,13 @@ def finish_partial(partial: Path, target: Path, what: str, traceback: str) -> tu
     partial.replace(source)
     reading = _Reading(source)
     head = read_head(reading.items(), source, allow_plugins=True)
-    who = ", ".join(plugins_of(head.config)) or head.config.robot
+    names = plugins_of(head.config)
+    who = ", ".join(names) or head.config.robot
     decisions = len(reading.decisions)
     reason = printable(f"{who}: the process {what} after {decisions} decisions")
     result = _result_of(reading, head.mission, reason)
+    if stack_cause and names == [head.config.stack.name]:
+        result |= {"cause": stack_cause, "cause_evidence": reason, "cause_decision": str(decisions)}
     if traceback:
         head.attachments[TRACEBACK] = traceback.encode()
     record = "full" if reading.sweeps or not decisions else "decisions"

@@ -240,9 +240,9 @@ def command(*arguments, cwd, **environment):
     )
 
 
-def whole_log(folder, name, said, **environment):
+def whole_log(folder, name, said, setting="planner.name", **environment):
     """Run in a process of its own, which can finish nothing; its log."""
-    options = ["--set", f"planner.name={name}", "--set", "plugins.wall_s=3", "--log", "a.mcap"]
+    options = ["--set", f"{setting}={name}", "--set", "plugins.wall_s=3", "--log", "a.mcap"]
     done = command(*RUN, *options, cwd=folder, **environment)
     assert done.returncode == 1
     assert said in done.stderr
@@ -272,6 +272,35 @@ def test_a_process_that_is_killed_leaves_a_whole_log_beside_packages_of_our_name
     shutil.copy(file, tmp_path / "mine.py")
     said = "the process was ended by SIGKILL after "
     whole_log(tmp_path, "mine.py:Killed", said, PYTHONPATH=f".:{ROOT}/src")
+
+
+KILLED_STACK = """
+import os
+import signal
+
+from wayproof import Command, Velocity
+
+
+class Killed:
+    def start(self, task):
+        pass
+
+    def step(self, observation):
+        if observation.sequence == 3:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return Command(Velocity(0.2, duration_s=0.5))
+
+    def close(self):
+        pass
+"""
+
+
+def test_a_stack_that_is_killed_leaves_a_whole_log_with_that_cause(tmp_path):
+    (tmp_path / "stack.py").write_text(KILLED_STACK)
+    said = "the process was ended by SIGKILL after 3 decisions"
+    log = whole_log(tmp_path, "stack.py:Killed", said, setting="stack.name")
+    assert (log.result["cause"], log.result["cause_decision"]) == ("stack_died", "3")
+    assert said in log.result["cause_evidence"]
 
 
 @pytest.mark.parametrize(
