@@ -6,7 +6,13 @@ The source folder is the repository's root, so that links between pages work in 
 project = "Wayproof"
 extensions = ["myst_parser"]
 root_doc = "README"
-include_patterns = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/**.md"]
+include_patterns = [
+    "README.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "docs/**.md",
+    "examples/recordings/*/README.md",
+]
 html_theme = "furo"
 html_title = project
 html_copy_source = False
@@ -22,6 +28,7 @@ CHAPTERS = {
         *("tutorials/stack", "stack-interface", "ros2", "nav2", "gym"),
         *("tutorials/planner", "tutorials/robot", "robots"),
         *("tutorials/sensor", "sensors", "imports"),
+        *("tutorials/recording", "shadow", "recordings"),
     ],
     "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "replay", "seeing"],
     "Study and gate": [

@@ -60,5 +60,5 @@ VERB = Verb(
     help="check a robot's spec file, or propose one for its MJCF",
     add_arguments=_add_arguments,
     run=run,
-    example="wayproof robot check my_robot.toml",
+    example="wayproof robot check models/robots/custom/examples/go2.toml",
 )

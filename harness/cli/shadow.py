@@ -178,5 +178,5 @@ VERB = Verb(
     "exit code 1 if some of it was not admitted, 3 if nothing was shown",
     add_arguments=_add_arguments,
     run=run,
-    example="wayproof shadow fr079.clf.bz2 --robot pioneer.toml",
+    example="wayproof shadow examples/recordings/fr079/fr079-200.clf.bz2 --robot quadruped",
 )

@@ -295,7 +295,9 @@ def _by_reason(legs: Sequence[Leg]) -> dict[str, float]:
 
 
 def _counts(names: Sequence[str]) -> dict[str, int]:
-    return {name: names.count(name) for name in sorted(set(names), key=names.count, reverse=True)}
+    """The number of each, most first, and those alike by name."""
+    ordered = sorted(set(names), key=lambda name: (-names.count(name), name))
+    return {name: names.count(name) for name in ordered}
 
 
 def _latencies(passed: Sequence[Passed]) -> dict[str, float]:

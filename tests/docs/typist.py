@@ -51,6 +51,7 @@ TARGETS = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILIN
 UNTYPED = {
     r"\. \.venv/bin/activate": "the tests run in an environment already",
     r"pip install .*": "installs from the network",
+    r"wayproof robot check my_robot.*": "the reader's own robot",
 }
 """Commands that are only checked against their parser, and the reason."""
 
@@ -228,6 +229,8 @@ class Typist:
             code, output = dry_run(words)
         elif program == "c++":
             code, output = compile_here(words)
+        elif program == "mkdir":
+            code, output = make_folders(words)
         elif words[0] == "docs/plot_maps.py":
             code, output = plot_maps(words)
         else:
@@ -322,6 +325,14 @@ class Typist:
         elif word.startswith("docs/") and (ROOT / word).is_file():
             Path(word).parent.mkdir(exist_ok=True)
             shutil.copy(ROOT / word, word)
+
+
+def make_folders(words):
+    """Make folders as `mkdir -p` does."""
+    assert words[0] == "-p", words
+    for name in words[1:]:
+        Path(name).mkdir(parents=True, exist_ok=True)
+    return 0, ""
 
 
 def set_up_folder():

@@ -348,10 +348,10 @@ def test_a_fault_of_ours_is_a_traceback_and_the_log_is_whole(tmp_path, monkeypat
 
     step = Navigator.step
 
-    def planted(self, inputs, sense_ms=0.0):
+    def planted(self, inputs, sense_ms=0.0, answer=None):
         if inputs.sequence == 2:
             raise TypeError("planted")
-        return step(self, inputs, sense_ms)
+        return step(self, inputs, sense_ms, answer)
 
     monkeypatch.setattr(Navigator, "step", planted)
     path = tmp_path / "log.mcap"

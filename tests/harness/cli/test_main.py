@@ -251,10 +251,10 @@ def test_ctrl_c_says_what_is_left(tmp_path, monkeypatch, capsys):
     step = Navigator.step
 
     def press(at):
-        def pressed(self, inputs, sense_ms=0.0):
+        def pressed(self, inputs, sense_ms=0.0, answer=None):
             if inputs.sequence == at:
                 raise KeyboardInterrupt
-            return step(self, inputs, sense_ms)
+            return step(self, inputs, sense_ms, answer)
 
         monkeypatch.setattr(Navigator, "step", pressed)
 

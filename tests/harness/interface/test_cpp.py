@@ -15,7 +15,8 @@ from wayproof.harness.interface.observation_messages import (
 )
 from wayproof.harness.interface.observations import ObservationBuilder, task_of
 from wayproof.harness.interface.types import Command, Waypoints
-from wayproof.harness.replay.asked_again import _infos, ask_again
+from wayproof.harness.replay.answers import sensors_of
+from wayproof.harness.replay.asked_again import ask_again
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.planners import hold
@@ -91,7 +92,7 @@ def test_the_header_reads_and_writes_every_field_it_knows(
     log = tmp_path / "a.mcap"
     trial(log, f"exec:{probe}", "cylinders", robot, 3, "episode.time_limit=0.5", *settings)
     opened = open_log(log)
-    task = task_of(opened.config, opened.mission, _infos(log))
+    task = task_of(opened.config, opened.mission, sensors_of(opened))
     builder = ObservationBuilder(opened.config, opened.mission, opened.beams)
     rest = hold(np.array(task.mission.start), 0, 0.0)
     count = 0
@@ -142,7 +143,7 @@ def messages(tmp_path_factory, probe):
     log = tmp_path_factory.mktemp("messages") / "a.mcap"
     trial(log, f"exec:{probe}", "empty", "drone", 1, "episode.time_limit=0.3")
     opened = open_log(log)
-    task = task_of(opened.config, opened.mission, _infos(log))
+    task = task_of(opened.config, opened.mission, sensors_of(opened))
     builder = ObservationBuilder(opened.config, opened.mission, opened.beams)
     rest = hold(np.array(task.mission.start), 0, 0.0)
     observation = builder.build(next(opened.records()).inputs, rest, None)

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import sys
 import threading
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def test_a_policy_is_on_trial_as_any_stack(policy, tmp_path):
     for decision in log.decisions():
         assert decision.verdict.verdict in ("admitted", "unknown", "blocked")
     assert ask_again(Path(result.log), f"policy:{policy}").identical
-    served = f"exec:wayproof serve policy:{policy}"
+    served = f"exec:{sys.executable} -m wayproof serve policy:{policy}"
     assert run(served, tmp_path / "b.mcap").chain == result.chain
     policy.unlink()
     assert replay(Path(result.log)).identical  # it needs no policy
