@@ -2,7 +2,7 @@
 
 The recorded answers are followed up to the first of the commands that led to the failure against
 the referee's verdict. There the guard brakes, and the stack, which is not run, is silent: the body
-stands. A control with all recorded answers must fail again, or the check is inconclusive.
+stands. A control with all recorded answers must fail as recorded, or the check is inconclusive.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def check_by_guard(log: Log, case: Case, finding: Finding) -> Verdict:
     first = commands[0]
     control = _simulate(log, case, CONTROL, first, silent_from=len(case.moments))
     checks = [control]
-    if not control.saves:
+    if control.outcome == case.outcome:
         checks.append(_simulate(log, case, GUARD, first, silent_from=first + 1))
     begin_s = case.moments[first].time_ns * 1e-9
     simulated = sum(one.end_s - begin_s for one in checks)
@@ -51,10 +51,11 @@ def settle_by_guard(finding: Finding, checks: list[Check]) -> tuple[Finding, str
 
     Args:
         finding: Cause by the facts.
-        checks: The control, and the guard unless the control was saved.
+        checks: The control, and the guard if the control failed as recorded.
     """
     if len(checks) == 1:
-        return finding, "inconclusive", ""
+        note = f"with all recorded answers it ended as {checks[0].outcome}, not as recorded"
+        return finding, "inconclusive", note
     first, saves = checks[-1].begin, checks[-1].saves
     against_verdict = finding.cause in REMEDIES[GUARD][1]
     if saves and against_verdict:

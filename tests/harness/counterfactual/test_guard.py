@@ -40,6 +40,14 @@ def test_the_guard_confirms_only_what_it_shows(cause, guard_saves, settled, answ
     assert "by its facts" in found.evidence
 
 
+def test_a_control_that_ends_otherwise_shows_nothing():
+    finding = Finding("disregarded_obstacle", "by its facts", 3, (0.0, 0.0, 0.0))
+    control = Check("control", 7, "error", 1.0, False)
+    found, given, note = settle_by_guard(finding, [control])
+    assert (found, given) == (finding, "inconclusive")
+    assert "ended as error, not as recorded" in note
+
+
 def test_the_guard_brakes_at_the_first_command_that_led_to_the_contact(recorded, tmp_path, capsys):
     path = Path(recorded(*BLIND).log)
     log = open_log(path)
