@@ -66,8 +66,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write each file that is asked for."""
     from wayproof.harness.log.reader import open_log
 
-    wanted = {name: getattr(options, name) for name in OUTPUTS}
-    targets = {name: path for name, path in wanted.items() if path is not None}
+    requested = {name: getattr(options, name) for name in OUTPUTS}
+    targets = {name: path for name, path in requested.items() if path is not None}
     if not targets:
         raise InputError(f"export: got no file, expected --{' FILE, --'.join(OUTPUTS)} FILE")
     for name, path in targets.items():

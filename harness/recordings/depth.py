@@ -29,16 +29,16 @@ def depth_beams(
     rows, columns = depths.shape
     slopes = pixel_slopes(rows, columns, intrinsics, stride)
     chosen = depths[stride // 2 :: stride, stride // 2 :: stride].reshape(-1)
-    told = chosen > 0.0  # false for NaN
-    faults["pixel: no measurement"] += int((~told).sum())
+    measured = chosen > 0.0  # false for NaN
+    faults["pixel: no measurement"] += int((~measured).sum())
     silent = np.isinf(chosen)
-    far = told & ~silent & (chosen > FARTHEST)
+    far = measured & ~silent & (chosen > FARTHEST)
     faults["range: beyond the maximum"] += int(far.sum())
-    met = told & ~silent & ~far
+    met = measured & ~silent & ~far
     points = np.empty((int(met.sum()), 3), np.float32)
     points[:, :2] = slopes[met] * chosen[met, None]
     points[:, 2] = chosen[met]
-    return point_beams(points, None, limits, faults, Silent(_unit(slopes[told & silent])))
+    return point_beams(points, None, limits, faults, Silent(_unit(slopes[measured & silent])))
 
 
 def usable(intrinsics: Intrinsics) -> bool:

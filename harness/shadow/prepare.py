@@ -114,7 +114,7 @@ def prepare(
     assert recorded is not None
     config = replace(config, perturbation=perturbation)
     if stack is not None:
-        recorded = replace(recorded, goal="end")  # a stack on trial is told one goal, at its start
+        recorded = replace(recorded, goal="end")  # a stack on trial gets one goal, in its task
         trial = replace(config.stack, name=stack)
         config = replace(config, stack=trial, recording=recorded)
     way = Way(_part(recording.track, begin_s, end_s), recorded, flat=planar)

@@ -32,7 +32,7 @@ GRID_PERIOD_NS = 1_000_000_000
 
 PAST_NS = 1
 """By how much the clock is past the stamps of sweeps and the ends of controller periods, ns: so a
-stamp that was copied from a sweep can be told from one that a node took from its clock."""
+stamp that was copied from a sweep can be distinguished from one that a node took from its clock."""
 
 
 class Outputs:
