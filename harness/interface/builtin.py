@@ -8,9 +8,10 @@ from dataclasses import replace
 from wayproof.harness.config import from_document
 from wayproof.harness.inputs import Inputs, Pose, SweepInput
 from wayproof.harness.interface.motion import trajectory_of
-from wayproof.harness.interface.types import Command, Observation, Task, Velocity
+from wayproof.harness.interface.types import Command, Observation, Sweep, Task, Velocity
 from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.planner_input import motion_limits
+from wayproof.models.poses import Trail
 
 
 class BuiltinStack:
@@ -29,18 +30,7 @@ class BuiltinStack:
         navigator = self._navigator
         if observation.last is not None:
             self._settle(observation)
-        pose = Pose(
-            observation.position,
-            observation.quaternion,
-            observation.position_sigma,
-            observation.trail,
-            observation.heading_sigma,
-        )
-        sweeps = tuple(
-            SweepInput(sweep.sensor, sweep.ranges_mm, sweep.classes) for sweep in observation.sweeps
-        )
-        inputs = Inputs(observation.time_ns, observation.sequence, pose, sweeps, digest="")
-        self._decision = navigator.step(inputs)
+        self._decision = navigator.step(_inputs(observation))
         trajectory = navigator.draft.trajectory
         path = navigator.draft.global_path
         return Command(
@@ -74,3 +64,24 @@ class BuiltinStack:
             ).trajectory
             state = replace(navigator.state, trajectory=brake, global_path=None, earlier=())
             navigator.load_state(state, navigator.chain)
+
+
+def _inputs(observation: Observation) -> Inputs:
+    """The inputs of the navigator, in arrays of its own: kernels compile anew for read-only ones."""
+    trail = observation.trail
+    if trail is not None:
+        trail = Trail(trail.positions.copy(), trail.quaternions.copy(), trail.period)
+    pose = Pose(
+        observation.position.copy(),
+        observation.quaternion.copy(),
+        observation.position_sigma,
+        trail,
+        observation.heading_sigma,
+    )
+    sweeps = tuple(_sweep_input(sweep) for sweep in observation.sweeps)
+    return Inputs(observation.time_ns, observation.sequence, pose, sweeps, digest="")
+
+
+def _sweep_input(sweep: Sweep) -> SweepInput:
+    classes = None if sweep.classes is None else sweep.classes.copy()
+    return SweepInput(sweep.sensor, sweep.ranges_mm.copy(), classes)

@@ -141,6 +141,8 @@ def observation_message(observation: Observation, task: Task) -> sb.Observation:
 
 def _in_16_bits(ranges_mm: Ranges) -> NDArray[np.uint16]:  # (n,)
     """Ranges (n,) as the interface has them; a longer one carries no information."""
+    if ranges_mm.dtype == np.uint16:
+        return ranges_mm.astype("<u2", copy=False)
     return np.where(ranges_mm > NO_RETURN, DROPPED, ranges_mm).astype("<u2")
 
 
@@ -149,7 +151,7 @@ def sweep_inputs(message: sb.Observation) -> list[SweepInput]:
     return [
         SweepInput(
             sweep.sensor,
-            np.frombuffer(sweep.ranges_mm, "<u2").astype(np.uint16),
+            np.frombuffer(sweep.ranges_mm, "<u2").astype(np.uint16, copy=False),
             np.frombuffer(sweep.classes, np.uint8) if sweep.classes else None,
         )
         for sweep in message.sweeps

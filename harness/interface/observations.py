@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.harness.config import Config, to_json
 from wayproof.harness.geometry import wrap_angle
@@ -21,7 +23,10 @@ from wayproof.harness.interface.types import (
 )
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.poses import Trail
 from wayproof.planners import Trajectory
+
+AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
 def task_of(config: Config, mission: Mission, infos: Mapping[str, pb.SensorInfo]) -> Task:
@@ -40,7 +45,7 @@ def task_of(config: Config, mission: Mission, infos: Mapping[str, pb.SensorInfo]
         period_s=1.0 / next(iter(infos.values())).rate_hz,
         delay_s=config.latency.expected,
         deadline_s=config.latency.deadline,
-        sensors={name: Sensor(info) for name, info in infos.items()},
+        sensors={name: Sensor(_copied(info)) for name, info in infos.items()},
         settings=to_json(config).decode(),
     )
 
@@ -57,7 +62,15 @@ def reference_at(trajectory: Trajectory, time_ns: int, height_m: float | None) -
     position = sample.position.copy()
     if height_m is not None:
         position[2] = height_m
-    return Reference(position, sample.velocity, sample.heading, sample.yaw_rate, sample.at_rest)
+    velocity = read_only(sample.velocity)
+    return Reference(position, velocity, sample.heading, sample.yaw_rate, sample.at_rest)
+
+
+def read_only(array: AnyArray) -> AnyArray:
+    """A view of an array that its user cannot write to: the referee judges by the same array."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 class ObservationBuilder:
@@ -86,8 +99,8 @@ class ObservationBuilder:
         return Observation(
             time_ns=inputs.time_ns,
             sequence=inputs.sequence,
-            position=inputs.pose.position,
-            quaternion=inputs.pose.quaternion,
+            position=read_only(inputs.pose.position),
+            quaternion=read_only(inputs.pose.quaternion),
             position_sigma=inputs.pose.position_sigma,
             heading_sigma=inputs.pose.heading_sigma,
             velocity=velocity,
@@ -96,12 +109,13 @@ class ObservationBuilder:
             effect_ns=effect_ns,
             reference=reference_at(followed, effect_ns, height),
             last=last,
-            trail=inputs.pose.trail,
+            trail=_read_only_trail(inputs.pose.trail),
         )
 
     def _sweep(self, sweep: SweepInput, inputs: Inputs) -> Sweep:
         place = partial(self._beams[sweep.sensor].place, sweep, inputs.pose, inputs.sequence)
-        return Sweep(sweep.sensor, sweep.ranges_mm, sweep.classes, place)
+        classes = None if sweep.classes is None else read_only(sweep.classes)
+        return Sweep(sweep.sensor, read_only(sweep.ranges_mm), classes, place)
 
     def _twist(self, inputs: Inputs) -> tuple[Array, float]:
         """Velocity (3,), m/s, and yaw rate, rad/s, from this pose and the one before."""
@@ -111,3 +125,15 @@ class ObservationBuilder:
             return np.zeros(3), 0.0
         elapsed = (inputs.time_ns - before[0]) * 1e-9
         return (position - before[1]) / elapsed, wrap_angle(heading - before[2]) / elapsed
+
+
+def _read_only_trail(trail: Trail | None) -> Trail | None:
+    if trail is None:
+        return None
+    return Trail(read_only(trail.positions), read_only(trail.quaternions), trail.period)
+
+
+def _copied(info: pb.SensorInfo) -> pb.SensorInfo:
+    copied = pb.SensorInfo()
+    copied.CopyFrom(info)
+    return copied

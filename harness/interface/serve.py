@@ -8,13 +8,14 @@ import socket
 import struct
 import sys
 import traceback
+from dataclasses import replace
 from functools import partial
 from typing import IO
 
 import numpy as np
 
 from wayproof.harness.errors import InputError, printable
-from wayproof.harness.inputs import Pose
+from wayproof.harness.inputs import Pose, SweepInput
 from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.connect import make_stack
 from wayproof.harness.interface.observation_messages import (
@@ -25,8 +26,10 @@ from wayproof.harness.interface.observation_messages import (
     task_from,
     trail_from,
 )
-from wayproof.harness.interface.types import Observation, Stack, Sweep, Task
+from wayproof.harness.interface.observations import read_only
+from wayproof.harness.interface.types import Observation, Sensor, Stack, Sweep, Task
 from wayproof.harness.schema import stack_pb2 as sb
+from wayproof.harness.inputs import WorldSweep
 
 
 def serve(name: str) -> None:
@@ -119,7 +122,7 @@ def observation_from(message: sb.Observation, task: Task) -> Observation:
     position = message.position
     pose = Pose(
         np.array([position.x, position.y, position.z]),
-        np.array(message.quaternion),
+        np.array(message.quaternion[:]),
         message.position_sigma,
         trail_from(message),
         message.heading_sigma,
@@ -130,15 +133,15 @@ def observation_from(message: sb.Observation, task: Task) -> Observation:
             sweep.sensor,
             sweep.ranges_mm,
             sweep.classes,
-            partial(task.sensors[sweep.sensor].beams.place, sweep, pose, sequence),
+            partial(_placed, task.sensors[sweep.sensor], sweep, pose, sequence),
         )
         for sweep in sweep_inputs(message)
     )
     return Observation(
         time_ns=message.time_ns,
         sequence=sequence,
-        position=pose.position,
-        quaternion=pose.quaternion,
+        position=read_only(pose.position),
+        quaternion=read_only(pose.quaternion),
         position_sigma=pose.position_sigma,
         heading_sigma=pose.heading_sigma,
         velocity=np.array([velocity.x, velocity.y, velocity.z]),
@@ -149,6 +152,12 @@ def observation_from(message: sb.Observation, task: Task) -> Observation:
         last=fate_from(message),
         trail=pose.trail,
     )
+
+
+def _placed(sensor: Sensor, sweep: SweepInput, pose: Pose, sequence: int) -> WorldSweep:
+    """A sweep in the world frame, of ranges that kernels are compiled for: not read-only ones."""
+    own = replace(sweep, ranges_mm=sweep.ranges_mm.copy())
+    return sensor.beams.place(own, pose, sequence)
 
 
 def _receive(read: IO[bytes]) -> sb.ToStack | None:

@@ -176,7 +176,7 @@ class Fate:
 
 @dataclass(frozen=True)
 class Observation:
-    """What the robot knows at one instant.
+    """What the robot knows at one instant; its arrays are read-only, as the referee has the same.
 
     Attributes:
         time_ns: Time of the sweeps, ns.

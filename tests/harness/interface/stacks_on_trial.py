@@ -127,3 +127,22 @@ class TooFast(Base):
         ahead = np.array([np.cos(now.heading), np.sin(now.heading), 0.0])
         steps = np.outer(np.minimum(np.arange(9), 6) * 0.1 * speed, ahead)
         return Command(Samples(0.1, now.position + steps, np.full(9, now.heading)))
+
+
+class Overwrites(Ahead):
+    """Writes to the ranges that it observes, as careless code does."""
+
+    def step(self, observation):
+        if observation.sequence == 3:
+            observation.sweeps[0].ranges_mm[:] = 65535
+        return super().step(observation)
+
+
+class Moves(Ahead):
+    """Writes to the position that it observes."""
+
+    def step(self, observation):
+        if observation.sequence == 3:
+            position = observation.position
+            position += 5.0
+        return super().step(observation)

@@ -113,6 +113,10 @@ def test_a_blind_stack_is_judged_and_stopped_by_the_guard(tmp_path):
         ("Nan", True, "stack_broken", "velocity: got (nan, 0.0, 0.0, 0.0), expected finite"),
         ("Elsewhere", False, "stack_broken", "starts 3.00 m from where the robot is then"),
         ("Garbage", False, "stack_broken", "got str, expected a Command"),
+        ("Overwrites", False, "stack_broken", "destination is read-only"),
+        ("Overwrites", True, "stack_broken", "destination is read-only"),
+        ("Moves", False, "stack_broken", "output array is read-only"),
+        ("Moves", True, "stack_broken", "output array is read-only"),
     ],
 )
 def test_a_broken_stack_ends_the_episode_in_one_line(tmp_path, kind, remote, cause, text):
