@@ -43,7 +43,12 @@ STARTING_S = 60.0
 CLOSING_S = 2.0
 """Wall time that a stack gets to end by itself when it is closed, s."""
 
-READ_AT_ONCE = 2**20
+READ_AT_ONCE = 2**16
+
+POLLED_S = 5e-4
+"""Time for which an answer is polled for before this process sleeps, s: to wake a core of a virtual
+machine takes longer than a simple stack takes to answer."""
+
 PR_SET_PDEATHSIG = 1
 
 
@@ -85,6 +90,7 @@ class FileDescriptors(Connection):
     def __init__(self, read: int, write: int) -> None:
         """Use open descriptors; they are made non-blocking."""
         self._read, self._write = read, write
+        self._received = bytearray()
         for descriptor in {read, write}:
             os.set_blocking(descriptor, False)
 
@@ -92,30 +98,33 @@ class FileDescriptors(Connection):
         """Send all of it before a time of `time.monotonic`."""
         left = memoryview(data)
         while left:
-            _wait_for([], [self._write], until)
             try:
                 left = left[os.write(self._write, left) :]
             except BlockingIOError:
-                continue
+                _wait_for([], [self._write], until)
             except OSError:
                 raise Ended from None
 
     def receive(self, count: int, until: float) -> bytes:
         """Receive exactly so many bytes before that time."""
-        parts, missing = [], count
-        while missing:
-            _wait_for([self._read], [], until)
+        polled_until = time.monotonic() + POLLED_S
+        while len(self._received) < count:
             try:
-                part = os.read(self._read, min(missing, READ_AT_ONCE))
+                part = os.read(self._read, READ_AT_ONCE)
             except BlockingIOError:
+                if time.monotonic() < polled_until:
+                    os.sched_yield()  # the stack may be waiting for this very core
+                else:
+                    _wait_for([self._read], [], until)
                 continue
             except OSError:
                 raise Ended from None
             if not part:
                 raise Ended
-            parts.append(part)
-            missing -= len(part)
-        return b"".join(parts)
+            self._received += part
+        data = bytes(self._received[:count])
+        del self._received[:count]
+        return data
 
     def close(self) -> None:
         """Close both."""
