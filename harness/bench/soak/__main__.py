@@ -17,6 +17,7 @@ import msgspec
 from wayproof.harness.bench.soak.episodes import Tally, soak_episodes
 from wayproof.harness.bench.soak.fuzz import Fuzzed, soak_fuzz
 from wayproof.harness.bench.soak.hostile import Refused, soak_hostile
+from wayproof.harness.bench.soak.interface import Compared, soak_interface
 from wayproof.harness.bench.soak.kill import Killed, soak_kill
 from wayproof.harness.bench.soak.processors import Processors, soak_processors
 from wayproof.harness.bench.soak.race import Raced, soak_race
@@ -38,7 +39,8 @@ SOAKS: dict[
         | Raced
         | Refused
         | Broken
-        | Replayed,
+        | Replayed
+        | Compared,
     ],
 ] = {
     "kill": soak_kill,
@@ -51,6 +53,7 @@ SOAKS: dict[
     "hostile": soak_hostile,
     "recordings": soak_recordings,
     "stacks": soak_stacks,
+    "interface": soak_interface,
 }
 """Name on the command line -> function of (count, seed, progress, number of the first)."""
 
