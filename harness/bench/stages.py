@@ -19,6 +19,7 @@ from wayproof.harness.bench.episodes.robots import bench_robots
 from wayproof.harness.bench.episodes.study import bench_study, bench_study_size
 from wayproof.harness.bench.episodes.worlds import bench_worlds
 from wayproof.harness.bench.micro.gym import bench_gym
+from wayproof.harness.bench.micro.interface import bench_interface
 from wayproof.harness.bench.micro.loop import LOADS, bench_loop
 from wayproof.harness.bench.micro.map import PARTS as MAP_PARTS
 from wayproof.harness.bench.micro.map import bench_map
@@ -53,6 +54,7 @@ STAGES: dict[str, Stage] = {
     "crossing": Stage(bench_crossing, 10, keeps=True),
     "delays": Stage(bench_delays, 2),
     "gym": Stage(bench_gym, 5),
+    "interface": Stage(bench_interface, 3),
     "loop": Stage(bench_loop, 3, parts=LOADS),
     "map": Stage(bench_map, 15, parts=MAP_PARTS),
     "plan": Stage(bench_plan, 15),

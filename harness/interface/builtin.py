@@ -67,7 +67,7 @@ class BuiltinStack:
 
 
 def _inputs(observation: Observation) -> Inputs:
-    """The inputs of the navigator, in arrays of its own: kernels compile anew for read-only ones."""
+    """The inputs of the navigator, in own arrays: kernels compile anew for read-only ones."""
     trail = observation.trail
     if trail is not None:
         trail = Trail(trail.positions.copy(), trail.quaternions.copy(), trail.period)

@@ -15,7 +15,7 @@ from typing import IO
 import numpy as np
 
 from wayproof.harness.errors import InputError, printable
-from wayproof.harness.inputs import Pose, SweepInput
+from wayproof.harness.inputs import Pose, SweepInput, WorldSweep
 from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.connect import make_stack
 from wayproof.harness.interface.observation_messages import (
@@ -29,7 +29,6 @@ from wayproof.harness.interface.observation_messages import (
 from wayproof.harness.interface.observations import read_only
 from wayproof.harness.interface.types import Observation, Sensor, Stack, Sweep, Task
 from wayproof.harness.schema import stack_pb2 as sb
-from wayproof.harness.inputs import WorldSweep
 
 
 def serve(name: str) -> None:
