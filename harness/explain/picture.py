@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,13 +11,14 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import ListedColormap, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution import Case, Moment
+from wayproof.harness.clearance import in_metres, true_in_metres
 from wayproof.harness.explain.card import Card, command_at, moment_of
 from wayproof.harness.explain.commanded import Commanded
 from wayproof.harness.outputs import written_whole
@@ -38,6 +40,9 @@ FINE = 0.05
 TRUE, BELIEVED = "#1f77d0", "#2a9d4a"
 """Colours of the truth, and of estimates and plans."""
 
+ROBOT = "#ffd400"
+"""Colour of the robot where it was."""
+
 PLANNED, REFUSED = "#8e44ad", "#e0115f"
 """Colours of a stack's own plan, and of its command beyond what the referee admits."""
 
@@ -48,6 +53,11 @@ KINDS = {
     "occupied": "#3b4252",
 }
 """Colours by kind of cell."""
+
+
+BODY: dict[str, Any] = dict(facecolor=to_rgba(ROBOT, 0.8), edgecolor=TRUE, lw=1.5)
+BELIEVED_BODY: dict[str, Any] = dict(fill=False, edgecolor=BELIEVED, lw=1.0, ls="--")
+"""Styles of the body where it was and where it was believed to be."""
 
 
 def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
@@ -118,15 +128,18 @@ def _draw_truth(axes: Axes, case: Case, moment: Moment) -> None:
     solid = case.space.occupied(corner, (count, count, layers), FINE).any(axis=2)
     if solid.any():
         centres = [corner[axis] + (np.arange(count) + 0.5) * FINE for axis in range(2)]
-        axes.contour(*centres, solid.T.astype(float), [0.5], colors="#1f77d0", linewidths=1.2)
+        axes.contour(*centres, solid.T.astype(float), [0.5], colors=TRUE, linewidths=1.2)
 
 
 def _draw_motion(axes: Axes, case: Case, moment: Moment) -> None:
     before = [one.true_position for one in case.moments if one.time_ns <= moment.time_ns]
     after = [one.true_position for one in case.moments if one.time_ns >= moment.time_ns]
-    way = "true way" if case.config.recording is None else "recorded way"
-    _line(axes, np.array(before), color="#1f77d0", ls=":", label=f"{way} so far")
+    way = "true track" if case.config.recording is None else "recorded track"
+    _line(axes, np.array(before), color=TRUE, ls=":", label=f"{way} so far")
     _line(axes, np.array(after), color="#9bbfe3", ls=":", label=f"{way} after")
+    known = [one for one in case.moments if one.time_ns <= moment.time_ns]
+    believed_track = np.array([one.true_position + one.error for one in known])
+    _line(axes, believed_track, color=BELIEVED, ls=":", label="believed track so far")
     command = command_at(case, moment.decision.sequence)
     if command is None:
         global_path = path_of(moment.decision.global_path)
@@ -135,10 +148,9 @@ def _draw_motion(axes: Axes, case: Case, moment: Moment) -> None:
     _line(axes, committed, color="#2a9d4a", lw=2.5, label="committed trajectory")
     if command is not None:
         _draw_command(axes, command)
-    body = dict(radius=case.mission.radius, fill=False)
-    axes.add_patch(Circle(tuple(moment.true_position[:2]), color=TRUE, lw=1.5, **body))
-    believed = moment.true_position + moment.error
-    axes.add_patch(Circle(tuple(believed[:2]), color=BELIEVED, lw=1.0, ls="--", **body))
+    radius, believed = case.mission.radius, moment.true_position + moment.error
+    axes.add_patch(Circle(tuple(moment.true_position[:2]), radius, zorder=3, **BODY))
+    axes.add_patch(Circle(tuple(believed[:2]), radius, zorder=3, **BELIEVED_BODY))
     goal: dict[str, Any] = dict(color=BELIEVED, ms=7, mfc="none", ls="none", label="goal")
     axes.plot(*case.mission.goal[:2], "o", **goal)
 
@@ -170,21 +182,21 @@ def _finish(axes: Axes, moment: Moment, card: Card) -> None:
     )
     label = "" if card.label == "none" else f" [{card.label}]"
     title = f"decision {card.sequence}, {card.time_s:.1f} s: {card.action}{label}\n"
+    mapped = in_metres(card.least_clearance_m, card.least_clearance_is_bound)
+    now = true_in_metres(card.true_clearance_m)
+    known = "" if math.isnan(card.true_clearance_m) else f"{now}, "  # a recording has no truth
+    title += f"clearance {known}in the map along the path {mapped}; "
+    title += f"pose error {card.pose_error_m:.2f} m\n"
     title += textwrap.fill(card.reason, TITLE_WIDTH)
     if card.stack:
         title += f"\nreferee: {card.verdict}"
     axes.set_title(title, loc="left")
     kinds = [Patch(facecolor=c, edgecolor="#888888", label=name) for name, c in KINDS.items()]
+    kinds[list(KINDS).index("unknown")].set_label("unknown, or outside the map")
     others = [
-        Line2D([], [], color=TRUE, lw=1.2, label="what truly stands there"),
-        Circle((0, 0), color=TRUE, lw=1.5, fill=False, label="body, where it was (solid circle)"),
-        Circle(
-            (0, 0),
-            color=BELIEVED,
-            ls="--",
-            fill=False,
-            label="body, where it believed it was (dashed circle)",
-        ),
+        Line2D([], [], color=TRUE, lw=1.2, label="true obstacles"),
+        Circle((0, 0), label="robot, where it was (solid circle)", **BODY),
+        Circle((0, 0), label="robot, where it believed it was (dashed circle)", **BELIEVED_BODY),
     ]
     handles, _ = axes.get_legend_handles_labels()
     figure = axes.get_figure()

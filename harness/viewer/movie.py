@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from fractions import Fraction
@@ -16,6 +17,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import check_folder
 from wayproof.harness.outputs import check_target, written_whole
+from wayproof.harness.viewer.caption import legend_colours
 from wayproof.harness.viewer.driver import check_driver
 from wayproof.harness.viewer.moments import moments
 from wayproof.harness.viewer.picture import Stage, drawn
@@ -26,6 +28,7 @@ LEAST_PERIOD = 0.02
 GREATEST_PERIOD = 60.0
 
 GIF_COLOURS = 64
+"""Colours of a frame besides those of the legend, which would otherwise become one another's."""
 
 MP4_QUALITY = "23"
 """Constant rate factor; the default of x264."""
@@ -56,7 +59,7 @@ class Gif:
 
     def add(self, frame: Image.Image) -> None:
         """Add a frame."""
-        self._frames.append(frame.quantize(GIF_COLOURS, dither=Image.Dither.NONE))
+        self._frames.append(_in_few_colours(frame))
 
     def __exit__(
         self,
@@ -76,6 +79,13 @@ class Gif:
                 loop=0,
                 optimize=True,
             )
+
+
+def _in_few_colours(frame: Image.Image) -> Image.Image:
+    few = frame.quantize(GIF_COLOURS, dither=Image.Dither.NONE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(few[: 3 * GIF_COLOURS] + list(itertools.chain(*legend_colours())))
+    return frame.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 class Mp4:

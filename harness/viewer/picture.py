@@ -6,7 +6,6 @@ the legs are at rest.
 
 from __future__ import annotations
 
-import itertools
 import math
 from pathlib import Path
 from types import TracebackType
@@ -24,13 +23,11 @@ from wayproof.harness.recompute.rebuild import rebuild
 from wayproof.harness.recompute.side_by_side import as_input_error
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.sim.snapshot import PhysicsState, restore_parts
-from wayproof.harness.stack.decision import path_of
-from wayproof.harness.viewer.boxes import flat_boxes, surrounding_boxes, upright_boxes
-from wayproof.harness.viewer.cutaway import cut_boxes, cut_scene
-from wayproof.harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at
-from wayproof.harness.viewer.moments import Moment, moments, standing_low
+from wayproof.harness.viewer.caption import ROBOT, captioned, scene_size
+from wayproof.harness.viewer.cutaway import cut_scene
+from wayproof.harness.viewer.moments import Moment, moments
+from wayproof.harness.viewer.overlay import Tracks, lay_over
 from wayproof.harness.viewer.sight import geoms_in_front
-from wayproof.maps import UNKNOWN
 from wayproof.models.sensors.caster import ROBOT_GROUP
 
 SIZE = (960, 640)
@@ -38,34 +35,17 @@ SIZE = (960, 640)
 
 MOST_GEOMS = 60_000
 
-OVERLAY = {UNKNOWN: 0.6, INFLATED: 0.55, FRONTIER: 0.9}
-"""Opacity of the kinds of cells drawn on the floor."""
-
-OCCUPIED_COLOUR = (0.2, 0.35, 0.9, 0.22)
-GLOBAL_PATH, COMMITTED = (0.2, 0.4, 0.95, 1.0), (0.05, 0.65, 0.2, 1.0)
-PLANNED, REFUSED = (0.55, 0.25, 0.7, 1.0), (0.95, 0.05, 0.45, 1.0)
-TRAIL = (0.85, 0.1, 0.1, 1.0)
-
 DISTANCE, ELEVATION = 2.3, -38.0
 """Distance of the camera from the robot, m, and its pitch, degrees."""
 
 CUT_ABOVE = 0.15
 """Height above the robot's base at which walls and cells are cut, m."""
 
-SKIN = 0.004
-"""Extra half extent of a drawn occupied cell, m, so that its faces do not flicker with a wall's."""
-
-SIGHT = 10.0
-"""Distance from the robot up to which occupied cells are drawn, m: farther ones are mostly out of
-the picture, and each costs time."""
-
-BEYOND = 30.0
-"""Width of the unknown floor drawn around the map, m: beyond the view of the camera."""
-
 IN_FRONT = 0.12
 """Opacity of geometry between camera and robot."""
 
-Box = NDArray[np.float64]
+SHARE = 0.8
+"""Share of the robot's colour in that of each of its parts, which stay distinct."""
 
 
 class Stage:
@@ -76,7 +56,7 @@ class Stage:
 
         Args:
             log: The log.
-            size: Width and height, pixels.
+            size: Width and height of a picture with its words, pixels.
             smooth: Whether edges are smoothed, which takes most of the time without a GPU.
 
         Raises:
@@ -86,17 +66,21 @@ class Stage:
         self._model = model = self._scenario.scene.model
         self._data = mujoco.MjData(model)
         self._log = log
-        self._trail: list[NDArray[np.float64]] = []
-        model.vis.global_.offwidth, model.vis.global_.offheight = size
+        self._true: list[NDArray[np.float64]] = []
+        self._believed: list[NDArray[np.float64]] = []
+        width, height = scene_size(size)
+        model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         _dim(model)
         _simplify(model, smooth)
+        robot = np.flatnonzero(model.geom_group == ROBOT_GROUP)
+        _paint(model, robot)
         self._colours, self._materials = model.geom_rgba.copy(), model.geom_matid.copy()
-        self._robot = frozenset(np.flatnonzero(model.geom_group == ROBOT_GROUP).tolist())
+        self._robot = frozenset(robot.tolist())
         self._options = mujoco.MjvOption()
         self._options.geomgroup[:] = 1  # also those of the robot
         self._options.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = 0
         try:
-            self._renderer: Any = mujoco.Renderer(model, size[1], size[0], max_geom=MOST_GEOMS)
+            self._renderer: Any = mujoco.Renderer(model, height, width, max_geom=MOST_GEOMS)
         except Exception as error:  # each driver raises its own
             raise InputError(
                 f"no picture here: {error}; MUJOCO_GL=egl or osmesa draws without a screen"
@@ -116,20 +100,26 @@ class Stage:
         self._renderer.close()
 
     def follow(self, moment: Moment) -> None:
-        """Record the true position; call for every moment, drawn or not."""
-        self._trail.append(np.array(moment.truth.position))
+        """Record the positions; call for every moment, drawn or not."""
+        self._true.append(np.array(moment.truth.position))
+        self._believed.append(np.array(moment.record.inputs.pose.position))
 
     def draw(self, moment: Moment) -> Image.Image:
-        """Draw one moment."""
+        """Draw one moment, with its words."""
         self._pose(moment)
         camera = self._camera(moment)
         self._see_through(camera)
         self._renderer.update_scene(self._data, camera, self._options)
-        cut_scene(self._renderer.scene, self._cut_at(moment), self._robot)
-        self._lay_over(moment)
+        scene, cut_at = self._renderer.scene, float(moment.truth.position[2]) + CUT_ABOVE
+        cut_scene(scene, cut_at, self._robot)
+        tracks = Tracks(self._true, self._believed)
+        log = self._log
+        lay_over(scene, moment, log.mission, tracks=tracks, cut_at=cut_at)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-            self._renderer.scene.flags[flag] = 0  # overlay boxes cast no shadows
-        return Image.fromarray(self._renderer.render())
+            scene.flags[flag] = 0  # overlay boxes cast no shadows
+        drawn = Image.fromarray(self._renderer.render())
+        axes = log.mission.axes
+        return captioned(drawn, moment, log.config.costmap.cost_range, axes)
 
     def _pose(self, moment: Moment) -> None:
         truth, state = moment.truth, moment.record.state
@@ -159,10 +149,6 @@ class Stage:
         camera.distance = DISTANCE
         return camera
 
-    def _cut_at(self, moment: Moment) -> float:
-        """Return the height above which nothing is drawn, m."""
-        return float(moment.truth.position[2]) + CUT_ABOVE
-
     def _see_through(self, camera: mujoco.MjvCamera) -> None:
         """Fade geometry between the camera and the robot."""
         colours = self._model.geom_rgba
@@ -170,63 +156,13 @@ class Stage:
         radius = self._log.mission.radius
         colours[geoms_in_front(self._model, self._data, camera, radius), 3] = IN_FRONT
 
-    def _lay_over(self, moment: Moment) -> None:
-        costmap, mission = moment.costmap, self._log.mission
-        layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
-        found = kinds(costmap, layer, moment.record.decision.collision_distance_sq)
-        self._lay_flat(
-            *surrounding_boxes(found.shape, costmap.origin, costmap.resolution, BEYOND),
-            UNKNOWN,
-        )
-        for kind in OVERLAY:
-            self._lay_flat(*flat_boxes(found == kind, costmap.origin, costmap.resolution), kind)
-        middles, halves = upright_boxes(moment.map, standing_low(mission), mission.high)
-        middles, halves = cut_boxes(middles, halves, self._cut_at(moment))
-        off = middles[:, :2] - np.array(moment.truth.position)[:2]
-        near = np.hypot(off[:, 0], off[:, 1]) < SIGHT
-        for middle, half in zip(middles[near], halves[near], strict=True):
-            self._add_box(middle, half + SKIN, OCCUPIED_COLOUR)
-        lift = np.array([0.0, 0.0, 0.05 if mission.planar else 0.0])
-        decision = moment.decision
-        command = moment.commanded
-        if command is None:
-            self._add_line(path_of(decision.global_path) + lift, 0.015, GLOBAL_PATH)
-        self._add_line(path_of(decision.trajectory.path) + lift, 0.035, COMMITTED)
-        if command is not None:
-            self._add_line(command.planned_path + lift, 0.015, PLANNED)
-            self._add_line(command.refused + lift, 0.045, REFUSED)
-        self._add_line(np.array(self._trail), 0.015, TRAIL)
 
-    def _lay_flat(self, middles: Box, halves: Box, kind: int) -> None:
-        """Draw boxes on the floor in the colour of a kind of cells."""
-        colour = (*(value / 255.0 for value in COLOURS[kind]), OVERLAY[kind])
-        for middle, half in zip(middles, halves, strict=True):
-            self._add_box([*middle, 0.02], [*half, 0.002], colour)
-
-    def _add_box(self, middle: Any, half: Any, colour: tuple[float, ...]) -> None:
-        geom = self._next()
-        if geom is not None:
-            mujoco.mjv_initGeom(
-                geom, mujoco.mjtGeom.mjGEOM_BOX, half, middle, np.eye(3).ravel(), colour
-            )
-
-    def _add_line(self, points: Box, radius: float, colour: tuple[float, ...]) -> None:
-        nothing = np.zeros(3)
-        for start, end in itertools.pairwise(points):
-            geom = self._next()
-            if geom is None:
-                return
-            capsule = mujoco.mjtGeom.mjGEOM_CAPSULE
-            mujoco.mjv_initGeom(geom, capsule, nothing, nothing, np.eye(3).ravel(), colour)
-            mujoco.mjv_connector(geom, capsule, radius, start, end)
-
-    def _next(self) -> Any:
-        """Return the next free geom of the scene; None if the scene is full."""
-        scene = self._renderer.scene
-        if scene.ngeom >= scene.maxgeom:
-            return None
-        scene.ngeom += 1
-        return scene.geoms[scene.ngeom - 1]
+def _paint(model: mujoco.MjModel, robot: NDArray[np.int64]) -> None:
+    """Give the visible geoms of the robot a colour that stands out, in place."""
+    seen = robot[model.geom_rgba[robot, 3] > 0.0]
+    own = model.geom_rgba[seen, :3]
+    model.geom_rgba[seen, :3] = SHARE * np.array(ROBOT[:3]) + (1.0 - SHARE) * own
+    model.geom_matid[seen] = -1  # otherwise its colour would apply
 
 
 def _dim(model: mujoco.MjModel) -> None:

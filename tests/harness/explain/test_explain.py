@@ -110,7 +110,11 @@ def test_beyond_the_map_a_picture_is_unknown_and_its_legend_covers_nothing(stopp
     assert axes.get_legend() is None
     assert not legend.get_window_extent().overlaps(axes.get_window_extent())
     named = {text.get_text() for text in legend.get_texts()}
-    assert {*KINDS, "goal", "body, where it was (solid circle)"} <= named
+    tracks = {"true track so far", "believed track so far", "robot, where it was (solid circle)"}
+    assert tracks | {"free", "unknown, or outside the map", "occupied", "goal"} <= named
+    title = axes.get_title(loc="left")
+    assert "decision 3, 0.3 s: " in title
+    assert "clearance " in title
 
 
 def test_a_clearance_that_is_a_cap_says_so():

@@ -2,11 +2,13 @@
 
 import sys
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from tests.harness.viewer.drawn import drawn
 from wayproof.harness.cli.main import main
+from wayproof.harness.viewer.caption import BODIES, CELLS, OURS, legend_colours
 
 RUN = ["run", "empty", "--robot", "drone", "--seed", "1", "--set", "episode.time_limit=1"]
 
@@ -18,6 +20,9 @@ def test_an_animation_plays_in_simulated_time(tmp_path, failed):
     with Image.open(out) as animation:
         assert animation.n_frames == 3
         assert animation.info["duration"] == 500
+        shown = {tuple(pixel) for pixel in np.asarray(animation.convert("RGB")).reshape(-1, 3)}
+    ours = legend_colours()[: len(CELLS) + len(BODIES) + len(OURS)]
+    assert set(ours) <= shown
 
 
 def test_an_episode_is_rendered_once_it_is_run(tmp_path):
