@@ -16,10 +16,11 @@ from docs.docstrings import attributes, description, summary
 from wayproof.harness.bench.published import BENCHMARKS
 from wayproof.harness.bench.stages import STAGES
 from wayproof.harness.cli.catalogue import Catalogue, Entry
-from wayproof.harness.config import BUILTIN, NAMED, Config
+from wayproof.harness.config import BUILTIN, NAMED, RECORDING, Config
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation, Perturbation
+from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.scenario.robots import EXAMPLES
 from wayproof.harness.study.file import PACKAGED
 from wayproof.maps import MAPS
@@ -108,7 +109,11 @@ def _settings(section: type, prefix: str) -> Iterator[tuple[str, Entry]]:
     inner = []
     for entry in dataclasses.fields(section):
         name = prefix + entry.name
-        if isinstance(entry.default_factory, type) and dataclasses.is_dataclass(
+        if name == RECORDING:
+            inner.append((RecordingConfig, f"{name}."))
+        elif name.partition(".")[0] == RECORDING and entry.name in SET_BY_RUN:
+            continue
+        elif isinstance(entry.default_factory, type) and dataclasses.is_dataclass(
             entry.default_factory
         ):
             inner.append((entry.default_factory, f"{name}."))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
@@ -20,9 +21,10 @@ from wayproof.harness.cli import VERBS
 from wayproof.harness.cli.catalogue import FILE as CATALOGUE
 from wayproof.harness.cli.catalogue import encode
 from wayproof.harness.cli.main import verb_parsers
-from wayproof.harness.config import Config
+from wayproof.harness.config import RECORDING, Config
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation
+from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.study.statistics.support import Support
 from wayproof.harness.tables.tables import COLUMNS
 
@@ -85,6 +87,9 @@ def config() -> str:
     set_two = "--set map.resolution=0.2 --set planner.name=rrtconnect"
     lines += ["", *_typed(f"wayproof run empty --robot drone --seed 1 {set_two}")]
     lines += ["", "## The episode", "", *_settings(Config, ""), *_sections(Config)]
+    lines += ["", f"## {RECORDING}", "", summary(RecordingConfig), ""]
+    lines += ["Of a recording alone, as `wayproof shadow` takes it.", ""]
+    lines += _settings(RecordingConfig, f"{RECORDING}.", apart=SET_BY_RUN)
     lines += [
         "",
         "## Perturbations",
@@ -176,11 +181,12 @@ def _sections(parent: type, prefix: str = "") -> list[str]:
     return lines
 
 
-def _settings(section: type, prefix: str) -> list[str]:
+def _settings(section: type, prefix: str, apart: Sequence[str] = (RECORDING,)) -> list[str]:
+    """A table of the own settings of a section, without those that stand apart."""
     descriptions, hints = attributes(section), get_type_hints(section, include_extras=True)
     rows = ["| setting | type | default | meaning |", "|---|---|---|---|"]
     for entry in dataclasses.fields(section):
-        if dataclasses.is_dataclass(entry.default_factory):
+        if dataclasses.is_dataclass(entry.default_factory) or entry.name in apart:
             continue  # a section of its own
         kind, described = cell(_type_name(hints[entry.name])), cell(descriptions[entry.name])
         rows.append(f"| `{prefix}{entry.name}` | {kind} | {_default(entry)} | {described} |")

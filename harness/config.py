@@ -14,7 +14,7 @@ import msgspec
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.perturbations import AnyPerturbation
-from wayproof.harness.recording_config import RecordingConfig
+from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.renamed import current_value, renamed, with_current_names
 from wayproof.maps import MAPS, CostmapConfig, MapConfig
 from wayproof.maps.bounds import Bounds, check_fields
@@ -212,6 +212,9 @@ NUMBERS = ("int", "float")
 CODE = ("planner.name", "stack.name")
 """Settings that may name code of the user's own."""
 
+RECORDING = "recording"
+"""Section of the settings that only a recording has."""
+
 HASH_SEPARATOR = "@"
 """Separator in `name@hash`, the name of a world or robot that was read from a file."""
 
@@ -331,8 +334,14 @@ def _check_class_margins(margins: Mapping[str, float], semantics: bool) -> None:
 
 
 def setting_names() -> list[str]:
-    """Every `section.field` that `--set` accepts."""
+    """Every `section.field` that `--set` accepts of a simulated episode."""
     return _names_in(Config)
+
+
+def recording_setting_names() -> list[str]:
+    """Every `recording.field` that `--set` accepts of a recording."""
+    names = _names_in(RecordingConfig, f"{RECORDING}.")
+    return [name for name in names if name.partition(".")[2] not in SET_BY_RUN]
 
 
 def _names_in(section: Any, prefix: str = "") -> list[str]:
@@ -349,6 +358,10 @@ def _names_in(section: Any, prefix: str = "") -> list[str]:
 
 def _locate(document: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:
     names = setting_names()
+    if document.get(RECORDING) is not None:
+        names += recording_setting_names()
+    elif key in recording_setting_names():
+        raise InputError(f"setting {key}: of a recording, as 'wayproof shadow' takes it")
     if key not in names:
         section = key.partition(".")[0]
         siblings = [name for name in names if name.startswith(f"{section}.")]

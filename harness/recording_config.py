@@ -7,6 +7,9 @@ from typing import Annotated, Literal
 
 from wayproof.maps.bounds import Bounds, check_fields
 
+SET_BY_RUN = ("format", "sha256", "origin")
+"""Fields that follow from the recording, and that `--set` refuses."""
+
 GoalRule = Literal["ahead", "end"]
 """Where the goal of a decision lies: ahead on the recorded way, or at its end."""
 
@@ -29,7 +32,8 @@ class RecordingConfig:
             is mapped beyond it.
         origin: Point of the recording's world frame that is the origin of the log's, m; set by the
             run from the first pose and `body_height`.
-        body_height: Height of the body's origin above the floor at the first pose, m.
+        body_height: Height of the body's origin above the floor at the first pose, m; where the
+            recording states it (our logs, the frame `base_footprint` of a bag) the default is that.
         sensor_height: Height above the floor that scans of a planar laser are taken to have, m,
             where the recording puts the laser on the floor; it has no influence but to lie between
             `map.min_obstacle_height` and `map.max_obstacle_height`.

@@ -64,6 +64,8 @@ class Recording:
         chosen: The topics and frames that were chosen, in words.
         opening: Faults met while the recording was opened.
         read: Reads the sweeps in order of time and counts faults.
+        body_height: Height of the body's origin above the floor at the first pose, m; None where
+            the recording does not say.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Recording:
     chosen: str
     opening: Faults
     read: Callable[[Faults], Iterator[RecordedSweep]]
+    body_height: float | None = None
     _met: Faults = field(default_factory=Counter, init=False)
 
     def sweeps(self) -> Iterator[RecordedSweep]:

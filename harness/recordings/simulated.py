@@ -85,6 +85,7 @@ def open_episode(path: Path, options: RecordingOptions) -> Recording:
         chosen=f"sensors {', '.join(chosen)}; poses: {track.source}",
         opening=faults,
         read=_Sweeps(log, {one.name: one for one in sensors}, window_of(track, start, options)),
+        body_height=float(track.positions[0, 2]),  # the floor of a world is at z = 0
     )
 
 

@@ -171,6 +171,8 @@ def _config(
         recording=RecordingConfig(format=recording.format, sha256=recording.sha256),
     )
     defaults = ["map.kind=grid2d"] if planar else []
+    if recording.body_height is not None:
+        defaults.append(f"recording.body_height={recording.body_height!r}")
     config = override(config, [*defaults, *settings])
     assert config.recording is not None
     x, y, z = recording.track.positions[0].tolist()

@@ -16,6 +16,7 @@ from wayproof.harness.recordings.bags.choose import (
     SILENT,
     UNSURE,
     Motion,
+    body_height,
     choose_camera,
     choose_motion,
     choose_mount,
@@ -94,6 +95,7 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
         chosen=f"{', '.join(reader.text for reader in readers)}; poses: {motion.source}",
         opening=faults,
         read=_Sweeps(readers),
+        body_height=body_height(found, motion.body, start),
     )
 
 

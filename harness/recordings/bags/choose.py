@@ -23,8 +23,14 @@ SILENT, UNSURE, LIMITS = "/no_return", "/no_return_unsure", "/limits"
 beams without return, where these are known to have been free or not, and a Range with its limits.
 """
 
-BODIES = ("base_link", "base_footprint")
+FOOTPRINT = "base_footprint"
+"""Name of the body's projection on the floor, REP 120."""
+
+BODIES = ("base_link", FOOTPRINT)
 """Usual names of the body's frame, REP 105 and REP 120."""
+
+HIGHEST_BODY = 100.0
+"""Height above the floor beyond which a projection on it is not believed, m."""
 
 NO_POSES = ("goal", "initialpose", "target", "waypoint")
 """Parts of names of topics with poses that are not the robot's."""
@@ -153,6 +159,19 @@ def choose_mount(
             " expected a mount"
         )
     return between
+
+
+def body_height(found: Survey, body: str, stamp_ns: int) -> float | None:
+    """Return the height of the body above its projection on the floor at a stamp, m.
+
+    None without a projection, or where it is not known at that time or lies beyond belief.
+    """
+    below = found.tree.between(body, FOOTPRINT)
+    if below is None:
+        return None
+    transform, known = below.at(np.array([stamp_ns]))
+    height = -float(transform.position[0, 2])
+    return height if known[0] and abs(height) <= HIGHEST_BODY else None
 
 
 def _body(found: Survey, frame: str, options: RecordingOptions) -> str:

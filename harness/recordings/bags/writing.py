@@ -14,7 +14,7 @@ import numpy as np
 from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import check_target
 from wayproof.harness.recordings.bags.building import Builder
-from wayproof.harness.recordings.bags.choose import BODIES, LIMITS, SILENT, UNSURE
+from wayproof.harness.recordings.bags.choose import BODIES, FOOTPRINT, LIMITS, SILENT, UNSURE
 from wayproof.harness.recordings.bags.messages import (
     CLOUD,
     ODOMETRY,
@@ -24,7 +24,7 @@ from wayproof.harness.recordings.bags.messages import (
     typestore,
 )
 from wayproof.harness.recordings.recording import Recording
-from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.recordings.types import IDENTITY, RecordedSensor, RecordedSweep, Transform
 
 BagKind = Literal["ros1", "mcap", "sqlite"]
 """A `.bag` of ROS 1, or a folder of ROS 2 with an `.mcap` or a `.db3`."""
@@ -99,8 +99,9 @@ def _opened(path: Path, kind: BagKind) -> Any:  # a writer of rosbags
 def recording_messages(recording: Recording, kind: BagKind) -> Iterator[Stamped]:
     """Yield a recording's track and sweeps as messages of ROS, in order of time.
 
-    The poses go to `/odom` and `/tf`, the mounts to `/tf_static`, a planar laser's sweeps to a
-    LaserScan and others to a PointCloud2, each on the topic of the sensor's name. Beside points lie
+    The poses go to `/odom` and `/tf`, the mounts to `/tf_static` with the body's projection on the
+    floor where it is known, a planar laser's sweeps to a LaserScan and others to a PointCloud2,
+    each on the topic of the sensor's name. Beside points lie
     their sensor's limits, and the directions of beams without return, which tools pass over.
     Read back, it is the same recording bit by bit.
 
@@ -111,6 +112,10 @@ def recording_messages(recording: Recording, kind: BagKind) -> Iterator[Stamped]
     sensors = {sensor.name: sensor for sensor in recording.sensors}
     mounts: dict[str, Transform] = {}
     poses = _Poses(recording, build)
+    if recording.body_height is not None:
+        below = IDENTITY._replace(position=np.array([0.0, 0.0, -recording.body_height]))
+        footprint = build.transforms(recording.start_ns, BODY, FOOTPRINT, below)
+        yield Stamped(recording.start_ns, "/tf_static", TRANSFORMS[0], footprint)
     for sweep in recording.sweeps():
         sensor, frame = sensors[sweep.sensor], _frame(sensors[sweep.sensor])
         stamp = recording.start_ns + sweep.time_ns

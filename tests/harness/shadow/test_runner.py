@@ -1,4 +1,5 @@
 from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,10 +8,16 @@ from tests.harness.shadow.conftest import FR079, shadowed, written
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.metrics import OF_TRUTH, read_trace, score
+from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.recordings.bags.writing import recording_messages, write_bag
+from wayproof.harness.recordings.formats import open_recording
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.verify import verify
+from wayproof.harness.shadow.assess import assess
+from wayproof.harness.shadow.summary import summarize
+from wayproof.maps import OCCUPIED, states_in
 
 
 def test_a_real_recording_gives_the_same_chain_twice(fr079_log, robot, tmp_path):
@@ -92,3 +99,49 @@ def test_a_reference_stack_is_judged_on_a_recording(robot, tmp_path):
     trace = read_trace(open_log(log))
     assert set(trace.verdicts) <= {"admitted", "unknown", "blocked"}
     assert asdict(open_log(log).config.recording)["goal"] == "end"
+
+
+@pytest.fixture(scope="module")
+def simulated(recorded, tmp_path_factory):
+    """Log of a walking robot, that log as a bag, and the logs of both as recordings."""
+    folder = tmp_path_factory.mktemp("simulated")
+    episode = Path(recorded("corridor", "quadruped", 1, "episode.time_limit=3").log)
+    opened = open_recording(episode)
+    write_bag(recording_messages(opened, "mcap"), folder / "bag", "mcap")
+    sources = episode, folder / "bag"
+    logs = [shadowed(one, "quadruped", folder / f"{k}.mcap") for k, one in enumerate(sources)]
+    return episode, *logs
+
+
+def test_a_simulated_log_and_its_bag_give_the_same_decisions(simulated):
+    _, direct, by_bag = (open_log(log) for log in simulated)
+    assert direct.result["chain"] == by_bag.result["chain"]
+    versions = [[one.map_version for one in log.decisions()] for log in (direct, by_bag)]
+    assert len(versions[0]) > 10
+    assert versions[0] == versions[1]
+    share = summarize(assess(direct.path)).admitted_share
+    assert share == summarize(assess(by_bag.path)).admitted_share == 1.0
+
+
+def test_the_maps_of_a_recording_of_a_simulated_log_are_its_own(simulated):
+    episode, _, by_bag = (open_log(log) for log in simulated)
+    assert by_bag.config.recording.origin == (0.0, 0.0, 0.0)
+    maps = []
+    for log in (episode, by_bag):
+        stack = SegmentedStack(segments_of(log))
+        for record in log.records():
+            navigator = stack.watch(record.inputs)
+        maps.append(navigator.map)
+    (x, y, z), (far_x, far_y, _) = episode.mission.low, episode.mission.high
+    top = by_bag.mission.high[2] - by_bag.config.map.resolution
+    own, made = (states_in(one, (x, y, z), (far_x, far_y, top)) for one in maps)
+    assert (own == OCCUPIED).sum() > 500
+    assert (own == made).mean() > 0.9999
+
+
+def test_settings_of_the_recording_are_set(robot, tmp_path):
+    log = shadowed(FR079, robot, tmp_path / "set.mcap", ["recording.goal=end"], end_s=1.0)
+    assert open_log(log).config.recording.goal == "end"
+    for setting in ("recording.sha256=x", "recording.no=1"):
+        with pytest.raises(InputError, match="unknown setting"):
+            shadowed(FR079, robot, tmp_path / "no.mcap", [setting], end_s=1.0)

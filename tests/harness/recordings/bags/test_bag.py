@@ -3,6 +3,7 @@ import pytest
 
 from tests.harness.recordings.bags.making import Bag, at
 from wayproof.harness.errors import InputError
+from wayproof.harness.recordings.bags.choose import FOOTPRINT
 from wayproof.harness.recordings.formats import open_recording
 from wayproof.harness.recordings.recording import RecordingOptions
 from wayproof.harness.recordings.types import Transform
@@ -261,3 +262,30 @@ def test_a_bag_that_was_cut_is_read_up_to_there(tmp_path, kind):
     recording = opened(path)
     assert 50 < len(list(recording.sweeps())) < 150
     assert recording.faults == {"bag: cut short": 1}
+
+
+@pytest.mark.parametrize(
+    ("parent", "child", "z"), [("base_link", FOOTPRINT, -0.3), (FOOTPRINT, "base_link", 0.3)]
+)
+def test_the_height_of_the_body_is_that_above_its_footprint(tmp_path, parent, child, z):
+    bag = Bag("mcap")
+    if child == FOOTPRINT:
+        bag.drive([10.0, 11.0])
+        bag.tf(parent, child, 10.0, at(z=z), "/tf_static")
+    else:
+        for stamp in (10.0, 11.0):
+            bag.tf("odom", parent, stamp, at(stamp, 0.0, 0.1))
+        bag.tf(parent, child, 10.0, at(z=z), "/tf_static")
+    bag.tf("base_link", "laser", 10.0, at(z=0.1), "/tf_static")
+    bag.scan(10.5, [1.0] * 5)
+    bag.write(tmp_path / "bag")
+    assert open_recording(tmp_path / "bag").body_height == pytest.approx(0.3)
+
+
+def test_the_height_of_the_body_is_unknown_without_a_footprint(tmp_path):
+    bag = Bag("mcap")
+    bag.drive([10.0, 11.0])
+    bag.tf("base_link", "laser", 10.0, at(z=0.1), "/tf_static")
+    bag.scan(10.5, [1.0] * 5)
+    bag.write(tmp_path / "bag")
+    assert open_recording(tmp_path / "bag").body_height is None

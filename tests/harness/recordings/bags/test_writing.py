@@ -20,7 +20,7 @@ def same(first, second):
 def check_same(one, other):
     """Two recordings are the same, bit by bit."""
     assert one.sensors == other.sensors
-    assert one.start_ns == other.start_ns
+    assert (one.start_ns, one.body_height) == (other.start_ns, other.body_height)
     for name in ("times_ns", "positions", "quaternions"):
         assert same(getattr(one.track, name), getattr(other.track, name)), name
     count = 0
