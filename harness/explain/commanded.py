@@ -14,11 +14,12 @@ from wayproof.harness.errors import InputError, printable
 from wayproof.harness.interface.command_messages import (
     CommandError,
     check_command,
+    costmap_of,
     motion_of,
     planned_path_of,
 )
 from wayproof.harness.interface.motion import MotionError, trajectory_of
-from wayproof.harness.interface.types import Reference
+from wayproof.harness.interface.types import Grid, Reference
 from wayproof.harness.log.paths import arc_lengths, densely
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
@@ -42,6 +43,7 @@ class Commanded(NamedTuple):
         admitted: (m, 3) its path up to the first overlap, m, world; all of an admitted command.
         refused: (k, 3) its path from there to its rest; empty of an admitted command.
         planned_path: (n, 3) the stack's own plan, m, world; empty if it gave none.
+        costmap: The stack's own costmap; None if it gave none with this command.
     """
 
     message: sb.Command
@@ -50,6 +52,7 @@ class Commanded(NamedTuple):
     admitted: Array
     refused: Array
     planned_path: Array
+    costmap: Grid | None
 
 
 def commanded(
@@ -95,6 +98,7 @@ def commanded(
         admitted,
         refused,
         np.zeros((0, 3)) if planned is None else planned,
+        costmap_of(message),
     )
 
 

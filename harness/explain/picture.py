@@ -11,7 +11,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap, to_rgba
+from matplotlib.colors import ListedColormap, to_rgb, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
@@ -21,6 +21,14 @@ from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.clearance import in_metres, true_in_metres
 from wayproof.harness.explain.card import Card, command_at, moment_of
 from wayproof.harness.explain.commanded import Commanded
+from wayproof.harness.explain.stack_costmap import (
+    CHEAP,
+    DEAR,
+    Colour,
+    Newest,
+    costmap_at,
+    shades,
+)
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
@@ -69,18 +77,22 @@ def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
         navigator: Stack with the map of the decision.
         target: PNG file.
     """
-    moment = moment_of(case, card.sequence)
+    moment, own = moment_of(case, card.sequence), costmap_at(case, card.sequence)
     with mpl.rc_context({"font.size": 8.0, "text.parse_math": False}):
-        figure = Figure(figsize=(7.0, 7.2), layout="constrained", dpi=120)
-        axes = figure.add_subplot()
+        count = 1 if own is None else 2
+        figure = Figure(figsize=(7.0 * count, 7.2), layout="constrained", dpi=120)
+        axes, *beside = figure.subplots(1, count, squeeze=False)[0]
         _draw_map(axes, navigator, moment)
-        _draw_truth(axes, case, moment)
-        _draw_motion(axes, case, moment)
+        for each in (axes, *beside):
+            _draw_truth(each, case, moment)
+            _draw_motion(each, case, moment)
         for cell in card.blocking:
             _mark(axes, cell.place, "x", 6.0, "blocking cell")
         if case.contact is not None:
             _mark(axes, case.contact.position, "*", 11.0, "contact")
-        _finish(axes, moment, card)
+        if own is not None:
+            _draw_costmap(beside[0], own, moment)
+        _finish(axes, moment, card, own is not None)
         with written_whole(target, "picture") as partial:
             figure.savefig(partial, format="png", metadata={"Software": None})
 
@@ -113,6 +125,32 @@ def _draw_map(axes: Axes, navigator: Navigator, moment: Moment) -> None:
         interpolation="nearest",
     )
     axes.set_facecolor(KINDS["unknown"])  # space beyond the map is unknown, too
+
+
+def _draw_costmap(axes: Axes, own: Newest, moment: Moment) -> None:
+    """Draw a stack's own costmap in the colours of the referee's."""
+    grid = own.grid
+    (x, y), (ny, nx) = grid.origin.tolist(), grid.cells.shape
+    axes.imshow(
+        shades(
+            grid.cells,
+            unknown=_bytes(KINDS["unknown"]),
+            free=_bytes(KINDS["free"]),
+            occupied=_bytes(KINDS["occupied"]),
+        ),
+        origin="lower",
+        extent=(x, x + nx * grid.resolution, y, y + ny * grid.resolution),
+        interpolation="nearest",
+    )
+    axes.set_facecolor(KINDS["unknown"])  # of what lies beyond it the stack says nothing
+    axes.set_title(f"the stack's own costmap, as of decision {own.sequence}", loc="left")
+    _frame(axes, moment)
+
+
+def _bytes(colour: str) -> Colour:
+    """Return the red, green and blue of a colour, 0 to 255."""
+    red, green, blue = (round(255.0 * part) for part in to_rgb(colour))
+    return red, green, blue
 
 
 def _draw_truth(axes: Axes, case: Case, moment: Moment) -> None:
@@ -171,7 +209,8 @@ def _line(axes: Axes, points: Array, **style: Any) -> None:
         axes.plot(points[:, 0], points[:, 1], **style)
 
 
-def _finish(axes: Axes, moment: Moment, card: Card) -> None:
+def _frame(axes: Axes, moment: Moment) -> None:
+    """Show the surroundings of the robot."""
     x, y, _ = moment.true_position
     axes.set(
         xlim=(x - REACH, x + REACH),
@@ -180,6 +219,10 @@ def _finish(axes: Axes, moment: Moment, card: Card) -> None:
         ylabel="y, m",
         aspect="equal",
     )
+
+
+def _finish(axes: Axes, moment: Moment, card: Card, has_costmap: bool) -> None:
+    _frame(axes, moment)
     label = "" if card.label == "none" else f" [{card.label}]"
     title = f"decision {card.sequence}, {card.time_s:.1f} s: {card.action}{label}\n"
     mapped = in_metres(card.least_clearance_m, card.least_clearance_is_bound)
@@ -193,6 +236,12 @@ def _finish(axes: Axes, moment: Moment, card: Card) -> None:
     axes.set_title(title, loc="left")
     kinds = [Patch(facecolor=c, edgecolor="#888888", label=name) for name, c in KINDS.items()]
     kinds[list(KINDS).index("unknown")].set_label("unknown, or outside the map")
+    if has_costmap:
+        ends = ((CHEAP, "cost 1 of the stack"), (DEAR, "cost 99 of the stack"))
+        kinds += [
+            Patch(facecolor=f"#{bytes(colour).hex()}", edgecolor="#888888", label=name)
+            for colour, name in ends
+        ]
     others = [
         Line2D([], [], color=TRUE, lw=1.2, label="true obstacles"),
         Circle((0, 0), label="robot, where it was (solid circle)", **BODY),
@@ -202,7 +251,10 @@ def _finish(axes: Axes, moment: Moment, card: Card) -> None:
     figure = axes.get_figure()
     assert isinstance(figure, Figure)
     figure.legend(
-        handles=[*kinds, *others, *handles], loc="outside lower left", ncols=3, fontsize=7
+        handles=[*kinds, *others, *handles],
+        loc="outside lower left",
+        ncols=6 if has_costmap else 3,
+        fontsize=7,
     )
 
 

@@ -56,7 +56,7 @@ ON_TRIAL: tuple[Entry, ...] = (
 
 def legend_colours() -> list[tuple[int, int, int]]:
     """Return the colours of all legends: red, green and blue, 0 to 255."""
-    return [_pixel(colour) for _, colour in (*CELLS, *BODIES, *OURS, *ON_TRIAL)]
+    return [pixel_of(colour) for _, colour in (*CELLS, *BODIES, *OURS, *ON_TRIAL)]
 
 
 def scene_size(size: tuple[int, int]) -> tuple[int, int]:
@@ -125,7 +125,7 @@ def _legend(
         x, y = letter // 2, top + _line(width, number)
         for name, colour in entries:
             swatch = (x, y + letter // 6, x + letter, y + letter)
-            draw.rectangle(swatch, _pixel(colour), FAINT)
+            draw.rectangle(swatch, pixel_of(colour), FAINT)
             x += round(1.4 * letter)
             draw.text((x, y), name, INK, font)
             x += round(draw.textlength(name, font)) + letter
@@ -162,8 +162,8 @@ def _band(width: int, lines: int) -> int:
     return round((lines * LINE + 0.35) * _letter(width))
 
 
-def _pixel(colour: Colour) -> tuple[int, int, int]:
-    """Return a colour as it looks over a pale floor."""
+def pixel_of(colour: Colour) -> tuple[int, int, int]:
+    """Return a colour as it looks over a pale floor: red, green and blue, 0 to 255."""
     *shade, alpha = colour
     red, green, blue = np.rint(255 * (alpha * np.array(shade) + (1 - alpha) * 0.8)).astype(int)
     return int(red), int(green), int(blue)

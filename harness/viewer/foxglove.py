@@ -15,6 +15,8 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
+from wayproof.harness.explain.stack_costmap import shades
+from wayproof.harness.interface.types import Grid
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.writer import check_folder, file_descriptor_set
 from wayproof.harness.outputs import written_whole
@@ -24,7 +26,7 @@ from wayproof.harness.viewer.layer import COLOURS, kinds, layer_at
 from wayproof.harness.viewer.moments import Moment, moments, standing_low
 from wayproof.harness.viewer.tiles import Tiles
 from wayproof.harness.viewer.words import is_warning
-from wayproof.maps import UNKNOWN
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
 WORLD, ROBOT, TRUTH = "world", "robot", "truth"
 """Names of the frames."""
@@ -40,6 +42,9 @@ EDGE_M = 1.0
 
 BLUE, GREEN, RED = (0.24, 0.43, 0.92), (0.08, 0.67, 0.27), (0.82, 0.16, 0.16)
 PURPLE, PINK = (0.59, 0.24, 0.75), (0.92, 0.08, 0.35)
+
+OPACITY = 230
+"""Of grids on the floor, 0 to 255."""
 
 View = tuple[str, Message]
 """A topic and a message on it."""
@@ -123,6 +128,9 @@ class _Artist:
         grid = self._changed_layer(moment)
         if grid is not None:
             yield "/viz/layer", grid
+        own = moment.stack_costmap
+        if own is not None:
+            yield "/viz/stack_costmap", _stack_costmap(own.grid, stamp)
         if now - self._swept_ns >= SWEEP_PERIOD_NS:
             self._swept_ns = now
             yield "/viz/sweep", _cloud(moment.hits(MOST_HITS), stamp)
@@ -142,23 +150,12 @@ class _Artist:
         self._layer = layer_kinds
         palette = np.zeros((max(COLOURS) + 1, 4), np.uint8)
         for kind, colour in COLOURS.items():
-            palette[kind] = (*colour, 230)
+            palette[kind] = (*colour, OPACITY)
         side = costmap.resolution
         edge = round(EDGE_M / side)
         layer_kinds = np.pad(layer_kinds, edge, constant_values=UNKNOWN)
-        nx, _ = layer_kinds.shape
         x, y = (float(value) - edge * side for value in costmap.origin[:2])
-        return fox.Grid(
-            timestamp=moment.decision.timestamp,
-            frame_id=WORLD,
-            pose=_pose(x, y, 0.0),
-            column_count=nx,
-            cell_size=fox.Vector2(x=side, y=side),
-            row_stride=4 * nx,
-            cell_stride=4,
-            fields=_fields(("red", "green", "blue", "alpha"), fox.PackedElementField.UINT8, 1),
-            data=palette[layer_kinds.T].tobytes(),
-        )
+        return _grid(palette[layer_kinds.T], x, y, side, moment.decision.timestamp)
 
     def _plan(self, moment: Moment) -> fox.SceneUpdate:
         decision, mission = moment.decision, self._log.mission
@@ -180,6 +177,42 @@ class _Artist:
             words = f"{outcome}: {self._log.result.get('reason', '')}"
             update.entities.append(_failure(moment, words))
         return update
+
+
+def _stack_costmap(grid: Grid, stamp: Timestamp) -> fox.Grid:
+    """Return a stack's own costmap as a grid."""
+    colours = shades(
+        grid.cells, unknown=COLOURS[UNKNOWN], free=COLOURS[FREE], occupied=COLOURS[OCCUPIED]
+    )
+    opaque = np.full((*grid.cells.shape, 1), OPACITY, np.uint8)
+    x, y = grid.origin.tolist()
+    return _grid(np.concatenate([colours, opaque], axis=2), x, y, grid.resolution, stamp)
+
+
+def _grid(
+    colours: NDArray[np.uint8], x: float, y: float, side: float, stamp: Timestamp
+) -> fox.Grid:
+    """Return a grid on the floor.
+
+    Args:
+        colours: (ny, nx, 4) red, green, blue and opacity of its cells.
+        x: Of the lower corner of its first cell, m, world.
+        y: The same.
+        side: Edge of a cell, m.
+        stamp: Time.
+    """
+    columns = colours.shape[1]
+    return fox.Grid(
+        timestamp=stamp,
+        frame_id=WORLD,
+        pose=_pose(x, y, 0.0),
+        column_count=columns,
+        cell_size=fox.Vector2(x=side, y=side),
+        row_stride=4 * columns,
+        cell_stride=4,
+        fields=_fields(("red", "green", "blue", "alpha"), fox.PackedElementField.UINT8, 1),
+        data=colours.tobytes(),
+    )
 
 
 def _failure(moment: Moment, words: str) -> fox.SceneEntity:

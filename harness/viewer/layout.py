@@ -6,11 +6,15 @@ from collections.abc import Mapping
 
 import rerun.blueprint as rrb
 
+from wayproof.harness.config import BUILTIN
 from wayproof.harness.log.reader import Log
+from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.viewer.snapshots import layer_period_ns
 
 UNKNOWN_SPACE = (112, 137, 134)
 """Colour of unknown cells in RViz, red, green and blue; also of space outside the map."""
+
+ALL_BUT_COSTMAP = ["+ $origin/**", "- $origin/stack_costmap"]
 
 
 def layout(logs: Mapping[str, Log]) -> rrb.Blueprint:
@@ -38,10 +42,19 @@ def _column(root: str, log: Log) -> rrb.Vertical:
         position=(x, y - 0.01, 0.85 * span), look_target=(x, y, 0.0), eye_up=(0.0, 1.0, 0.0)
     )
     world, period = f"/{root}/world", layer_period_ns(log) * 1e-9
+    beside = []
+    if gives_costmap(log):
+        beside = [_space(f"{root}: the stack's own costmap", world, above, _flat("layer"))]
     return rrb.Vertical(
         rrb.Horizontal(
-            _space(f"{root}: space", world, aside, "$origin/**"),
-            _space(f"{root}: the map about the robot, each {period:g} s", world, above, _flat()),
+            _space(f"{root}: space", world, aside, ALL_BUT_COSTMAP),
+            _space(
+                f"{root}: the map about the robot, each {period:g} s",
+                world,
+                above,
+                _flat("stack_costmap"),
+            ),
+            *beside,
         ),
         rrb.Horizontal(
             rrb.TextDocumentView(origin=f"/{root}/decision", name="decision"),
@@ -61,9 +74,24 @@ def _column(root: str, log: Log) -> rrb.Vertical:
     )
 
 
-def _flat() -> list[str]:
-    """Return the entities of the top view, without cells, which would hide the layer."""
-    return ["+ $origin/**", "- $origin/occupied/**", "- $origin/sweep"]
+def gives_costmap(log: Log) -> bool:
+    """Return whether a stack on trial gave a costmap of its own with any of its commands."""
+    if log.config.stack.name == BUILTIN:
+        return False
+    return any(
+        record.answer is not None
+        and sb.Command.FromString(record.answer.command).HasField("costmap")
+        for record in log.records()
+    )
+
+
+def _flat(hidden: str) -> list[str]:
+    """Return the entities of a top view, without cells, which would hide the grid on the floor.
+
+    Args:
+        hidden: The other grid on the floor.
+    """
+    return ["+ $origin/**", "- $origin/occupied/**", "- $origin/sweep", f"- $origin/{hidden}"]
 
 
 def _space(

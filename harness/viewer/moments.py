@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.explain.commanded import Commanded, commanded
+from wayproof.harness.explain.stack_costmap import Newest
 from wayproof.harness.inputs import Beams
 from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
@@ -63,6 +64,13 @@ class Moment:
         what = f"decision {self.decision.sequence}"
         as_input_error(what, lambda: self.navigator.mapper.update_costmap(self.record.inputs))
         return self.navigator.costmap
+
+    @property
+    def stack_costmap(self) -> Newest | None:
+        """A stack's own costmap that came with its command; None without one."""
+        if self.commanded is None or self.commanded.costmap is None:
+            return None
+        return Newest(self.decision.sequence, self.commanded.costmap)
 
     @property
     def decision(self) -> pb.Decision:

@@ -27,6 +27,7 @@ from wayproof.harness.viewer.caption import ROBOT, captioned, scene_size
 from wayproof.harness.viewer.cutaway import cut_scene
 from wayproof.harness.viewer.moments import Moment, moments
 from wayproof.harness.viewer.overlay import Tracks, lay_over
+from wayproof.harness.viewer.own_costmap import beside, costmap_from_above
 from wayproof.harness.viewer.sight import geoms_in_front
 from wayproof.models.sensors.caster import ROBOT_GROUP
 
@@ -181,19 +182,24 @@ def _simplify(model: mujoco.MjModel, smooth: bool) -> None:
 
 
 def draw_picture(path: Path, sequence: int, out: Path, allow_plugins: bool = False) -> None:
-    """Draw one decision as a picture.
+    """Draw one decision as a picture, with a stack's own costmap beside it if it gave one.
 
     Raises:
         InputError: The log cannot be read or has no such decision, or nothing can be drawn.
     """
     log = open_log(path, allow_plugins)
-    count = 0
+    count, own = 0, None
     with Stage(log, SIZE) as stage:
         for moment in moments(log):
             stage.follow(moment)
             count += 1
+            own = moment.stack_costmap or own
             if moment.decision.sequence == sequence:
-                _write(out, drawn(stage, moment))
+                picture = drawn(stage, moment)
+                if own is not None:
+                    above = costmap_from_above(own, moment, SIZE[1], log.mission.radius)
+                    picture = beside(picture, above)
+                _write(out, picture)
                 return
     raise InputError(f"log '{path}': no decision {sequence}, expected 0 to {count - 1}")
 

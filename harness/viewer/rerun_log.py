@@ -14,6 +14,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from wayproof.harness.explain.commanded import Commanded
+from wayproof.harness.explain.stack_costmap import MOST
+from wayproof.harness.interface.types import Grid
 from wayproof.harness.log.reader import Log
 from wayproof.harness.result import RECORDED
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -30,6 +32,12 @@ RVIZ_MAP = {UNKNOWN: 255, FREE: 0, OCCUPIED: 100, INFLATED: 200, FRONTIER: 110}
 
 _CODES = np.zeros(256, np.uint8)
 _CODES[list(RVIZ_MAP)] = list(RVIZ_MAP.values())
+
+_COSTS = np.full(256, RVIZ_MAP[UNKNOWN], np.uint8)
+_COSTS[1 : MOST + 1] = np.linspace(254, 128, MOST).round()
+_COSTS[0], _COSTS[MOST + 1] = RVIZ_MAP[FREE], RVIZ_MAP[OCCUPIED]
+"""Values for a stack's costs, 0 to 100, that RViz's map colours show as white, yellow to red, and
+black; whatever is no cost is unknown."""
 
 GLOBAL_PATH, COMMITTED, BELIEVED, TRUE = (
     (60, 110, 235),
@@ -91,6 +99,8 @@ class _Artist:
             self._show_moment(snapshot)
         if snapshot.layer is not None:
             self._show_layer(snapshot.layer)
+        if snapshot.stack_costmap is not None:
+            self._show_costmap(snapshot.stack_costmap)
         if snapshot.hits is not None:
             hits = snapshot.hits().astype(np.float32)
             self._rows.put_many("world/sweep", rr.Points3D, positions=hits)
@@ -158,6 +168,15 @@ class _Artist:
         image = _CODES[layer.kinds].T[::-1]  # (ny, nx), from the greatest y down
         self._rows.put("world/layer", rr.GridMap, data=image.tobytes())
 
+    def _show_costmap(self, grid: Grid) -> None:
+        """Show a stack's own costmap; it may move and change its size."""
+        height, width = grid.cells.shape
+        image = _COSTS[np.ascontiguousarray(grid.cells[::-1]).view(np.uint8)]
+        self._log_now(
+            "world/stack_costmap",
+            _grid_map(width, height, grid.resolution, grid.origin.tolist(), image.tobytes()),
+        )
+
     def _show_frame(self, layer: Layer) -> None:
         """Show the pose of the layer, once and after a fork that changes it."""
         width, height = layer.kinds.shape
@@ -166,18 +185,14 @@ class _Artist:
         if frame == self._frame or self._last is None:
             return
         self._frame = frame
+        self._log_now("world/layer", _grid_map(width, height, layer.resolution, corner))
+
+    def _log_now(self, entity: str, content: rr.AsComponents) -> None:
+        """Send one message of the last moment, out of the columns."""
+        assert self._last is not None
         self._stream.set_time("time", duration=np.timedelta64(self._last.time_ns, "ns"))
         self._stream.set_time("decision", sequence=self._last.decision.sequence)
-        grid = rr.GridMap.from_fields(
-            format=rr.components.ImageFormat(
-                width=width, height=height, color_model="L", channel_datatype="U8"
-            ),
-            cell_size=layer.resolution,
-            translation=[*corner, 0.0],
-            colormap=rr.components.Colormap.RvizMap,
-            opacity=0.9,
-        )
-        self._stream.log(f"{self._root}/world/layer", grid)
+        self._stream.log(f"{self._root}/{entity}", content)
 
     def _show_cells(self, tiles: list[Tile]) -> None:
         each = [self._tiles.centres(tile).astype(np.float32) for tile in tiles]
@@ -193,6 +208,30 @@ class _Artist:
                 colors=shades,
                 radii=self._half,
             )
+
+
+def _grid_map(
+    width: int, height: int, side: float, corner: list[float], data: bytes | None = None
+) -> rr.GridMap:
+    """Return a grid on the floor in RViz's map colours.
+
+    Args:
+        width: Number of cells along x.
+        height: Number of cells along y.
+        side: Edge of a cell, m.
+        corner: [x, y] of the lower corner of its first cell, m, world.
+        data: A byte for each cell, from the greatest y down; None: sent apart.
+    """
+    return rr.GridMap.from_fields(
+        data=data,
+        format=rr.components.ImageFormat(
+            width=width, height=height, color_model="L", channel_datatype="U8"
+        ),
+        cell_size=side,
+        translation=[*corner, 0.0],
+        colormap=rr.components.Colormap.RvizMap,
+        opacity=0.9,
+    )
 
 
 def curves(moment: Snapshot) -> dict[str, float]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.explain.commanded import Commanded
 from wayproof.harness.inputs import Pose
+from wayproof.harness.interface.types import Grid
 from wayproof.harness.log.reader import Log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.viewer.layer import kinds, layer_at
@@ -60,6 +61,7 @@ class Snapshot:
             needs no map, so it runs when they are drawn.
         tiles: Tiles of the map that changed since the last check.
         commanded: Command of a stack on trial; None of the built-in stack.
+        stack_costmap: Its own costmap, if it came with the command and is shown.
     """
 
     time_ns: int
@@ -70,6 +72,7 @@ class Snapshot:
     hits: Callable[[], NDArray[np.float64]] | None
     tiles: list[Tile]
     commanded: Commanded | None = None
+    stack_costmap: Grid | None = None
 
 
 def layer_period_ns(log: Log) -> int:
@@ -86,7 +89,7 @@ def snapshots(log: Log) -> Iterator[Snapshot]:
     """
     tiles = tiles_of(log)
     layer, sweep = _Timer(layer_period_ns(log)), _Timer(SWEEP_PERIOD_NS)
-    cells = _Timer(CELLS_PERIOD_NS)
+    cells, own = _Timer(CELLS_PERIOD_NS), _Timer(layer_period_ns(log))
     moment = None
     for moment in moments(log):
         now = moment.time_ns
@@ -95,6 +98,7 @@ def snapshots(log: Log) -> Iterator[Snapshot]:
             _layer(moment) if layer.due(now) else None,
             partial(moment.hits, MOST_HITS) if sweep.due(now) else None,
             tiles.changed(moment.map) if cells.due(now) else [],
+            moment.stack_costmap is not None and own.due(now),
         )
     if moment is not None:
         yield _snapshot(moment, _layer(moment), None, tiles.changed(moment.map))
@@ -110,7 +114,9 @@ def _snapshot(
     layer: Layer | None,
     hits: Callable[[], NDArray[np.float64]] | None,
     tiles: list[Tile],
+    with_costmap: bool = False,
 ) -> Snapshot:
+    own = moment.stack_costmap if with_costmap else None
     return Snapshot(
         moment.time_ns,
         moment.record.inputs.pose,
@@ -120,6 +126,7 @@ def _snapshot(
         hits,
         tiles,
         moment.commanded,
+        None if own is None else own.grid,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from wayproof.harness.interface.builtin import BuiltinStack
 from wayproof.harness.interface.stacks.blind import Blind
-from wayproof.harness.interface.types import Command, Samples, Velocity, Waypoints
+from wayproof.harness.interface.types import Command, Grid, Samples, Velocity, Waypoints
 
 
 class Base:
@@ -26,6 +26,18 @@ class Ahead(Base):
 
     def step(self, observation):
         return Command(Velocity(0.3), reason="on and on", scalars={"n": observation.sequence})
+
+
+class Maps(Base):
+    """Stands, and gives a costmap of 2 x 1 m that rolls with it, each third time."""
+
+    def step(self, observation):
+        cells = np.zeros((10, 20), np.int8)
+        cells[:, 15:] = -1
+        cells[:, 10:15] = 50
+        cells[:5, :5] = 100
+        grid = Grid(observation.position[:2] - (1.0, 0.5), 0.1, cells)
+        return Command(Velocity(0.0), costmap=None if observation.sequence % 3 else grid)
 
 
 class ToWaypoint(Base):
