@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from wayproof.harness.cli.verb import Document, Verb
 from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import written_whole
+
+if TYPE_CHECKING:
+    from wayproof.models.world_files import Found, ImportOptions
 
 WORLDS = Path("worlds")
 
@@ -30,7 +34,7 @@ FLAGS = {
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Read a file, write the world file, and print what was left out."""
-    from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+    from wayproof.models.world_files import ImportOptions, WorldFileError, read_scene, world_from
 
     out = options.out or WORLDS / f"{options.file.stem}.xml"
     if out.suffix != ".xml":
@@ -48,7 +52,10 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
             robot_height=height,
         )
         start, goal = (_point(name, getattr(options, name)) for name in ("start", "goal"))
-        world, notes = import_world(options.file, import_options, start, goal)
+        found = read_scene(options.file, import_options)
+        if options.places is not None:
+            return _show_places(options, import_options, found, console)
+        world = world_from(options.file, found, import_options, start, goal)
     except WorldFileError as error:
         raise InputError(str(error)) from None
     except ValueError as error:
@@ -57,12 +64,41 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     document: Document = {
         "world": str(out), "name": world.identity, "solids": len(world.solids),
         "low": world.low, "high": world.high, "start": world.start, "goal": world.goal,
-        "notes": notes,
+        "notes": found.notes,
     }  # fmt: skip
     console.print(f"{out}: {len(world.solids)} solids, {world.identity}", soft_wrap=True)
-    for note in notes:
+    for note in found.notes:
         console.print(f"  {note}", soft_wrap=True, highlight=False)
     return 0, document
+
+
+def _show_places(
+    options: argparse.Namespace, import_options: ImportOptions, found: Found, console: Console
+) -> tuple[int, Document]:
+    """Draw the scene from above with numbered free places, and list them."""
+    from wayproof.harness.viewer.places import draw_places
+    from wayproof.models.world_files.importer import area_of
+    from wayproof.models.world_files.places import free_space
+
+    if options.places.suffix != ".png":
+        raise InputError(f"--places: got '{options.places}', expected a name that ends in .png")
+    space = free_space(found, *area_of(found), import_options)
+    ends = {name: point for name, point in (("start", found.start), ("goal", found.goal)) if point}
+    draw_places(options.places, space, ends)
+    for number, place in enumerate(space.places, 1):
+        x, y, z = place.point
+        level = f", ground at {z:g} m" if z else ""
+        apart = "" if place.region == 1 else f", in region {place.region}: cut off from the largest"
+        line = f"{number}: {x:g},{y:g}, {place.clear:.2f} m clear{level}{apart}"
+        console.print(line, soft_wrap=True, highlight=False)
+    radius = import_options.robot_radius
+    console.print(f"{options.places}: {len(space.places)} places for a radius of {radius:g} m",
+                  soft_wrap=True)  # fmt: skip
+    document: Document = {
+        "picture": str(options.places), "places": [place._asdict() for place in space.places],
+        "notes": found.notes,
+    }  # fmt: skip
+    return int(not space.places), document
 
 
 def _kind(text: str) -> tuple[str, str]:
@@ -114,6 +150,10 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--goal", metavar="X,Y[,Z]", help="goal, m (default: the file's, or chosen)"
     )
+    parser.add_argument(
+        "--places", type=Path, metavar="FILE.png",
+        help="draw the scene from above with numbered free places and list them, and stop there",
+    )  # fmt: skip
     for name, text in LENGTHS.items():
         parser.add_argument(f"--{name}", type=float, metavar="M", help=text)
     parser.add_argument(

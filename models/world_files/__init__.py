@@ -1,6 +1,11 @@
 """Worlds from files of other tools, and the world files that they become."""
 
-from wayproof.models.world_files.importer import FORMATS, import_world
+from wayproof.models.world_files.importer import (
+    FORMATS,
+    import_world,
+    read_scene,
+    world_from,
+)
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.world_file import FileWorld, read_world_file, world_of, world_text
@@ -12,7 +17,9 @@ __all__ = [
     "ImportOptions",
     "WorldFileError",
     "import_world",
+    "read_scene",
     "read_world_file",
+    "world_from",
     "world_of",
     "world_text",
 ]

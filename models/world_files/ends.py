@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import ceil, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -12,19 +11,16 @@ from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.world_files.free_space import (
+    END_BAND,
+    MAX_WALK_SLOPE,
+    Grid,
+    Ground,
+    slope_of,
+    to_edges,
+)
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.parts import Part
 from wayproof.models.world_files.solids import solid_of
-from wayproof.models.worlds.solids import Band, HeightField, Solid
-
-LEAST_CELL = 0.05
-"""Least side of a cell, m."""
-
-MAX_CELLS = 300_000
-"""Number of cells; of a larger scene they are larger."""
-
-END_BAND = (0.03, 1.6)
-"""Height band that is clear above chosen ends, m: of the built-in quadruped and the drone."""
 
 GENEROUS = 0.3
 """Clearance beyond the robot's radius that is tried first, m: a margin and two cells of 10 cm."""
@@ -44,9 +40,6 @@ INSIDE_SHARE = 0.1
 MAX_TILT = 0.12
 """Steepest ground at a chosen end, rad."""
 
-MAX_WALK_SLOPE = 0.35
-"""Steepest ground on the way between chosen ends, rad."""
-
 MAX_RISE = 0.5
 """Difference in height between chosen ends, m, where there is a choice."""
 
@@ -61,66 +54,17 @@ class Chosen(NamedTuple):
         start: On the floor, m.
         goal: On the floor, m.
         notes: What was chosen, and why it may be poor.
+        way: Length of the way between them, m.
     """
 
     start: Vector3
     goal: Vector3
     notes: list[str]
+    way: float
 
 
 class NoSpaceError(ValueError):
     """No place for the robot; the message says where the widest one is."""
-
-
-class Ground:
-    """Heights of an imported scene's floor."""
-
-    def __init__(self, parts: Sequence[Part]) -> None:
-        """Take the height fields among the parts of kind `floor`."""
-        solids = [solid_of(part) for part in parts if part.kind == "floor"]
-        self.floors = solids
-        self.fields = [solid for solid in solids if isinstance(solid, HeightField)]
-
-    def height(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the floor's height (n,) at points (n, 2), m; 0 beside every height field."""
-        heights = np.full(len(points), -np.inf)
-        for field in self.fields:
-            np.maximum(heights, field.surface(points), out=heights)
-        return np.where(np.isfinite(heights), heights, 0.0)
-
-
-class _Grid:
-    """Cells over the operating area, and what is free of them."""
-
-    def __init__(self, low: Vector3, high: Vector3) -> None:
-        extent = np.subtract(high[:2], low[:2])
-        self.cell = max(LEAST_CELL, sqrt(float(np.prod(extent)) / MAX_CELLS))
-        self.low = np.array(low[:2])
-        self.shape = tuple(max(round(float(n) / self.cell), 1) for n in extent)
-
-    def centres(self, i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.float64]:
-        return np.asarray(self.low + (np.column_stack([i, j]) + 0.5) * self.cell)
-
-    def distances(
-        self, solids: Sequence[Solid], ground: NDArray[np.float64], band: Band, reach: float
-    ) -> NDArray[np.float64]:  # (nx, ny)
-        """Return distances to what stands in a band above the ground, up to a reach, m."""
-        gaps = np.full(self.shape, reach)
-        for solid in solids:
-            first = np.floor((np.array(solid.low[:2]) - reach - self.low) / self.cell)
-            last = np.ceil((np.array(solid.high[:2]) + reach - self.low) / self.cell)
-            (i0, j0), (i1, j1) = (n.astype(int).clip(0, self.shape) for n in (first, last))
-            under = ground[i0:i1, j0:j1]
-            if not under.size:
-                continue
-            low, high = float(under.min()) + band[0], float(under.max()) + band[1]
-            if solid.bottom >= high or solid.top <= low:
-                continue
-            window = gaps[i0:i1, j0:j1]
-            i, j = np.nonzero(window > 0.0)
-            there = solid.distance_in_plane(self.centres(i + i0, j + j0), (low, high))
-            window[i, j] = np.minimum(window[i, j], there)
-        return gaps
 
 
 def choose_ends(
@@ -147,7 +91,7 @@ def choose_ends(
     Raises:
         NoSpaceError: No place for the robot, or none that the given end can be reached from.
     """
-    grid = _Grid(low, high)
+    grid = Grid(low, high)
     ground = Ground(found.parts)
     i, j = np.indices(grid.shape).reshape(2, -1)
     heights = ground.height(grid.centres(i, j)).reshape(grid.shape)
@@ -155,7 +99,7 @@ def choose_ends(
     radius, gaps = options.robot_radius, np.zeros(grid.shape)
     for band in (END_BAND, (0.05, options.robot_height)):
         apart = grid.distances(solids, heights, band, radius + GENEROUS + grid.cell)
-        gaps = np.minimum(apart, _to_edges(found, ground, grid, radius + GENEROUS + grid.cell))
+        gaps = np.minimum(apart, to_edges(found, ground, grid, radius + GENEROUS + grid.cell))
         for within, note in _preferred(grid, apart):
             for spare in SPARE:
                 ends = _pair(grid, gaps > radius + spare, within, heights, start, goal)
@@ -174,7 +118,7 @@ def choose_ends(
     )
 
 
-def _preferred(grid: _Grid, gaps: NDArray[np.float64]) -> list[tuple[NDArray[np.bool_], str]]:
+def _preferred(grid: Grid, gaps: NDArray[np.float64]) -> list[tuple[NDArray[np.bool_], str]]:
     """Return cells to choose from, best first: enclosed ones if there are many, then all."""
     found = []
     for least in ENCLOSED:
@@ -192,7 +136,7 @@ class _Ends(NamedTuple):
 
 
 def _pair(
-    grid: _Grid,
+    grid: Grid,
     free: NDArray[np.bool_],
     within: NDArray[np.bool_],
     heights: NDArray[np.float64],
@@ -203,7 +147,7 @@ def _pair(
 
     None without such a region.
     """
-    slope = _slope(grid, heights)
+    slope = slope_of(grid, heights)
     labels = ndimage.label(free & (slope <= MAX_WALK_SLOPE), np.ones((3, 3)))[0]
     standing = (labels > 0) & (slope <= MAX_TILT) & within
     given = start or goal
@@ -233,7 +177,7 @@ def _pair(
 
 
 def _farthest_from(
-    grid: _Grid, region: NDArray[np.bool_], places: NDArray[np.bool_], cell: tuple[int, int],
+    grid: Grid, region: NDArray[np.bool_], places: NDArray[np.bool_], cell: tuple[int, int],
     *, swap: bool,
 ) -> _Ends | None:  # fmt: skip
     """Return a cell and the place in the region that is farthest from it on foot."""
@@ -270,16 +214,7 @@ def _graph(region: NDArray[np.bool_], number: NDArray[np.int64], cell: float) ->
     return sparse.csr_matrix(edges, shape=(count, count))
 
 
-def _slope(grid: _Grid, heights: NDArray[np.float64]) -> NDArray[np.float64]:  # (nx, ny)
-    """Return the steepest slope of the floor near each cell, rad."""
-    if min(heights.shape) < 2 or not np.ptp(heights):
-        return np.zeros(heights.shape)
-    slopes = np.arctan(np.hypot(*np.gradient(heights, grid.cell)))
-    size = max(ceil(0.5 / grid.cell), 1)
-    return np.asarray(ndimage.maximum_filter(slopes, size=2 * size + 1))
-
-
-def _is_large(grid: _Grid, enclosed: NDArray[np.bool_]) -> bool:
+def _is_large(grid: Grid, enclosed: NDArray[np.bool_]) -> bool:
     area = int(enclosed.sum()) * grid.cell**2
     return area >= max(LEAST_INSIDE, INSIDE_SHARE * enclosed.size * grid.cell**2)
 
@@ -307,32 +242,8 @@ def _diagonal(blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return seen
 
 
-def _to_edges(
-    found: Found, ground: Ground, grid: _Grid, reach: float
-) -> NDArray[np.float64]:  # (nx, ny)
-    """Return distances to where no floor is, and to the border of the area, up to a reach, m."""
-    borne = np.ones(grid.shape, np.bool_)
-    if ground.floors and not found.plane:
-        borne[:] = False
-        for floor in ground.floors:
-            first = np.floor((np.array(floor.low[:2]) - grid.low) / grid.cell).astype(int)
-            last = np.ceil((np.array(floor.high[:2]) - grid.low) / grid.cell).astype(int)
-            (i0, j0), (i1, j1) = (n.clip(0, grid.shape) for n in (first, last))
-            if isinstance(floor, HeightField):
-                borne[i0:i1, j0:j1] = True
-                continue
-            i, j = np.nonzero(~borne[i0:i1, j0:j1])
-            if len(i):
-                band = (floor.bottom - 1.0, floor.top + 1.0)
-                there = floor.distance_in_plane(grid.centres(i + i0, j + j0), band)
-                borne[i + i0, j + j0] = there <= 0.0
-    framed = np.pad(borne, 1)
-    far = ndimage.distance_transform_edt(framed, sampling=grid.cell)[1:-1, 1:-1] - grid.cell / 2.0
-    return np.asarray(np.minimum(far, reach))
-
-
 def _described(
-    grid: _Grid,
+    grid: Grid,
     ends: _Ends,
     heights: NDArray[np.float64],
     gaps: NDArray[np.float64],
@@ -353,4 +264,4 @@ def _described(
     notes.append(f"way from start to goal: {ends.way:.1f} m")
     if ends.way < SHORT:
         notes[-1] += ", which is short: nothing farther is connected"
-    return Chosen(points[0], points[1], notes)
+    return Chosen(points[0], points[1], notes, ends.way)

@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayproof.models.classes import CLASSES
 from wayproof.models.world_files.options import Found, ImportOptions, Plane
-from wayproof.models.world_files.parts import Part, bounds_of, quaternion_of, vector
+from wayproof.models.world_files.parts import Part, axes_of, bounds_of, quaternion_of, vector
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.worlds.materials import class_of
 
@@ -43,6 +42,9 @@ LOWEST_OTHERS = 0.3
 
 PLANE_THICKNESS = 0.5
 """Thickness of the box that stands for a plane that is not the floor, m."""
+
+SHEET_THICKNESS = 0.01
+"""Thickness of the box that stands for a plane of the size that it is drawn with, m."""
 
 PLANE_BORDER = 1.0
 """Border of an infinite plane around the other parts, m."""
@@ -135,7 +137,7 @@ def _set_kinds(path: Path, found: Found, options: ImportOptions) -> None:
 def _floor_height(found: Found, options: ImportOptions, terrain: bool) -> tuple[float, str]:
     """Return the floor's height, m, and how it was found; marks the parts that are the floor."""
     plane = max(
-        (float(p.point[2]) for p in found.planes if _is_up(p)), default=None
+        (float(p.point[2]) for p in _floors(found.planes)), default=None
     )  # the highest: it hides what is below
     named = [part for part in found.parts if part.kind == FLOOR_KIND and part.shape != "heights"]
     if options.floor is not None:
@@ -219,6 +221,19 @@ def _levels(parts: list[Part]) -> list[Level]:
     return found
 
 
+def _floors(planes: list[Plane]) -> list[Plane]:
+    """Return the level planes that can be a floor: not a small one above another."""
+    level = [plane for plane in planes if _is_up(plane)]
+    lowest = min((float(plane.point[2]) for plane in level), default=0.0)
+    return [plane for plane in level
+            if not _is_small(plane) or float(plane.point[2]) <= lowest + LEVEL]  # fmt: skip
+
+
+def _is_small(plane: Plane) -> bool:
+    half = plane.half_extents
+    return plane.axes is not None and half is not None and 4.0 * half[0] * half[1] < LEAST_FLOOR
+
+
 def _is_up(plane: Plane) -> bool:
     return bool(plane.normal[2] > 1.0 - LEVEL)
 
@@ -242,19 +257,22 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
             z = float(plane.point[2])
             found.notes.append(f"plane of '{name}' at {z:g} m, below the floor: left out")
             continue
-        R = _axes(plane.normal)
+        R = axes_of(plane.normal)
         centre = (low + high) / 2.0
         middle = centre - ((centre - plane.point) @ plane.normal) * plane.normal
         reach = float(np.linalg.norm(high - low)) / 2.0 + PLANE_BORDER
-        half = (reach, reach)
-        at = middle - PLANE_THICKNESS / 2.0 * plane.normal
+        half, thickness = (reach, reach), PLANE_THICKNESS
+        if plane.half_extents is not None and plane.axes is not None:
+            half, thickness = plane.half_extents, SHEET_THICKNESS
+            R, middle = plane.axes, plane.point
+        at = middle - thickness / 2.0 * plane.normal
         parts.append(
-            Part("box", (*half, PLANE_THICKNESS / 2.0), vector(at), quaternion_of(R), "wall",
+            Part("box", (*half, thickness / 2.0), vector(at), quaternion_of(R), "wall",
                  model=plane.model)
         )  # fmt: skip
         found.notes.append(
             f"plane of '{name}': a box {2 * half[0]:.4g} x {2 * half[1]:.4g} x "
-            f"{PLANE_THICKNESS:g} m behind it"
+            f"{thickness:g} m behind it"
         )
     return parts
 
@@ -274,14 +292,6 @@ def _note_drawn(found: Found, floors: list[Plane]) -> None:
             found.notes.append(
                 f"plane of '{plane.model}', drawn {size}: infinite, as contacts take it"
             )
-
-
-def _axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:  # (3, 3)
-    """Return a rotation whose third column is a normal and whose first is level."""
-    side = np.cross((0.0, 0.0, 1.0), normal)
-    length = float(np.linalg.norm(side))
-    x = side / length if length > 1e-12 else np.array([1.0, 0.0, 0.0])
-    return np.column_stack([x, np.cross(normal, x), normal])
 
 
 def _bound_empty(found: Found, floors: list[Plane]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_files.ends import Ground, NoSpaceError, choose_ends
+from wayproof.models.world_files.ends import SHORT, Chosen, NoSpaceError, choose_ends
+from wayproof.models.world_files.free_space import Ground
 from wayproof.models.world_files.ground import FLOOR_KIND, raise_by, settle_ground
 from wayproof.models.world_files.heights import read_heights
 from wayproof.models.world_files.meshes import ENDINGS, read_mesh
@@ -46,6 +48,9 @@ FORMATS: dict[str, Reader] = {
 BORDER = 1.0
 """Border of the operating area around the solids, where a file gives no area, m."""
 
+WIDE_BORDER = 5.0
+"""Border on an infinite floor where there is little room within the other, m."""
+
 AREA_DEPTH = 0.5
 """Depth of the operating area below the floor, m."""
 
@@ -53,6 +58,9 @@ HEADROOM = 1.0
 """Above the highest thing, m; and at least this area's height is `LEAST_TOP`."""
 
 LEAST_TOP = 3.0
+
+MOST_TOP = 12.0
+"""Greatest height of the operating area, m: a map of it holds the cells up to there."""
 
 
 def import_world(
@@ -75,23 +83,56 @@ def import_world(
     Raises:
         WorldFileError: Naming the file, and where it can the element and the line.
     """
+    options = options or ImportOptions()
+    found = read_scene(path, options)
+    return world_from(path, found, options, start, goal), found.notes
+
+
+def read_scene(path: Path, options: ImportOptions) -> Found:
+    """Read a file of any known format as a scene with its floor settled, but without ends.
+
+    Raises:
+        WorldFileError: As `import_world`.
+    """
     ending = path.suffix.lower()
     if ending not in FORMATS:
         raise WorldFileError(path, f"unknown format '{ending}' (available: {', '.join(FORMATS)})")
     check_file(path)
-    options = options or ImportOptions()
     found = FORMATS[ending](path, options)
     settle_ground(path, found, options)
     if not found.parts and found.low is None:
         raise WorldFileError(path, "nothing solid in it" + _instead(found))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     found.source = found.source or f"{path.name}, sha256 {digest}"
+    return found
+
+
+def world_from(
+    path: Path,
+    found: Found,
+    options: ImportOptions,
+    start: Vector3 | None = None,
+    goal: Vector3 | None = None,
+) -> FileWorld:
+    """Return a scene as a world; its start and goal are chosen where none is given.
+
+    Adds notes to the scene.
+
+    Raises:
+        WorldFileError: There is no room for a start and a goal.
+    """
     found.start, found.goal = start or found.start, goal or found.goal
     try:
         ends = complete(found, options)
     except NoSpaceError as error:
         raise WorldFileError(path, str(error)) from None
-    return world_of(world_text(found, ends, path.stem), path), found.notes
+    return world_of(world_text(found, ends, path.stem), path)
+
+
+def area_of(found: Found) -> tuple[Vector3, Vector3]:
+    """Return the corners of a scene's operating area, m: its own, or about what is solid."""
+    _bound_area(found, BORDER)
+    return _area(found)
 
 
 def _instead(found: Found) -> str:
@@ -113,13 +154,14 @@ def complete(found: Found, options: ImportOptions | None = None) -> Ends:
     Raises:
         NoSpaceError: There is no room for a start and a goal.
     """
-    _bound_area(found)
-    assert found.low is not None
-    assert found.high is not None
+    given = found.low, found.high
+    _bound_area(found, BORDER)
     ground = Ground(found.parts)
     start, goal = (_grounded(point, ground) for point in (found.start, found.goal))
     if start is None or goal is None:
-        chosen = choose_ends(found, found.low, found.high, options or ImportOptions(), start, goal)
+        endless = found.plane or not ground.floors
+        wider = endless and bool(found.parts) and given == (None, None)
+        chosen = _chosen(found, options or ImportOptions(), start, goal, wider=wider)
         found.notes += chosen.notes
         start, goal = chosen.start, chosen.goal
     if ground.fields and start[2]:
@@ -132,17 +174,53 @@ def complete(found: Found, options: ImportOptions | None = None) -> Ends:
     heading = found.start_heading
     if heading is None:
         heading = float(np.arctan2(goal[1] - start[1], goal[0] - start[0]))
+    return Ends(*_area(found), start, heading, goal)
+
+
+def _chosen(
+    found: Found, options: ImportOptions, start: Vector3 | None, goal: Vector3 | None, *,
+    wider: bool,
+) -> Chosen:  # fmt: skip
+    """Choose ends; on an infinite floor in a wider area too, where there is little room in its own.
+
+    Raises:
+        NoSpaceError: There is no room in either.
+    """
+    refusal: NoSpaceError | None = None
+    chosen = None
+    try:
+        chosen = choose_ends(found, *_area(found), options, start, goal)
+        if not wider or chosen.way >= SHORT:
+            return chosen
+    except NoSpaceError as error:
+        refusal = error
+    if wider:
+        own = found.low, found.high
+        found.low = found.high = None
+        _bound_area(found, WIDE_BORDER)
+        with contextlib.suppress(NoSpaceError):
+            around = choose_ends(found, *_area(found), options, start, goal)
+            if chosen is None or around.way > chosen.way:
+                note = f"little room in the scene itself: {WIDE_BORDER:g} m of floor around it too"
+                return around._replace(notes=[note, *around.notes])
+        found.low, found.high = own
+    if chosen is None:
+        assert refusal is not None
+        raise refusal
+    return chosen
+
+
+def _area(found: Found) -> tuple[Vector3, Vector3]:
     assert found.low is not None
     assert found.high is not None
-    return Ends(found.low, found.high, start, heading, goal)
+    return found.low, found.high
 
 
-def _bound_area(found: Found) -> None:
+def _bound_area(found: Found, border: float) -> None:
     """Set the operating area where the file gives none: about all that is solid, or its floor."""
     if found.low is not None and found.high is not None:
         return
     low, high = bounds_of(found.parts)
-    border = BORDER
     floors = [part for part in found.parts if part.kind == FLOOR_KIND]
     bottom = 0.0
     if floors and not found.plane:
@@ -154,7 +232,7 @@ def _bound_area(found: Found) -> None:
     if found.low is None:
         found.low = (float(low[0]) - border, float(low[1]) - border, bottom - AREA_DEPTH)
     if found.high is None:
-        top = max(LEAST_TOP, float(high[2]) + HEADROOM)
+        top = float(np.clip(float(high[2]) + HEADROOM, LEAST_TOP, MOST_TOP))
         found.high = (float(high[0]) + border, float(high[1]) + border, top)
 
 

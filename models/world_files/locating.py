@@ -28,6 +28,9 @@ FUEL_CACHES = (".gz/fuel", ".ignition/fuel", ".gazebo/models")
 PROJECT_MARKS = ("package.xml", ".git")
 """Files that mark the folder of a project: of a ROS package, or of a repository."""
 
+MEDIA = ("Media/models", "media/models")
+"""Folders of meshes in a package that exports a `gazebo_media_path`."""
+
 MAX_ANCESTORS = 6
 """Number of folders above a world in which its project is looked for."""
 
@@ -64,6 +67,7 @@ class Locator:
         self._caches = [Path.home() / cache for cache in FUEL_CACHES]
         near = [home, home / "models", home.parent / "models"]
         near += [inner for folder in projects for inner in (folder, folder / "models")]
+        near += [folder / media for folder in projects for media in MEDIA]
         packages = {_package_name(folder): folder for folder in projects}
         self._packages = {name: folder for name, folder in packages.items() if name}
         trusted = [folder for folder in (*given, *named, *self._caches) if folder.is_dir()]

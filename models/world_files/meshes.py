@@ -7,6 +7,7 @@ connected pieces, and a piece that is not convex as a height field, as convex pi
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from wayproof.models.world_files.decomposition import decompose, hull, surface_error
+from wayproof.models.world_files.decomposition import decompose
+from wayproof.models.world_files.hulls import hull, is_convex, surface_error
 from wayproof.models.world_files.mesh_files import MOST_FACES, READERS, load_mesh_file
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Mesh, Part, vector
@@ -31,8 +33,18 @@ SHEET_THICKNESS = 0.01
 SMALL = 0.6
 """Size up to which a piece is taken as its convex hull, m: no robot fits into its hollows."""
 
+NEAR_HULL = 0.05
+"""Distance between a piece and its convex hull up to which it is taken as that, m: half of what
+the convex pieces of a cut may fill."""
+
 MOST_CUT_FACES = 1500
 """Triangles of a piece up to which it is cut into convex pieces: with more that takes minutes."""
+
+MOST_CUT_ERROR = 0.15
+"""Error of a cut up to which it is taken, m: a wall with doors is open, and may come out filled."""
+
+MOST_CUTS = 80
+"""Number of pieces of a world that are cut into convex ones: each takes about a second."""
 
 CELL = 0.05
 """Side of the cells that a piece of more triangles is taken as, m."""
@@ -43,9 +55,12 @@ MOST_CELLS = 400
 HOW = {
     "flat": f"were flat: made {SHEET_THICKNESS * 1e3:g} mm thick",
     "relief": "taken as height fields",
+    "near": "taken as their convex hull",
     "hull": f"smaller than {SMALL:g} m taken as their convex hull",
     "cut": "not convex: cut into convex ones",
     "cells": "of many triangles taken as boxes of cells",
+    "uncut": f"cut with an error beyond {MOST_CUT_ERROR:g} m taken as boxes of cells instead",
+    "more": f"beyond the first {MOST_CUTS} that are not convex taken as boxes of cells",
 }
 """Ways to take a piece that is not convex as it is, and their text in a note."""
 
@@ -72,11 +87,19 @@ def read_mesh(path: Path, options: ImportOptions) -> Found:
     return found
 
 
+@dataclass
+class Cuts:
+    """Number of pieces that may still be cut into convex ones in one import."""
+
+    left: int = MOST_CUTS
+
+
 def mesh_parts(
     path: Path,
     scale: NDArray[np.float64],
     notes: list[str],
     *,
+    cuts: Cuts | None = None,
     submesh: str | None = None,
     centred: bool = False,
     upright: bool = False,
@@ -87,6 +110,7 @@ def mesh_parts(
         path: A file of one of `ENDINGS`.
         scale: (3,) factors along the file's axes; its own unit is metres already.
         notes: Notes on pieces that were changed are appended.
+        cuts: Is counted down; None for a file alone.
         submesh: Name of the node to take alone.
         centred: Whether that node is moved to the origin by the middle of its bounds.
         upright: Whether the file's up axis is turned to z; Gazebo does not.
@@ -110,7 +134,7 @@ def mesh_parts(
     if upright and loaded.up in TURNS:
         vertices = vertices @ TURNS[loaded.up].T
         notes.append(f"{path.name}: its {loaded.up} axis is up, turned to z")
-    return _parts(path, Mesh(vertices, faces), notes)
+    return _parts(path, Mesh(vertices, faces), notes, cuts or Cuts())
 
 
 def _joined(path: Path, surfaces: list[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> Mesh:
@@ -133,7 +157,7 @@ def _joined(path: Path, surfaces: list[tuple[NDArray[np.float64], NDArray[np.int
     return Mesh(vertices[first], faces[distinct])
 
 
-def _parts(path: Path, mesh: Mesh, notes: list[str]) -> list[Part]:
+def _parts(path: Path, mesh: Mesh, notes: list[str], cuts: Cuts) -> list[Part]:
     pieces = [_piece(mesh.vertices, own) for own in _pieces(mesh.faces, len(mesh.vertices))]
     if len(pieces) > MOST_PIECES:
         notes.append(f"{path.name}: {len(pieces)} loose pieces taken as one")
@@ -145,7 +169,7 @@ def _parts(path: Path, mesh: Mesh, notes: list[str]) -> list[Part]:
         if (thick := _sheet(piece)) is not None:
             counts["flat"] += 1
             piece = thick
-        how, error, own = _convex_parts(path, piece)
+        how, error, own = _convex_parts(path, piece, cuts)
         counts[how] += 1
         worst[how] = max(worst.get(how, 0.0), error)
         parts += own
@@ -156,22 +180,28 @@ def _parts(path: Path, mesh: Mesh, notes: list[str]) -> list[Part]:
     return parts
 
 
-def _convex_parts(path: Path, piece: Mesh) -> tuple[str, float, list[Part]]:
+def _convex_parts(path: Path, piece: Mesh, cuts: Cuts) -> tuple[str, float, list[Part]]:
     """Return how a piece is taken (a key of `HOW`), the error of its surface, m, and its parts."""
-    if _is_convex(piece):
+    if is_convex(piece):
         return "convex", 0.0, [_mesh_part(piece)]
     ground = relief_part(piece)
     if ground is not None:
         return "relief", ground[1], [ground[0]]
     size = float(np.ptp(piece.vertices, axis=0).max())
     around = hull(piece.vertices)
-    if around is not None and size <= SMALL:
-        return "hull", surface_error(piece, [around]), [_mesh_part(around)]
-    if len(piece.faces) > MOST_CUT_FACES:
-        cell = max(CELL, size / MOST_CELLS)
-        return "cells", cell * 3**0.5, cell_parts(path, piece, cell)
-    convex, error = decompose(path, piece)
-    return "cut", error, [_mesh_part(one) for one in convex]
+    if around is not None:
+        error = surface_error(piece, [around])
+        if error <= NEAR_HULL or size <= SMALL:
+            return "near" if error <= NEAR_HULL else "hull", error, [_mesh_part(around)]
+    how = "cells" if len(piece.faces) > MOST_CUT_FACES else "more"
+    if how == "more" and cuts.left:
+        cuts.left -= 1
+        convex, error = decompose(path, piece)
+        if error <= MOST_CUT_ERROR:
+            return "cut", error, [_mesh_part(one) for one in convex]
+        how = "uncut"
+    cell = max(CELL, size / MOST_CELLS)
+    return how, cell * 3**0.5, cell_parts(path, piece, cell)
 
 
 def cell_parts(path: Path, piece: Mesh, cell: float) -> list[Part]:
@@ -247,30 +277,3 @@ def _pieces(faces: NDArray[np.int64], count: int) -> list[NDArray[np.int64]]:
 def _piece(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Mesh:
     used, own = np.unique(faces, return_inverse=True)
     return Mesh(vertices[used], own.reshape(-1, 3))
-
-
-def _is_convex(piece: Mesh) -> bool:
-    """Return whether the triangles cover the convex hull, but for a share of the size.
-
-    No vertex lies beyond a triangle's plane on both of its sides, and the areas are the same: a
-    surface that is open or folds back is not convex.
-    """
-    around = hull(piece.vertices)
-    if around is None:
-        return False
-    size = float(np.ptp(piece.vertices, axis=0).max())
-    a, b, c = (piece.vertices[piece.faces[:, n]] for n in range(3))
-    normals = np.cross(b - a, c - a)
-    lengths = np.linalg.norm(normals, axis=1)
-    kept = lengths > 1e-12 * size * size
-    normals, a = normals[kept] / lengths[kept, None], a[kept]
-    for normal, point in zip(normals, a, strict=True):
-        heights = around.vertices @ normal - normal @ point
-        if min(float(heights.max()), -float(heights.min())) > 1e-6 * size:
-            return False
-    return bool(_area(piece) >= (1.0 - 1e-3) * _area(around))
-
-
-def _area(mesh: Mesh) -> float:
-    a, b, c = (mesh.vertices[mesh.faces[:, n]] for n in range(3))
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)

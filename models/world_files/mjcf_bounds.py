@@ -19,7 +19,7 @@ MAX_BODIES = 4000
 MAX_COPIES = 2000
 """Maximum number of copies of elements by `replicate`, over all nesting."""
 
-MAX_TEXTURE_PIXELS = 2**25
+MAX_TEXTURE_PIXELS = 2**26
 """Maximum number of pixels of all textures of a scene; the six sides of a cube count each."""
 
 MAX_VALUES = {
@@ -43,7 +43,7 @@ MAX_VALUES = {
 }  # fmt: skip
 """Maximum value of each attribute, on any element."""
 
-MAX_MEMORY = 2**28
+MAX_MEMORY = 2**30
 """Maximum of `<size memory>`, bytes."""
 
 UNITS: dict[str, float] = {unit: 2 ** (10 * power) for power, unit in enumerate("KMGTPE", 1)}

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.world_files.hulls import hull, is_convex, surface_error
 from wayproof.models.world_files.mjcf_files import check_scene
 from wayproof.models.world_files.options import Found, ImportOptions, Plane
 from wayproof.models.world_files.parts import Mesh, Part, Shape, quaternion_of, vector
@@ -54,8 +56,28 @@ def read_mjcf(path: Path, options: ImportOptions) -> Found:
     except NOT_COMPILED as error:
         raise WorldFileError(path, " ".join(str(error).split())[:300]) from None
     found = found_in(model, path)
+    _take_hulls(found)
     found.notes += [f"body '{name}': left out" for name in options.without]
     return found
+
+
+def _take_hulls(found: Found) -> None:
+    """Replace meshes that are not convex by their convex hull, which is what MuJoCo lets touch."""
+    taken, worst = 0, 0.0
+    hulls: dict[int, tuple[Mesh, float] | None] = {}
+    for n, part in enumerate(found.parts):
+        if part.mesh is None:
+            continue
+        key = hash((part.mesh.vertices.tobytes(), part.mesh.faces.tobytes()))
+        if key not in hulls:
+            around = None if is_convex(part.mesh) else hull(part.mesh.vertices)
+            hulls[key] = None if around is None else (around, surface_error(part.mesh, [around]))
+        if (chosen := hulls[key]) is not None:
+            found.parts[n] = replace(part, mesh=chosen[0])
+            taken, worst = taken + 1, max(worst, chosen[1])
+    if taken:
+        found.notes.append(f"{taken} meshes that are not convex: their convex hull, as MuJoCo's "
+                           f"contacts take them, within {worst:.3f} m")  # fmt: skip
 
 
 def _without(path: Path, bodies: tuple[str, ...]) -> mujoco.MjModel:

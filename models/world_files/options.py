@@ -84,19 +84,22 @@ class Ends(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """A plane of a file, solid behind its face, infinite as contacts take it.
+    """A plane of a file, solid behind its face.
 
     Attributes:
         point: (3,) on the plane, m.
         normal: (3,) unit vector, out of the solid side.
         half_extents: Half the length and width that it is drawn with, m.
         model: Name of its model or geom.
+        axes: (3, 3) rotation from its axes to the world's where it ends as it is drawn unless it is
+            the floor, such as a sticker of a Gazebo world; None of an infinite one.
     """
 
     point: NDArray[np.float64]
     normal: NDArray[np.float64]
     half_extents: tuple[float, float] | None = None
     model: str = ""
+    axes: NDArray[np.float64] | None = None
 
 
 @dataclass

@@ -172,3 +172,11 @@ def turned_by(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:  # 
             [-t, b * s, b * a],
         ]
     )
+
+
+def axes_of(normal: NDArray[np.float64]) -> NDArray[np.float64]:  # (3, 3)
+    """Return a rotation whose third column is a normal and whose first is level."""
+    side = np.cross((0.0, 0.0, 1.0), normal)
+    length = float(np.linalg.norm(side))
+    x = side / length if length > 1e-12 else np.array([1.0, 0.0, 0.0])
+    return np.column_stack([x, np.cross(normal, x), normal])

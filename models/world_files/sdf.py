@@ -103,12 +103,12 @@ class _Reading:
         for child in model.children:
             inner = child.attributes.get("name", "")
             if child.tag == "link":
-                at = placed @ frames.of(child)
-                scale = np.ones(3)
+                own = frames.of(child)
+                at, scale = placed @ own, np.ones(3)
                 if state is not None:
                     at = state.links.get(inner, at)
                     scale = state.scale
-                self._take_link(path, child, at, name, scale)
+                self._take_link(path, child, at, name, scale, frames, own)
             elif child.tag == "model":
                 nested = placed @ frames.placed(child, ORIGIN, Frames(path, child))
                 within = None if state is None else state.models.get(inner)
@@ -117,14 +117,36 @@ class _Reading:
                 self._include(path, child, frames, placed, name, None)
 
     def _take_link(
-        self, path: Path, link: Element, placed: Placement, model: str, scale: np.ndarray
+        self,
+        path: Path,
+        link: Element,
+        placed: Placement,
+        model: str,
+        scale: np.ndarray,
+        frames: Frames,
+        own: Placement,
     ) -> None:
+        """Read the shapes of a link at T_world_link.
+
+        Args:
+            path: File of the link, for messages.
+            link: The link.
+            placed: T_world_link.
+            model: Name of its model.
+            scale: (3,) factors that a saved state gives to the model.
+            frames: Frames of the model: a shape's pose may be relative to one of them.
+            own: T_model_link.
+        """
         shapes = list(link.all("collision"))
         if not shapes and link.first("visual") is not None:
             shapes = self._visuals(link, model)
-        frames = Frames(path, link)
+        within = Frames(path, link)
         for shape in shapes:
-            at = placed @ frames.of(shape)
+            pose = shape.first("pose")
+            if pose is not None and pose.attributes.get("relative_to"):
+                at = placed @ own.inverse() @ frames.of(shape)
+            else:
+                at = placed @ within.of(shape)
             for part in self._shapes.parts(path, shape, at, model, scale):
                 kind = part.kind if part.shape == "heights" else kind_of(model)
                 part = replace(moved(part, at.position, at.R), model=model, kind=kind)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from wayproof.models.world_files.heights import height_part
 from wayproof.models.world_files.images import read_elevation
 from wayproof.models.world_files.locating import Locator
-from wayproof.models.world_files.meshes import mesh_parts
+from wayproof.models.world_files.meshes import Cuts, mesh_parts
 from wayproof.models.world_files.options import Found, ImportOptions, Plane
-from wayproof.models.world_files.parts import Mesh, Part
+from wayproof.models.world_files.parts import Mesh, Part, axes_of
 from wayproof.models.world_files.polygons import holds, prisms
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.sdf_frames import Placement, numbers
@@ -42,6 +42,7 @@ class Shapes:
         self._missing: dict[tuple[str, str], list[str]] = {}
         self._untouched: Counter[str] = Counter()
         self._meshes: dict[tuple[object, ...], list[Part]] = {}
+        self._cuts = Cuts()
 
     def parts(
         self, path: Path, shape: Element, placed: Placement, model: str, scale: NDArray[np.float64]
@@ -134,7 +135,8 @@ class Shapes:
         if size is not None:
             x, y = (value / 2.0 for value in numbers(path, size, 2))
             half = (x, y)
-        plane = Plane(placed.position, placed.R @ (normal / length), half, model)
+        axes = None if half is None else placed.R @ axes_of(normal / length)
+        plane = Plane(placed.position, placed.R @ (normal / length), half, model, axes)
         self._found.planes.append(plane)
 
     def _mesh(self, path: Path, shape: Element, scale: NDArray[np.float64]) -> list[Part]:
@@ -165,8 +167,9 @@ class Shapes:
         key = (file, *scale.tolist(), submesh, centred)
         if key not in self._meshes:
             self._meshes[key] = mesh_parts(
-                file, scale, self._found.notes, submesh=submesh, centred=centred
-            )
+                file, scale, self._found.notes, cuts=self._cuts, submesh=submesh,
+                centred=centred,
+            )  # fmt: skip
         return self._meshes[key]
 
     def _heightmap(self, path: Path, shape: Element) -> Iterator[Part]:

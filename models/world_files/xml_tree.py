@@ -52,14 +52,30 @@ def read_xml(path: Path) -> Element:
     text = _from_declaration(read_text(path, MOST_BYTES))
     if text.count("=") > MOST_ATTRIBUTES:
         raise WorldFileError(path, f"{text.count('=')} '=', expected at most {MOST_ATTRIBUTES}")
-    builder = _Builder(path)
     try:
-        builder.parser.Parse(text, True)
+        return _parsed(path, text)
     except expat.ExpatError as error:
-        raise WorldFileError(
-            path, f"no XML ({expat.ErrorString(error.code)})", error.lineno
-        ) from None
+        plain = COMMENT.sub(_blank, text)  # Gazebo's parser takes two hyphens in a comment
+        failed = error
+    try:
+        return _parsed(path, plain)
+    except expat.ExpatError:
+        what = f"no XML ({expat.ErrorString(failed.code)})"
+        raise WorldFileError(path, what, failed.lineno) from None
+
+
+def _parsed(path: Path, text: str) -> Element:
+    builder = _Builder(path)
+    builder.parser.Parse(text, True)
     return builder.root.children[0]
+
+
+COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+
+
+def _blank(comment: re.Match[str]) -> str:
+    """Return the lines of a comment without its text, so that later ones keep their number."""
+    return "\n" * comment.group().count("\n")
 
 
 BEFORE_DECLARATION = re.compile(r"(?:\s|<!--.*?-->)+(?=<\?xml\s)", re.DOTALL)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
-from wayproof.models.world_files.meshes import mesh_parts
+from wayproof.models.world_files.meshes import Cuts, mesh_parts
 from wayproof.models.world_files.polygons import triangulate
 from wayproof.models.world_files.solids import solid_of
 
@@ -230,7 +230,62 @@ def test_pieces_by_their_kind(tmp_path):
     assert notes[-1].endswith("within 0.000 m")
 
 
+def test_a_piece_close_to_its_hull_is_that_hull(tmp_path):
+    dented = CUBE.replace("v 0 1 1", "v 0.03 0.97 0.97")  # one corner pushed in by 3 cm
+    (part,) = mesh_parts(write(tmp_path / "c.obj", dented), np.ones(3), notes := [])
+    assert part.bounds[1].tolist() == [1.0, 1.0, 1.0]
+    assert notes == ["c.obj: 1 of 1 pieces taken as their convex hull, within 0.015 m"]
+
+
+def test_no_more_pieces_are_cut_than_a_world_may(tmp_path):
+    path = room(tmp_path / "room.obj")
+    parts = mesh_parts(path, np.ones(3), notes := [], cuts=Cuts(left=0))
+    (note,) = notes
+    assert {part.shape for part in parts} == {"box"}
+    assert note.startswith("room.obj: 1 of 1 pieces beyond the first 80 that are not convex")
+    gaps = [float(solid_of(part).distance([[0.0, 0.0, 1.0]])[0]) for part in parts]
+    assert 4.0 < min(gaps) < 4.5  # hollow all the same
+
+
 # ---- geometry, poses and kinds
+
+
+def test_a_shape_posed_relative_to_a_frame_of_its_model(tmp_path):
+    moved = box(link="<pose>1 0 0.5 0 0 0</pose>").replace(
+        "<collision name='c'>", "<collision name='c'><pose relative_to='l'>0 2 0 0 0 0</pose>"
+    )
+    found, _ = read(write(tmp_path / "a.world", world(ground(), moved)))
+    assert found.solids[0].centre == (1.0, 2.0, 0.5)
+    moved = moved.replace("relative_to='l'", "relative_to='__model__'")
+    found, _ = read(write(tmp_path / "b.world", world(ground(), moved)))
+    assert found.solids[0].centre == (0.0, 2.0, 0.0)
+
+
+def test_a_drawn_plane_that_is_no_floor_ends_where_it_is_drawn(tmp_path):
+    sticker = ground(pose="<pose>0 3 1 1.5707963267948966 0 0</pose>").replace(
+        "<size>20 20</size>", "<size>0.4 0.2</size>"
+    ).replace("'ground'", "'sticker'")  # fmt: skip
+    found, notes = read(write(tmp_path / "a.world", world(ground(), sticker)))
+    (solid,) = found.solids
+    np.testing.assert_allclose(np.subtract(solid.high, solid.low), (0.4, 0.01, 0.2), atol=1e-9)
+    assert "plane of 'sticker': a box 0.4 x 0.2 x 0.01 m behind it" in notes
+    level = sticker.replace("1.5707963267948966", "0")
+    found, _ = read(write(tmp_path / "b.world", world(ground(), level)))
+    assert found.solids[0].high[2] == pytest.approx(1.0)  # the large plane is the floor
+
+
+def test_hyphens_in_a_comment(tmp_path):
+    text = world("<!-- gz sim --levels\n -->", ground(), box(pose="<pose>9 0 0.5 0 0 0</pose>"))
+    assert len(read(write(tmp_path / "a.world", text))[0].solids) == 1
+    with pytest.raises(WorldFileError, match=r"a\.world:5: <size>"):
+        read(write(tmp_path / "a.world", text.replace("<size>1 1 1</size>", "<size>1</size>")))
+
+
+def test_meshes_in_the_media_folder_of_a_package(tmp_path):
+    write(tmp_path / "p/package.xml", "<package><name>p</name></package>")
+    write(tmp_path / "p/Media/models/c.obj", CUBE)
+    found, _ = read(write(tmp_path / "p/worlds/a.world", mesh("file://c.obj")))
+    assert len(found.solids) == 1
 
 
 def test_placement_frames_of_models_and_includes(tmp_path):

@@ -18,7 +18,7 @@ SCENE_BOUNDS = {
     "scene: nuser_body 4e8": "nuser_body 4e+08, expected at most 100",
     "scene: nuser_geom 4e8": "nuser_geom 4e+08, expected at most 100",
     "scene: nuserdata 2e9": "nuserdata 2e+09, expected at most 4096",
-    "scene: memory 900G": "memory 9.66368e+11, expected at most 2.68435e+08",
+    "scene: memory 900G": "memory 9.66368e+11, expected at most 1.07374e+09",
     "scene: numeric of 4e8": "size 4e+08, expected at most 200000",
     "scene: ccd_iterations 2e9": "ccd_iterations 2e+09, expected at most 1000",
     "scene: 20,000 bodies in one another": "100 levels",
