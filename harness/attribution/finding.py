@@ -21,6 +21,7 @@ CAUSES = (
     "stack_died",
     "stack_hung",
     "stack_broken",
+    "stack_held",
     "unexplained",
 )
 """All causes; docs/causes.md defines each."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayproof.harness.attribution.case import Case, Moment, off_path
-from wayproof.harness.attribution.commanded import answer_s, commands_to
+from wayproof.harness.attribution.commanded import answer_s, commands_to, on_trial
 from wayproof.harness.attribution.contact import BLIND
 from wayproof.harness.attribution.contact_facts import LATE
 from wayproof.harness.attribution.finding import Finding
@@ -68,7 +68,9 @@ class StandstillFacts:
         map: Paths in the map.
         answered_late: Fraction of the window that a stack on trial answered past the deadline.
         answer: Median time to its answers in the window, s.
+        on_trial: Whether a stack on trial commanded.
         cut: Number of decisions in the window at which the guard braked in its place.
+        cut_blocked: Number of these whose commands were blocked; the others were unknown.
         beyond_area: Number of the last decision with a command out of the operating area that the
             referee did not admit and the body followed at the end; None without one.
         claimed_at: Distance of the estimated position from a goal that a stack on trial claimed
@@ -98,7 +100,9 @@ class StandstillFacts:
     map: MapWays
     answered_late: float = 0.0
     answer: float = 0.0
+    on_trial: bool = False
     cut: int = 0
+    cut_blocked: int = 0
     beyond_area: int | None = None
     claimed_at: float = 0.0
 
@@ -275,14 +279,22 @@ def planner(facts: StandstillFacts) -> str | None:
     if facts.map.known >= HALF:
         return (
             f"in {facts.map.known:.0%} of the maps at the end a way led through space that was "
-            f"known to be free; {_last_search(facts)}"
-        )
-    if facts.cut >= HALF * facts.window and ways.passable >= HALF:
-        return (
-            f"in {ways.passable:.0%} of the maps at the end a way led around all that was occupied;"
-            f" {_last_search(facts)}"
+            f"known to be free; {_effort(facts)}"
         )
     return None
+
+
+def stack_held(facts: StandstillFacts) -> str | None:
+    """The guard held a stack on trial, which offered no other way though the map had one."""
+    ways = facts.map
+    if not facts.cut or facts.cut < HALF * facts.window or ways.passable < HALF:
+        return None
+    unknown = facts.cut - facts.cut_blocked
+    return (
+        f"the guard cut {facts.cut} of the last {facts.window} commands of the stack, "
+        f"{facts.cut_blocked} blocked and {unknown} into unknown space, though "
+        f"in {ways.passable:.0%} of the maps at the end a way led around all that was occupied"
+    )
 
 
 def too_narrow(facts: StandstillFacts) -> str | None:
@@ -299,18 +311,21 @@ def too_narrow(facts: StandstillFacts) -> str | None:
 def _too_slow(facts: StandstillFacts) -> str:
     """The limit suffices for the shortest path, and the map had one; it was not taken in time."""
     truth = facts.truth
+    searches = f"{facts.without_path:.0%} of all searches found no path, "
     return (
         f"the shortest way takes {truth.shortest_s:.1f} s at full speed, the limit was "
         f"{facts.limit_s:.1f} s, and {facts.map.passable:.0%} of the maps at the end had a way; "
-        f"{truth.left_m:.1f} m were left, {facts.without_path:.0%} of all searches found no path, "
-        f"and {_last_search(facts, 'one')}"
+        f"{truth.left_m:.1f} m were left, {'' if facts.on_trial else searches}"
+        f"and {_effort(facts, 'one')}"
     )
 
 
-def _last_search(facts: StandstillFacts, search: str = "search") -> str:
+def _effort(facts: StandstillFacts, search: str = "search") -> str:
     """Effort of the last search in words; a stack on trial logs none."""
     if facts.cut:
         return f"the guard cut {facts.cut} of the last {facts.window} commands"
+    if facts.on_trial:
+        return "the stack on trial did not take it"
     if not facts.iterations:
         return "no search is in the log"
     return f"the last {search} spent {facts.iterations} iterations"
@@ -340,6 +355,7 @@ TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
     ("moved_obstacle", just_left),
     ("tracking", tracking),
     ("impossible", too_narrow),
+    ("stack_held", stack_held),
     ("planner", planner),
     ("unexplained", unexplained),
 )
@@ -367,6 +383,8 @@ def standstill_facts(case: Case) -> StandstillFacts:
     tolerance = case.config.behaviour.tracking_tolerance
     mapped, navigator = map_ways(case, numbers[0])
     left = [one.decision.label == "localization_lost" for one in case.moments]
+    verdicts = [one.decision.verdict for one in recent]
+    cut = [one.verdict for one in verdicts if one.cut]
     searches = [one.decision for one in case.moments if one.decision.planner_iterations]
     return StandstillFacts(
         outcome=case.outcome,
@@ -375,7 +393,9 @@ def standstill_facts(case: Case) -> StandstillFacts:
         discarded=float(np.mean([one.decision.deadline_missed for one in recent])),
         answered_late=float(np.mean([_answered_late(one) for one in recent])),
         answer=float(np.median([answer_s(one) for one in recent])),
-        cut=sum(one.decision.verdict.cut for one in recent),
+        on_trial=on_trial(case),
+        cut=len(cut),
+        cut_blocked=cut.count("blocked"),
         beyond_area=_beyond_area(case),
         claimed_at=_claimed_at(case),
         late=float(np.mean([_is_late(case, one) for one in case.moments[-10:]])),

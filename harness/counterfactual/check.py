@@ -31,14 +31,14 @@ from wayproof.harness.replay.answers import started_again
 BEFORE = 1.0
 """Time before the last chance at which a remedy begins, s: it needs time to take effect."""
 
-SHOWN_BY_THEIR_OWN_TEST = ("impossible", "planner", "tracking")
+SHOWN_BY_THEIR_OWN_TEST = ("impossible", "planner", "tracking", "stack_held")
 """Causes that facts alone establish: what is missing may be impossible to put right."""
 
 HELPS_ALWAYS = "true_map"
 """Remedy that helps after many causes: complete knowledge, which no sensor gives."""
 
-ONLY_CONFIRMS = ("guard",)
-"""Remedy that may save the robot from other causes as well, by stopping it."""
+ONLY_CONFIRMS = ("guard", "no_guard")
+"""Remedies that may save the robot from other causes as well, by stopping it or by daring more."""
 
 ONLY_AFTER = {"more_time": ("timeout",)}
 """Remedies that only make a difference after these outcomes."""
@@ -105,8 +105,8 @@ def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
 
     If a remedy of the cause saves the robot, the cause is confirmed. If only others do, it is
     replaced by the first of their causes in the order of `CAUSES`, that of a true map last; the
-    guard replaces none, as a robot that stands is saved from much. If none does, only a cause that
-    facts alone establish stands; any other becomes `unexplained`.
+    guard replaces none, as a robot that stands is saved from much, nor does its absence. If none
+    saves it, only a cause that facts alone establish stands; any other becomes `unexplained`.
     """
     if any(one.remedy == CONTROL and one.saves for one in checks):
         return finding, "inconclusive"
@@ -147,8 +147,9 @@ def _differs(remedy: str, case: Case) -> bool:
     """Return whether a remedy changes anything in a case."""
     if remedy == "no_movers":
         return any(moment.truth.movers for moment in case.moments[:1])
-    if remedy == "guard":
-        return case.config.stack.name != BUILTIN and not case.config.stack.guard
+    if remedy in ("guard", "no_guard"):
+        on_trial, guarded = case.config.stack.name != BUILTIN, case.config.stack.guard
+        return on_trial and guarded == (remedy == "no_guard")
     return remedy != "forbidden_unknown" or case.config.costmap.unknown_policy != "forbid"
 
 

@@ -201,6 +201,11 @@ def guard(log: Log, case: Case) -> Change:
     return Change(replace(log.config, stack=replace(log.config.stack, guard=True)))
 
 
+def no_guard(log: Log, case: Case) -> Change:
+    """The guard lets a stack on trial do as it commands."""
+    return Change(replace(log.config, stack=replace(log.config.stack, guard=False)))
+
+
 Remedy = Callable[[Log, Case], Change]
 
 REMEDIES: dict[str, tuple[Remedy, tuple[str, ...]]] = {
@@ -219,11 +224,13 @@ REMEDIES: dict[str, tuple[Remedy, tuple[str, ...]]] = {
     "no_margin": (no_margin, ("impossible",)),
     "more_time": (more_time, ("impossible",)),
     "guard": (guard, ("disregarded_obstacle", "unseen_obstacle")),
+    "no_guard": (no_guard, ("stack_held",)),
 }
 """Remedies by name, each with the causes that it confirms if it saves the robot."""
 
 ON_TRIAL = (
-    "guard", "true_pose", "true_ranges", "no_movers", "perfect_tracking", "no_delay", "more_time",
+    "guard", "no_guard", "true_pose", "true_ranges", "no_movers", "perfect_tracking", "no_delay",
+    "more_time",
 )  # fmt: skip
 """Remedies that change something for a stack on trial: the referee's map is none of it."""
 

@@ -44,7 +44,11 @@ CLOSED = {"map.passable": 0.0, "map.ghosts": 7}
     [
         ({}, "unexplained"),
         ({"map.known": 0.8}, "planner"),
-        ({"cut": 40}, "planner"),
+        ({"cut": 40}, "stack_held"),
+        ({"cut": 40, "map.known": 0.8}, "stack_held"),
+        ({"cut": 40, "pose": LIED}, "localization"),
+        ({"cut": 40, "truth.open_at_end": False}, "moved_obstacle"),
+        ({"cut": 10, "map.known": 0.8}, "planner"),
         ({"cut": 40, "map.passable": 0.0}, "unexplained"),
         ({"cut": 10}, "unexplained"),
         ({"map.in_vain": 0.4, "map.not_found": 0.8}, "planner"),

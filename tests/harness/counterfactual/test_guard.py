@@ -100,6 +100,22 @@ def test_where_the_guard_shows_nothing_the_check_is_inconclusive(recorded, setti
     assert verdict.note.startswith(note)
 
 
+def test_a_stack_that_the_guard_holds_is_tried_without_it(recorded):
+    settings = "stack.guard=true", "episode.stuck_after=2"
+    log = open_log(Path(recorded(*BLIND, *settings).log))
+    finding = find_cause(read_case(log))
+    assert finding.cause == "stack_held"
+    assert "blocked and 0 into unknown space" in finding.evidence
+    alone = check(log, finding)
+    assert (alone.finding, alone.answer) == (finding, "inconclusive")
+    verdict = check(log, finding, ("no_guard",), stack="blind")
+    assert [(one.remedy, one.outcome) for one in verdict.checks] == [
+        ("control", "stuck"),
+        ("no_guard", "collision"),
+    ]
+    assert (verdict.finding, verdict.answer) == (finding, "confirmed")
+
+
 def test_commands_admitted_discarded_or_cut_did_not_lead_to_a_contact(recorded):
     case = read_case(open_log(Path(recorded(*BLIND).log)))
     led = commands_to(case, case.end_s)
