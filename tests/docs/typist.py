@@ -52,6 +52,12 @@ UNTYPED = {
     r"\. \.venv/bin/activate": "the tests run in an environment already",
     r"pip install .*": "installs from the network",
     r"wayproof robot check my_robot.*": "the reader's own robot",
+    r"wayproof bench rays .*": "tests/harness/bench/micro/test_rays.py runs it",
+    r"wayproof study .* --check-determinism .*": "tests/harness/study/test_determinism.py runs it",
+    r"wayproof lab logs/.*": "docs/tutorials/recording.md runs the verb in full",
+    r"wayproof picture logs/warehouse-drone-3.*": "docs/get-started.md runs the verb in full",
+    r"wayproof picture .* --movie docs/.*": "docs/seeing.md runs it with another log",
+    r"wayproof run .* --render .*": "tests/harness/viewer/test_movie.py runs it",
 }
 """Commands that are only checked against their parser, and the reason."""
 
@@ -78,11 +84,15 @@ SMALLER = {
     "demo": "--set episode.time_limit=0.5".split(),
     "falsify": "--budget 3 --window 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
     " --set map.resolution=0.2".split(),
+    "shadow": "--end 2".split(),
 }
 """Additional options of a verb on a small scale."""
 
 MANY = ("study", "threshold", "calibrate", "falsify")
 """Verbs that start processes, each of which takes longer to load than a short episode."""
+
+ONCE = (*MANY, "bench", "demo")
+"""Verbs whose command on a small scale runs once, though several blocks hold it."""
 
 STAGES_SMALLER = {
     "coverage": "--repeats 2".split(),
@@ -92,7 +102,6 @@ STAGES_SMALLER = {
     "map": "--repeats 1 --only ghosts".split(),
     "robots": "--repeats 1 --only hover".split(),
     "loop": "--repeats 1 --only light".split(),
-    "rays": "--repeats 1".split(),
 }
 """Additional options of a stage of `bench`: one episode or problem after the kept ones."""
 
@@ -235,8 +244,8 @@ class Typist:
             code, output = plot_maps(words)
         else:
             assert program == "python", f"cannot type: {line}"
-            if "--count" in words and not self._whole:
-                words += ["--count", "10"]
+            if words[1].endswith(".soak") and not self._whole:
+                words += ["--count", "5"]
             if (script := ROOT / words[0]).is_file():
                 words[0] = str(script)
             code, output = run_python(words)
@@ -259,8 +268,6 @@ class Typist:
                 words = [verb, smaller_study(words[1]), *words[2:]]
             if "--worlds" in words:
                 words = with_options(words, ["--repeats", "1"])
-            if "--check-determinism" in words:
-                words = with_options(words, ["--sample", "1"])
             if verb == "bench":
                 words = with_options(words, STAGES_SMALLER.get(words[1], []))
             if "--movie" in words:
@@ -278,7 +285,33 @@ class Typist:
             return self._run(words)
         if verb == "picture":  # needs a driver chosen before the simulator is loaded
             return run_command(words)
+        if verb in ONCE and not self._whole:
+            return self._run_once(words)
         return run_here(words)
+
+    def _run_once(self, words):
+        """Run a command, or copy what it wrote and printed where another block held it."""
+        kept = self._kept(words)
+        with alone(kept.with_suffix(".lock")):
+            if not kept.exists():
+                before = set(Path.cwd().rglob("*"))
+                ran = run_here(words)
+                written = [path for path in Path.cwd().rglob("*") if path not in before]
+                for path in filter(Path.is_file, written):
+                    copy = kept / "files" / path.relative_to(Path.cwd())
+                    copy.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copy2(path, copy)
+                kept.mkdir(exist_ok=True)
+                (kept / "ran.json").write_text(json.dumps(ran))
+        if (kept / "files").exists():
+            shutil.copytree(kept / "files", Path.cwd(), dirs_exist_ok=True)
+        return json.loads((kept / "ran.json").read_text())
+
+    def _kept(self, words):
+        """Where the outcome of a command is kept: one place for the same words and files."""
+        files = [Path(word).read_bytes() for word in words if Path(word).is_file()]
+        key = hashlib.sha256(repr((words, files)).encode()).hexdigest()[:16]
+        return self._episodes / key
 
     def _run(self, words):
         """Run one episode, or reuse the one of another block."""
@@ -293,14 +326,12 @@ class Typist:
         if "--log" in words:
             at = words.index("--log")
             words = words[:at] + words[at + 2 :]
-        files = [Path(word).read_bytes() for word in words if Path(word).is_file()]
-        key = hashlib.sha256(repr((words, files)).encode()).hexdigest()[:16]
-        kept = self._episodes / f"{key}.mcap"
+        kept = self._kept(words).with_suffix(".mcap")
         output = kept.with_suffix(".json")
         with alone(kept.with_suffix(".lock")):
             if not output.exists():
                 words = [*words, "--log", str(kept)]
-                ran = run_command(words) if "--render" in words else run_here(words)
+                ran = run_here(words)
                 if ran[0] not in (0, 1):
                     return ran
                 output.write_text(json.dumps(ran))
