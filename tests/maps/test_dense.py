@@ -11,7 +11,7 @@ from wayproof.maps.dense import DenseMap
 
 BOX = (-5.0, -5.0, -3.0), (5.0, 5.0, 3.0)
 TENTH = 100_000_000  # ns
-SETTINGS = ["map.half_life=0", "episode.time_limit=6"]
+SETTINGS = ["map.half_life=0", "episode.time_limit=2.5"]
 
 
 @pytest.fixture
