@@ -57,6 +57,8 @@ class Trace:
             built-in one.
         cuts: (n,) whether the guard braked in the stack's place; none likewise.
         tracks: Estimated and true poses of the decisions that have a truth; none if not known.
+        admitted_share: Share of a recorded way that was admitted when it was entered; none of a
+            simulated episode, or if it was not judged.
     """
 
     outcome: str
@@ -75,6 +77,7 @@ class Trace:
     verdicts: tuple[str, ...] | None = None
     cuts: NDArray[np.bool_] | None = None
     tracks: tuple[Track, Track] | None = None
+    admitted_share: float | None = None
 
     @property
     def success(self) -> bool:
@@ -372,6 +375,11 @@ def guard_cuts(trace: Trace) -> float | None:
     return None if trace.cuts is None else float(trace.cuts.sum())
 
 
+def admitted_share(trace: Trace) -> float | None:
+    """Share of a recorded way that was known to be free when it was entered."""
+    return trace.admitted_share
+
+
 @dataclass(frozen=True)
 class Metric:
     """A figure of an episode.
@@ -414,6 +422,7 @@ METRICS: dict[str, Metric] = {
     "deadline_misses": Metric(deadline_misses, "", False, COUNT),
     "not_admitted": Metric(not_admitted, "", False, SHARE),
     "guard_cuts": Metric(guard_cuts, "", False, COUNT),
+    "admitted_share": Metric(admitted_share, "", True, SHARE),
 }
 
 
@@ -425,6 +434,9 @@ OF_TRUTH = (
 
 OF_STACKS_ON_TRIAL = ("not_admitted", "guard_cuts")
 """Figures that only stacks on trial have."""
+
+OF_RECORDINGS = ("admitted_share",)
+"""Figures that only recordings have."""
 
 
 def score(trace: Trace) -> dict[str, float | None]:

@@ -43,7 +43,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
             }
         )
         if trace.recorded:
-            documents[-1]["recording"] = _recording(path, options)
+            documents[-1]["recording"] = assessed = _recording(path, options)
+            scores["admitted_share"] = assessed["admitted_share"]
         table = Table(title=f"{path}: {log.result['outcome']}", title_justify="left")
         table.add_column("metric")
         table.add_column("value", justify="right")
@@ -65,7 +66,6 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 SHOWN_OF_RECORDING = {
-    "admitted_share": "",
     "ahead_share": "",
     "driven_m": "m",
     "hindsight_m": "m",

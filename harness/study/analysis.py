@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wayproof.harness.config import HASH_SEPARATOR
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.file import Arm
 from wayproof.harness.study.rows import Row, first_difference, prove, reference_of, share_differing
@@ -189,8 +190,8 @@ def cluster_of(row: Row) -> tuple[str, int]:
 
 
 def is_imported(world: str) -> bool:
-    """Return whether a world is a file, which is the same for every seed."""
-    return "/" in world or "." in world
+    """Return whether a world is a file or a recording, which is the same for every seed."""
+    return "/" in world or "." in world or HASH_SEPARATOR in world
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

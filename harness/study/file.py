@@ -25,6 +25,7 @@ from wayproof.harness.scenario.robots import controller_of
 from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
 from wayproof.harness.study.contents import Contents, contents_of
 from wayproof.harness.study.job import episode_key
+from wayproof.harness.study.source import ReadOptions, Source
 from wayproof.harness.worker_pool import Bounds
 from wayproof.models.robots import ROBOTS
 from wayproof.models.worlds import WORLDS
@@ -52,11 +53,13 @@ class StudyFile(
 
     Attributes:
         name: Name of the study and of its folder.
-        worlds: Names or files of worlds.
         robots: Names of robots.
         stacks: Navigation stacks, as `stack.name` has them; the built-in one is the reference, or
             else the first. Empty: the one of the settings.
         seeds: Number of seeds, counted from 0, or the seeds.
+        worlds: Names or files of worlds.
+        recordings: Files or folders of recordings, in place of worlds.
+        read: What to read of each recording.
         settings: `section.field` -> value, for every episode; a `perturbation` here acts on the
             unperturbed arms as well.
         axes: `section.field` -> values; every combination is a variant, the first is the reference.
@@ -67,9 +70,11 @@ class StudyFile(
     """
 
     name: str
-    worlds: list[str]
     robots: list[str]
     seeds: int | list[int]
+    worlds: list[str] = []
+    recordings: list[str] = []
+    read: ReadOptions = ReadOptions()
     stacks: list[str] = []
     settings: dict[str, Any] = {}
     axes: dict[str, list[Any]] = {}
@@ -83,7 +88,7 @@ class Arm:
     """Group of episodes that differ only in their seed.
 
     Attributes:
-        world: Name of the world.
+        world: Name of the world; of a recording, with its hash.
         robot: Name of the robot.
         variant: Settings of the axes, `a=1 b=2`; empty without axes.
         perturbation: Name of the perturbation, or `none`.
@@ -110,12 +115,13 @@ def name_of(arm: Arm) -> str:
 
 @dataclass(frozen=True)
 class Planned:
-    """Episode of a study, with its content address."""
+    """Episode of a study, with its content address, and the recording of its inputs."""
 
     arm: Arm
     seed: int
     config: Config
     key: str
+    source: Source | None = None
 
 
 Statistic = Literal["drop", "rise", "mean"]
@@ -190,7 +196,11 @@ def check_study(study: StudyFile) -> None:
         raise InputError(
             f"study name '{study.name}': expected letters, digits, '_', '.', '-', at most 64"
         )
-    for field in ("worlds", "robots"):
+    if study.worlds and study.recordings:
+        raise InputError(f"study '{study.name}': worlds and recordings, expected one of the two")
+    if study.read != ReadOptions() and not study.recordings:
+        raise InputError(f"study '{study.name}': read without recordings, expected both")
+    for field in ("recordings" if study.recordings else "worlds", "robots"):
         if not getattr(study, field):
             raise InputError(f"study '{study.name}': {field} is empty, expected at least one")
     if _seed_count(study) < 1:
@@ -214,7 +224,8 @@ def arms_of(study: StudyFile) -> int:
     """Return the number of combinations of worlds, robots, stacks, axes and perturbations."""
     variants = len(stacks_of(study)) * math.prod(len(values) for values in study.axes.values())
     perturbed = 1 + sum(len(levels) for levels in study.perturbations.values())
-    return len(study.worlds) * len(study.robots) * variants * perturbed
+    places = len(study.worlds) + len(study.recordings)
+    return places * len(study.robots) * variants * perturbed
 
 
 def episodes_of(study: StudyFile) -> int:
@@ -238,7 +249,7 @@ def refuse_code(study: StudyFile) -> None:
                 f"study '{study.name}' sets {key} to '{str(value)[:80]}', which is code outside "
                 "Wayproof; expected --allow-plugins to load it"
             )
-    for robot in study.robots:
+    for robot in () if study.recordings else study.robots:
         controller = controller_of(robot)
         if PLUGIN in controller:
             raise InputError(
@@ -310,15 +321,19 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
     _check_names(study)
     if contents is None:
         contents = contents_of(files_of(study))
-    stacks, variants = stacks_of(study), _variants(study)
-    perturbed = [(CLEAN, 0), *_severities(study)]
+    stacks, variants = stacks_of(study), variants_of(study)
+    perturbed = perturbed_arms(study)
     if len(stacks) * len(variants) * len(perturbed) == 1:
         _refuse_differences(study)
+    if study.recordings:
+        from wayproof.harness.study.recorded import plan_recorded
+
+        return plan_recorded(study, contents)
     arms = itertools.product(study.worlds, study.robots, stacks, variants, perturbed)
     configs = []
     for world, robot, stack, variant, (perturbation, severity) in arms:
         own = [f"stack.name={stack}"] if stack else []
-        settings = [*_settings(study.settings), *own, *variant]
+        settings = [*settings_of(study), *own, *variant]
         config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
         if perturbation != CLEAN:
             config = replace(config, perturbation=perturbation_at(perturbation, severity))
@@ -333,9 +348,10 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
 
 def _check_names(study: StudyFile) -> None:
     """Check names of worlds and robots; files are checked when their contents are read."""
+    robots = () if study.recordings else study.robots  # bodies, which the plan reads
     for kind, names, ending, registry in (
         ("world", study.worlds, WORLD_FILE, WORLDS),
-        ("robot", study.robots, ROBOT_FILE, ROBOTS),
+        ("robot", robots, ROBOT_FILE, ROBOTS),
     ):
         for name in names:
             if not name.endswith(ending) and name not in registry:
@@ -360,7 +376,8 @@ def _refuse_differences(study: StudyFile) -> None:
 
 def files_of(study: StudyFile) -> list[str]:
     """Return the names of worlds, robots, planners and stacks, which may be files."""
-    return [*study.worlds, *study.robots, *(str(one) for key, one in _named(study) if key in CODE)]
+    simulated = () if study.recordings else (*study.worlds, *study.robots)
+    return [*simulated, *(str(one) for key, one in _named(study) if key in CODE)]
 
 
 def planned_for(arm: Arm, config: Config, contents: Contents) -> Planned:
@@ -368,7 +385,12 @@ def planned_for(arm: Arm, config: Config, contents: Contents) -> Planned:
     return Planned(arm, config.seed, config, episode_key(config, contents))
 
 
-def _variants(study: StudyFile) -> list[tuple[str, ...]]:
+def perturbed_arms(study: StudyFile) -> list[tuple[str, float]]:
+    """Return names and severities of the perturbations, without perturbation first."""
+    return [(CLEAN, 0), *_severities(study)]
+
+
+def variants_of(study: StudyFile) -> list[tuple[str, ...]]:
     """Return the settings of each combination of the axes; one empty combination without axes."""
     for name, values in study.axes.items():
         if not values:
@@ -381,8 +403,9 @@ def _settings_of(name: str, values: Sequence[Any]) -> list[str]:
     return [_setting(name, value) for value in values]
 
 
-def _settings(values: dict[str, Any]) -> list[str]:
-    return [_setting(name, value) for name, value in values.items()]
+def settings_of(study: StudyFile) -> list[str]:
+    """Return the settings of every episode, `section.field=value`."""
+    return [_setting(name, value) for name, value in study.settings.items()]
 
 
 def _setting(name: str, value: Any) -> str:

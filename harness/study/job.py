@@ -15,6 +15,7 @@ from wayproof.harness.config import Config, from_json, to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.machine import installed_version
 from wayproof.harness.study.contents import contents_of, named_by
+from wayproof.harness.study.source import Source
 
 
 @dataclass(frozen=True)
@@ -25,11 +26,13 @@ class Job:
         key: Hash of the resolved config and of the version of Wayproof.
         config: Config as JSON.
         log: Path of its log.
+        source: Recording of its inputs; None for a simulated episode.
     """
 
     key: str
     config: bytes
     log: Path
+    source: Source | None = None
 
 
 @dataclass(frozen=True)
@@ -70,14 +73,11 @@ def key_of(config: Config, planner: str, version: str) -> str:
 
 def run_job(job: Job) -> Done:
     """Run one episode; an exception becomes its error text."""
-    from wayproof.harness.runner import run_episode
-    from wayproof.harness.scenario.scenario import build
-
     try:
-        config = from_json(job.config, allow_plugins=True)
-        if episode_key(config, contents_of(named_by(config))) != job.key:
-            return Done(job.key, "a file that its config names was changed since the plan")
-        run_episode(build(config), job.log)
+        if job.source is not None:
+            _run_recorded(job)
+        else:
+            _run_simulated(job)
     except InputError as error:
         return Done(job.key, str(error))
     except MemoryError:
@@ -88,6 +88,22 @@ def run_job(job: Job) -> Done:
         name = f"{Path(place.filename).name}:{place.lineno}"
         return Done(job.key, f"{type(error).__name__} at {name}: {text}")
     return Done(job.key)
+
+
+def _run_recorded(job: Job) -> None:
+    from wayproof.harness.study.recorded import run_recorded
+
+    run_recorded(job)
+
+
+def _run_simulated(job: Job) -> None:
+    from wayproof.harness.runner import run_episode
+    from wayproof.harness.scenario.scenario import build
+
+    config = from_json(job.config, allow_plugins=True)
+    if episode_key(config, contents_of(named_by(config))) != job.key:
+        raise InputError("a file that its config names was changed since the plan")
+    run_episode(build(config), job.log)
 
 
 def warm_up_job(config: bytes) -> None:

@@ -65,6 +65,9 @@ def mismatch(log: Log, planned: Planned) -> str:
     if log.forks:
         return f"forked at decision {log.forks[0].at}, expected an episode of one config"
     expected = planned.config
+    if planned.source is not None:
+        key = planned.source.key(_key_of(log.config, log))
+        return "" if key == planned.key else _difference(log, log.config, expected)
     open_again = replace(
         log.config,
         start=expected.start,

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 from wayproof.harness.log.codec.container import Packet, walk
 from wayproof.harness.log.codec.messages import decode
 from wayproof.harness.log.digest import ContentDigest
+from wayproof.harness.log.reader import Log
 from wayproof.harness.log.streams import Pairing, compare_hashes
 from wayproof.harness.metrics import METRICS, score, trace_of
 from wayproof.harness.replay.consistency import refuse_contradictions
@@ -21,9 +22,13 @@ from wayproof.harness.replay.content import Content
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.study.file import CLEAN, Arm, Planned
 from wayproof.harness.study.matching import open_planned
+from wayproof.harness.study.recorded import Judged, way_of
 from wayproof.harness.study.store import Store
 
-READ = {kind.DESCRIPTOR.full_name for kind in (pb.Decision, pb.Truth, pb.Streams, pb.Perturbation)}
+READ = {
+    kind.DESCRIPTOR.full_name
+    for kind in (pb.Decision, pb.Truth, pb.Streams, pb.Perturbation, pb.RecordedMotion)
+}
 """Schemas of the messages that are decoded; sweeps, most of a log, are not."""
 
 SHORT = 8
@@ -49,6 +54,8 @@ class Row:
         streams: Names of all streams.
         check: Answer of the check of the cause; empty without one.
         hashes: First bytes of all streams' hashes of each decision, concatenated.
+        actions: Action of each decision.
+        way: Judgement of a recording's way; None of a simulated episode.
     """
 
     key: str
@@ -65,6 +72,8 @@ class Row:
     streams: tuple[str, ...] = ()
     hashes: tuple[bytes, ...] = ()
     check: str = ""
+    actions: tuple[str, ...] = ()
+    way: Judged | None = None
 
     @property
     def success(self) -> bool:
@@ -100,6 +109,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
     decisions, streams = content.decisions, content.streams
     done = content.perturbations[0] if content.perturbations else pb.Perturbation()
     names = tuple(one.name for one in streams[0].streams) if streams else ()
+    way = way_of(path, log.result["chain"], allow_plugins) if planned.source else None
     return Row(
         key=key,
         arm=arm,
@@ -110,14 +120,21 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
         check=log.check.get("answer", ""),
         chain=log.result["chain"],
         duration=float(log.result["sim_time_s"]),
-        metrics=score(trace_of(log, decisions, content.truths))
-        if decisions
-        else _without_decisions(),
+        metrics=_metrics(log, content, way) if decisions else _without_decisions(),
         acts=tuple(_act(one) for one in decisions),
         declared=tuple(done.streams),
         streams=names,
         hashes=tuple(_hashes(one, names) for one in streams),
+        actions=tuple(one.action for one in decisions),
+        way=way,
     )
+
+
+def _metrics(log: Log, content: Content, way: Judged | None) -> dict[str, float | None]:
+    trace = trace_of(log, content.decisions, content.truths, content.motions)
+    if way is not None:
+        trace = replace(trace, admitted_share=way.admitted_share)
+    return score(trace)
 
 
 def _without_decisions() -> dict[str, float | None]:
@@ -169,6 +186,12 @@ def first_difference(row: Row, twin: Row) -> int | None:
         if one != other:
             return number
     return None if len(row.acts) == len(twin.acts) else min(len(row.acts), len(twin.acts))
+
+
+def other_action(row: Row, twin: Row) -> int | None:
+    """Return the number of the first decision with another action; None without one."""
+    both = zip(row.actions, twin.actions, strict=False)
+    return next((number for number, (one, other) in enumerate(both) if one != other), None)
 
 
 def share_differing(row: Row, twin: Row) -> float:

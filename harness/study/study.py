@@ -43,9 +43,10 @@ class StudyResult:
         missing: Number of episodes that have not run yet.
         errors: Number of episodes that failed to run, without a log.
         first_error: Error of the first of these; empty without any.
-        arms: Summary of each arm.
+        arms: Summary of each arm; none of a study over recordings, which has no outcomes.
         gates: Result of each gate on each arm.
         foreign: Lines about logs of other episodes, which count as missing.
+        of_recordings: Whether it is a study over recordings.
     """
 
     name: str
@@ -56,6 +57,7 @@ class StudyResult:
     arms: list[ArmSummary]
     gates: list[GateResult]
     foreign: tuple[str, ...] = ()
+    of_recordings: bool = False
 
     @property
     def verdict(self) -> StudyVerdict:
@@ -90,7 +92,9 @@ def run_missing(
     for one in planned:
         if one.key not in jobs and not store.is_done(one.key):
             config = to_json(one.config)
-            jobs[one.key] = Job(one.key, config, store.log(one.key))
+            jobs[one.key] = Job(one.key, config, store.log(one.key), one.source)
+            if one.source is not None:
+                continue
             stack = (one.config.robot, one.config.map.kind, one.config.planner.name)
             stacks.setdefault(stack, config)
 
@@ -170,9 +174,10 @@ def conclude(
         missing=len(planned) - len(rows),
         errors=len(errors),
         first_error=error_in_words(errors[0]) if errors else "",
-        arms=summarise(samples, limit),
+        arms=[] if study.recordings else summarise(samples, limit),
         gates=judge(samples, [read_gate(text) for text in study.gates], limit),
         foreign=tuple(foreign),
+        of_recordings=bool(study.recordings),
     )
 
 
@@ -186,6 +191,8 @@ def verdict_in_words(result: StudyResult) -> str:
     ran = result.episodes - result.missing - result.errors
     reached = sum(one.outcomes.get("success", 0) for one in result.arms)
     text = f"{reached} of {ran} episodes reached the goal"
+    if result.of_recordings:
+        text = f"{ran} of {result.episodes} passes through recordings judged"
     if result.missing:
         text += f"; {result.missing} of {result.episodes} have not run"
     if result.foreign:

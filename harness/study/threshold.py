@@ -195,6 +195,10 @@ def read_thresholds(study: StudyFile, store: Store) -> list[Thresholds]:
 
 def brackets_of(study: StudyFile, query: Query, contents: Contents) -> list[Bracket]:
     """Return the initial bracket of each unperturbed episode and perturbation."""
+    if study.recordings:
+        raise InputError(
+            f"study '{study.name}': of recordings, expected simulated episodes, which can fail"
+        )
     names = query.perturbations
     if len(names) != len(set(names)) or len(names) * episodes_of(study) > MOST_PLANNED:
         raise InputError(

@@ -43,6 +43,7 @@ def trace(**changes: object) -> Trace:
         start_distance=2.0,
         verdicts=("admitted", "unknown", "blocked", "admitted"),
         cuts=np.array([False, False, True, False]),
+        admitted_share=0.9,
         tracks=(
             Track(np.array([[0.0, 0, 0], [1, 0.3, 0], [2, 0.3, 0.4], [2, 0.8, 0.4]]), UPRIGHT),
             Track(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 0.5, 0]]), UPRIGHT),
@@ -77,6 +78,7 @@ def test_every_metric_by_hand() -> None:
             "deadline_misses": 1.0,
             "not_admitted": 0.5,
             "guard_cuts": 1.0,
+            "admitted_share": 0.9,
         }
     )
 

@@ -1,0 +1,160 @@
+import contextlib
+import io
+import json
+import shutil
+
+import pytest
+
+from tests.harness.shadow.conftest import BODY, FR079, written
+from wayproof.harness.cli.main import main
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.shadow.assess import assess
+from wayproof.harness.shadow.summary import summarize
+from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.recorded import way_of
+from wayproof.harness.study.recorded_table import passes_of
+from wayproof.harness.study.store import Store
+from wayproof.harness.study.study import read_rows
+
+STUDY = """
+name = "cut"
+recordings = ["{recording}"]
+robots = ["{robot}"]
+seeds = 1
+gates = ["admitted_share.drop <= 0.5"]
+
+[read]
+end = {end}
+
+[perturbations]
+depth_noise = [5]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A study over 4 s of a real run, and what the command prints."""
+    folder = tmp_path_factory.mktemp("recorded")
+    robot = folder / "wheeled.toml"
+    robot.write_text(BODY)
+    (folder / "study.toml").write_text(STUDY.format(recording=FR079, robot=robot, end=4.0))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def document(folder):
+    return study_of(folder)
+
+
+def study_of(folder):
+    said = io.StringIO()
+    command = ["study", str(folder / "study.toml"), "--jobs", "1", "--json"]
+    with contextlib.redirect_stdout(said):
+        code = main([*command, "--out", str(folder / "out")])
+    return json.loads(said.getvalue()) | {"code": code}
+
+
+def test_each_arm_says_its_share_and_the_first_other_action(document):
+    plain, noisy = document["passes"]
+    assert (plain["perturbation"], noisy["perturbation"]) == ("none", "depth_noise:5")
+    assert plain["admitted_share"] == 1.0
+    assert (plain["first"], plain["change"]) == (None, None)
+    assert noisy["change"] == noisy["admitted_share"] - 1.0 < 0.0
+    assert noisy["first"] is not None
+    assert noisy["actions"][0] != noisy["actions"][1]
+    assert document["arms"] == []
+
+
+def test_exactly_the_declared_input_differs(document):
+    noisy = document["passes"][1]
+    assert noisy["changed"] == ["sensor/FLASER"]
+    assert noisy["undeclared"] == []
+
+
+def test_a_gate_over_one_recording_is_inconclusive(document):
+    assert document["verdict"] == "inconclusive"
+    assert document["code"] == 3
+    assert [gate["worlds"] for gate in document["gates"]] == [1]
+
+
+def test_the_table_is_what_follows_from_the_logs(folder, document):
+    planned = plan_episodes(read_study(str(folder / "study.toml")))
+    store = Store(folder / "out")
+    for one, passed in zip(planned, document["passes"], strict=True):
+        summary = summarize(assess(store.log(one.key)))
+        assert passed["admitted_share"] == summary.admitted_share
+        assert open_log(store.log(one.key)).config.perturbation == one.config.perturbation
+    first, second = read_rows(planned, store)
+    assert len(first.actions) == len(second.actions) > 5
+    passes = list(passes_of([first, second], ""))
+    assert [one.first for one in passes] == [one["first"] for one in document["passes"]]
+
+
+def test_a_second_run_runs_nothing_and_says_the_same(folder, document):
+    logs = {path: path.stat().st_mtime_ns for path in (folder / "out/logs").glob("*.mcap")}
+    assert study_of(folder)["passes"] == document["passes"]
+    assert logs == {path: path.stat().st_mtime_ns for path in logs}
+
+
+def test_a_judgement_of_another_log_is_made_again(folder, document, tmp_path):
+    log = tmp_path / "log.mcap"
+    log.write_bytes((folder / f"out/logs/{document['passes'][1]['key']}.mcap").read_bytes())
+    chain = open_log(log).result["chain"]
+    kept = log.with_suffix(".way.json")
+    kept.write_text(
+        '{"chain":"x","verdict":"admitted","admitted_share":1,"driven_m":1,"refused_m":{}}'
+    )
+    assert way_of(log, chain).admitted_share == document["passes"][1]["admitted_share"]
+    kept.write_text("{")
+    assert way_of(log, chain).chain == chain
+
+
+def test_a_log_in_the_place_of_another_counts_as_missing(folder, document, tmp_path):
+    shutil.copytree(folder / "out", tmp_path / "out")
+    (tmp_path / "study.toml").write_text((folder / "study.toml").read_text())
+    plain, noisy = (tmp_path / f"out/logs/{one['key']}.mcap" for one in document["passes"])
+    shutil.copyfile(plain, noisy)
+    again = study_of(tmp_path)
+    assert again["verdict"] == "incomplete"
+    assert len(again["foreign"]) == 1
+
+
+def test_its_report_has_a_row_for_each_pass(folder, document):
+    assert main(["report", str(folder / "out")]) == 0
+    page = (folder / "out/report.html").read_text()
+    first = document["passes"][1]["first"]
+    assert f"{first}: {' -&gt; '.join(document['passes'][1]['actions'])}" in page
+    assert "100.0%" in page
+
+
+def test_a_recording_that_never_moves_shows_nothing(tmp_path):
+    (tmp_path / "wheeled.toml").write_text(BODY)
+    still = written(tmp_path / "still.clf", [(0.0, 0.0, 0.0)] * 4)
+    text = STUDY.format(recording=still, robot=tmp_path / "wheeled.toml", end=4.0)
+    (tmp_path / "study.toml").write_text(text)
+    document = study_of(tmp_path)
+    assert document["passes"][0]["verdict"] == "nothing shown"
+    assert document["passes"][0]["admitted_share"] is None
+    assert document["verdict"] == "inconclusive"
+    assert document["code"] == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (("recordings = ", 'worlds = ["empty"]\nrecordings = '), "expected one of the two"),
+        (("depth_noise", "motion"), "changes the world"),
+        (("[read]", '[set]\n"stack.name" = "gap"\n\n[read]'), "expected `stacks`"),
+        (("end = ", "stop = "), "stop"),
+        (("fr079-200", "no"), "no such file"),
+        (("end = 4", "end = 0.000001\nbegin = 1e8\n#"), "no sweep"),
+    ],
+)
+def test_bad_studies_are_one_line(tmp_path, change, text):
+    (tmp_path / "wheeled.toml").write_text(BODY)
+    study = STUDY.format(recording=FR079, robot=tmp_path / "wheeled.toml", end=4)
+    (tmp_path / "study.toml").write_text(study.replace(*change))
+    with pytest.raises(InputError, match=text) as caught:
+        plan_episodes(read_study(str(tmp_path / "study.toml")))
+    assert "\n" not in str(caught.value)
