@@ -59,6 +59,9 @@ HEADROOM = 1.0
 
 LEAST_TOP = 3.0
 
+FARTHEST = 1e5
+"""Greatest coordinate of a solid, m."""
+
 MOST_TOP = 12.0
 """Greatest height of the operating area, m: a map of it holds the cells up to there."""
 
@@ -99,6 +102,8 @@ def read_scene(path: Path, options: ImportOptions) -> Found:
         raise WorldFileError(path, f"unknown format '{ending}' (available: {', '.join(FORMATS)})")
     check_file(path)
     found = FORMATS[ending](path, options)
+    if found.parts and not (reach := float(np.abs(bounds_of(found.parts)).max())) <= FARTHEST:
+        raise WorldFileError(path, f"a solid up to {reach:g} m away, expected {FARTHEST:g} at most")
     settle_ground(path, found, options)
     if not found.parts and found.low is None:
         raise WorldFileError(path, "nothing solid in it" + _instead(found))

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+import itertools
+import json
+from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -104,7 +107,8 @@ def _check_count(path: Path) -> None:
     if ending == ".obj":
         count = data.count(b"\nf") + data.count(b"\nv ")
     elif ending == ".ply":
-        words = [line.split() for line in data[:4000].splitlines() if line.startswith(b"element")]
+        header = data[: data.find(b"end_header")]  # all of the file where it has no end
+        words = [line.split() for line in header.splitlines() if line.startswith(b"element")]
         count = max((int(w[2]) for w in words if len(w) == 3 and w[2].isdigit()), default=0)
     elif data[:5].lower() == b"solid" and b"facet" in data[:1000]:
         count = data.count(b"facet normal")
@@ -125,16 +129,24 @@ def _collada(path: Path) -> MeshFile:
     scene = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
     unit = float(scene.assetInfo.unitmeter or 1.0)
     surfaces: list[Surface] = []
+    visited = itertools.count(1)
     for node in scene.scene.nodes if scene.scene is not None else []:
-        _walk(path, node, np.diag([unit, unit, unit, 1.0]), surfaces, 0)
+        _walk(path, node, np.diag([unit, unit, unit, 1.0]), surfaces, 0, visited)
     return MeshFile(surfaces, str(scene.assetInfo.upaxis or "Y_UP")[0].lower())
 
 
-def _walk(path: Path, node: Any, T: NDArray[np.float64], into: list[Surface], depth: int) -> None:
+def _walk(
+    path: Path,
+    node: Any,
+    T: NDArray[np.float64],
+    into: list[Surface],
+    depth: int,
+    visited: Iterator[int],
+) -> None:
     """Collect the surfaces of a COLLADA node and of those below it; T is T_world_parent."""
     import collada
 
-    if depth > MAX_NESTED_NODES or len(into) > MAX_NODES:
+    if depth > MAX_NESTED_NODES or len(into) > MAX_NODES or next(visited) > MAX_NODES:
         raise WorldFileError(path, f"more than {MAX_NODES} nodes, or {MAX_NESTED_NODES} deep")
     T = T @ np.asarray(getattr(node, "matrix", np.eye(4)), np.float64)
     for child in getattr(node, "children", ()):
@@ -142,9 +154,9 @@ def _walk(path: Path, node: Any, T: NDArray[np.float64], into: list[Surface], de
             name = node.xmlnode.get("name") or child.geometry.name or child.geometry.id
             into += _geometry(str(name), child.geometry, T)
         elif isinstance(child, collada.scene.NodeNode):
-            _walk(path, child.node, T @ np.eye(4), into, depth + 1)
+            _walk(path, child.node, T @ np.eye(4), into, depth + 1, visited)
         elif isinstance(child, collada.scene.Node):
-            _walk(path, child, T, into, depth + 1)
+            _walk(path, child, T, into, depth + 1, visited)
 
 
 def _geometry(name: str, geometry: Any, T: NDArray[np.float64]) -> list[Surface]:
@@ -178,6 +190,7 @@ def _gltf(path: Path) -> MeshFile:
             check_file(file, MOST_BYTES)
             return file.read_bytes()
 
+    _check_gltf(path)
     with path.open("rb") as opened:
         scene = trimesh.load_scene(
             opened, file_type=path.suffix[1:].lower(), resolver=Beside(str(path)),
@@ -194,6 +207,47 @@ def _gltf(path: Path) -> MeshFile:
             placed = np.asarray(mesh.vertices) @ T[:3, :3].T + T[:3, 3]
             surfaces.append(Surface(str(name), placed, np.array(mesh.faces, np.int64)))
     return MeshFile(surfaces, "y")
+
+
+def _check_gltf(path: Path) -> None:
+    """Refuse a node hierarchy that is no tree, or that places more than is allowed.
+
+    Source: the glTF 2.0 specification, sections 3.5.1 (strict trees) and 4 (GLB).
+
+    Raises:
+        WorldFileError: Naming the count, or the node.
+    """
+    data = path.read_bytes()
+    if data[:4] == b"glTF":
+        length = int.from_bytes(data[12:16], "little")
+        if length > len(data) - 20:
+            raise WorldFileError(path, f"a chunk of {length} bytes in a file of {len(data)}")
+        data = data[20 : 20 + length]
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        what = " ".join(str(error).split())[:100]
+        raise WorldFileError(path, f"no JSON ({what})") from None
+    nodes, meshes = content.get("nodes", []), content.get("meshes", [])
+    children = [list(node.get("children", [])) for node in nodes]
+    parents = Counter(itertools.chain.from_iterable(children))
+    twice = next((node for node, count in parents.items() if count > 1), None)
+    if twice is not None:
+        raise WorldFileError(path, f"node {twice} has two parents, expected a tree")
+    placed = sum(
+        len(meshes[node["mesh"]].get("primitives", [])) for node in nodes if "mesh" in node
+    )
+    if len(nodes) > MAX_NODES or placed > MAX_NODES:
+        what = f"{len(nodes)} nodes with {placed} primitives, expected at most {MAX_NODES} of each"
+        raise WorldFileError(path, what)
+    level, depth, seen = [node for node in range(len(nodes)) if not parents[node]], 0, 0
+    while level:
+        seen, depth = seen + len(level), depth + 1
+        level = [child for node in level for child in children[node]]
+        if depth > MAX_NESTED_NODES:
+            raise WorldFileError(path, f"nodes more than {MAX_NESTED_NODES} deep")
+    if seen < len(nodes):
+        raise WorldFileError(path, "nodes in a circle, expected a tree")
 
 
 READERS: dict[str, Callable[[Path], MeshFile]] = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,7 +54,7 @@ def read_xml(path: Path) -> Element:
     try:
         return _parsed(path, text)
     except expat.ExpatError as error:
-        plain = COMMENT.sub(_blank, text)  # Gazebo's parser takes two hyphens in a comment
+        plain = _without_comments(text)  # Gazebo's parser takes two hyphens in a comment
         failed = error
     try:
         return _parsed(path, plain)
@@ -70,25 +69,31 @@ def _parsed(path: Path, text: str) -> Element:
     return builder.root.children[0]
 
 
-COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-
-
-def _blank(comment: re.Match[str]) -> str:
-    """Return the lines of a comment without its text, so that later ones keep their number."""
-    return "\n" * comment.group().count("\n")
-
-
-BEFORE_DECLARATION = re.compile(r"(?:\s|<!--.*?-->)+(?=<\?xml\s)", re.DOTALL)
-"""Blank lines and comments before an XML declaration, which a strict parser refuses."""
+def _without_comments(text: str) -> str:
+    """Return text without its comments; their line breaks stay, so that lines keep their number."""
+    kept, at = [], 0
+    while (start := text.find("<!--", at)) >= 0 and (end := text.find("-->", start + 4)) >= 0:
+        kept += [text[at:start], "\n" * text.count("\n", start, end)]
+        at = end + 3
+    return "".join([*kept, text[at:]])
 
 
 def _from_declaration(text: str) -> str:
-    """Return text with what stands before the declaration moved behind it: lines keep count."""
-    before = BEFORE_DECLARATION.match(text)
-    if before is None:
+    """Return text with what stands before the declaration moved behind it: lines keep count.
+
+    Blank lines and comments may stand there; a strict parser refuses both.
+    """
+    at = 0
+    while True:
+        while at < len(text) and text[at].isspace():
+            at += 1
+        if not text.startswith("<!--", at) or (end := text.find("-->", at)) < 0:
+            break
+        at = end + 3
+    if not at or not text.startswith("<?xml", at):
         return text
-    declaration, closing, rest = text[before.end() :].partition("?>")
-    return declaration + closing + before.group() + rest
+    declaration, closing, rest = text[at:].partition("?>")
+    return declaration + closing + text[:at] + rest
 
 
 class _Builder:
