@@ -36,7 +36,7 @@ CHAPTERS = {
         *("tutorials/pose-drift", "tutorials/lost-echoes", "statistics"),
     ],
     "How it works": [
-        *("maps", "representations", "moving", "planning", "unknown", "worlds"),
+        *("maps", "maps-library", "representations", "moving", "planning", "unknown", "worlds"),
         *("log", "hostile"),
     ],
     "Reference": [

@@ -15,6 +15,13 @@ Ranges = NDArray[np.uint16] | NDArray[np.uint32]
 """Ranges, mm; of 32 bits where one is longer than 65.534 m. 65535 is no return in both."""
 
 
+NO_RETURN_MM = 65535
+"""Range that stands for a beam without return, mm."""
+
+LONGEST_MM = 2**32 - 1
+"""Longest range, mm."""
+
+
 @dataclass(frozen=True)
 class SweepStatistics:
     """Beams of a sweep by fate.
@@ -79,6 +86,41 @@ def check_time(time_ns: int) -> None:
     """
     if time_ns < 0:
         raise ValueError(f"time_ns: got {time_ns}, expected 0 or more")
+
+
+def beams_to_points(
+    origin: ArrayLike, points: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+    """Return the beams from a sensor to the points that it returned, as `integrate` takes them.
+
+    Args:
+        origin: (3,) the sensor, m, world.
+        points: (n, 3) returns, m, world. One that is not finite is a dropped beam.
+
+    Returns:
+        (n, 3) unit vectors, world, and (n,) ranges, mm; 65.535 m, the code of no return, becomes
+        65.534 m.
+
+    Raises:
+        ValueError: Other shapes, an origin that is not finite, or a point farther than 4294 km.
+    """
+    start, ends = np.asarray(origin, np.float64), np.asarray(points, np.float64)
+    if start.shape != (3,) or ends.ndim != 2 or ends.shape[1] != 3:
+        raise ValueError(f"points: got {start.shape} and {ends.shape}, expected (3,) and (n, 3)")
+    if not np.isfinite(start).all():
+        raise ValueError(f"origin: got {start.tolist()}, expected finite coordinates")
+    finite = np.isfinite(ends[:, 0]) & np.isfinite(ends[:, 1]) & np.isfinite(ends[:, 2])
+    away = np.where(finite[:, None], ends, start) - start
+    ranges = np.sqrt(away[:, 0] * away[:, 0] + away[:, 1] * away[:, 1] + away[:, 2] * away[:, 2])
+    ranges_mm = np.rint(ranges * 1000.0)
+    if len(ranges_mm) and float(ranges_mm.max()) > LONGEST_MM:
+        raise ValueError(f"points: got one {ranges.max():g} m away, expected at most 4294 km")
+    seen = ranges > 0.0
+    directions = np.zeros(away.shape)
+    directions[~seen, 0] = 1.0
+    directions[seen] = away[seen] / ranges[seen, None]
+    ranges_mm[ranges_mm == NO_RETURN_MM] -= 1.0
+    return directions, ranges_mm.astype(np.uint32)
 
 
 def prepare_sweep(

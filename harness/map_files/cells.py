@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log
@@ -74,7 +74,18 @@ def moment_at(log: Log, decision: int | None) -> Moment:
 
 def cells_of(log: Log, a_map: Representation) -> Cells:
     """Return the cells of a map within the operating area of its log."""
-    window = Window.covering(log.mission.low, log.mission.high, a_map.resolution)
+    return cells_within(a_map, log.mission.low, log.mission.high)
+
+
+def cells_within(a_map: Representation, low: ArrayLike, high: ArrayLike) -> Cells:
+    """Return the cells of a map that cover a box.
+
+    Args:
+        a_map: Any map.
+        low: (3,) least corner, m, world.
+        high: (3,) greatest corner, m, world.
+    """
+    window = Window.covering(low, high, a_map.resolution)
     nx, ny, nz = window.shape
     occupied, free = a_map.columns(window.first, (nx, ny, -(-nz // WORD_BITS)))
     states = unpack(free, nz) * np.uint8(FREE) + unpack(occupied, nz) * np.uint8(OCCUPIED)

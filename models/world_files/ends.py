@@ -118,6 +118,15 @@ def choose_ends(
     )
 
 
+def has_inside(found: Found, low: Vector3, high: Vector3) -> bool:
+    """Return whether a large part of the area between two corners is enclosed, as in a building."""
+    grid, ground = Grid(low, high), Ground(found.parts)
+    i, j = np.indices(grid.shape).reshape(2, -1)
+    heights = ground.height(grid.centres(i, j)).reshape(grid.shape)
+    solids = [solid_of(part) for part in found.parts if part.kind != "floor"]
+    return len(_preferred(grid, grid.distances(solids, heights, END_BAND, 2.0 * grid.cell))) > 1
+
+
 def _preferred(grid: Grid, gaps: NDArray[np.float64]) -> list[tuple[NDArray[np.bool_], str]]:
     """Return cells to choose from, best first: enclosed ones if there are many, then all."""
     found = []

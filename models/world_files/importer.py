@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_files.ends import SHORT, Chosen, NoSpaceError, choose_ends
+from wayproof.models.world_files.ends import SHORT, Chosen, NoSpaceError, choose_ends, has_inside
 from wayproof.models.world_files.free_space import Ground
 from wayproof.models.world_files.ground import FLOOR_KIND, raise_by, settle_ground
 from wayproof.models.world_files.heights import read_heights
@@ -165,7 +165,7 @@ def complete(found: Found, options: ImportOptions | None = None) -> Ends:
     start, goal = (_grounded(point, ground) for point in (found.start, found.goal))
     if start is None or goal is None:
         endless = found.plane or not ground.floors
-        wider = endless and bool(found.parts) and given == (None, None)
+        wider = endless and not found.closed and bool(found.parts) and given == (None, None)
         chosen = _chosen(found, options or ImportOptions(), start, goal, wider=wider)
         found.notes += chosen.notes
         start, goal = chosen.start, chosen.goal
@@ -199,7 +199,7 @@ def _chosen(
             return chosen
     except NoSpaceError as error:
         refusal = error
-    if wider:
+    if wider and not has_inside(found, *_area(found)):
         own = found.low, found.high
         found.low = found.high = None
         _bound_area(found, WIDE_BORDER)

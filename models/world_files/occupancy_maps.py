@@ -45,7 +45,7 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
     unknown = ((occupancy <= most) & (occupancy >= least))[rows]
     solid = occupied | unknown if options.unknown == "occupied" else occupied
     parts = _walls(path, solid, resolution, origin, options.height)
-    found = Found(parts=parts, plane=True)
+    found = Found(parts=parts, plane=True, closed=True)
     found.notes.append(
         f"{occupied.sum()} cells occupied, {unknown.sum()} unknown, taken as {options.unknown}"
     )

@@ -61,7 +61,7 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
     occupied = np.zeros(tuple(high - low), np.bool_)
     for (i, j, k), side in zip((first - low).tolist(), sides.tolist(), strict=True):
         occupied[i : i + side, j : j + side, k : k + side] = True
-    return Found(parts=cell_boxes(path, occupied, cell, vector(low * cell)), grid=True)
+    return Found(parts=cell_boxes(path, occupied, cell, vector(low * cell)), grid=True, closed=True)
 
 
 @contextmanager

@@ -111,6 +111,7 @@ class Found:
         plane: Whether there is a level plane at height 0: the floor.
         planes: Planes of the file, until the floor is settled.
         missing: Names of models and files that are not there and were left out.
+        closed: Whether nothing is known beyond the parts, as around a map.
         grid: Whether the parts are cells of a grid, of which the lowest may be the floor.
         notes: What was left out or taken otherwise than written, a line each.
         start: Point on the floor, m; None if the file gives none.
@@ -128,6 +129,7 @@ class Found:
     plane: bool = False
     planes: list[Plane] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
+    closed: bool = False
     grid: bool = False
     notes: list[str] = field(default_factory=list)
     start: Vector3 | None = None

@@ -93,7 +93,7 @@ def read_voxel_map(path: Path, options: ImportOptions) -> Found:
         WorldFileError: Naming the line that is no cell of the map.
     """
     parts = cell_boxes(path, read_voxels(path), options.resolution, (0.0, 0.0, 0.0))
-    return Found(parts=parts, plane=True)
+    return Found(parts=parts, plane=True, closed=True)
 
 
 def cell_boxes(

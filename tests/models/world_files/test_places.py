@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.models.world_files.test_gazebo import box, ground, world, write
-from wayproof.models.world_files import ImportOptions, import_world, read_scene
+from wayproof.models.world_files import ImportOptions, WorldFileError, import_world, read_scene
 from wayproof.models.world_files.importer import area_of
 from wayproof.models.world_files.places import LEAST_APART, free_space
 
@@ -50,3 +50,26 @@ def test_a_wider_area_where_a_scene_has_no_room(tmp_path):
     assert found.low[:2] == (-5.5, -5.5)
     assert "little room in the scene itself: 5 m of floor around it too" in notes
     assert np.hypot(*np.subtract(found.start, found.goal)[:2]) > 8.0
+
+
+def test_a_building_without_room_is_not_left(tmp_path):
+    walls = [("3 0.2 2", "0 1.5"), ("3 0.2 2", "0 -1.5"), ("0.2 3 2", "1.5 0"),
+             ("0.2 3 2", "-1.5 0")]  # fmt: skip
+    models = [box(f"wall_{n}", size, f"<pose>{at} 1 0 0 0</pose>")
+              for n, (size, at) in enumerate(walls)]  # fmt: skip
+    path = write(tmp_path / "r.world", world(ground(), *models))
+    found, notes = import_world(path, ImportOptions(robot_radius=0.8))
+    assert np.abs([found.start[:2], found.goal[:2]]).max() < 1.5
+    assert notes[-1].endswith("which is short: nothing farther is connected")
+    with pytest.raises(WorldFileError, match="no space for a radius"):
+        import_world(path, ImportOptions(robot_radius=1.5))
+
+
+def test_nothing_is_known_around_a_map(tmp_path):
+    cells = np.full((30, 30), 254, np.uint8)
+    cells[14:16, 14:16] = 0
+    (tmp_path / "m.pgm").write_bytes(b"P5\n30 30\n255\n" + cells.tobytes())
+    path = write(tmp_path / "m.yaml", "image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n"
+                 "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n")  # fmt: skip
+    with pytest.raises(WorldFileError, match="no space"):
+        import_world(path, ImportOptions(robot_radius=3.0))
