@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
@@ -15,8 +16,12 @@ from wayproof.harness.cli.verb import Document, Verb, add_settings
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
+    from wayproof.harness.lab.policies import Policy
     from wayproof.harness.lab.source import Source
     from wayproof.harness.lab.trials import Rays, Trial
+
+COLUMNS = ("varied", "ms", "MiB", "occupied", "free", "misses", "ghosts", "gone", "same")
+"""Heads of the columns of the table."""
 
 SWEEPS = 200
 """Default number of sweeps."""
@@ -44,8 +49,11 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
                 refused[f"{group} {setting}"] = str(error) or "out of memory"
         peers = against_octomap(source)
         rays = cast_rays(source)
+        status.update("judging the way under each policy")
+        policies = _policies(options)
     trials += peers or ()
     _print(console, source, trials, refused, rays)
+    _print_policies(console, policies)
     if peers is None:
         console.print("  no OctoMap beside it: pip install pyoctomap", highlight=False)
     if options.plot is not None:
@@ -59,6 +67,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         "trials": [asdict(trial) for trial in trials],
         "refused": refused,
         "rays": None if rays is None else asdict(rays),
+        "policies": [asdict(one) for one in policies],
     }
     return 0, document
 
@@ -66,16 +75,12 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 def _source(options: argparse.Namespace) -> Source:
     """The sweeps of a log, or of a recording."""
     from wayproof.harness.lab.source import of_log, of_recording
-    from wayproof.harness.log.codec.container import MAGIC
     from wayproof.harness.log.reader import open_log
 
     path: Path = options.recording
-    if path.is_file():
-        with path.open("rb") as file:
-            is_mcap = file.read(len(MAGIC)) == MAGIC
-        if is_mcap and options.format is None and _is_ours(path):
-            open_log(path)  # says what is wrong with it
-            return of_log(path, options.sweeps)
+    if options.format is None and _is_log(path):
+        open_log(path)  # says what is wrong with it
+        return of_log(path, options.sweeps)
     from wayproof.harness.recordings.formats import open_recording
     from wayproof.harness.shadow.body import find_body
     from wayproof.harness.shadow.prepare import prepare
@@ -93,10 +98,43 @@ def _source(options: argparse.Namespace) -> Source:
     return of_recording(recording, prepared, options.sweeps)
 
 
-def _is_ours(path: Path) -> bool:
-    """Whether an MCAP file is a log of Wayproof, and not a bag."""
+def _policies(options: argparse.Namespace) -> list[Policy]:
+    """The way of the log of a recording under each policy; none of other sources."""
+    from wayproof.harness.lab.policies import policies_of
     from wayproof.harness.log.reader import open_log
 
+    path: Path = options.recording
+    if not _is_log(path) or options.format is not None:
+        return []
+    return policies_of(path) if open_log(path).config.recording is not None else []
+
+
+def _print_policies(console: Console, policies: list[Policy]) -> None:
+    if not policies:
+        console.print(
+            "  no way judged by policy: expected the log of 'wayproof shadow'", highlight=False
+        )
+    for one in policies:
+        share = "nothing shown" if one.admitted_share is None else f"{one.admitted_share:.1%}"
+        refused = ", ".join(f"{why} {length:.2f} m" for why, length in one.refused_m.items())
+        console.print(
+            f"  unknown {one.policy}: {share} of {one.driven_m:.2f} m admitted"
+            f"{f'; not: {refused}' if refused else ''}",
+            soft_wrap=True,
+            highlight=False,
+        )
+
+
+def _is_log(path: Path) -> bool:
+    """Whether a path is an MCAP file that is a log of Wayproof, and not a bag."""
+    from wayproof.harness.log.codec.container import MAGIC
+    from wayproof.harness.log.reader import open_log
+
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            return False
     try:
         open_log(path)
     except InputError as error:
@@ -111,25 +149,27 @@ def _print(
     refused: dict[str, str],
     rays: Rays | None,
 ) -> None:
-    table = Table(title=f"{source.name}: {len(source.sweeps)} sweeps", title_justify="left")
-    for name in ("varied", "map", "ms", "MiB", "occupied", "free", "misses", "same"):
-        left = name in ("varied", "map")
-        table.add_column(name, justify="left" if left else "right", no_wrap=True)
+    title = f"{source.name}: {len(source.sweeps)} sweeps, map {source.config.kind}"
+    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0))
+    for name in COLUMNS:
+        table.add_column(name, justify="left" if name == "varied" else "right", no_wrap=True)
     for one in trials:
         table.add_row(
-            f"{one.group} {one.setting}",
-            one.kind,
+            f"{one.kind if one.group == 'peer' else one.group} {one.setting}",
             f"{one.ms_p50:.2f}",
             f"{one.memory_mib:.2f}",
             str(one.occupied),
             str(one.free),
             "-" if one.misses_to_free is None else str(one.misses_to_free),
+            "" if one.ghosts is None else str(one.ghosts),
+            "" if one.sweeps_to_free is None else f"{one.sweeps_to_free:g}",
             "" if one.agreement is None else f"{one.agreement:.3%}",
         )
     console.print(table)
     console.print(
-        "  ms: median of a sweep; misses: sweeps through a cell until it is free again; "
-        "same: cells as in OctoMap",
+        "  ms: median of a sweep; misses: sweeps through a cell until it is free again, on a plain "
+        "wall; ghosts: occupied cells of these sweeps that became free; gone: sweeps from their "
+        "last hit until then, median; same: cells as in OctoMap",
         soft_wrap=True,
         highlight=False,
     )

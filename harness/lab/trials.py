@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wayproof.harness.lab.ghosts import GhostWatch
 from wayproof.harness.lab.source import Source
 from wayproof.maps import FREE, MAPS, OCCUPIED, MapConfig, Representation, VoxelMap, states_in
 from wayproof.maps.bounds import check_fields
@@ -54,6 +55,9 @@ class Trial:
         misses_to_free: Sweeps that must see through a cell until it is free again, after something
             stood in it for 50 sweeps; None if it never is.
         agreement: Share of the cells known to either that are the same in OctoMap; None without.
+        ghosts: Times that an occupied cell of these sweeps became free again.
+        sweeps_to_free: Median number of sweeps from the last hit of such a cell until it was free;
+            None without one.
     """
 
     group: str
@@ -66,6 +70,8 @@ class Trial:
     free: int
     misses_to_free: int | None
     agreement: float | None = None
+    ghosts: int | None = None
+    sweeps_to_free: float | None = None
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,8 @@ def run_trial(source: Source, group: str, setting: str, config: MapConfig) -> Tr
     Raises:
         ValueError: The map cannot have these settings, or not on these sweeps.
     """
-    a_map, spent = build(source, config)
+    ghosts = GhostWatch(config.resolution)
+    a_map, spent = build(source, config, ghosts)
     counts = a_map.counts()
     p50, p99 = np.percentile(spent, [50, 99]).tolist()
     return Trial(
@@ -113,10 +120,14 @@ def run_trial(source: Source, group: str, setting: str, config: MapConfig) -> Tr
         occupied=counts.get("occupied", 0),
         free=counts.get("free", 0),
         misses_to_free=misses_to_free(config),
+        ghosts=len(ghosts.cleared),
+        sweeps_to_free=float(np.median(ghosts.cleared)) if ghosts.cleared else None,
     )
 
 
-def build(source: Source, config: MapConfig) -> tuple[Representation, list[float]]:
+def build(
+    source: Source, config: MapConfig, ghosts: GhostWatch | None = None
+) -> tuple[Representation, list[float]]:
     """Integrate all sweeps of a source; return the map, and the wall time of each, ms."""
     check_fields(config, "map.")
     a_map = _empty(source, config)
@@ -131,6 +142,8 @@ def build(source: Source, config: MapConfig) -> tuple[Representation, list[float
             sweep.origins, sweep.directions, sweep.ranges_mm, longest, one.time_ns, sweep.moments
         )
         spent.append((time.perf_counter() - began) * 1e3)
+        if ghosts is not None:
+            ghosts.watch(sweep, longest, a_map)
     return a_map, spent
 
 

@@ -28,7 +28,7 @@ from wayproof.harness.shadow.way import LEAST_STEP
 from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.types import PlannerInput
-from wayproof.maps import MAPS, Representation
+from wayproof.maps import MAPS, Representation, UnknownPolicy
 
 MEMORY_PERIOD = 50
 """Number of decisions between two looks at the memory of the map."""
@@ -73,8 +73,15 @@ class Assessed:
     greatest_bytes: int
 
 
-def assess(path: Path, allow_plugins: bool = False) -> Assessed:
+def assess(
+    path: Path, allow_plugins: bool = False, unknown_policy: UnknownPolicy | None = None
+) -> Assessed:
     """Judge the way of a recording from its log.
+
+    Args:
+        path: Of the log.
+        allow_plugins: Whether code that it names may be imported.
+        unknown_policy: In place of the log's own `costmap.unknown_policy`.
 
     Raises:
         InputError: It is no log of a recording, or is damaged.
@@ -82,6 +89,9 @@ def assess(path: Path, allow_plugins: bool = False) -> Assessed:
     log = open_log(path, allow_plugins)
     if log.config.recording is None:
         raise InputError(f"log '{path}': of a simulated episode, expected one of a recording")
+    if unknown_policy is not None:
+        costmap = replace(log.config.costmap, unknown_policy=unknown_policy)
+        log = replace(log, config=replace(log.config, costmap=costmap))
     motions = list(log.motions())
     judging = _Judging(log, motions)
     passed, pieces = [], []
