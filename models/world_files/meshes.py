@@ -154,7 +154,9 @@ def _joined(path: Path, surfaces: list[tuple[NDArray[np.float64], NDArray[np.int
     distinct &= faces[:, 2] != faces[:, 0]
     if not distinct.any():
         raise WorldFileError(path, "no triangle with an area")
-    return Mesh(vertices[first], faces[distinct])
+    faces = faces[distinct]
+    once = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
+    return Mesh(vertices[first], faces[np.sort(once)])  # drawn from both sides: the first of each
 
 
 def _parts(path: Path, mesh: Mesh, notes: list[str], cuts: Cuts) -> list[Part]:

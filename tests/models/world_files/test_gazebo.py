@@ -227,6 +227,10 @@ def test_pieces_by_their_kind(tmp_path):
     path = write(tmp_path / "h.obj", "\n".join(hills + faces))
     (part,) = mesh_parts(path, np.ones(3), notes)
     assert (part.shape, part.kind) == ("heights", "floor")
+    below = [" ".join(["f", *line.split()[:0:-1]]) for line in "\n".join(faces).splitlines()]
+    path = write(tmp_path / "h.obj", "\n".join([*hills, *faces, *below]))  # from both sides
+    (part,) = mesh_parts(path, np.ones(3), notes)
+    assert (part.shape, part.kind) == ("heights", "floor")
     assert notes[-1].endswith("within 0.000 m")
 
 
