@@ -19,7 +19,7 @@ MAX_BODIES = 4000
 MAX_COPIES = 2000
 """Maximum number of copies of elements by `replicate`, over all nesting."""
 
-MAX_TEXTURE_PIXELS = 2**26
+MAX_TEXTURE_PIXELS = 2**27
 """Maximum number of pixels of all textures of a scene; the six sides of a cube count each."""
 
 MAX_VALUES = {
