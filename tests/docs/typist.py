@@ -54,6 +54,7 @@ UNTYPED = {
     r"wayproof robot check my_robot.*": "the reader's own robot",
     r"wayproof bench rays .*": "tests/harness/bench/micro/test_rays.py runs it",
     r"wayproof study .* --check-determinism .*": "tests/harness/study/test_determinism.py runs it",
+    r"wayproof calibrate .*": "tests/harness/study/test_calibration.py runs it",
     r"wayproof lab logs/.*": "docs/tutorials/recording.md runs the verb in full",
     r"wayproof picture logs/warehouse-drone-3.*": "docs/get-started.md runs the verb in full",
     r"wayproof picture .* --movie docs/.*": "docs/seeing.md runs it with another log",
@@ -79,8 +80,6 @@ NOISE = re.compile(
 
 SMALLER = {
     "threshold": "--episodes 2".split(),
-    "calibrate": "--seeds 2 --margins 0.02,0.1 --set episode.time_limit=0.5"
-    " --set map.resolution=0.2".split(),
     "demo": "--set episode.time_limit=0.5".split(),
     "falsify": "--budget 3 --window 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
     " --set map.resolution=0.2".split(),
@@ -88,7 +87,7 @@ SMALLER = {
 }
 """Additional options of a verb on a small scale."""
 
-MANY = ("study", "threshold", "calibrate", "falsify")
+MANY = ("study", "threshold", "falsify")
 """Verbs that start processes, each of which takes longer to load than a short episode."""
 
 ONCE = (*MANY, "bench", "demo")
@@ -442,8 +441,6 @@ def with_options(words, options):
 
 def smaller_world(words):
     """Use the empty world, where the first episode of `falsify` reaches the goal soonest."""
-    if words[0] == "calibrate":
-        return [*words[:2], "empty", *words[3:]]
     if words[0] != "falsify":
         return words
     at = words.index("--seed") + 1

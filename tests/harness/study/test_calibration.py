@@ -73,7 +73,8 @@ def test_a_drift_is_a_severity_in_between() -> None:
 
 def test_the_verb_runs_episodes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = "calibrate margin empty --robot drone --drift 0.02 --seeds 2 --margins 0.1,0.2"
-    settings = ["--set", "episode.time_limit=1", "--out", str(tmp_path), "--jobs", "1", "--json"]
+    settings = ["--set", "episode.time_limit=1", "--set", "map.resolution=0.2"]
+    settings += ["--out", str(tmp_path), "--jobs", "1", "--json"]
     assert main([*words.split(), *settings]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["margin"] == 0.1

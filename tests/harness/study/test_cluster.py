@@ -20,7 +20,8 @@ worlds = ["empty"]
 robots = ["drone"]
 seeds = 2
 [set]
-"episode.time_limit" = 2
+"episode.time_limit" = 1
+"map.resolution" = 0.2
 """
 
 

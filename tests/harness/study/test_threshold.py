@@ -147,11 +147,12 @@ def test_a_quantiles_interval_covers_it() -> None:
 
 
 def test_the_verb_bisects_real_episodes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A limit of 2 s makes every episode fail unperturbed: one each, and a page that says so."""
+    """A limit of 1 s makes every episode fail unperturbed: one each, and a page that says so."""
     path = tmp_path / "study.toml"
     path.write_text(
         'name = "tiny"\nworlds = ["empty"]\nrobots = ["drone"]\nseeds = 1\n'
-        '[set]\n"episode.time_limit" = 2\n[perturbations]\npose_jump = [1]\n'
+        '[set]\n"episode.time_limit" = 1\n"map.resolution" = 0.2\n'
+        "[perturbations]\npose_jump = [1]\n"
     )
     out = str(tmp_path / "out")
     assert main(["threshold", str(path), "--out", out, "--jobs", "1", "--json"]) == 0

@@ -1,5 +1,6 @@
 """What moves: a room of 12 m with a box of 0.5 m at 1 m/s, and a lidar in it; and a long way."""
 
+import functools
 from itertools import product
 
 import numpy as np
@@ -65,16 +66,25 @@ def box_at(place):
     return (*(place - HALF), 0.0), (*(place + HALF), TALL)
 
 
-def drive(kind, way, threads=1, each=lambda *_: None, **settings):
-    """Watch the room, in which a box goes its way if there is one."""
+@functools.cache
+def sweeps(way):
+    """Directions of a lidar's beams, and their ranges in each sweep, mm; a box goes its way."""
     # Off the axes, so that no beam runs within a face.
     directions = lidar() @ np.array([[0.8, 0.6, 0.0], [-0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
-    config = MapConfig(kind=kind, memory_mib=64, **settings)
-    voxel_map = MAPS[kind](config, threads)
+    ranges_mm = []
     for k in range(round(10 * ENDS)):
         moving = way is not None and k >= 10 * ENTERS
         boxes = [*ROOM, box_at(way(0.1 * k))] if moving else ROOM
-        ranges_mm = cast(SENSOR, directions, boxes).astype(np.uint16)
+        ranges_mm.append(cast(SENSOR, directions, boxes).astype(np.uint16))
+    return directions, ranges_mm
+
+
+def drive(kind, way, threads=1, each=lambda *_: None, **settings):
+    """Watch the room, in which a box goes its way if there is one."""
+    config = MapConfig(kind=kind, memory_mib=64, **settings)
+    voxel_map = MAPS[kind](config, threads)
+    directions, in_each_mm = sweeps(way)
+    for k, ranges_mm in enumerate(in_each_mm):
         voxel_map.integrate(SENSOR, directions, ranges_mm, 12.0, k * TENTH)
         each(voxel_map, k)
     return voxel_map

@@ -40,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = folder / "study.toml"
     path.write_text(STUDY)
     study = read_study(str(path))
-    engine = functools.partial(run_in_processes, workers=2, bounds=Bounds())
+    engine = functools.partial(run_in_processes, workers=1, bounds=Bounds())
     run_study(study, plan_episodes(study), Store(folder / "out"), engine, lambda done: None)
     return folder / "out"
 
