@@ -7,7 +7,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
@@ -150,7 +149,7 @@ def _print(
     rays: Rays | None,
 ) -> None:
     title = f"{source.name}: {len(source.sweeps)} sweeps, map {source.config.kind}"
-    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0))
+    table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0))
     for name in COLUMNS:
         table.add_column(name, justify="left" if name == "varied" else "right", no_wrap=True)
     for one in trials:

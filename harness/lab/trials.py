@@ -208,7 +208,7 @@ def against_octomap(source: Source) -> tuple[Trial, Trial] | None:
         made.append(
             Trial(
                 group="peer",
-                setting="no decay or guard",
+                setting="no decay",
                 kind=kind,
                 ms_p50=p50,
                 ms_p99=p99,
