@@ -1,6 +1,7 @@
 """Trajectories of commands: within the limits, at rest in the end, or refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,6 +99,25 @@ def test_waypoints_off_to_the_side_of_a_moving_body_begin_with_its_drift():
     trajectory, limited = followed(aside, MOVING)
     assert limited
     assert trajectory.path[:, 0].max() > HERE.position[0] + 0.2
+
+
+def test_waypoints_behind_a_moving_body_begin_with_its_braking():
+    """From 1 m/s at 2 m/s^2 it rolls on for 0.25 m; its speed never jumps."""
+    trajectory, limited = followed(Waypoints(HERE.position - np.array([[1.0, 0.0, 0.0]])), MOVING)
+    assert limited
+    assert trajectory.path[:, 0].max() == pytest.approx(HERE.position[0] + 0.25, abs=0.03)
+    times_ns = EFFECT_NS + np.arange(0, round(trajectory.duration_s * 1e9), 10_000_000)
+    steps = np.diff(trajectory.setpoints(times_ns).positions[:, 0]) / 0.01
+    assert steps[0] == pytest.approx(1.0, abs=0.03)
+    assert np.abs(np.diff(steps)).max() <= 2.0 * 0.01 * 1.05
+    assert trajectory.stop_point[0] < HERE.position[0] - 0.7  # it lags, and is then braked
+
+
+def test_a_velocity_begins_at_the_reference_wherever_the_body_believes_to_be():
+    believed = replace(HERE, position=HERE.position + 0.3)
+    motion = Velocity(0.5)
+    given = trajectory_of(motion, (HERE, believed), EFFECT_NS, LIMITS, planar=True).trajectory
+    assert given.path[0].tolist() == HERE.position.tolist()
 
 
 def test_headings_that_turn_too_fast_are_followed_at_the_greatest_yaw_rate():
