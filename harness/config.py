@@ -13,6 +13,7 @@ import msgspec
 
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.renamed import current_value, renamed, with_current_names
@@ -156,7 +157,8 @@ class Config:
         threads: That rays, map and costmap share; decisions are the same on any number.
         record: `full` logs all; `decisions` leaves sweeps and states out, which the seed gives
             again; `failures` is full where the episode failed, and decisions where it succeeded.
-        odometry: How good the pose is that the stack and the controller get.
+        estimate: Where the pose comes from that the stack and the controller get.
+        odometry: How good it is by the model of an estimator.
         perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
         robot_file: Text of the robot's spec file, in a log; set by the run.
         recording: The recording that the inputs come from, and how it is judged; none of a
@@ -172,6 +174,7 @@ class Config:
     difficulty: Annotated[float, Bounds(0.0, 1.0)] = 0.5
     record: Literal["full", "decisions", "failures"] = "full"
     sensors: SensorConfig = field(default_factory=SensorConfig)
+    estimate: EstimateConfig = field(default_factory=EstimateConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     map: MapConfig = field(default_factory=MapConfig)
     costmap: CostmapConfig = field(default_factory=CostmapConfig)
@@ -195,6 +198,11 @@ class Config:
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"seed: got {self.seed}, expected 0 to 2^63 - 1")
         check_fields(self, "")
+        if self.estimate.kind == "lidar" and getattr(self.perturbation, "changes", "") == "pose":
+            raise ValueError(
+                "estimate.kind: got 'lidar' with a perturbation of the pose, which is an error of "
+                "the model; expected 'model' or a perturbation of the sensors"
+            )
         _check_class_margins(self.costmap.class_margins, self.sensors.semantics)
 
 

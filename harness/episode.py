@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -96,6 +96,7 @@ class Episode:
         trajectories: Sequence[tuple[int, Trajectory]],
         decisions: Sequence[pb.Decision],
         truths: Sequence[pb.Truth],
+        seen: Iterable[Inputs] = (),
     ) -> None:
         """Restore the episode before a decision; `run` then continues with that one.
 
@@ -104,6 +105,7 @@ class Episode:
             trajectories: All committed before it, without that of the start, with arrivals, ns.
             decisions: All before it.
             truths: One for each of these.
+            seen: Inputs of all decisions up to this one, of which an estimator's map is made.
 
         Raises:
             InputError: The state belongs to another episode.
@@ -113,6 +115,8 @@ class Episode:
             restore_parts(self.parts, state)
             if (traffic := self._simulation.traffic) is not None:
                 traffic.show(self._simulation.data)  # it moved after the step that MuJoCo repeated
+        for inputs in seen if state is not None else ():
+            self._simulation.estimate.integrate(inputs)
         self._simulation.enqueue(trajectories)  # the ones that began leave the queue by themselves
         self._recorder.resume(decisions, truths)
 
@@ -132,6 +136,7 @@ class Episode:
             sweeps, pose, sense_ms = self._sensors.sense(self._sequence, time_ns)
             written = [serialized(message) for message in (*sweeps, pose)]
             self.inputs = inputs_from_messages(pose, sweeps, written)
+            self._simulation.estimate.integrate(self.inputs)
             self._sensed = Sensed((*zip((*sweeps, pose), written, strict=True),), sense_ms)
 
     def step(self, answer: pb.StackCommand | None = None) -> None:

@@ -93,6 +93,14 @@ class WorldSweep:
     ranges_mm: Ranges
     moments: NDArray[np.int32]
 
+    @property
+    def points(self) -> NDArray[np.float64]:  # (k, 3)
+        """The returns, world frame, m."""
+        returned = (self.ranges_mm != DROPPED) & (self.ranges_mm != NO_RETURN)
+        along = self.ranges_mm[returned, None] * 1e-3 * self.directions[returned]
+        points: NDArray[np.float64] = self.origins[self.moments[returned]] + along
+        return points
+
     def without_no_returns(self) -> WorldSweep:
         """The sweep with beams without return dropped."""
         silent = self.ranges_mm == NO_RETURN

@@ -132,11 +132,7 @@ class Sweep:
     @cached_property
     def points(self) -> Array:
         """(k, 3) the returns, world frame, m."""
-        placed = self.placed
-        returned = (placed.ranges_mm != DROPPED) & (placed.ranges_mm != NO_RETURN)
-        along = placed.ranges_mm[returned, None] * 1e-3 * placed.directions[returned]
-        points: Array = placed.origins[placed.moments[returned]] + along
-        return points
+        return self.placed.points
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from wayproof.harness.config import BUILTIN, Config, override, to_json
 from wayproof.harness.episode import Episode, Observer, arrival_ns
 from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.trial import TrialNavigator
@@ -150,7 +151,8 @@ def fork_with(
             _write_past(writer, log, at, scenario)
             episode = Episode(scenario, past.navigator, writer, observe)
             episode.delays.update(delays or {})
-            episode.resume(past.state, past.trajectories, past.decisions, past.truths)
+            seen = _inputs_up_to(log, at) if config.estimate.kind == "lidar" else ()
+            episode.resume(past.state, past.trajectories, past.decisions, past.truths, seen)
             with publishing_failures(draft, writer):
                 ended = episode.run()
                 if asked is not None and (text := asked.session.stderr()):
@@ -222,6 +224,13 @@ def live_through(log: Log, at: int, scenario: Scenario, asked: AskedAgain | None
     if len(truths) != len(decisions):
         raise InputError(f"log '{log.path}': {len(truths)} truths before decision {at}")
     return Past(stack.go_to(at), tuple(trajectories), tuple(decisions), tuple(truths), state)
+
+
+def _inputs_up_to(log: Log, at: int) -> Iterator[Inputs]:
+    for record in log.records():
+        yield record.inputs
+        if record.decision.sequence == at:
+            return
 
 
 def _write_past(writer: LogWriter, log: Log, at: int, scenario: Scenario) -> None:

@@ -76,7 +76,7 @@ class Sweep(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., sensor: _Optional[str] = ..., rows: _Optional[int] = ..., columns: _Optional[int] = ..., codec: _Optional[str] = ..., ranges: _Optional[bytes] = ..., classes: _Optional[bytes] = ..., directions: _Optional[bytes] = ..., beam_poses: _Optional[bytes] = ..., ages_ns: _Optional[_Iterable[int]] = ..., mount: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Pose(_message.Message):
-    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma", "history_positions", "history_quaternions", "history_period_s", "heading_sigma")
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma", "history_positions", "history_quaternions", "history_period_s", "heading_sigma", "estimator", "covariance", "information", "unheld")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
@@ -86,6 +86,10 @@ class Pose(_message.Message):
     HISTORY_QUATERNIONS_FIELD_NUMBER: _ClassVar[int]
     HISTORY_PERIOD_S_FIELD_NUMBER: _ClassVar[int]
     HEADING_SIGMA_FIELD_NUMBER: _ClassVar[int]
+    ESTIMATOR_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCE_FIELD_NUMBER: _ClassVar[int]
+    INFORMATION_FIELD_NUMBER: _ClassVar[int]
+    UNHELD_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     position: _containers.RepeatedScalarFieldContainer[float]
@@ -95,7 +99,11 @@ class Pose(_message.Message):
     history_quaternions: _containers.RepeatedScalarFieldContainer[float]
     history_period_s: float
     heading_sigma: float
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., history_positions: _Optional[_Iterable[float]] = ..., history_quaternions: _Optional[_Iterable[float]] = ..., history_period_s: _Optional[float] = ..., heading_sigma: _Optional[float] = ...) -> None: ...
+    estimator: str
+    covariance: _containers.RepeatedScalarFieldContainer[float]
+    information: _containers.RepeatedScalarFieldContainer[float]
+    unheld: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., history_positions: _Optional[_Iterable[float]] = ..., history_quaternions: _Optional[_Iterable[float]] = ..., history_period_s: _Optional[float] = ..., heading_sigma: _Optional[float] = ..., estimator: _Optional[str] = ..., covariance: _Optional[_Iterable[float]] = ..., information: _Optional[_Iterable[float]] = ..., unheld: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Goal(_message.Message):
     __slots__ = ("timestamp", "sequence", "position")

@@ -1,4 +1,4 @@
-"""Pose estimate of the simulated body, from the simulator's truth and the odometry's errors.
+"""Pose estimate of the simulated body, by a model of an estimator or by one that registers sweeps.
 
 The stack gets each estimate as it is, controllers get it smoothed: see `models.step_kernels`.
 """
@@ -6,18 +6,57 @@ The stack gets each estimate as it is, controllers get it smoothed: see `models.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable, Mapping
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
+from wayproof.harness.estimators.lidar_odometry import NAME, LidarOdometry
+from wayproof.harness.estimators.motion_sensors import Body, MotionSensors
 from wayproof.harness.geometry import yaw_of_quaternion
+from wayproof.harness.inputs import Beams, Inputs, Pose, SweepInput
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.models.odometry import Odometry, PoseError, estimated_trail
+from wayproof.models.odometry import Odometry, OdometryConfig, PoseError, estimated_trail
 from wayproof.models.poses import Trail
 
 Array = NDArray[np.float64]
+
+
+EXACT = OdometryConfig(bias_sigma=0.0, yaw_bias_sigma=0.0, leg_height_sigma=0.0)
+"""Errors of the truth itself."""
+
+NONE = -1
+"""Number of the sweeps before the first."""
+
+
+class Estimator(Protocol):
+    """What makes the estimates of one body."""
+
+    travelled: float
+
+    @property
+    def error(self) -> PoseError:
+        """Estimated minus true pose."""
+
+    @property
+    def position_sigma(self) -> float:
+        """Stated standard deviation along the axis of the greatest, m."""
+
+    @property
+    def heading_sigma(self) -> float:
+        """Stated standard deviation of the heading, rad."""
+
+    def advance(self, position: Array, heading: float) -> None:
+        """Make the next estimate, with the body truly at `position` (3,) and `heading`."""
+
+    def state(self) -> dict[str, Array]:
+        """Return the state kept between estimates."""
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Continue from what `state` returned."""
 
 
 class PoseEstimate:
@@ -39,25 +78,39 @@ class PoseEstimate:
         steps: int,
         position: Array,
         heading: float,
-        legs: bool = False,
+        body: Body,
+        beams: Mapping[str, Beams],
     ) -> None:
         """Start at the true position (3,) and heading.
 
         Args:
-            config: Odometry, perturbation and seed.
+            config: Estimator, perturbation and seed.
             timestep: Physics step, s.
             steps: Number of physics steps that a trail covers.
             position: (3,) m.
             heading: rad.
-            legs: Whether the body stands on legs, which measure its height.
+            body: That is simulated.
+            beams: Geometry of its sensors, by name.
         """
         self._config = config
         self._perturbation = config.perturbation or UNPERTURBED
         self._stride = max(1, round(1.0 / (config.odometry.rate * timestep)))
         period = self._stride * timestep
-        self._odometry = Odometry(
-            config.odometry, config.seed, position, heading, period, legs=legs
-        )
+        self._beams = beams
+        self._odometry: Estimator
+        self._lidar: LidarOdometry | None = None
+        self._corrected = self._mapped = NONE  # number of the last sweeps
+        if config.estimate.kind == "lidar":
+            sensors = MotionSensors(config.estimate, config.seed, period, body)
+            self._lidar = LidarOdometry(
+                config.estimate, position, heading, sensors, sweep_period=steps * timestep
+            )
+            self._odometry = self._lidar
+        else:
+            errors = config.odometry if config.estimate.kind == "model" else EXACT
+            self._odometry = Odometry(
+                errors, config.seed, position, heading, period, legs=body.legs
+            )
         self._period_ns = round(period * 1e9)
         self._due_ns = self._period_ns
         self._errors: deque[PoseError] = deque(maxlen=steps)
@@ -74,6 +127,7 @@ class PoseEstimate:
             "errors": np.array(errors).reshape(-1, 4),
             "added": np.array([*self.added.shift, self.added.turn]),
             "tracked": self.tracked.copy(),
+            **({} if self._lidar is None else {"corrected": np.array(self._corrected, np.int64)}),
         }
 
     def restore(self, state: dict[str, Array]) -> None:
@@ -93,6 +147,8 @@ class PoseEstimate:
         self.added = _pose_error(state["added"])
         self._update_error()
         self.tracked[:] = state["tracked"]
+        if self._lidar is not None:
+            self._corrected = int(state["corrected"])
 
     def advance(self, time_ns: int, position: Array, quaternion: Array) -> None:
         """Make the next estimate if its time has come; the true pose is (3,) and (4,)."""
@@ -102,9 +158,40 @@ class PoseEstimate:
         self._odometry.advance(position, yaw_of_quaternion(quaternion))
         self._update_perturbation(time_ns)
 
+    @property
+    def registers(self) -> bool:
+        """Whether the estimator registers sweeps."""
+        return self._lidar is not None
+
     def record_step(self) -> None:
         """Record the error of this physics step for the trail."""
         self._errors.append(self.error)
+
+    def correct(self, sequence: int, trail: Trail, rolling: bool, sweeps: list[SweepInput]) -> None:
+        """Register the sweeps of this instant; the model of an estimator needs none.
+
+        Args:
+            sequence: Their number; a second time changes nothing.
+            trail: As for `pose`.
+            rolling: As for `pose`.
+            sweeps: As they reach the stack.
+        """
+        if self._lidar is None or sequence <= self._corrected:
+            return
+        self._corrected = sequence
+        predicted = self._believed(trail, rolling)
+        last = predicted.positions[-1], predicted.quaternions[-1]
+        pose = Pose(*last, 0.0, predicted if rolling else None)
+        moved = self._lidar.correct(self._points(sweeps, pose, sequence))
+        self._errors = deque((one + moved for one in self._errors), self._errors.maxlen)
+        self._update_error()
+
+    def integrate(self, inputs: Inputs) -> None:
+        """Add sweeps to the map of the estimator, placed by the poses that it has stated."""
+        if self._lidar is None or inputs.sequence <= self._mapped:
+            return
+        self._mapped = inputs.sequence
+        self._lidar.add_to_map(self._points(inputs.sweeps, inputs.pose, inputs.sequence))
 
     def pose(self, trail: Trail, rolling: bool) -> pb.Pose:
         """Encode the estimated pose for the log.
@@ -114,8 +201,7 @@ class PoseEstimate:
                 without a rolling shutter.
             rolling: Whether a sensor has a rolling shutter, so that the stack needs the trail.
         """
-        errors = [*self._errors, self.error] if rolling else [self.error]
-        believed = estimated_trail(trail, errors)
+        believed = self._believed(trail, rolling)
         message = pb.Pose(
             position=believed.positions[-1].tolist(),
             quaternion=believed.quaternions[-1].tolist(),
@@ -123,11 +209,23 @@ class PoseEstimate:
             heading_sigma=self._odometry.heading_sigma,
         )
         if rolling:
-            sampled = believed.every(self._stride)
-            message.history_positions.extend(sampled.positions.ravel().tolist())
-            message.history_quaternions.extend(sampled.quaternions.ravel().tolist())
-            message.history_period_s = sampled.period
+            message.history_positions.extend(believed.positions.ravel().tolist())
+            message.history_quaternions.extend(believed.quaternions.ravel().tolist())
+            message.history_period_s = believed.period
+        if self._lidar is not None:
+            _put_covariance(message, self._lidar)
         return message
+
+    def _believed(self, trail: Trail, rolling: bool) -> Trail:
+        """Estimated poses at each estimate since the sweeps began; without rolling the last."""
+        errors = [*self._errors, self.error] if rolling else [self.error]
+        believed = estimated_trail(trail, errors)
+        return believed.every(self._stride) if rolling else believed
+
+    def _points(self, sweeps: Iterable[SweepInput], pose: Pose, sequence: int) -> Array:
+        """Returns of sweeps, (n, 3) world, m."""
+        points = [self._beams[one.sensor].place(one, pose, sequence).points for one in sweeps]
+        return np.concatenate([np.zeros((0, 3)), *points])
 
     def _update_perturbation(self, time_ns: int) -> None:
         travelled = self._odometry.travelled
@@ -142,3 +240,13 @@ class PoseEstimate:
 def _pose_error(row: Array) -> PoseError:
     x, y, z, turn = row.tolist()
     return PoseError((x, y, z), turn)
+
+
+def _put_covariance(message: pb.Pose, lidar: LidarOdometry) -> None:
+    covariance, full = lidar.covariance, np.zeros((4, 4))
+    full[:3, :3] = covariance.position
+    full[3, 3] = covariance.heading
+    message.estimator = NAME
+    message.covariance.extend(full.ravel().tolist())
+    message.information.extend(covariance.information.tolist())
+    message.unheld.extend(covariance.axes.ravel().tolist())

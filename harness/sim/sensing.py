@@ -6,6 +6,7 @@ import time
 
 import mujoco
 
+from wayproof.harness.inputs import SweepInput, decode_ranges
 from wayproof.harness.listed_beams import CODEC
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.injector import PerturbationInjector
@@ -42,7 +43,11 @@ class Sensors:
         sweeps = [self._sweep(caster, trail, sequence, time_ns) for caster in delivered]
         sense_ms = (time.perf_counter() - began) * 1e3
         estimate.advance(time_ns, trail.positions[-1], trail.quaternions[-1])
-        pose = estimate.pose(trail, self._simulation.rolling)
+        rolling = self._simulation.rolling
+        if estimate.registers:
+            inputs = [SweepInput(sweep.sensor, decode_ranges(sweep)) for sweep in sweeps]
+            estimate.correct(sequence, trail, rolling, inputs)
+        pose = estimate.pose(trail, rolling)
         pose.sequence = sequence
         pose.timestamp.FromNanoseconds(time_ns)
         return sweeps, pose, sense_ms

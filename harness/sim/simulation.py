@@ -9,7 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.scenario.scenario import Scenario, decision_period
+from wayproof.harness.estimators.motion_sensors import Body
+from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.scenario.scenario import Scenario, decision_period, sensor_info
 from wayproof.harness.sim.pose_estimate import PoseEstimate
 from wayproof.harness.sim.setpoint_buffer import SetpointBuffer
 from wayproof.harness.sim.snapshot import PhysicsState, StepPoses
@@ -55,8 +57,10 @@ class Simulation:
         self._pose_position, self._pose_quaternion = self._pose[:3], self._pose[3:]
         self._timestep = timestep = float(scene.model.opt.timestep)
         self.steps_per_decision = steps = round(decision_period(scenario) / timestep)
-        legs = mission.planar
-        self.estimate = PoseEstimate(scenario.config, timestep, steps, start, heading, legs)
+        body = Body(scene.model, self.data, scene.base, self.truth.is_robot, mission.planar)
+        infos = [sensor_info(caster) for caster in scene.casters]
+        beams = {info.name: beams_from_info(info) for info in infos}
+        self.estimate = PoseEstimate(scenario.config, timestep, steps, start, heading, body, beams)
         self.rolling = any(caster.table.scan_poses > 1 for caster in scene.casters)
         self.step_poses = StepPoses(steps)
         self._following = trajectory

@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from wayproof.harness.config import Config, override
+from wayproof.harness.estimators.motion_sensors import Body
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.replay import replay
@@ -133,7 +134,8 @@ def test_the_error_moves_only_with_new_estimates():
     config = override(
         Config("empty", "drone", 0), ["odometry.rate=50", "odometry.white_noise=0.01"]
     )
-    estimate = PoseEstimate(config, 0.002, 50, np.zeros(3), 0.0)
+    body = Body(model=None, data=None, base=0, is_robot=None, legs=False)  # of the lidar's alone
+    estimate = PoseEstimate(config, 0.002, 50, np.zeros(3), 0.0, body, {})
     errors = []
     for step in range(40):
         estimate.advance(step * 2_000_000, np.zeros(3), heading_quaternion(0.0))

@@ -1,0 +1,61 @@
+"""Settings of the section `estimate`: where the pose comes from that stack and controller get."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from wayproof.maps.bounds import Bounds, check_fields
+
+EstimatorKind = Literal["model", "truth", "lidar"]
+
+
+@dataclass(frozen=True)
+class EstimateConfig:
+    """The estimator of the pose, and the sensors of motion that it has beside the sweeps.
+
+    Attributes:
+        kind: `model`: the truth with errors drawn by `odometry.*`; `truth`: without any; `lidar`:
+            an odometry that registers the sweeps, after predicting by inertial sensors and legs.
+        voxel: Edge of the voxels of the odometry's map, each with one plane, m.
+        spacing: Distance between points of a sweep that are registered, m.
+        gyro_noise: Noise density of the gyroscope, rad/s for the root of a hertz. Bosch BMI088,
+            data sheet BST-BMI088-DS001: 0.014 deg/s.
+        gyro_bias: Standard deviation of its constant bias, rad/s; assumed: what is left after an
+            estimate at rest.
+        accelerometer_noise: Noise density, m/s^2 for the root of a hertz. The same: 190 ug.
+        accelerometer_bias: Standard deviation of its constant bias on each axis, m/s^2; assumed:
+            2 mg, with what the tilt of the attitude leaves of gravity.
+        leg_noise: Standard deviation of each velocity that the standing feet give, m/s; assumed:
+            5 mrad/s of each joint at legs of 0.4 m, and the feet's give.
+        held: Least information of a direction that the scene holds: eigenvalue of the mean of
+            n n' over the normals n of the registered points, 0 to 1/3 for the least of three.
+            Below it the sweep has no say along the direction (Zhang, Kaess and Singh 2016, ICRA,
+            "On degeneracy of optimization-based state estimation problems").
+        position_walk: Random walk of the stated covariance on each axis along which the scene
+            holds the pose, m for the root of a metre travelled. Calibrated from logs with truth.
+        heading_walk: The same of the heading, rad.
+        position_floor: Standard deviation that the position always has, m; likewise.
+        heading_floor: The same of the heading, rad.
+        motion_share: Standard deviation of the predicted motion along directions that the scene
+            does not hold, as a share of it; likewise.
+    """
+
+    kind: EstimatorKind = "model"
+    voxel: Annotated[float, Bounds(0.05, 5.0, "m")] = 0.3
+    spacing: Annotated[float, Bounds(0.02, 5.0, "m")] = 0.2
+    gyro_noise: Annotated[float, Bounds(0.0, 1.0, "rad/s")] = 2.4e-4
+    gyro_bias: Annotated[float, Bounds(0.0, 1.0, "rad/s")] = 1e-4
+    accelerometer_noise: Annotated[float, Bounds(0.0, 10.0, "m/s^2")] = 1.9e-3
+    accelerometer_bias: Annotated[float, Bounds(0.0, 10.0, "m/s^2")] = 0.02
+    leg_noise: Annotated[float, Bounds(0.0, 1.0, "m/s")] = 0.02
+    held: Annotated[float, Bounds(0.0, 0.3)] = 0.04
+    position_walk: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.0012
+    heading_walk: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0002
+    position_floor: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.003
+    heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0005
+    motion_share: Annotated[float, Bounds(0.0, 1.0)] = 0.05
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        check_fields(self, "estimate.")

@@ -1,0 +1,1 @@
+"""Estimators of the body's pose from what its sensors measure."""

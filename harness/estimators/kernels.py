@@ -1,0 +1,367 @@
+"""Kernels of lidar odometry: planes in a hash of voxels, and the alignment of a sweep with them."""
+
+from __future__ import annotations
+
+from math import cos, floor, sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models._jit import kernel
+from wayproof.models.arrays import Array
+
+EMPTY = -1
+"""Key of a slot without a voxel."""
+
+OFFSET = 1 << 20
+"""Number added to the index of a voxel on each axis: 21 bits then hold it."""
+
+SPREADING = -7046029254386353131
+"""Multiplier of Fibonacci hashing, 2^64 divided by the golden ratio, as a signed number (Knuth, The
+Art of Computer Programming, volume 3, section 6.4)."""
+
+LEAST_POINTS = 6
+"""Number of points from which a plane is fitted."""
+
+MOST_POINTS = 60
+"""Number of points after which a voxel stays as it is: the first ones had the least drift."""
+
+FLATNESS = 0.03
+"""Largest standard deviation of a plane's points from it, m."""
+
+FLATTER = 9.0
+"""Ratio of the middle to the least variance of the points from which they make a plane."""
+
+LEAST_INLIERS = 20
+"""Number of points below which a sweep is not registered."""
+
+ITERATIONS = 10
+COARSE = 3
+"""Number of the first iterations, in which the gate is twice as wide."""
+
+GATE = 0.15
+"""Largest distance of a point from its plane, m."""
+
+SCALE = 0.02
+"""Scale of the Cauchy weight of that distance, m."""
+
+CONVERGED = 1e-5
+"""Step of the pose, m and rad, below which the iteration ends."""
+
+FIXED = 1e3
+"""Weight, in all points, with which the prediction stays along a direction that is not held."""
+
+HEADING_WEIGHT = 1e-3
+"""The same of the predicted heading, which the scene always turns but for a round one."""
+
+
+class Voxels(NamedTuple):
+    """Hash table of voxels by open addressing; slots without one have the key `EMPTY`.
+
+    Attributes:
+        keys: (m,) int64, m a power of 2.
+        counts: (m,) number of points.
+        means: (m, 3) world, m.
+        squares: (m, 6) sums of products of deviations from the mean, xx xy xz yy yz zz, m^2.
+        planes: (m, 4) unit normal, and 1 if the points make a plane.
+    """
+
+    keys: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    means: Array
+    squares: Array
+    planes: Array
+
+
+@kernel
+def voxel_key(x: float, y: float, z: float, inverse: float) -> np.int64:
+    """Key of the voxel of a point, of three indices in 21 bits each."""
+    i = np.int64(floor(x * inverse)) + OFFSET
+    j = np.int64(floor(y * inverse)) + OFFSET
+    k = np.int64(floor(z * inverse)) + OFFSET
+    return (i << 42) | (j << 21) | k
+
+
+@kernel
+def slot_of(keys: NDArray[np.int64], key: np.int64) -> np.int64:
+    """Slot of a key, or the empty one where it would be."""
+    mask = len(keys) - 1
+    spread = key * np.int64(SPREADING)
+    slot = (spread ^ (spread >> 32)) & mask
+    while keys[slot] != EMPTY and keys[slot] != key:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@kernel
+def first_of_each(
+    points: Array, inverse: float, keys: NDArray[np.int64], chosen: NDArray[np.int64]
+) -> int:
+    """Choose the first point of each voxel.
+
+    Args:
+        points: (n, 3) m.
+        inverse: One by the edge of these voxels, 1/m.
+        keys: (m,) scratch, m a power of 2 above n; written.
+        chosen: (n,) indices of the chosen points, in their order; written.
+
+    Returns:
+        Number of them.
+    """
+    keys[:] = EMPTY
+    count = 0
+    for index in range(len(points)):
+        key = voxel_key(points[index, 0], points[index, 1], points[index, 2], inverse)
+        slot = slot_of(keys, key)
+        if keys[slot] == EMPTY:
+            keys[slot] = key
+            chosen[count] = index
+            count += 1
+    return count
+
+
+@kernel
+def add_points(points: Array, inverse: float, voxels: Voxels) -> int:
+    """Add points to the voxels that they lie in, and fit the planes of these again.
+
+    Args:
+        points: (n, 3) world, m.
+        inverse: One by the edge of a voxel, 1/m.
+        voxels: With at least n empty slots; written.
+
+    Returns:
+        Number of new voxels.
+    """
+    new = 0
+    for index in range(len(points)):
+        x, y, z = points[index, 0], points[index, 1], points[index, 2]
+        key = voxel_key(x, y, z, inverse)
+        slot = slot_of(voxels.keys, key)
+        if voxels.keys[slot] == EMPTY:
+            voxels.keys[slot] = key
+            new += 1
+        if voxels.counts[slot] < MOST_POINTS:
+            add_point(voxels, int(slot), x, y, z)
+    return new
+
+
+@kernel
+def add_point(voxels: Voxels, slot: int, x: float, y: float, z: float) -> None:
+    """Update mean and products by one point (Welford 1962, Technometrics 4), and the plane."""
+    count = voxels.counts[slot] + 1
+    voxels.counts[slot] = count
+    mean, squares = voxels.means[slot], voxels.squares[slot]
+    dx, dy, dz = x - mean[0], y - mean[1], z - mean[2]
+    mean[0] += dx / count
+    mean[1] += dy / count
+    mean[2] += dz / count
+    ex, ey, ez = x - mean[0], y - mean[1], z - mean[2]
+    squares[0] += dx * ex
+    squares[1] += dx * ey
+    squares[2] += dx * ez
+    squares[3] += dy * ey
+    squares[4] += dy * ez
+    squares[5] += dz * ez
+    if count >= LEAST_POINTS and (count < 2 * LEAST_POINTS or count % 8 == 0):
+        fit_plane(squares, count, voxels.planes[slot])
+
+
+@kernel
+def fit_plane(squares: Array, count: int, plane: Array) -> None:
+    """Write the direction of least variance into a plane (4,), and whether it is one."""
+    matrix, vectors = np.empty((3, 3)), np.empty((3, 3))
+    matrix[0, 0], matrix[1, 1], matrix[2, 2] = squares[0], squares[3], squares[5]
+    matrix[0, 1] = matrix[1, 0] = squares[1]
+    matrix[0, 2] = matrix[2, 0] = squares[2]
+    matrix[1, 2] = matrix[2, 1] = squares[4]
+    matrix /= count
+    diagonalize(matrix, vectors)
+    least, most = 0, 0
+    for axis in range(1, 3):
+        if matrix[axis, axis] < matrix[least, least]:
+            least = axis
+        if matrix[axis, axis] > matrix[most, most]:
+            most = axis
+    small, large = matrix[least, least], matrix[most, most]
+    middle = matrix[0, 0] + matrix[1, 1] + matrix[2, 2] - small - large
+    flat = small < FLATNESS * FLATNESS and middle > FLATTER * small + 1e-5
+    for axis in range(3):
+        plane[axis] = vectors[axis, least]
+    plane[3] = 1.0 if flat else 0.0
+
+
+@kernel
+def diagonalize(matrix: Array, vectors: Array) -> None:
+    """Diagonalize a symmetric matrix (3, 3) in place; its eigenvectors are the columns (3, 3).
+
+    Cyclic Jacobi rotations (Golub and Van Loan, Matrix Computations, 4th edition, section 8.5).
+    """
+    for row in range(3):
+        for column in range(3):
+            vectors[row, column] = 1.0 if row == column else 0.0
+    for _ in range(12):
+        off = matrix[0, 1] ** 2 + matrix[0, 2] ** 2 + matrix[1, 2] ** 2
+        if off < 1e-30:
+            return
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if matrix[p, q] != 0.0:
+                    rotate_away(matrix, vectors, p, q)
+
+
+@kernel
+def rotate_away(matrix: Array, vectors: Array, p: int, q: int) -> None:
+    """Rotate in the plane of two axes so that their product vanishes."""
+    slope = 0.5 * (matrix[q, q] - matrix[p, p]) / matrix[p, q]
+    sign = 1.0 if slope >= 0.0 else -1.0
+    t = sign / (abs(slope) + sqrt(slope * slope + 1.0))
+    c = 1.0 / sqrt(t * t + 1.0)
+    s = t * c
+    for row in range(3):
+        x, y = matrix[row, p], matrix[row, q]
+        matrix[row, p], matrix[row, q] = c * x - s * y, s * x + c * y
+    for column in range(3):
+        x, y = matrix[p, column], matrix[q, column]
+        matrix[p, column], matrix[q, column] = c * x - s * y, s * x + c * y
+    for row in range(3):
+        x, y = vectors[row, p], vectors[row, q]
+        vectors[row, p], vectors[row, q] = c * x - s * y, s * x + c * y
+
+
+@kernel
+def align(
+    offsets: Array,
+    predicted: Array,
+    inverse: float,
+    held: float,
+    voxels: Voxels,
+    correction: Array,
+    information: Array,
+    axes: Array,
+) -> int:
+    """Align a sweep with the planes of the map, by Gauss-Newton on the distances from them.
+
+    Args:
+        offsets: (n, 3) points from the predicted position of the base, world axes, m.
+        predicted: (3,) that position, m.
+        inverse: One by the edge of a voxel, 1/m.
+        held: Least information of a direction that the scene holds.
+        voxels: The map.
+        correction: (4,) shift, m, and turn about the vertical through the base, rad; written.
+        information: (3,) eigenvalues of the mean of n n'; written.
+        axes: (3, 3) their directions, in columns; written.
+
+    Returns:
+        Number of points near a plane; below `LEAST_INLIERS` there is no correction.
+    """
+    correction[:] = 0.0
+    information[:] = 0.0
+    diagonalize(np.zeros((3, 3)), axes)
+    equations, right, moment = np.empty((4, 4)), np.empty(4), np.empty((3, 3))
+    inliers = 0
+    for iteration in range(ITERATIONS):
+        gate = 2.0 * GATE if iteration < COARSE else GATE
+        inliers, weight = sum_up(
+            offsets, predicted, correction, inverse, gate, voxels, equations, right, moment
+        )
+        if inliers < LEAST_INLIERS:
+            correction[:] = 0.0
+            information[:] = 0.0
+            diagonalize(np.zeros((3, 3)), axes)
+            return inliers
+        diagonalize(moment, axes)
+        for axis in range(3):
+            information[axis] = moment[axis, axis]
+            if information[axis] < held:
+                hold_to_prediction(equations, right, correction, axes[:, axis], FIXED * weight)
+        equations[3, 3] += HEADING_WEIGHT * weight
+        right[3] -= HEADING_WEIGHT * weight * correction[3]
+        solve(equations, right)
+        largest = 0.0
+        for row in range(4):
+            correction[row] += right[row]
+            largest = max(largest, abs(right[row]))
+        if largest < CONVERGED:
+            break
+    return inliers
+
+
+@kernel
+def sum_up(
+    offsets: Array,
+    predicted: Array,
+    correction: Array,
+    inverse: float,
+    gate: float,
+    voxels: Voxels,
+    equations: Array,
+    right: Array,
+    moment: Array,
+) -> tuple[int, float]:
+    """Sum up the normal equations (4, 4) and (4,), and the weighted mean of n n' (3, 3)."""
+    equations[:], right[:], moment[:] = 0.0, 0.0, 0.0
+    c, s = cos(correction[3]), sin(correction[3])
+    bx, by = predicted[0] + correction[0], predicted[1] + correction[1]
+    bz = predicted[2] + correction[2]
+    row = np.empty(4)
+    inliers, total = 0, 0.0
+    for index in range(len(offsets)):
+        ox, oy = offsets[index, 0], offsets[index, 1]
+        rx, ry = c * ox - s * oy, s * ox + c * oy
+        x, y, z = bx + rx, by + ry, bz + offsets[index, 2]
+        slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+        plane = voxels.planes[slot]
+        if voxels.keys[slot] == EMPTY or plane[3] == 0.0:
+            continue
+        mean = voxels.means[slot]
+        distance = plane[0] * (x - mean[0]) + plane[1] * (y - mean[1]) + plane[2] * (z - mean[2])
+        if abs(distance) > gate:
+            continue
+        weight = 1.0 / (1.0 + (distance / SCALE) ** 2)
+        row[0], row[1], row[2] = plane[0], plane[1], plane[2]
+        row[3] = plane[1] * rx - plane[0] * ry
+        for i in range(4):
+            right[i] -= weight * row[i] * distance
+            for j in range(4):
+                equations[i, j] += weight * row[i] * row[j]
+        inliers += 1
+        total += weight
+    for i in range(3):
+        for j in range(3):
+            moment[i, j] = equations[i, j] / total if total > 0.0 else 0.0
+    return inliers, total
+
+
+@kernel
+def hold_to_prediction(
+    equations: Array, right: Array, correction: Array, axis: Array, weight: float
+) -> None:
+    """Add to the normal equations that the prediction stays along an axis (3,)."""
+    along = axis[0] * correction[0] + axis[1] * correction[1] + axis[2] * correction[2]
+    for i in range(3):
+        right[i] -= weight * axis[i] * along
+        for j in range(3):
+            equations[i, j] += weight * axis[i] * axis[j]
+
+
+@kernel
+def solve(matrix: Array, right: Array) -> None:
+    """Solve a positive definite system (n, n) by Cholesky in place; the solution is `right`."""
+    size = len(right)
+    for j in range(size):
+        for k in range(j):
+            matrix[j, j] -= matrix[j, k] * matrix[j, k]
+        matrix[j, j] = sqrt(max(matrix[j, j], 1e-12))
+        for i in range(j + 1, size):
+            for k in range(j):
+                matrix[i, j] -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] /= matrix[j, j]
+    for i in range(size):
+        for k in range(i):
+            right[i] -= matrix[i, k] * right[k]
+        right[i] /= matrix[i, i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            right[i] -= matrix[k, i] * right[k]
+        right[i] /= matrix[i, i]

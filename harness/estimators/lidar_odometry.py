@@ -1,0 +1,160 @@
+"""Lidar odometry with a motion prior: predicts between the sweeps, and registers each with a map.
+
+Four degrees of freedom: position and heading. Roll and pitch are the attitude's, by gravity.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wayproof.harness.estimator_config import EstimateConfig
+from wayproof.harness.estimators.kernels import diagonalize
+from wayproof.harness.estimators.motion_sensors import Motion, MotionSensors
+from wayproof.harness.estimators.stated_covariance import StatedCovariance
+from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
+from wayproof.models.arrays import Array
+from wayproof.models.odometry import ERROR_STEP, PoseError
+
+VELOCITY_GAIN = 0.5
+"""Share of the correction of a sweep by which the velocity is corrected, where no foot gives it."""
+
+MAP_SPACING = 0.1
+"""Distance between the points of a sweep that are mapped, m."""
+
+NAME = "lidar/1"
+"""Name and version of the estimator, as it is logged."""
+
+
+class LidarOdometry:
+    """The pose of one body by its sweeps and its sensors of motion.
+
+    Attributes:
+        travelled: Way of the estimate, m.
+        covariance: What it states of its error.
+    """
+
+    def __init__(
+        self,
+        config: EstimateConfig,
+        position: Array,
+        heading: float,
+        sensors: MotionSensors,
+        sweep_period: float,
+    ) -> None:
+        """Start at a known pose.
+
+        Args:
+            config: Settings.
+            position: (3,) world, m.
+            heading: rad.
+            sensors: Of motion, read at each estimate.
+            sweep_period: Time between two sweeps, s.
+        """
+        self._config, self._sensors, self._sweep_period = config, sensors, sweep_period
+        self._surfaces = SurfaceMap(config.voxel, config.held)
+        self._position, self._heading = position.copy(), heading  # estimated
+        self._velocity = np.zeros(3)  # estimated, world
+        self._true_position, self._true_heading = position.copy(), heading
+        self.covariance = StatedCovariance(config)
+        self.travelled = 0.0
+
+    def advance(self, position: Array, heading: float) -> None:
+        """Predict over a period of the sensors; the body is truly at `position` (3,), `heading`.
+
+        The true pose only turns what is measured in the body's axes into those of the estimate, and
+        makes the error that `error` returns.
+        """
+        turn = math.remainder(heading - self._true_heading, 2.0 * math.pi)
+        self._true_position, self._true_heading = position.copy(), heading
+        motion = self._sensors.measure(turn)
+        self._heading += motion.turn
+        before = self._velocity
+        self._velocity = self._predicted_velocity(motion)
+        step = 0.5 * self._sensors.period * (before + self._velocity)
+        self._position = self._position + step
+        self.travelled += math.sqrt(float((step * step).sum()))
+        self.covariance.predict(step)
+
+    def correct(self, points: Array) -> PoseError:
+        """Register a sweep; return by how much it moves the estimate.
+
+        Args:
+            points: (n, 3) placed by the predicted poses, world, m.
+        """
+        chosen = thinned(points, self._config.spacing)
+        registration = self._surfaces.register(chosen, self._position)
+        shift, turn = registration.correction[:3], float(registration.correction[3])
+        self._position = self._position + shift
+        self._heading += turn
+        self._velocity = self._velocity + VELOCITY_GAIN / self._sweep_period * shift
+        self.covariance.correct(registration)
+        x, y, z = shift.tolist()
+        return PoseError((x, y, z), turn)
+
+    def add_to_map(self, points: Array) -> None:
+        """Map a sweep (n, 3) placed by the estimated poses, world, m."""
+        self._surfaces.add(thinned(points, MAP_SPACING))
+
+    @property
+    def position_sigma(self) -> float:
+        """Standard deviation along the axis of the greatest, m."""
+        covariance = self.covariance.position
+        diagonalize(covariance, np.empty((3, 3)))
+        return math.sqrt(max(covariance[axis, axis] for axis in range(3)))
+
+    @property
+    def heading_sigma(self) -> float:
+        """Standard deviation of the heading, rad."""
+        return math.sqrt(self.covariance.heading)
+
+    @property
+    def error(self) -> PoseError:
+        """Estimated minus true pose, in whole quanta."""
+        shift = self._position - self._true_position
+        turn = math.remainder(self._heading - self._true_heading, 2.0 * math.pi)
+        x, y, z, a = (ERROR_STEP * round(one / ERROR_STEP) for one in (*shift.tolist(), turn))
+        return PoseError((x, y, z), a)
+
+    def state(self) -> dict[str, Array]:
+        """Return the state but for the map, which follows from the sweeps and poses of the log."""
+        return {
+            "position": self._position.copy(),
+            "heading": np.array(self._heading),
+            "velocity": self._velocity.copy(),
+            "true_position": self._true_position.copy(),
+            "true_heading": np.array(self._true_heading),
+            "travelled": np.array(self.travelled),
+            **{f"sensors.{name}": one for name, one in self._sensors.state().items()},
+            **{f"covariance.{name}": one for name, one in self.covariance.state().items()},
+        }
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Continue from what `state` returned."""
+        self._sensors.restore(_part(state, "sensors."))
+        self.covariance.restore(_part(state, "covariance."))
+        self._position = np.array(state["position"], np.float64)
+        self._heading = float(state["heading"])
+        self._velocity = np.array(state["velocity"], np.float64)
+        self._true_position = np.array(state["true_position"], np.float64)
+        self._true_heading = float(state["true_heading"])
+        self.travelled = float(state["travelled"])
+
+    def _predicted_velocity(self, motion: Motion) -> Array:
+        """Velocity by the feet that stand, else by the accelerometer, in the estimate's axes."""
+        error = self._heading - self._true_heading
+        if motion.foot_velocity is not None:
+            return _turned(motion.foot_velocity, error)
+        return self._velocity + _turned(motion.velocity_change, error)
+
+
+def _part(state: dict[str, Array], prefix: str) -> dict[str, Array]:
+    return {name.removeprefix(prefix): a for name, a in state.items() if name.startswith(prefix)}
+
+
+def _turned(vector: Array, angle: float) -> Array:
+    """A vector (3,) turned about the vertical."""
+    c, s = math.cos(angle), math.sin(angle)
+    x, y, z = vector.tolist()
+    return np.array([c * x - s * y, s * x + c * y, z])

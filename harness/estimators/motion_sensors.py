@@ -1,0 +1,146 @@
+"""Motion that a body measures between two sweeps: inertial sensors and standing feet.
+
+Simulated from MuJoCo's state with the errors of the sensors. The attitude's tilt is taken as exact:
+gravity gives it, and what it is off by is in the accelerometer's bias.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.estimator_config import EstimateConfig
+from wayproof.models.arrays import Array
+from wayproof.models.random_streams import stream
+
+DRAW_BLOCK = 128
+"""Number of measurements whose random numbers come from one generator, which takes 30 us to make.
+"""
+
+DRAWS = 7
+"""Random numbers of one measurement: accelerometer, feet, gyroscope."""
+
+
+class Motion(NamedTuple):
+    """What was measured since the measurement before.
+
+    Attributes:
+        velocity_change: (3,) by the accelerometer without gravity, in true world axes, m/s.
+        turn: By the gyroscope, about the vertical, rad.
+        foot_velocity: (3,) of the base by the feet that stand, in true world axes, m/s; none if no
+            foot does.
+    """
+
+    velocity_change: Array
+    turn: float
+    foot_velocity: Array | None
+
+
+@dataclass(frozen=True)
+class Body:
+    """The simulated body that carries the sensors.
+
+    Attributes:
+        model: MuJoCo's.
+        data: Its state.
+        base: Body id of the base.
+        is_robot: (geoms,) whether a geom is the robot's.
+        legs: Whether the body stands on legs.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    base: int
+    is_robot: NDArray[np.bool_]
+    legs: bool
+
+
+class MotionSensors:
+    """The inertial sensors and the legs of one body.
+
+    Attributes:
+        period: Time between two measurements, s.
+    """
+
+    def __init__(self, config: EstimateConfig, seed: int, period: float, body: Body) -> None:
+        """Draw the biases of an episode.
+
+        Args:
+            config: How good the sensors are.
+            seed: The episode's.
+            period: Time between two measurements, s.
+            body: That carries them.
+        """
+        self._config, self._seed, self.period, self._body = config, seed, period, body
+        biases = stream(seed, "estimate/bias", 0).standard_normal(4)
+        self._acceleration_bias = config.accelerometer_bias * biases[:3]
+        self._gyro_bias = config.gyro_bias * float(biases[3])
+        self._sequence, self._block = 0, -1
+        address = int(body.model.jnt_dofadr[body.model.body_jntadr[body.base]])
+        self._velocity: Array = body.data.qvel[address : address + 3]  # it stays the same array
+        self._before = self._velocity.copy()
+
+    def state(self) -> dict[str, Array]:
+        """Return the state kept between measurements; biases and noise follow from the seed."""
+        return {"sequence": np.array(self._sequence, np.int64), "velocity": self._before.copy()}
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Continue from what `state` returned."""
+        self._sequence = int(state["sequence"])
+        self._before = np.array(state["velocity"], np.float64)
+
+    def measure(self, turn: float) -> Motion:
+        """Measure the motion since the last measurement.
+
+        Args:
+            turn: True turn about the vertical since then, rad.
+        """
+        noise = self._draws()
+        config, period = self._config, self.period
+        root = math.sqrt(period)
+        change = self._velocity - self._before
+        change = change + self._acceleration_bias * period
+        change = change + config.accelerometer_noise * root * noise[:3]
+        self._before = self._velocity.copy()
+        turned = turn + self._gyro_bias * period + config.gyro_noise * root * float(noise[6])
+        feet = self._foot_velocity() if self._body.legs else None
+        if feet is not None:
+            feet = feet + config.leg_noise * noise[3:6]
+        self._sequence += 1
+        return Motion(change, turned, feet)
+
+    def _foot_velocity(self) -> Array | None:
+        """Velocity of the base if the points where the robot touches the world stand still.
+
+        From joint encoders and gyroscope: the base's velocity relative to these points (Bloesch et
+        al. 2012, RSS, "State estimation for legged robots"). A foot that slips falsifies it.
+        """
+        body, data = self._body, self._body.data
+        velocities = []
+        twist = np.empty(6)
+        for contact in data.contact:
+            first, second = contact.geom
+            mine = [one for one in (first, second) if body.is_robot[one]]
+            if len(mine) != 1:
+                continue
+            link = int(body.model.geom_bodyid[mine[0]])
+            mujoco.mj_objectVelocity(body.model, data, mujoco.mjtObj.mjOBJ_BODY, link, twist, 0)
+            arm = contact.pos - data.xpos[link]
+            velocities.append(twist[3:] + np.cross(twist[:3], arm))
+        if not velocities:
+            return None
+        mean: Array = np.mean(velocities, axis=0)
+        return self._velocity - mean
+
+    def _draws(self) -> Array:
+        block, row = divmod(self._sequence, DRAW_BLOCK)
+        if block != self._block:
+            self._block, rng = block, stream(self._seed, "estimate/motion", block)
+            self._drawn: Array = rng.standard_normal((DRAW_BLOCK, DRAWS))
+        drawn: Array = self._drawn[row]
+        return drawn

@@ -1,0 +1,164 @@
+"""Kernels of lidar odometry: compiled, interpreted and written naively they agree."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from wayproof.harness.estimators import kernels
+from wayproof.harness.estimators.kernels import (
+    add_points,
+    align,
+    diagonalize,
+    first_of_each,
+    fit_plane,
+    solve,
+    voxel_key,
+)
+from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
+
+
+def python_versions(monkeypatch):
+    """Let every kernel of the module call the interpreted ones."""
+    for name, value in list(vars(kernels).items()):
+        if hasattr(value, "py_func"):
+            monkeypatch.setattr(kernels, name, value.py_func)
+
+
+def room(count=3000, seed=1, noise=0.005):
+    """Points on the walls and the floor of a room of 6 x 4 x 2.5 m around the origin."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform((-3.0, -2.0, -0.5), (3.0, 2.0, 2.0), (count, 3))
+    wall = rng.integers(0, 5, count)
+    for side, (axis, value) in enumerate([(0, -3.0), (0, 3.0), (1, -2.0), (1, 2.0), (2, -0.5)]):
+        points[wall == side, axis] = value
+    return points + noise * rng.standard_normal((count, 3))
+
+
+def test_eigenvectors_are_numpys():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        root = rng.standard_normal((3, 3))
+        matrix, vectors = root @ root.T, np.empty((3, 3))
+        diagonal = matrix.copy()
+        diagonalize(diagonal, vectors)
+        np.testing.assert_allclose(
+            np.sort(np.diag(diagonal)), np.linalg.eigvalsh(matrix), rtol=1e-9, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            vectors @ np.diag(np.diag(diagonal)) @ vectors.T, matrix, atol=1e-12
+        )
+
+
+def test_cholesky_solves_as_numpy_does():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        root = rng.standard_normal((4, 6))
+        matrix, right = root @ root.T, rng.standard_normal(4)
+        expected = np.linalg.solve(matrix, right)
+        solve(matrix, right)
+        np.testing.assert_allclose(right, expected, rtol=1e-8)
+
+
+def test_one_point_of_each_voxel_is_kept_the_first():
+    points = room()
+    kept = thinned(points, 0.2)
+    seen, naive = set(), []
+    for point in points:
+        voxel = tuple(np.floor(point * (1.0 / 0.2)).astype(int))
+        if voxel not in seen:
+            seen.add(voxel)
+            naive.append(point)
+    assert (kept == np.array(naive)).all()
+    assert len(thinned(np.zeros((0, 3)), 0.2)) == 0
+
+
+def test_a_voxel_holds_mean_and_covariance_of_its_points():
+    surfaces, points = SurfaceMap(0.5, 0.04), room(400)
+    surfaces.add(points)
+    voxels = surfaces.voxels
+    by_key = {}
+    for point in points:
+        by_key.setdefault(int(voxel_key(*point, 1.0 / 0.5)), []).append(point)
+    assert surfaces.count == len(by_key) == (voxels.keys != kernels.EMPTY).sum()
+    for slot in np.flatnonzero(voxels.keys != kernels.EMPTY):
+        own = np.array(by_key[int(voxels.keys[slot])])[: kernels.MOST_POINTS]
+        assert voxels.counts[slot] == len(own)
+        np.testing.assert_allclose(voxels.means[slot], own.mean(axis=0), atol=1e-9)
+        away = own - own.mean(axis=0)
+        expected = (away.T @ away)[np.triu_indices(3)]
+        np.testing.assert_allclose(voxels.squares[slot], expected, atol=1e-9)
+
+
+def test_a_plane_is_told_from_a_line_and_a_ball():
+    rng = np.random.default_rng(3)
+    normal = np.array([1.0, 2.0, 2.0]) / 3.0
+    ball = 0.1 * rng.standard_normal((40, 3))
+    flat = ball - 0.97 * (ball @ normal)[:, None] * normal
+    line = np.outer(0.1 * rng.standard_normal(40), [1.0, 0.0, 0.0])
+    line += 0.001 * rng.standard_normal((40, 3))
+    verdicts = []
+    for points in (flat, ball, line):
+        away = points - points.mean(axis=0)
+        plane = np.zeros(4)
+        fit_plane((away.T @ away)[np.triu_indices(3)], len(points), plane)
+        verdicts.append(plane[3])
+        if points is flat:
+            assert abs(plane[:3] @ normal) > 0.999
+    assert verdicts == [1.0, 0.0, 0.0]
+
+
+def test_the_table_grows_and_keeps_what_it_has():
+    small = SurfaceMap(0.05, 0.04)
+    cloud = np.random.default_rng(2).uniform(-20.0, 20.0, (20_000, 3))
+    for part in np.split(cloud, 4):
+        small.add(part)
+    keys = [int(voxel_key(*point, 1.0 / 0.05)) for point in cloud]
+    assert small.count == len(set(keys))
+    assert set(small.voxels.keys.tolist()) == {*keys, kernels.EMPTY}
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0, 0.0), (0.05, -0.04, 0.03, 0.02)])
+def test_a_displaced_sweep_is_moved_back(shift):
+    surfaces = SurfaceMap(0.3, 0.04)
+    surfaces.add(room(20_000))
+    x, y, z, turn = shift
+    moved = Rotation.from_euler("z", turn).apply(room(4000, seed=9)) + np.array([x, y, z])
+    found = surfaces.register(moved, np.array([x, y, z]))
+    expected = -np.array(shift)
+    assert np.abs(found.correction - expected).max() < 0.002
+    assert found.inliers > 1000
+    assert len(found.unheld) == 0
+    assert found.information.sum() == pytest.approx(1.0)
+
+
+def test_compiled_and_interpreted_alignment_give_the_same_bits(monkeypatch):
+    surfaces = SurfaceMap(0.5, 0.04)
+    surfaces.add(room(3000))
+    predicted = np.array([0.03, 0.02, 0.0])
+    sweep = room(300, seed=5) + predicted
+    compiled = [np.empty(4), np.empty(3), np.empty((3, 3))]
+    inliers = align(sweep - predicted, predicted, 2.0, 0.04, surfaces.voxels, *compiled)
+    python_versions(monkeypatch)
+    again = [np.empty(4), np.empty(3), np.empty((3, 3))]
+    assert inliers == kernels.align(
+        sweep - predicted, predicted, 2.0, 0.04, surfaces.voxels, *again
+    )
+    for one, other in zip(compiled, again, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_compiled_and_interpreted_maps_hold_the_same_bits(monkeypatch):
+    compiled, again = SurfaceMap(0.5, 0.04), SurfaceMap(0.5, 0.04)
+    points = room(500)
+    assert add_points(points, 2.0, compiled.voxels) > 0
+    python_versions(monkeypatch)
+    kernels.add_points(points, 2.0, again.voxels)
+    for one, other in zip(compiled.voxels, again.voxels, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_scratch_of_another_call_does_not_matter():
+    points, chosen = room(200), np.empty(200, np.int64)
+    dirty = np.arange(1024)
+    count = first_of_each(points, 5.0, dirty, chosen)
+    assert (points[chosen[:count]] == thinned(points, 0.2)).all()

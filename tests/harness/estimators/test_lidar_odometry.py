@@ -1,0 +1,139 @@
+"""Lidar odometry on rooms and corridors whose truth is known, and in whole episodes."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wayproof import Config, build, open_log, override, run_episode
+from wayproof.harness.errors import InputError
+from wayproof.harness.estimator_config import EstimateConfig
+from wayproof.harness.estimators.registration import Registration
+from wayproof.harness.estimators.stated_covariance import StatedCovariance
+from wayproof.harness.estimators.surface_map import SurfaceMap
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.replay.closed_loop import simulate_again
+from wayproof.harness.replay.fork import fork
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+SHORT = ("estimate.kind=lidar", "episode.time_limit=3")
+
+
+def corridor(centre, seed, half=(30.0, 1.1, 1.25), reach=12.0):
+    """Returns within reach of a place in a bare corridor along x, relative to it."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-1.0, 1.0, (6000, 3)) * half
+    wall = rng.integers(0, 4, len(points))
+    for side, (axis, sign) in enumerate([(1, 1), (1, -1), (2, 1), (2, -1)]):
+        points[wall == side, axis] = sign * half[axis]
+    points = points[np.abs(points[:, 0] - centre[0]) < reach] - centre
+    return points + 0.01 * rng.standard_normal(points.shape)
+
+
+def test_a_bare_corridor_does_not_hold_the_axis_along_it():
+    surfaces, origin = SurfaceMap(0.3, 0.04), np.zeros(3)
+    surfaces.add(corridor(origin, 0))
+    predicted = np.array([0.2, 0.03, 0.0])
+    found = surfaces.register(corridor(np.array([0.2, 0.0, 0.0]), 1) + predicted, predicted)
+    (axis,) = found.unheld
+    assert abs(axis[0]) > 0.999
+    assert min(found.information) < 0.03
+    assert abs(found.correction[0]) < 1e-3  # the prediction stays
+    assert found.correction[1] == pytest.approx(-0.03, abs=3e-3)
+
+
+def test_without_returns_nothing_is_held():
+    surfaces = SurfaceMap(0.3, 0.04)
+    surfaces.add(corridor(np.zeros(3), 0))
+    found = surfaces.register(np.zeros((0, 3)), np.zeros(3))
+    assert (found.correction == 0.0).all()
+    assert np.array_equal(found.unheld, np.eye(3))
+    assert (found.information == 0.0).all()
+
+
+def registered(*axes):
+    unheld = np.array(axes, float).reshape(-1, 3)
+    return Registration(np.zeros(4), np.full(3, 1 / 3), unheld, 1000)
+
+
+def test_the_covariance_grows_with_all_motion_that_nothing_held():
+    config = EstimateConfig(
+        position_walk=0.01, position_floor=0.0, motion_share=0.1, heading_walk=0.0
+    )
+    covariance = StatedCovariance(config)
+    along = np.array([1.0, 0.0, 0.0])
+    for _ in range(100):
+        covariance.predict(0.1 * along)
+        covariance.correct(registered(along))
+    walked = 0.01**2 * 10.0
+    assert covariance.position[0, 0] == pytest.approx(walked + (0.1 * 9.9) ** 2)
+    assert covariance.position[1, 1] == pytest.approx(walked)
+    covariance.correct(registered())  # held again: what was lost stays lost
+    assert covariance.position[0, 0] == pytest.approx(walked + (0.1 * 9.9) ** 2)
+    covariance.predict(0.1 * along)
+    assert covariance.position[0, 0] == pytest.approx(0.01**2 * 10.1 + (0.1 * 9.9) ** 2)
+
+
+def errors_of(path):
+    """Estimated minus true position of each decision, (n, 3) m, and the logged poses."""
+    messages = list(read_messages(Path(path)))
+    poses = {one.sequence: one for one in messages if isinstance(one, pb.Pose)}
+    truths = {one.sequence: one for one in messages if isinstance(one, pb.Truth)}
+    off = [np.subtract(poses[k].position, truths[k].position) for k in truths]
+    return np.array(off), [poses[k] for k in truths]
+
+
+@pytest.fixture(scope="module", params=["quadruped", "drone"])
+def episode(request, tmp_path_factory):
+    """Three seconds of an office, whose pose is the lidar's."""
+    path = tmp_path_factory.mktemp("lidar") / f"{request.param}.mcap"
+    return run_episode(build(override(Config("office", request.param, 2), SHORT)), path)
+
+
+def test_the_estimate_is_millimetres_off_and_says_so(episode):
+    off, poses = errors_of(episode.log)
+    assert np.abs(off[-1]).max() < 0.01
+    assert np.abs(off).max() > 0.0  # it is no truth
+    covariance = np.array(poses[-1].covariance).reshape(4, 4)
+    assert poses[-1].estimator == "lidar/1"
+    assert poses[-1].position_sigma == pytest.approx(
+        math.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])
+    )
+    assert sum(poses[-1].information) == pytest.approx(1.0)
+
+
+def test_it_replays_is_simulated_again_and_forked_to_the_same_chain(episode, tmp_path):
+    path = Path(episode.log)
+    assert replay(path).identical
+    assert simulate_again(path).identical
+    forked = fork(path, 15, [], tmp_path / "fork.mcap")
+    assert forked.chain == episode.chain
+
+
+def test_a_rolling_sweep_is_straightened_by_the_estimates_own_motion(tmp_path):
+    settings = [*SHORT, "sensors.lidar=ouster-os1-64"]
+    config = override(Config("office", "quadruped", 2), settings)
+    result = run_episode(build(config), tmp_path / "rolling.mcap")
+    off, poses = errors_of(result.log)
+    assert np.abs(off[-1]).max() < 0.03
+    assert len(poses[-1].history_positions) > 3
+    assert replay(Path(result.log)).identical
+
+
+def test_the_truth_is_the_truth(tmp_path):
+    config = override(Config("empty", "drone", 1), ["estimate.kind=truth", "episode.time_limit=1"])
+    result = run_episode(build(config), tmp_path / "truth.mcap")
+    off, poses = errors_of(result.log)
+    assert (off == 0.0).all()
+    assert poses[-1].position_sigma == 0.0
+    assert open_log(Path(result.log)).config.estimate.kind == "truth"
+
+
+def test_a_perturbed_pose_needs_the_model():
+    with pytest.raises(InputError, match=r"estimate.kind: got 'lidar' with a perturbation"):
+        override(
+            Config("empty", "drone", 1),
+            ['perturbation={"kind": "pose_drift", "severity": 1}', "estimate.kind=lidar"],
+        )
