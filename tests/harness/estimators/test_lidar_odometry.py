@@ -21,10 +21,10 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 SHORT = ("estimate.kind=lidar", "episode.time_limit=3")
 
 
-def corridor(centre, seed, half=(30.0, 1.1, 1.25), reach=12.0):
+def corridor(centre, seed, half=(14.0, 1.1, 1.25), reach=12.0):
     """Returns within reach of a place in a bare corridor along x, relative to it."""
     rng = np.random.default_rng(seed)
-    points = rng.uniform(-1.0, 1.0, (6000, 3)) * half
+    points = rng.uniform(-1.0, 1.0, (30_000, 3)) * half
     wall = rng.integers(0, 4, len(points))
     for side, (axis, sign) in enumerate([(1, 1), (1, -1), (2, 1), (2, -1)]):
         points[wall == side, axis] = sign * half[axis]
