@@ -14,6 +14,7 @@ from multiprocessing import get_context
 
 from wayproof import maps, planners
 from wayproof.harness.config import Config
+from wayproof.harness.estimators import surface_map
 from wayproof.harness.scenario.robots import find_robot, warm_up_robot
 from wayproof.models import rays, step_kernels, truth
 from wayproof.models.robots import ROBOTS
@@ -41,6 +42,8 @@ def compile_perception(config: Config) -> None:
     rays.warm_up()
     truth.warm_up()
     solvability.warm_up()
+    if config.estimate.kind == "lidar":
+        surface_map.warm_up()
 
 
 def compile_control(config: Config) -> None:
