@@ -33,12 +33,13 @@ class EstimateConfig:
             Below it the sweep has no say along the direction (Zhang, Kaess and Singh 2016, ICRA,
             "On degeneracy of optimization-based state estimation problems").
         position_walk: Random walk of the stated covariance on each axis along which the scene
-            holds the pose, m for the root of a metre travelled. Calibrated from logs with truth.
-        heading_walk: The same of the heading, rad.
+            holds the pose, m for the root of a metre travelled. Calibrated from logs with truth of
+            a noisy rolling lidar (docs/estimators.md); exact sweeps are better than it states.
+        heading_walk: The same of the heading, rad; assumed from the largest errors of these logs.
         position_floor: Standard deviation that the position always has, m; likewise.
-        heading_floor: The same of the heading, rad.
+        heading_floor: The same of the heading, rad; assumed likewise.
         motion_share: Standard deviation of the predicted motion along directions that the scene
-            does not hold, as a share of it; likewise.
+            does not hold, as a share of it; assumed.
     """
 
     kind: EstimatorKind = "model"
@@ -51,9 +52,9 @@ class EstimateConfig:
     leg_noise: Annotated[float, Bounds(0.0, 1.0, "m/s")] = 0.02
     held: Annotated[float, Bounds(0.0, 0.3)] = 0.04
     position_walk: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.0012
-    heading_walk: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0002
-    position_floor: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.003
-    heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0005
+    heading_walk: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0005
+    position_floor: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.005
+    heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.001
     motion_share: Annotated[float, Bounds(0.0, 1.0)] = 0.05
 
     def __post_init__(self) -> None:
