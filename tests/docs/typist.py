@@ -243,7 +243,7 @@ class Typist:
             code, output = plot_maps(words)
         else:
             assert program == "python", f"cannot type: {line}"
-            if words[1].endswith(".soak") and not self._whole:
+            if any(word.endswith(".soak") for word in words) and not self._whole:
                 words += ["--count", "5"]
             if (script := ROOT / words[0]).is_file():
                 words[0] = str(script)

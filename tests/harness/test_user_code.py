@@ -425,7 +425,8 @@ def test_a_planner_s_changed_file_makes_other_episodes_of_a_study(tmp_path):
     def planned(path, text):
         path.parent.mkdir(exist_ok=True)
         path.write_text(text)
-        study = StudyFile("s", ["empty"], ["drone"], 1, settings={"planner.name": f"{path}:Good"})
+        settings = {"planner.name": f"{path}:Good"}
+        study = StudyFile("s", worlds=["empty"], robots=["drone"], seeds=1, settings=settings)
         return plan_episodes(study)[0]
 
     first = planned(tmp_path / "mine.py", PLANNERS)
