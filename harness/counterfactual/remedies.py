@@ -92,7 +92,11 @@ def nothing(log: Log, case: Case) -> Change:
 
 def true_pose(log: Log, case: Case) -> Change:
     """Poses without error."""
-    config = replace(log.config, odometry=replace(EXACT, rate=log.config.odometry.rate))
+    config = replace(
+        log.config,
+        estimate=replace(log.config.estimate, kind="truth"),
+        odometry=replace(EXACT, rate=log.config.odometry.rate),
+    )
     return Change(_unperturbed(config, "pose"), forget=("estimate",))
 
 
@@ -274,7 +278,7 @@ def go_on(
                 del episode.parts[part]
             if not change.at_once:
                 episode.delays.update(_delays(case))
-            episode.resume(past.state, past.trajectories, past.decisions, past.truths)
+            episode.resume(past.state, past.trajectories, past.decisions, past.truths, past.seen)
             return episode.run()
 
 

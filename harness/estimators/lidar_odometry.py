@@ -57,7 +57,8 @@ class LidarOdometry:
         self._position, self._heading = position.copy(), heading  # estimated
         self._velocity = np.zeros(3)  # estimated, world
         self._true_position, self._true_heading = position.copy(), heading
-        self.covariance = StatedCovariance(config)
+        self.covariance = StatedCovariance(config, sweep_period)
+        self._begun = False  # whether the map has its first sweep, taken at the known start
         self.travelled = 0.0
 
     def advance(self, position: Array, heading: float) -> None:
@@ -75,14 +76,18 @@ class LidarOdometry:
         step = 0.5 * self._sensors.period * (before + self._velocity)
         self._position = self._position + step
         self.travelled += math.sqrt(float((step * step).sum()))
-        self.covariance.predict(step)
+        inertial = motion.foot_velocity is None
+        self.covariance.predict(step, self._sensors.period, inertial)
 
     def correct(self, points: Array) -> PoseError:
-        """Register a sweep; return by how much it moves the estimate.
+        """Register a sweep; return by how much it moves the estimate: the first one by nothing.
 
         Args:
             points: (n, 3) placed by the predicted poses, world, m.
         """
+        if not self._begun:
+            self._begun = True
+            return PoseError()
         chosen = thinned(points, self._config.spacing)
         registration = self._surfaces.register(chosen, self._position)
         shift, turn = registration.correction[:3], float(registration.correction[3])
@@ -126,6 +131,7 @@ class LidarOdometry:
             "true_position": self._true_position.copy(),
             "true_heading": np.array(self._true_heading),
             "travelled": np.array(self.travelled),
+            "begun": np.array(self._begun),
             **{f"sensors.{name}": one for name, one in self._sensors.state().items()},
             **{f"covariance.{name}": one for name, one in self.covariance.state().items()},
         }
@@ -140,6 +146,7 @@ class LidarOdometry:
         self._true_position = np.array(state["true_position"], np.float64)
         self._true_heading = float(state["true_heading"])
         self.travelled = float(state["travelled"])
+        self._begun = bool(state["begun"])
 
     def _predicted_velocity(self, motion: Motion) -> Array:
         """Velocity by the feet that stand, else by the accelerometer, in the estimate's axes."""

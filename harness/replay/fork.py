@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -45,6 +45,8 @@ class Past:
         decisions: Decisions before it.
         truths: Ground truth of each.
         state: State of the simulator; None at the first decision.
+        seen: Inputs of all decisions up to the fork, of which the map of an estimator that
+            registers sweeps is made; none for the model of one.
     """
 
     navigator: Navigator
@@ -52,6 +54,7 @@ class Past:
     decisions: tuple[pb.Decision, ...]
     truths: tuple[pb.Truth, ...]
     state: pb.State | None
+    seen: tuple[Inputs, ...]
 
 
 def fork(
@@ -151,8 +154,7 @@ def fork_with(
             _write_past(writer, log, at, scenario)
             episode = Episode(scenario, past.navigator, writer, observe)
             episode.delays.update(delays or {})
-            seen = _inputs_up_to(log, at) if config.estimate.kind == "lidar" else ()
-            episode.resume(past.state, past.trajectories, past.decisions, past.truths, seen)
+            episode.resume(past.state, past.trajectories, past.decisions, past.truths, past.seen)
             with publishing_failures(draft, writer):
                 ended = episode.run()
                 if asked is not None and (text := asked.session.stderr()):
@@ -194,9 +196,11 @@ def live_through(log: Log, at: int, scenario: Scenario, asked: AskedAgain | None
     stack = SegmentedStack([*segments_of(log), segment_of(scenario, at)])
     if asked is not None and isinstance(stack.navigator, TrialNavigator):
         stack.navigator.session = asked.session
-    trajectories, decisions = [], []
+    trajectories, decisions, seen = [], [], []
     state, reached = None, False
     for record in log.records():
+        if scenario.config.estimate.kind == "lidar":
+            seen.append(record.inputs)
         if record.decision.sequence == at:
             state, reached = record.state, True
             break
@@ -223,14 +227,14 @@ def live_through(log: Log, at: int, scenario: Scenario, asked: AskedAgain | None
     truths = [truth for truth in log.truth() if truth.sequence < at]
     if len(truths) != len(decisions):
         raise InputError(f"log '{log.path}': {len(truths)} truths before decision {at}")
-    return Past(stack.go_to(at), tuple(trajectories), tuple(decisions), tuple(truths), state)
-
-
-def _inputs_up_to(log: Log, at: int) -> Iterator[Inputs]:
-    for record in log.records():
-        yield record.inputs
-        if record.decision.sequence == at:
-            return
+    return Past(
+        navigator=stack.go_to(at),
+        trajectories=tuple(trajectories),
+        decisions=tuple(decisions),
+        truths=tuple(truths),
+        state=state,
+        seen=tuple(seen),
+    )
 
 
 def _write_past(writer: LogWriter, log: Log, at: int, scenario: Scenario) -> None:

@@ -175,6 +175,11 @@ def _config(
         defaults.append(f"recording.body_height={recording.body_height!r}")
     config = override(config, [*defaults, *settings])
     assert config.recording is not None
+    if config.estimate.kind != "model":
+        raise InputError(
+            f"--set estimate.kind={config.estimate.kind}: of a simulated episode; a recording has "
+            "its own poses, expected none"
+        )
     x, y, z = recording.track.positions[0].tolist()
     if max(abs(x), abs(y)) <= FAR:
         x = y = 0.0

@@ -28,6 +28,7 @@ class PerturbationInjector:
         self._perturbation = config.perturbation or UNPERTURBED
         self._seed = config.seed
         self._labelled = config.sensors.semantics
+        self._registers = config.estimate.kind == "lidar"
         self._model = scene.model
         self._sensors = [caster.mount.name for caster in scene.casters]
         self._affected = self._perturbation.affected(self._sensors)
@@ -40,6 +41,13 @@ class PerturbationInjector:
     def delay(self) -> float:
         """Delay added to the present decision, s."""
         return self._perturbation.delay if self._active else 0.0
+
+    @property
+    def _streams(self) -> tuple[str, ...]:
+        """Input streams that the perturbation changes; of the lidar's pose with its sweeps."""
+        own = self._perturbation.streams(self._sensors)
+        sensed = any(name.startswith("sensor/") for name in own)
+        return (*own, "pose") if sensed and self._registers else own
 
     def delivered(self, casters: tuple[Caster, ...], sequence: int) -> list[Caster]:
         """The sensors whose sweeps reach the stack at this decision."""
@@ -107,7 +115,7 @@ class PerturbationInjector:
             exact_severity=perturbation.severity,
             amount=perturbation.amount if self._active else perturbation.nothing,
             unit=perturbation.unit,
-            streams=perturbation.streams(self._sensors),
+            streams=self._streams,
             pose_shift=added.shift,
             pose_turn=added.turn,
             changed_beams=self._changed_beams,

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from wayproof import Config, build, open_log, override, run_episode
+from wayproof.harness.attribution.case import read_case
+from wayproof.harness.counterfactual.remedies import go_on, nothing, true_pose
 from wayproof.harness.errors import InputError
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.registration import Registration
@@ -62,18 +64,61 @@ def test_the_covariance_grows_with_all_motion_that_nothing_held():
     config = EstimateConfig(
         position_walk=0.01, position_floor=0.0, motion_share=0.1, heading_walk=0.0
     )
-    covariance = StatedCovariance(config)
+    covariance = StatedCovariance(config, sweep_period=0.1)
     along = np.array([1.0, 0.0, 0.0])
     for _ in range(100):
-        covariance.predict(0.1 * along)
+        covariance.predict(0.1 * along, 0.1, inertial=False)
         covariance.correct(registered(along))
     walked = 0.01**2 * 10.0
     assert covariance.position[0, 0] == pytest.approx(walked + (0.1 * 9.9) ** 2)
     assert covariance.position[1, 1] == pytest.approx(walked)
     covariance.correct(registered())  # held again: what was lost stays lost
     assert covariance.position[0, 0] == pytest.approx(walked + (0.1 * 9.9) ** 2)
-    covariance.predict(0.1 * along)
+    covariance.predict(0.1 * along, 0.1, inertial=False)
     assert covariance.position[0, 0] == pytest.approx(0.01**2 * 10.1 + (0.1 * 9.9) ** 2)
+
+
+def test_a_drone_that_stands_still_without_returns_drifts_by_its_accelerometer():
+    """A position that nothing holds is off by half the bias times the square of the time."""
+    config = EstimateConfig(accelerometer_bias=0.1, gyro_bias=0.01, gyro_noise=0.0)
+    covariance = StatedCovariance(config, sweep_period=0.1)
+    covariance.correct(registered(*np.eye(3)))
+    for _ in range(100):
+        covariance.predict(np.zeros(3), 0.1, inertial=True)
+    for axis in range(3):
+        assert math.sqrt(covariance.position[axis, axis]) > 0.5 * 0.1 * 10.0**2
+    assert math.sqrt(covariance.heading) == pytest.approx(0.01 * 10.0, rel=1e-3)
+    covariance.correct(registered())
+    lost = covariance.position
+    covariance.predict(np.zeros(3), 0.1, inertial=True)
+    assert np.array_equal(covariance.position, lost)  # what was lost stays lost, and ends
+
+
+def test_the_check_of_a_cause_goes_on_from_the_same_map(tmp_path):
+    """The control of a counterfactual ends as the log does, and the true pose is the truth."""
+    path = tmp_path / "log.mcap"
+    config = override(Config("office", "drone", 2), SHORT)
+    run_episode(build(config), path)
+    log = open_log(path)
+    case = read_case(log)
+    control = go_on(log, case, nothing(log, case), at=15, limit_s=3.0)
+    assert control.chain == log.result["chain"]
+    assert true_pose(log, case).config.estimate.kind == "truth"
+
+
+def test_a_perturbation_of_sweeps_declares_that_it_changes_the_lidars_pose(tmp_path):
+    declared = {}
+    for kind in ("model", "lidar"):
+        settings = [
+            'perturbation={"kind": "depth_noise", "severity": 1}',
+            f"estimate.kind={kind}",
+            "episode.time_limit=1",
+        ]
+        path = tmp_path / f"{kind}.mcap"
+        run_episode(build(override(Config("office", "drone", 2), settings)), path)
+        records = [one for one in read_messages(path) if isinstance(one, pb.Perturbation)]
+        declared[kind] = "pose" in records[0].streams
+    assert declared == {"model": False, "lidar": True}
 
 
 def errors_of(path):
