@@ -27,6 +27,9 @@ SPACING = 0.25
 SLIVER = 1e-7
 """Tolerance for rounding, m: a face within it of a bound is on neither side."""
 
+HEIGHT_SHIFT = np.array([0.0, 0.0, 0.75])
+"""Offset of the index of a cell along each axis, cells: the floor is high in its layer."""
+
 SHELL = 512
 """Number of neighbours of each cell of a path that are read at once."""
 
@@ -45,11 +48,13 @@ class Cells:
         states: (nx, ny) or (nx, ny, nz).
         corner: (2,) or (3,) lower corner of the first cell, m.
         size: Edge of a cell, m.
+        first: (2,) or (3,) index of the first cell among those of all space.
     """
 
     states: NDArray[np.uint8]
     corner: Array
     size: float
+    first: Integers
 
     @property
     def axes(self) -> int:
@@ -82,9 +87,14 @@ class Cells:
         return distances
 
     def of(self, points: Array) -> Integers:
-        """Return the cells (n, 2 or 3) that contain points (n, 3), m."""
-        cells = np.floor((points[:, : self.axes] - self.corner) / self.size)
-        return cells.astype(np.int64)
+        """Return the cells (n, 2 or 3) that contain points (n, 3), m.
+
+        By the law of the map's cells. Measured from the corner, a point on a face, such as a goal
+        at 6 m, could be rounded into the cell before it.
+        """
+        cells = np.floor(points[:, : self.axes] / self.size + HEIGHT_SHIFT[: self.axes])
+        inside: Integers = cells.astype(np.int64) - self.first
+        return inside
 
     def touched(self, path: Array) -> Integers:
         """Return the distinct cells of points a quarter of a cell apart along a path (n, 3), m."""
@@ -149,16 +159,15 @@ def cells_around(
     low, high = path[:, :3].min(axis=0) - pad, path[:, :3].max(axis=0) + pad
     if flat:
         low[2], high[2] = mission.low[2] - size, mission.height + 2.0 * size
-    first = np.floor(low / size + (0.0, 0.0, 0.75))
-    end = np.ceil(high / size + (0.0, 0.0, 0.75))
-    corner = (first - (0.0, 0.0, 0.75)) * size
+    first = np.floor(low / size + HEIGHT_SHIFT)
+    end = np.ceil(high / size + HEIGHT_SHIFT)
+    corner = (first - HEIGHT_SHIFT) * size
     # The corners are those of cells; a quarter of a cell inwards they select the same cells.
-    states = states_in(
-        voxel_map, corner + 0.25 * size, (end - (0.0, 0.0, 0.75)) * size - 0.25 * size
-    )
+    states = states_in(voxel_map, corner + 0.25 * size, (end - HEIGHT_SHIFT) * size - 0.25 * size)
     if flat:
         states, corner = columns(states, float(corner[2]), size, mission), corner[:2]
-    return Cells(fenced(states, corner, size, config, mission), corner, size)
+    states = fenced(states, corner, size, config, mission)
+    return Cells(states, corner, size, first[: states.ndim].astype(np.int64))
 
 
 def fenced(

@@ -1,9 +1,13 @@
 """Cells that a body covers."""
 
 import numpy as np
+import pytest
 
+from wayproof.harness.config import Config
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.cells import columns
+from wayproof.harness.replay.cells import cells_around, columns
+from wayproof.maps import MapConfig, VoxelMap
+from wayproof.maps.grid import cells_at
 
 
 def test_a_column_by_hand():
@@ -25,3 +29,27 @@ def test_a_column_by_hand():
     states = np.array([[column for column, _ in cases.values()]], np.uint8)
     found = columns(states, -0.175, 0.1, mission)
     assert found[0].tolist() == [expected for _, expected in cases.values()]
+
+
+@pytest.mark.parametrize("size", [0.05, 0.1])
+@pytest.mark.parametrize("motion", ["ground", "air"])
+def test_a_point_on_a_face_lies_in_the_cell_that_the_map_puts_it_into(motion, size):
+    """Goals are round numbers, and (6 - 4.7) / 0.1 is rounded to less than 13."""
+    mission = Mission(
+        motion, 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
+        (0.0, 0.0, -0.2), (12.0, 12.0, 3.0), (0.5, 0.5, 0.3), 0.0, (6.0, 6.0, 0.3),
+    )  # fmt: skip
+    faces = np.round(np.arange(20, 121) * 0.05, 2)
+    points = np.column_stack((faces, faces[::-1], np.full(len(faces), 0.3)))
+    voxel_map = VoxelMap(MapConfig(resolution=size), 1, mission.low, mission.high)
+    config = Config("empty", "quadruped" if motion == "ground" else "drone", 1)
+    rounded_down = 0
+    for reach in (0.3, 0.55, 1.0, 1.35):  # corners at other multiples
+        cells = cells_around(voxel_map, points, reach, config, mission)
+        expected = cells_at(points, size)[0][:, : cells.axes] - cells.first
+        assert (cells.of(points) == expected).all()
+        at_corner = cells.corner + (cells.of(points) + 0.5) * size
+        assert (np.abs(at_corner - points[:, : cells.axes]) <= 0.5 * size + 1e-9).all()
+        plain = np.floor((points[:, : cells.axes] - cells.corner) / size)
+        rounded_down += int((plain != expected).sum())
+    assert rounded_down > 0  # measured from the corner some lie in another cell
