@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -96,7 +97,12 @@ class WorldSweep:
     @property
     def points(self) -> NDArray[np.float64]:  # (k, 3)
         """The returns, world frame, m."""
+        return self.points_within(math.inf)
+
+    def points_within(self, range_m: float) -> NDArray[np.float64]:  # (k, 3)
+        """The returns of at most a range, world frame, m."""
         returned = (self.ranges_mm != DROPPED) & (self.ranges_mm != NO_RETURN)
+        returned &= self.ranges_mm <= range_m * 1e3
         along = self.ranges_mm[returned, None] * 1e-3 * self.directions[returned]
         points: NDArray[np.float64] = self.origins[self.moments[returned]] + along
         return points

@@ -21,7 +21,7 @@ from wayproof.maps.others.tsdf import TsdfMap
 from wayproof.maps.representation import Representation
 from wayproof.maps.semantic import UNLABELLED, SemanticLayer
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
-from wayproof.maps.sweep import SweepStatistics, beams_to_points
+from wayproof.maps.sweep import SweepStatistics, beams_from_points
 from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
 
 MAPS: dict[str, type[Representation]] = {
@@ -57,7 +57,7 @@ __all__ = [
     "TsdfMap",
     "UnknownPolicy",
     "VoxelMap",
-    "beams_to_points",
+    "beams_from_points",
     "collision_distance_sq",
     "states_in",
     "warm_up",

@@ -88,7 +88,7 @@ def check_time(time_ns: int) -> None:
         raise ValueError(f"time_ns: got {time_ns}, expected 0 or more")
 
 
-def beams_to_points(
+def beams_from_points(
     origin: ArrayLike, points: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
     """Return the beams from a sensor to the points that it returned, as `integrate` takes them.

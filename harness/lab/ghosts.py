@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from wayproof.harness.inputs import WorldSweep
 from wayproof.maps import FREE, OCCUPIED, Representation
-from wayproof.models.sensors.beams import MILLIMETRES, NO_RETURN
 
 
 class GhostWatch:
@@ -40,7 +39,7 @@ class GhostWatch:
         """
         self._sweep += 1
         self._leave(a_map)
-        points = hit_points(sweep, range_m)
+        points = sweep.points_within(range_m)
         cells = np.floor(points / self._size).astype(np.int64)
         _, first = np.unique(cells, axis=0, return_index=True)
         if len(first) == 0:
@@ -60,14 +59,3 @@ class GhostWatch:
         for place in np.flatnonzero(free).tolist():
             self.cleared.append(self._sweep - self._hit.pop(names[place]))
             del self._points[names[place]]
-
-
-def hit_points(sweep: WorldSweep, range_m: float) -> NDArray[np.float64]:
-    """Return the ends of the beams of a sweep that met something within a range, (k, 3) m."""
-    ranges = sweep.ranges_mm
-    met = (ranges > 0) & (ranges != NO_RETURN) & (ranges <= range_m * MILLIMETRES)
-    lengths = ranges[met].astype(np.float64) / MILLIMETRES
-    ends: NDArray[np.float64] = sweep.origins[sweep.moments[met]] + (
-        sweep.directions[met] * lengths[:, None]
-    )
-    return ends

@@ -8,7 +8,6 @@ import pytest
 from tests.harness.shadow.conftest import BODY as SPEC
 from tests.harness.shadow.conftest import shadowed, written
 from wayproof.harness.inputs import WorldSweep
-from wayproof.harness.lab.ghosts import hit_points
 from wayproof.harness.lab.policies import policies_of
 from wayproof.harness.lab.source import PlacedSweep, Source, first, of_recording
 from wayproof.harness.lab.trials import build, misses_to_free, run_trial
@@ -95,9 +94,9 @@ def test_wide_clamps_hold_real_ghosts_longer(source):
 
 def test_beams_without_return_hit_nothing():
     silent = replace(beam(1.0), ranges_mm=np.array([NO_RETURN], np.uint16))
-    assert len(hit_points(silent, 1000.0)) == 0
-    assert len(hit_points(beam(3.5), 3.0)) == 0
-    assert hit_points(beam(2.0), 3.0).tolist() == [[2.05, 0.05, 0.3]]
+    assert len(silent.points_within(1000.0)) == 0
+    assert len(beam(3.5).points_within(3.0)) == 0
+    assert beam(2.0).points_within(3.0).tolist() == [[2.05, 0.05, 0.3]]
 
 
 def test_the_share_admitted_grows_with_what_unknown_space_allows(tmp_path):
