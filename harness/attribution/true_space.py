@@ -184,8 +184,10 @@ class TrueSpace:
         R = data.geom_xmat[geom].reshape(3, 3)
         middle = data.geom_xpos[geom] + R @ model.geom_aabb[geom, :3]
         half = np.abs(R) @ model.geom_aabb[geom, 3:]
-        first = np.clip(np.floor((middle - half - origin) / size) - 1, 0, shape).astype(int)
-        end = np.clip(np.ceil((middle + half - origin) / size) + 1, 0, shape).astype(int)
+        with np.errstate(over="ignore"):  # of a geom beyond all numbers, which is then clipped
+            low, high = (middle - half - origin) / size, (middle + half - origin) / size
+        first = np.clip(np.floor(low) - 1, 0, shape).astype(int)
+        end = np.clip(np.ceil(high) + 1, 0, shape).astype(int)
         window = tuple(slice(a, b) for a, b in zip(first, end, strict=True))
         cells = np.stack(np.meshgrid(*map(np.arange, first, end), indexing="ij"), axis=-1)
         return window, origin + (cells.reshape(-1, 3) + 0.5) * size

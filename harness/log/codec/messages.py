@@ -16,6 +16,9 @@ from wayproof.harness.log.codec.container import Packet, walk
 from wayproof.harness.log.codec.packed import unpack
 from wayproof.harness.schema import wayproof_pb2 as pb
 
+LONGEST_DELAY_S = 1e9
+"""Longest delay of a decision that a log can hold, s."""
+
 
 def read_messages(path: Path) -> Iterator[Message]:
     """Yield every message of a log in file order, decoded.
@@ -90,13 +93,31 @@ def _check_times(message: Message) -> None:
 
 
 def _check_place(message: Message) -> None:
-    """Raise a ValueError if a true or recorded position is out of range: squares may overflow."""
+    """Raise a ValueError if a true or recorded pose is out of range: squares may overflow."""
     if isinstance(message, pb.RecordedMotion):
         _check_motion(message)
+    if isinstance(message, pb.Truth):
+        _check_truth(message)
+    if isinstance(message, pb.Latency) and not abs(message.delay_s) <= LONGEST_DELAY_S:
+        raise ValueError("delay_s")
     if isinstance(message, (pb.Truth, pb.RecordedMotion)) and not all(
         abs(x) <= MAX_COORDINATE for x in message.position
     ):
         raise ValueError("position")
+
+
+def _check_truth(message: pb.Truth) -> None:
+    """Raise a ValueError if a truth has the wrong size, or numbers that no body has."""
+    sizes = len(message.position), len(message.quaternion), len(message.velocity)
+    movers = {(len(mover.position), len(mover.quaternion)) for mover in message.movers}
+    if sizes != (3, 4, 3) or not movers <= {(3, 4)}:
+        raise ValueError("truth")
+    turns = [message.quaternion, *(mover.quaternion for mover in message.movers)]
+    if not all(abs(x) < 2.0 for turn in turns for x in turn):
+        raise ValueError("quaternion")
+    places = [message.velocity, *(mover.position for mover in message.movers)]
+    if not all(abs(x) <= MAX_COORDINATE for place in places for x in place):
+        raise ValueError("velocity")
 
 
 def _check_motion(message: pb.RecordedMotion) -> None:

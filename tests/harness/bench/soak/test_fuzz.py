@@ -35,6 +35,12 @@ def copy(tmp_path_factory):
 @given(st.sampled_from(KINDS), st.integers(0, 2**32))
 @example("forged", 2_195_821_628)  # a true place at 1e214 m, whose square is no number
 @example("forged", 2198)  # cosine and sine of a beam that are as large
+@example("forged", 3792)  # an estimated orientation
+@example("forged", 989)  # a true one
+@example("forged", 501_296)  # a delay of no number of steps
+@example("forged", 503_856)  # a truth without a place
+@example("forged", 504_432)  # a body of the scene beyond all numbers
+@example("forged", 504_740)  # a true orientation of five numbers
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_mutated_input_is_refused_in_a_line_or_read(copy, kind, seed):
     said = ""
