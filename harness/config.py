@@ -20,7 +20,7 @@ from wayproof.harness.renamed import current_value, renamed, with_current_names
 from wayproof.maps import MAPS, CostmapConfig, MapConfig
 from wayproof.maps.bounds import Bounds, check_fields
 from wayproof.models.classes import CLASSES
-from wayproof.models.odometry import OdometryConfig
+from wayproof.models.pose_model import PoseModelConfig
 from wayproof.models.sensors.devices import DEVICES, OWN, SensorConfig
 from wayproof.planners import FORMER_NAMES, PLANNERS, PlannerConfig
 
@@ -158,7 +158,7 @@ class Config:
         record: `full` logs all; `decisions` leaves sweeps and states out, which the seed gives
             again; `failures` is full where the episode failed, and decisions where it succeeded.
         estimate: Where the pose comes from that the stack and the controller get.
-        odometry: How good it is by the model of an estimator.
+        pose_model: Errors of the pose by `estimate.kind=model`.
         perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
         robot_file: Text of the robot's spec file, in a log; set by the run.
         recording: The recording that the inputs come from, and how it is judged; none of a
@@ -175,7 +175,7 @@ class Config:
     record: Literal["full", "decisions", "failures"] = "full"
     sensors: SensorConfig = field(default_factory=SensorConfig)
     estimate: EstimateConfig = field(default_factory=EstimateConfig)
-    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    pose_model: PoseModelConfig = field(default_factory=PoseModelConfig)
     map: MapConfig = field(default_factory=MapConfig)
     costmap: CostmapConfig = field(default_factory=CostmapConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)

@@ -15,7 +15,7 @@ class EstimateConfig:
     """The estimator of the pose, and the sensors of motion that it has beside the sweeps.
 
     Attributes:
-        kind: `model`: the truth with errors drawn by `odometry.*`; `truth`: without any; `lidar`:
+        kind: `model`: the truth with errors drawn by `pose_model.*`; `truth`: without any; `lidar`:
             an odometry that registers the sweeps, after predicting by inertial sensors and legs.
         voxel: Edge of the voxels of the odometry's map, each with one plane, m.
         spacing: Distance between points of a sweep that are registered, m.

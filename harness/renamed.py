@@ -1,8 +1,14 @@
-"""Settings by their former names: in logs of format 5 and before, and in studies of that time."""
+"""Settings by their former names: in older logs and studies."""
 
 from __future__ import annotations
 
 from typing import Any
+
+POSE_MODEL = (
+    *("rate", "scale_sigma", "yaw_scale_sigma", "random_walk", "yaw_random_walk", "bias_sigma"),
+    *("yaw_bias_sigma", "leg_height_sigma", "correlation_time", "white_noise", "yaw_white_noise"),
+)
+"""Settings of the section `pose_model`, which was `odometry`."""
 
 RENAMED = {
     "map.hit": "map.log_odds_hit",
@@ -24,15 +30,16 @@ RENAMED = {
     "map.vacated_after": "map.dynamic.free_after_misses",
     "map.static_after": "map.dynamic.static_after",
     "map.look_ahead": "map.dynamic.prediction_horizon",
-    "odometry.scale": "odometry.scale_sigma",
-    "odometry.turn_scale": "odometry.yaw_scale_sigma",
-    "odometry.walk": "odometry.random_walk",
-    "odometry.turn_walk": "odometry.yaw_random_walk",
-    "odometry.sigma": "odometry.bias_sigma",
-    "odometry.turn_sigma": "odometry.yaw_bias_sigma",
-    "odometry.legs_sigma": "odometry.leg_height_sigma",
-    "odometry.jitter": "odometry.white_noise",
-    "odometry.turn_jitter": "odometry.yaw_white_noise",
+    "odometry.scale": "pose_model.scale_sigma",
+    "odometry.turn_scale": "pose_model.yaw_scale_sigma",
+    "odometry.walk": "pose_model.random_walk",
+    "odometry.turn_walk": "pose_model.yaw_random_walk",
+    "odometry.sigma": "pose_model.bias_sigma",
+    "odometry.turn_sigma": "pose_model.yaw_bias_sigma",
+    "odometry.legs_sigma": "pose_model.leg_height_sigma",
+    "odometry.jitter": "pose_model.white_noise",
+    "odometry.turn_jitter": "pose_model.yaw_white_noise",
+    **{f"odometry.{name}": f"pose_model.{name}" for name in POSE_MODEL},
     "behaviour.patience": "behaviour.wait_timeout",
     "behaviour.tries": "behaviour.max_recoveries",
     "behaviour.backups": "behaviour.max_backtracks",

@@ -61,7 +61,7 @@ SUMS_OF_WHOLE_NUMBERS = (
     "planners.astar.lattice",
 )
 ALLOWED = {
-    ("models.odometry", "*"): "makes the estimate that is logged",
+    ("models.pose_model", "*"): "makes the estimate that is logged",
     ("models.sensors.devices.*", "*"): "makes the tables of beams that are logged",
     ("harness.perturbations.*", "*"): "makes the inputs that are logged",
     ("harness.interface.stacks.*", "*"): "gives the answers that are logged",

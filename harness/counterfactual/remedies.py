@@ -30,7 +30,7 @@ from wayproof.harness.result import Result
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.models.odometry import OdometryConfig
+from wayproof.models.pose_model import PoseModelConfig
 from wayproof.models.robots import Controller, Setpoint
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.sensors.caster import make_caster
@@ -58,8 +58,8 @@ STEP = 6.0
 NEVER = 1e9
 """Time of appearance of a mover that never appears, s."""
 
-ERRORS = {one.name for one in fields(OdometryConfig)} - {"rate", "correlation_time"}
-EXACT = OdometryConfig(**dict.fromkeys(ERRORS, 0.0))
+ERRORS = {one.name for one in fields(PoseModelConfig)} - {"rate", "correlation_time"}
+EXACT = PoseModelConfig(**dict.fromkeys(ERRORS, 0.0))
 
 
 Movers = Callable[[], Sequence[MoverState]]
@@ -95,7 +95,7 @@ def true_pose(log: Log, case: Case) -> Change:
     config = replace(
         log.config,
         estimate=replace(log.config.estimate, kind="truth"),
-        odometry=replace(EXACT, rate=log.config.odometry.rate),
+        pose_model=replace(EXACT, rate=log.config.pose_model.rate),
     )
     return Change(_unperturbed(config, "pose"), forget=("estimate",))
 

@@ -15,7 +15,7 @@ from wayproof.harness.estimators.motion_sensors import Motion, MotionSensors
 from wayproof.harness.estimators.stated_covariance import StatedCovariance
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
 from wayproof.models.arrays import Array
-from wayproof.models.odometry import ERROR_STEP, PoseError
+from wayproof.models.pose_model import ERROR_STEP, PoseError
 
 VELOCITY_GAIN = 0.5
 """Share of the correction of a sweep by which the velocity is corrected, where no foot gives it."""

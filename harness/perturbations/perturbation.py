@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.perturbations.displacement import Displacement
-from wayproof.models.odometry import PoseError
+from wayproof.models.pose_model import PoseError
 from wayproof.models.random_streams import stream
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN, BeamTable, directions
 

@@ -6,7 +6,7 @@ import math
 from typing import ClassVar
 
 from wayproof.harness.perturbations.perturbation import Changes, Perturbation
-from wayproof.models.odometry import PoseError
+from wayproof.models.pose_model import PoseError
 from wayproof.models.random_streams import stream
 
 

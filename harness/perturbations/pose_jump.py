@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from wayproof.harness.perturbations.perturbation import UNCHANGED, Changes, Perturbation
 from wayproof.harness.perturbations.pose_drift import along, direction
-from wayproof.models.odometry import PoseError
+from wayproof.models.pose_model import PoseError
 from wayproof.models.random_streams import stream
 
 EARLIEST, LATEST = 2.0, 10.0

@@ -25,7 +25,7 @@ SAME_PLACE = 0.01
 SPACING = 0.1
 """Spacing of the points at which two routes are compared, m."""
 
-SENSED = ("world", "robot", "start", "sensors", "estimate", "odometry")
+SENSED = ("world", "robot", "start", "sensors", "estimate", "pose_model")
 """Settings that change the sensed data, which the inputs of a log cannot show."""
 
 

@@ -22,7 +22,7 @@ from wayproof.harness.perturbations.perturbation import ListedDirections, Ranges
 from wayproof.harness.result import way_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.way import Array
-from wayproof.models.odometry import PoseError, estimated_trail
+from wayproof.models.pose_model import PoseError, estimated_trail
 from wayproof.models.poses import Trail, rotation_matrices
 from wayproof.models.sensors.beams import NO_RETURN, BeamTable
 

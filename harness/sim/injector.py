@@ -12,7 +12,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.perturbations import UNPERTURBED, Report
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.classes import UNKNOWN_CLASS
-from wayproof.models.odometry import PoseError
+from wayproof.models.pose_model import PoseError
 from wayproof.models.poses import Trail
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.scene import Scene

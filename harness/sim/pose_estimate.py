@@ -19,14 +19,17 @@ from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.inputs import Beams, Inputs, Pose, SweepInput
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.models.odometry import Odometry, OdometryConfig, PoseError, estimated_trail
+from wayproof.models.pose_model import PoseError, PoseModel, PoseModelConfig, estimated_trail
 from wayproof.models.poses import Trail
 
 Array = NDArray[np.float64]
 
 
-EXACT = OdometryConfig(bias_sigma=0.0, yaw_bias_sigma=0.0, leg_height_sigma=0.0)
+EXACT = PoseModelConfig(bias_sigma=0.0, yaw_bias_sigma=0.0, leg_height_sigma=0.0)
 """Errors of the truth itself."""
+
+ESTIMATOR = "estimator."
+"""Prefix of the estimator's own state in a snapshot; the other names have no dot."""
 
 NONE = -1
 """Number of the sweeps before the first."""
@@ -94,10 +97,10 @@ class PoseEstimate:
         """
         self._config = config
         self._perturbation = config.perturbation or UNPERTURBED
-        self._stride = max(1, round(1.0 / (config.odometry.rate * timestep)))
+        self._stride = max(1, round(1.0 / (config.pose_model.rate * timestep)))
         period = self._stride * timestep
         self._beams = beams
-        self._odometry: Estimator
+        self._estimator: Estimator
         self._lidar: LidarOdometry | None = None
         self._corrected = self._mapped = NONE  # number of the last sweeps
         if config.estimate.kind == "lidar":
@@ -105,10 +108,10 @@ class PoseEstimate:
             self._lidar = LidarOdometry(
                 config.estimate, position, heading, sensors, sweep_period=steps * timestep
             )
-            self._odometry = self._lidar
+            self._estimator = self._lidar
         else:
-            errors = config.odometry if config.estimate.kind == "model" else EXACT
-            self._odometry = Odometry(
+            errors = config.pose_model if config.estimate.kind == "model" else EXACT
+            self._estimator = PoseModel(
                 errors, config.seed, position, heading, period, legs=body.legs
             )
         self._period_ns = round(period * 1e9)
@@ -119,10 +122,10 @@ class PoseEstimate:
         self.tracked = np.array([self.error_row, np.zeros(4)])
 
     def state(self) -> dict[str, Array]:
-        """The odometry, the time of the next estimate, errors of the trail (n, 4), the filter."""
+        """The estimator, the time of the next estimate, errors of the trail (n, 4), the filter."""
         errors = [(*one.shift, one.turn) for one in self._errors]
         return {
-            **{f"odometry.{name}": array for name, array in self._odometry.state().items()},
+            **{f"{ESTIMATOR}{name}": array for name, array in self._estimator.state().items()},
             "due_ns": np.array(self._due_ns, np.int64),
             "errors": np.array(errors).reshape(-1, 4),
             "added": np.array([*self.added.shift, self.added.turn]),
@@ -138,9 +141,8 @@ class PoseEstimate:
         """
         if state["tracked"].shape != self.tracked.shape:
             raise ValueError(f"tracked: got {state['tracked'].shape}, expected (2, 4)")
-        prefix = "odometry."
-        own = {n.removeprefix(prefix): a for n, a in state.items() if n.startswith(prefix)}
-        self._odometry.restore(own)
+        own = [(name.partition("."), array) for name, array in state.items()]
+        self._estimator.restore({name: array for (_, dot, name), array in own if dot})
         self._due_ns = int(state["due_ns"])
         self._errors.clear()
         self._errors.extend(_pose_error(row) for row in state["errors"])
@@ -155,7 +157,7 @@ class PoseEstimate:
         if time_ns < self._due_ns:
             return
         self._due_ns += self._period_ns
-        self._odometry.advance(position, yaw_of_quaternion(quaternion))
+        self._estimator.advance(position, yaw_of_quaternion(quaternion))
         self._update_perturbation(time_ns)
 
     @property
@@ -205,8 +207,8 @@ class PoseEstimate:
         message = pb.Pose(
             position=believed.positions[-1].tolist(),
             quaternion=believed.quaternions[-1].tolist(),
-            position_sigma=self._odometry.position_sigma,
-            heading_sigma=self._odometry.heading_sigma,
+            position_sigma=self._estimator.position_sigma,
+            heading_sigma=self._estimator.heading_sigma,
         )
         if rolling:
             message.history_positions.extend(believed.positions.ravel().tolist())
@@ -228,12 +230,12 @@ class PoseEstimate:
         return np.concatenate([np.zeros((0, 3)), *points])
 
     def _update_perturbation(self, time_ns: int) -> None:
-        travelled = self._odometry.travelled
+        travelled = self._estimator.travelled
         self.added = self._perturbation.pose_error(self._config.seed, time_ns, travelled)
         self._update_error()
 
     def _update_error(self) -> None:
-        self.error = self._odometry.error + self.added
+        self.error = self._estimator.error + self.added
         self.error_row[:] = *self.error.shift, self.error.turn
 
 

@@ -201,7 +201,11 @@ def test_distances_worked_out_where_somebody_looked_decide_as_all_of_them_do(
     recorded, monkeypatch, policy
 ):
     """A drone in a warehouse whose costmap works out everything decides the same, bit by bit."""
-    short = "episode.time_limit=6", f"costmap.unknown_policy={policy}", "odometry.scale_sigma=0.01"
+    short = (
+        "episode.time_limit=6",
+        f"costmap.unknown_policy={policy}",
+        "pose_model.scale_sigma=0.01",
+    )
     result = recorded("warehouse", "drone", 4, *short)
     log = open_log(Path(result.log))
     monkeypatch.setattr(Distances, "begin", lambda self: self.whole())

@@ -47,7 +47,7 @@ def episode(monkeypatch, tmp_path):
     return run
 
 
-EXACT = ("odometry.bias_sigma=0", "odometry.yaw_bias_sigma=0")
+EXACT = ("pose_model.bias_sigma=0", "pose_model.yaw_bias_sigma=0")
 
 
 # With an exact pose, beams miss some cells under the ceiling for good: there might be a way for a

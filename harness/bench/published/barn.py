@@ -57,9 +57,9 @@ SETTINGS = (
     "map.resolution=0.04",
     f"costmap.localization_margin={MARGIN}",
     "map.half_life=0",
-    "odometry.bias_sigma=0",
-    "odometry.yaw_bias_sigma=0",
-    "odometry.leg_height_sigma=0",
+    "pose_model.bias_sigma=0",
+    "pose_model.yaw_bias_sigma=0",
+    "pose_model.leg_height_sigma=0",
     f"episode.time_limit={LIMIT:g}",
 )
 

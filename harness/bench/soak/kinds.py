@@ -83,12 +83,12 @@ def _perturbed(turn: int, rng: np.random.Generator) -> Config:
     return replace(_plain(turn, rng), perturbation=perturbation_from(kind))
 
 
-def _odometry(turn: int, rng: np.random.Generator) -> Config:
+def _pose_model(turn: int, rng: np.random.Generator) -> Config:
     settings = (
-        f"odometry.bias_sigma={rng.uniform(0.0, 0.05):.4f}",
-        f"odometry.yaw_bias_sigma={rng.uniform(0.0, 0.01):.5f}",
-        f"odometry.scale_sigma={rng.uniform(0.0, 0.02):.4f}",
-        f"odometry.random_walk={rng.uniform(0.0, 0.02):.4f}",
+        f"pose_model.bias_sigma={rng.uniform(0.0, 0.05):.4f}",
+        f"pose_model.yaw_bias_sigma={rng.uniform(0.0, 0.01):.5f}",
+        f"pose_model.scale_sigma={rng.uniform(0.0, 0.02):.4f}",
+        f"pose_model.random_walk={rng.uniform(0.0, 0.02):.4f}",
     )
     return _plain(turn, rng, *settings)
 
@@ -110,7 +110,7 @@ KINDS: dict[str, Draw] = {
     "map": _map,
     "device": _device,
     "perturbation": _perturbed,
-    "odometry": _odometry,
+    "pose_model": _pose_model,
     "classes": _classes,
     "random": _random,
 }

@@ -428,7 +428,7 @@ def test_a_perturbation_does_not_shift_a_sensors_own_noise(tmp_path):
 
 def test_a_late_decision_takes_effect_late(tmp_path):
     """Asked for motion at time 0, the body starts 0.1 s later than the stack reckons."""
-    exact = ["odometry.bias_sigma=0", "odometry.yaw_bias_sigma=0", "episode.time_limit=0.3"]
+    exact = ["pose_model.bias_sigma=0", "pose_model.yaw_bias_sigma=0", "episode.time_limit=0.3"]
     usual = override(Config("corridor", "drone", JUMPS_AT_2_S), exact)
     late = replace(usual, perturbation=perturbation_from("latency:3"))
     moved = []

@@ -12,7 +12,7 @@ from wayproof.harness.perturbations.depth_scale import DepthScale
 from wayproof.harness.perturbations.latency import Latency
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.sim.injector import PerturbationInjector
-from wayproof.models.odometry import PoseError
+from wayproof.models.pose_model import PoseError
 from wayproof.models.poses import Trail
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 

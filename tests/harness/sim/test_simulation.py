@@ -14,9 +14,9 @@ from wayproof.models.robots import Setpoint
 from wayproof.planners import MotionLimits, PathState, follow_path, hold
 
 NOISY = [
-    "odometry.white_noise=0.002",
-    "odometry.yaw_white_noise=0.002",
-    "odometry.random_walk=0.02",
+    "pose_model.white_noise=0.002",
+    "pose_model.yaw_white_noise=0.002",
+    "pose_model.random_walk=0.02",
 ]
 
 

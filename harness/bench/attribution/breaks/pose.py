@@ -19,12 +19,12 @@ def _drift(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 def _heading_drift(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """Dead reckoning with a scale error of its turns."""
-    return Broken(settings=(f"odometry.yaw_scale_sigma={rng.uniform(0.1, 0.4):.3f}",))
+    return Broken(settings=(f"pose_model.yaw_scale_sigma={rng.uniform(0.1, 0.4):.3f}",))
 
 
 def _dead_reckoning(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """Dead reckoning with a scale error of its distances, stated as such."""
-    return Broken(settings=(f"odometry.scale_sigma={rng.uniform(0.05, 0.2):.3f}",))
+    return Broken(settings=(f"pose_model.scale_sigma={rng.uniform(0.05, 0.2):.3f}",))
 
 
 KINDS = {

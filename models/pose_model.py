@@ -24,12 +24,15 @@ X, Y, Z, HEADING, SCALE, TURN_SCALE = range(6)
 """Components of the dead-reckoning covariance."""
 
 
+STREAM = "odometry"
+"""Name of the random streams; another one would draw other errors for the seeds of old logs."""
+
 DRAW_BLOCK = 128
 """Number of estimates whose random numbers come from one generator, which takes 30 us to make."""
 
 
 @dataclass(frozen=True)
-class OdometryConfig:
+class PoseModelConfig:
     """Errors of the pose estimate; all zero is the truth itself.
 
     Dead reckoning accumulates the first four errors without bound; a stack that localizes against a
@@ -84,7 +87,9 @@ class OdometryConfig:
     def _check(self, name: str, low: float, high: float, unit: str) -> None:
         value = getattr(self, name)
         if not low <= value <= high:  # also refuses NaN
-            raise ValueError(f"odometry.{name}: got {value:g}, expected {low:g} to {high:g}{unit}")
+            raise ValueError(
+                f"pose_model.{name}: got {value:g}, expected {low:g} to {high:g}{unit}"
+            )
 
 
 @dataclass(frozen=True)
@@ -105,12 +110,12 @@ class PoseError:
         return PoseError((x + dx, y + dy, z + dz), self.turn + other.turn)
 
 
-class Odometry:
+class PoseModel:
     """The error of an estimator that follows one body, estimate by estimate."""
 
     def __init__(
         self,
-        config: OdometryConfig,
+        config: PoseModelConfig,
         seed: int,
         position: Array,
         heading: float,
@@ -135,7 +140,7 @@ class Odometry:
         self._position: list[float] = position.tolist()
         self._heading = heading
         self._decay = math.exp(-period / config.correlation_time)
-        distance, turn = stream(seed, "odometry/scale", 0).standard_normal(2).tolist()
+        distance, turn = stream(seed, f"{STREAM}/scale", 0).standard_normal(2).tolist()
         self._scales = 1.0 + config.scale_sigma * distance, config.yaw_scale_sigma * turn
         self._reckoned = np.zeros(4)  # x, y, z, heading
         # A stack that localizes against a map adds up no errors: then there is no sum to keep.
@@ -257,7 +262,7 @@ class Odometry:
         """Walk, bounded error and jitter by row; all drawn, so that none shifts another's."""
         block, row = divmod(self._sequence, DRAW_BLOCK)
         if block != self._block:
-            self._block, rng = block, stream(self._seed, "odometry", block)
+            self._block, rng = block, stream(self._seed, STREAM, block)
             drawn = rng.standard_normal((DRAW_BLOCK, 3, 4))
             self._drawn: list[list[list[float]]] = drawn.tolist()
         return self._drawn[row]

@@ -20,51 +20,51 @@ from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.pose_estimate import PoseEstimate
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE
-from wayproof.models.odometry import Odometry, OdometryConfig, PoseError, estimated_trail
+from wayproof.models.pose_model import PoseError, PoseModel, PoseModelConfig, estimated_trail
 from wayproof.models.poses import Trail, rotation_matrices
 
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 0.01
-EXACT = OdometryConfig(bias_sigma=0.0, yaw_bias_sigma=0.0)
-EXACTLY = ("odometry.bias_sigma=0", "odometry.yaw_bias_sigma=0")
+EXACT = PoseModelConfig(bias_sigma=0.0, yaw_bias_sigma=0.0)
+EXACTLY = ("pose_model.bias_sigma=0", "pose_model.yaw_bias_sigma=0")
 
 
 def drive(config, seed, steps=40, length=0.25, turn=0.05):
     """An arc of so many steps; the estimate at its end and the true pose there."""
-    odometry = Odometry(config, seed, np.zeros(3), 0.0, PERIOD)
+    model = PoseModel(config, seed, np.zeros(3), 0.0, PERIOD)
     position, heading = np.zeros(3), 0.0
     for _ in range(steps):
         heading += turn
         position = position + length * np.array([math.cos(heading), math.sin(heading), 0.1])
-        odometry.advance(position, heading)
-    return odometry
+        model.advance(position, heading)
+    return model
 
 
 def test_an_exact_estimator_has_no_error():
-    odometry = drive(EXACT, 3)
-    assert odometry.error == PoseError()
-    assert odometry.position_sigma == odometry.heading_sigma == 0.0
-    assert odometry.travelled == pytest.approx(40 * 0.25 * math.sqrt(1.01))
+    model = drive(EXACT, 3)
+    assert model.error == PoseError()
+    assert model.position_sigma == model.heading_sigma == 0.0
+    assert model.travelled == pytest.approx(40 * 0.25 * math.sqrt(1.01))
 
 
 def test_the_same_seed_gives_the_same_error_and_another_another():
-    assert drive(OdometryConfig(), 3).error == drive(OdometryConfig(), 3).error
-    assert drive(OdometryConfig(), 3).error != drive(OdometryConfig(), 4).error
+    assert drive(PoseModelConfig(), 3).error == drive(PoseModelConfig(), 3).error
+    assert drive(PoseModelConfig(), 3).error != drive(PoseModelConfig(), 4).error
 
 
 def test_errors_are_whole_micrometres():
-    error = drive(OdometryConfig(random_walk=0.01), 1).error
+    error = drive(PoseModelConfig(random_walk=0.01), 1).error
     for value in (*error.shift, error.turn):
         assert value == round(value * 1e6) * 1e-6
 
 
 def test_a_scale_error_stretches_a_straight_line():
     """One hand-computed case: 10 m straight, scale s: the believed place is s farther along."""
-    odometry = drive(replace(EXACT, scale_sigma=0.1), 5, turn=0.0)
-    x, y, z = odometry.error.shift
+    model = drive(replace(EXACT, scale_sigma=0.1), 5, turn=0.0)
+    x, y, z = model.error.shift
     assert abs(x) > 1e-3
     assert (y, z) == pytest.approx((0.0, 0.1 * x), abs=1e-6)
-    assert odometry.position_sigma == pytest.approx(0.1 * 10.0, rel=0.15)  # linear about s = 0
+    assert model.position_sigma == pytest.approx(0.1 * 10.0, rel=0.15)  # linear about s = 0
 
 
 def test_one_kind_of_error_does_not_shift_the_draws_of_another():
@@ -96,11 +96,11 @@ def test_the_stated_standard_deviations_are_those_of_many_runs(errors):
 
 def test_the_bounded_error_forgets_itself_in_its_correlation_time():
     config = replace(EXACT, bias_sigma=0.1, correlation_time=0.2)
-    odometry = Odometry(config, 1, np.zeros(3), 0.0, PERIOD)
+    model = PoseModel(config, 1, np.zeros(3), 0.0, PERIOD)
     errors = []
     for _ in range(4000):
-        odometry.advance(np.zeros(3), 0.0)
-        errors.append(odometry.error.shift)
+        model.advance(np.zeros(3), 0.0)
+        errors.append(model.error.shift)
     series = np.array(errors)  # (n, 3), 40 s
     assert series.std() == pytest.approx(0.1, rel=0.1)
     lag = round(0.2 / PERIOD)
@@ -113,8 +113,8 @@ def test_the_bounded_error_forgets_itself_in_its_correlation_time():
     [("rate", 0.0), ("bias_sigma", -1.0), ("random_walk", math.nan), ("yaw_scale_sigma", 2.0)],
 )
 def test_what_is_no_estimator_is_refused(field, value):
-    with pytest.raises(ValueError, match=rf"odometry\.{field}: got"):
-        OdometryConfig(**{field: value})
+    with pytest.raises(ValueError, match=rf"pose_model\.{field}: got"):
+        PoseModelConfig(**{field: value})
 
 
 def heading_quaternion(angle):
@@ -132,7 +132,7 @@ def test_a_believed_trail_is_shifted_and_turned_by_each_its_own_error():
 
 def test_the_error_moves_only_with_new_estimates():
     config = override(
-        Config("empty", "drone", 0), ["odometry.rate=50", "odometry.white_noise=0.01"]
+        Config("empty", "drone", 0), ["pose_model.rate=50", "pose_model.white_noise=0.01"]
     )
     body = Body(model=None, data=None, base=0, is_robot=None, legs=False)  # of the lidar's alone
     estimate = PoseEstimate(config, 0.002, 50, np.zeros(3), 0.0, body, {})
@@ -154,7 +154,7 @@ def test_the_log_holds_the_believed_pose_and_the_margin_follows_its_sigma(record
     config = open_log(Path(result.log)).config
     for decision in (m for m in messages if isinstance(m, pb.Decision)):
         assert decision.position == poses[decision.sequence].position
-        assert decision.position_sigma == config.odometry.bias_sigma
+        assert decision.position_sigma == config.pose_model.bias_sigma
         margin = config.costmap.localization_margin + 2 * 0.01
         assert decision.localization_margin_m == margin + 0.245 * HEADING_TOLERANCE  # outmost disc
 
@@ -176,7 +176,7 @@ def test_a_rolling_sweep_is_straightened_by_believed_poses(recorded):
 @pytest.mark.parametrize("robot", ["drone", "quadruped"])
 def test_the_body_tracks_what_it_believes(robot, tmp_path):
     """Believed at the goal, the body truly rests beside it by the estimate's error."""
-    settings = ["odometry.bias_sigma=0.05", "odometry.correlation_time=1000"]
+    settings = ["pose_model.bias_sigma=0.05", "pose_model.correlation_time=1000"]
     result = run_episode(
         build(override(Config("empty", robot, 1), settings)), tmp_path / "off.mcap"
     )
@@ -192,12 +192,12 @@ def test_the_body_tracks_what_it_believes(robot, tmp_path):
 
 @pytest.mark.parametrize(
     "setting",
-    ["odometry.white_noise=0.01", "odometry.yaw_bias_sigma=0.2"],
+    ["pose_model.white_noise=0.01", "pose_model.yaw_bias_sigma=0.2"],
     ids=["jitter", "heading"],
 )
 def test_a_drone_flies_steadily_on_a_bad_estimate(setting, tmp_path):
     """White error, and a heading that is far off, reach the controller without shaking it."""
-    settings = [setting, "odometry.correlation_time=1000", "episode.time_limit=3"]
+    settings = [setting, "pose_model.correlation_time=1000", "episode.time_limit=3"]
     log = tmp_path / "bad.mcap"
     result = run_episode(build(override(Config("empty", "drone", 1), settings)), log)
     assert result.outcome == "timeout", result.reason
@@ -263,14 +263,14 @@ def test_the_stack_names_neither_truth_nor_perturbation():
         tree = ast.parse(file.read_text())
         names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
         names |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
-        assert not names & {"Truth", "truth", "Perturbation", "perturbation", "odometry"}, file
+        assert not names & {"Truth", "truth", "Perturbation", "perturbation", "pose_model"}, file
 
 
 def test_legs_measure_their_own_height():
     """Of what walks only the legs' own error is left along z; the rest is as of what flies."""
-    config = OdometryConfig(random_walk=0.1, white_noise=0.05, scale_sigma=0.1)
+    config = PoseModelConfig(random_walk=0.1, white_noise=0.05, scale_sigma=0.1)
     flying, walking = (
-        Odometry(config, 3, np.zeros(3), 0.0, PERIOD, legs=legs) for legs in (False, True)
+        PoseModel(config, 3, np.zeros(3), 0.0, PERIOD, legs=legs) for legs in (False, True)
     )
     errors = []
     for step in range(500):
