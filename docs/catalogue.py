@@ -16,7 +16,7 @@ from docs.docstrings import attributes, description, summary
 from wayproof.harness.bench.published import BENCHMARKS
 from wayproof.harness.bench.stages import STAGES
 from wayproof.harness.cli.catalogue import Catalogue, Entry
-from wayproof.harness.config import BUILTIN, NAMED, RECORDING, Config
+from wayproof.harness.config import BUILTIN, NAMED, RECORDING, Config, section_of
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation, Perturbation
@@ -116,7 +116,7 @@ def _settings(section: type, prefix: str) -> Iterator[tuple[str, Entry]]:
         elif isinstance(entry.default_factory, type) and dataclasses.is_dataclass(
             entry.default_factory
         ):
-            inner.append((entry.default_factory, f"{name}."))
+            inner.append((entry.default_factory, f"{prefix}{section_of(entry.name)}."))
         else:
             hint = hints[entry.name]
             yield name, _setting(name, hint, _default(entry), meanings[entry.name], _file(section))
@@ -133,7 +133,8 @@ def _setting(name: str, hint: Any, default: str, meaning: str, source: str) -> E
     if get_origin(hint) is Annotated:
         kind, bounds = get_args(hint)
         between = (float(bounds.low), float(bounds.high))
-        return Entry(meaning, source, kind.__name__, default, bounds.unit, between, choices)
+        type_name = kind.__name__ if isinstance(kind, type) else str(kind)
+        return Entry(meaning, source, type_name, default, bounds.unit, between, choices)
     if hint is bool:
         choices = ("true", "false")
     kind = hint.__name__ if isinstance(hint, type) and not get_args(hint) else str(hint)

@@ -8,7 +8,14 @@ import re
 
 
 def attributes(section: type) -> dict[str, str]:
-    """Each attribute's description in a class's docstring, as one line."""
+    """Each attribute's description in a class's docstring, or a base's, as one line."""
+    found: dict[str, str] = {}
+    for one in section.__mro__[-2::-1]:
+        found |= _attributes_of(one)
+    return found
+
+
+def _attributes_of(section: type) -> dict[str, str]:
     _, _, block = inspect.cleandoc(section.__doc__ or "").partition("Attributes:\n")
     found: dict[str, str] = {}
     name = ""

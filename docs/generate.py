@@ -21,7 +21,7 @@ from wayproof.harness.cli import VERBS
 from wayproof.harness.cli.catalogue import FILE as CATALOGUE
 from wayproof.harness.cli.catalogue import encode
 from wayproof.harness.cli.main import verb_parsers
-from wayproof.harness.config import RECORDING, Config
+from wayproof.harness.config import RECORDING, Config, section_of
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
@@ -175,7 +175,7 @@ def _sections(parent: type, prefix: str = "") -> list[str]:
     for entry in dataclasses.fields(parent):
         section = entry.default_factory
         if isinstance(section, type) and dataclasses.is_dataclass(section):
-            name = f"{prefix}{entry.name}"
+            name = f"{prefix}{section_of(entry.name)}"
             lines += ["", f"## {name}", "", summary(section), ""]
             lines += [*_settings(section, f"{name}."), *_sections(section, f"{name}.")]
     return lines
@@ -202,7 +202,8 @@ def _type_name(hint: Any) -> str:
     if get_origin(hint) is not Annotated:
         return f"`{hint.__name__ if isinstance(hint, type) and not get_args(hint) else hint}`"
     kind, bounds = get_args(hint)
-    return f"`{kind.__name__}`, {bounds.low:g} to {bounds.high:g} {bounds.unit}".rstrip()
+    type_name = kind.__name__ if isinstance(kind, type) else str(kind)
+    return f"`{type_name}`, {bounds.low:g} to {bounds.high:g} {bounds.unit}".rstrip()
 
 
 def _default(entry: dataclasses.Field[Any]) -> str:

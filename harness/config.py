@@ -22,6 +22,7 @@ from wayproof.maps.bounds import Bounds, check_fields
 from wayproof.models.classes import CLASSES
 from wayproof.models.pose_model import PoseModelConfig
 from wayproof.models.sensors.devices import DEVICES, OWN, SensorConfig
+from wayproof.models.world_parameters import WorldParameters
 from wayproof.planners import FORMER_NAMES, PLANNERS, PlannerConfig
 
 MOST_THREADS = 64
@@ -152,6 +153,7 @@ class Config:
             hash of that robot.
         seed: Seed of the world and of every random stream; never random itself.
         difficulty: Of the world, 0 to 1, as its generator understands it.
+        world_parameters: Parameters of the generated worlds; `--set world.NAME.PARAMETER`.
         goal: (x, y) or (x, y, z) in place of the world's own goal, m.
         start: Likewise.
         threads: That rays, map and costmap share; decisions are the same on any number.
@@ -172,6 +174,7 @@ class Config:
     start: tuple[float, ...] | None = None
     threads: Annotated[int, Bounds(1, MOST_THREADS)] = 1
     difficulty: Annotated[float, Bounds(0.0, 1.0)] = 0.5
+    world_parameters: WorldParameters = field(default_factory=WorldParameters)
     record: Literal["full", "decisions", "failures"] = "full"
     sensors: SensorConfig = field(default_factory=SensorConfig)
     estimate: EstimateConfig = field(default_factory=EstimateConfig)
@@ -245,7 +248,7 @@ def override(config: Config, settings: Iterable[str]) -> Config:
         key = renamed(key)
         document = msgspec.to_builtins(config)
         section, name = _locate(document, key)
-        before: Any = functools.reduce(getattr, key.split("."), config)
+        before = value_of(config, key)
         section[name] = value = current_value(key, _parse(text))
         if isinstance(value, str) and type(before).__name__ in NUMBERS:
             number = "a whole number" if isinstance(before, int) else "a finite number"
@@ -258,6 +261,26 @@ def override(config: Config, settings: Iterable[str]) -> Config:
         except InputError as error:
             raise InputError(f"--set {setting}: {error}") from None
     return config
+
+
+def value_of(config: Config, key: str) -> Any:
+    """Value of a `section.field`."""
+    return functools.reduce(getattr, _fields_of(key), config)
+
+
+def section_of(field_name: str) -> str:
+    """Section of the settings in a field of the config: `world` is taken by the name of the world.
+
+    Args:
+        field_name: Name of a field of `Config`.
+    """
+    return "world" if field_name == "world_parameters" else field_name
+
+
+def _fields_of(key: str) -> list[str]:
+    """Names of the fields of a setting, from `Config` down."""
+    section, *names = key.split(".")
+    return ["world_parameters" if section == "world" and names else section, *names]
 
 
 def from_document(document: Any) -> Config:
@@ -304,7 +327,7 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
     config = from_document(with_current_names(document))
     _check_controller(config, allow_plugins)
     for key, available in NAMED.items():
-        value = str(functools.reduce(getattr, key.split("."), config))
+        value = str(value_of(config, key))
         if key == "planner.name" and value in FORMER_NAMES:  # recorded before it was renamed
             continue
         if value not in available and not (key == "planner.name" and PLUGIN in value):
@@ -358,7 +381,7 @@ def _names_in(section: Any, prefix: str = "") -> list[str]:
     for entry in dataclasses.fields(section):
         inner = entry.default_factory
         if dataclasses.is_dataclass(inner):
-            names += _names_in(inner, f"{prefix}{entry.name}.")
+            names += _names_in(inner, f"{prefix}{section_of(entry.name)}.")
         else:
             names.append(prefix + entry.name)
     return names
@@ -371,10 +394,13 @@ def _locate(document: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:
     elif key in recording_setting_names():
         raise InputError(f"setting {key}: of a recording, as 'wayproof shadow' takes it")
     if key not in names:
-        section = key.partition(".")[0]
-        siblings = [name for name in names if name.startswith(f"{section}.")]
+        siblings: list[str] = []
+        section = key
+        while "." in section and not siblings:
+            section = section.rpartition(".")[0]
+            siblings = [name for name in names if name.startswith(f"{section}.")]
         raise unknown_name("setting", key, siblings or names)
-    *path, name = key.split(".")
+    *path, name = _fields_of(key)
     for part in path:
         document = document[part]
     return document, name
@@ -395,7 +421,7 @@ def _refuse_constant(name: str) -> Any:
 def _one_line(error: msgspec.ValidationError) -> str:
     """Turn msgspec's `Expected ... - at `$.a.b`` around: the field comes first."""
     message, _, place = str(error).partition(" - at `$")
-    field_name = place.rstrip("`").lstrip(".")
+    field_name = place.rstrip("`").lstrip(".").replace("world_parameters.", "world.")
     if not field_name or message.startswith(field_name):
         return message
     text = message[0].lower() + message[1:]

@@ -182,10 +182,12 @@ def run(
     """
     from wayproof.harness.runner import run_episode  # it loads the simulator
     from wayproof.harness.scenario.scenario import build
+    from wayproof.harness.scenario.worlds import refuse_other_worlds
 
     given = {"world": world, "robot": robot, "seed": seed}
     pairs = [f"{name}={_text(value)}" for name, value in (settings or {}).items()]
     config = override(from_document(given), pairs)
+    refuse_other_worlds(world, pairs)
     if perturb is not None:
         config = replace(config, perturbation=perturbation_from(perturb))
     if stack is not None:

@@ -24,6 +24,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.clearance import true_clearance_is_bound
     from wayproof.harness.config import from_document, override
     from wayproof.harness.perturbations import check_kind
+    from wayproof.harness.scenario.worlds import refuse_other_worlds
     from wayproof.harness.study.falsify.falsify import Task, falsify
     from wayproof.harness.study.falsify.search import NO_RATE
     from wayproof.harness.study.store import Store
@@ -32,6 +33,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     check_kind(options.perturb, "the search chooses it, up to --greatest")
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
     config = override(from_document(named), [*options.set, "record=failures"])
+    refuse_other_worlds(config.world, options.set)
     aim = Task(
         config,
         options.perturb,

@@ -105,9 +105,21 @@ def _ask_again(path: Path, options: argparse.Namespace, console: Console) -> tup
 def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
     from wayproof.harness.replay.what_if import what_if
 
+    _refuse_worlds(options.set)
     answer = what_if(path, options.set, options.allow_plugins)
     print_what_if(console, answer)
     return not answer.changes, asdict(answer)
+
+
+def _refuse_worlds(settings: Sequence[str]) -> None:
+    """Refuse parameters of the world, of which a log has the scene.
+
+    Raises:
+        InputError: There is one.
+    """
+    for setting in settings:
+        if setting.startswith("world."):
+            raise InputError(f"--set {setting}: the log holds its world; expected 'wayproof run'")
 
 
 def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
@@ -129,6 +141,7 @@ def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]
     log = open_log(path, options.allow_plugins)
     if options.allow_plugins:
         warn_of_changed_plugins(log)
+    _refuse_worlds(options.set)
     config = override(log.as_of(options.at).config, options.set)
     target = options.out or fork_name(path, options.at, config)
     line = LiveLine(console, config.robot)

@@ -44,10 +44,12 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.config import from_document, override
     from wayproof.harness.perturbations import perturbation_from
     from wayproof.harness.scenario.robots import refuse_unused
+    from wayproof.harness.scenario.worlds import refuse_other_worlds
 
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
     config = override(from_document(named), options.set)
     refuse_unused(config, [one.partition("=")[0] for one in options.set])
+    refuse_other_worlds(config.world, options.set)
     if options.goal is not None:
         config = replace(config, goal=_point("goal", options.goal))
     if options.start is not None:

@@ -15,7 +15,7 @@ from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
 from wayproof.harness.scenario.robots import find_logged_robot
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.scenario.scene_text import safe_scene
-from wayproof.harness.scenario.worlds import apply_world_perturbation
+from wayproof.harness.scenario.worlds import apply_world_perturbation, generate
 from wayproof.harness.stack.decision import Difference
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import bind, resolve
@@ -97,8 +97,7 @@ def _scene_difference(scene: str, built: Scenario) -> Difference:
 def _world(log: Log) -> World:
     """Return the generated world; of a world that is a file, only bounds, start and goal."""
     if log.config.world in WORLDS:
-        world = WORLDS[log.config.world](log.config.seed, log.config.difficulty)
-        return apply_world_perturbation(world, log.config)
+        return apply_world_perturbation(generate(log.config), log.config)
     mission = log.mission
     return World(
         name=log.config.world,

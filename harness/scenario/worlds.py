@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from wayproof.harness.config import Config
@@ -9,7 +10,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.scenario.named import find_named
 from wayproof.models.world_files import FileWorld, read_world_file
-from wayproof.models.worlds import WORLDS, World
+from wayproof.models.worlds import WORLDS, World, with_traffic
 
 ENDING = ".xml"
 """Suffix of a world file, given in place of a world's name."""
@@ -22,7 +23,51 @@ def find_world(config: Config) -> World:
         InputError: No such world or file; or a world whose file is only in its log.
     """
     found = find_named("world", config.world, WORLDS, ENDING, read_world_file)
-    return found if isinstance(found, World) else found(config.seed, config.difficulty)
+    return found if isinstance(found, World) else generate(config)
+
+
+def generate(config: Config) -> World:
+    """Generate the world that a config names, by its seed, difficulty and parameters.
+
+    Raises:
+        InputError: The parameters leave no way from start to goal.
+    """
+    make, seed = WORLDS[config.world], config.seed
+    parameters = getattr(config.world_parameters, config.world, None)
+    if parameters is None:  # a world that has none
+        return make(seed, config.difficulty)
+    try:
+        world = make(seed, config.difficulty, parameters)
+        if parameters.passers_by:
+            speed = parameters.passers_by_speed
+            world = with_traffic(world, parameters.passers_by, speed, seed)
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    except RuntimeError as error:
+        section = f"world.{config.world}"
+        raise InputError(
+            f"{error}; expected wider passages by {section}.*, or a smaller "
+            f"{section}.passage_radius"
+        ) from None
+    return world
+
+
+def refuse_other_worlds(world: str, settings: Iterable[str]) -> None:
+    """Refuse parameters of a world that is not run.
+
+    Args:
+        world: Name or file of the world.
+        settings: As `--set` takes them.
+
+    Raises:
+        InputError: One is of another world.
+    """
+    for setting in settings:
+        section, *names = setting.partition("=")[0].split(".")
+        if section == "world" and names and names[0] != world and names[0] in WORLDS:
+            raise InputError(
+                f"--set {setting}: got a parameter of '{names[0]}', but the world is '{world}'"
+            )
 
 
 def log_world_identity(world: World, config: Config) -> Config:

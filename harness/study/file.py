@@ -25,6 +25,7 @@ from wayproof.harness.scenario.robots import controller_of
 from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
 from wayproof.harness.study.contents import Contents, contents_of
 from wayproof.harness.study.job import episode_key
+from wayproof.harness.study.randomise import check_ranges, drawn
 from wayproof.harness.study.source import ReadOptions, Source
 from wayproof.harness.worker_pool import Bounds
 from wayproof.models.robots import ROBOTS
@@ -62,6 +63,8 @@ class StudyFile(
         read: What to read of each recording.
         settings: `section.field` -> value, for every episode; a `perturbation` here acts on the
             unperturbed arms as well.
+        randomise: `section.field` -> least and greatest value; each seed has a value of its own,
+            the same in all arms. Two whole numbers draw whole ones.
         axes: `section.field` -> values; every combination is a variant, the first is the reference.
         perturbations: `KIND` or `KIND:MODE` -> severities; each episode is paired with the
             unperturbed twin of its seed.
@@ -77,6 +80,7 @@ class StudyFile(
     read: ReadOptions = ReadOptions()
     stacks: list[str] = []
     settings: dict[str, Any] = {}
+    randomise: dict[str, list[int | float]] = {}
     axes: dict[str, list[Any]] = {}
     perturbations: dict[str, list[float]] = {}
     gates: list[str] = []
@@ -216,6 +220,11 @@ def check_study(study: StudyFile) -> None:
             f"study '{study.name}': bounds of {study.bounds.wall_s:g} s and "
             f"{study.bounds.memory_mib} MiB, expected more than 0 s and at least 512 MiB"
         )
+    if study.recordings and study.randomise:
+        raise InputError(
+            f"study '{study.name}': [randomise] draws for worlds, and it has recordings"
+        )
+    check_ranges(study.randomise, [*study.settings, *study.axes])
     for text in study.gates:
         read_gate(text)
 
@@ -340,8 +349,8 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
         arm = Arm(world, robot, " ".join(variant), perturbation, severity, stack)
         configs.append((arm, config))
     return [
-        planned_for(arm, replace(config, seed=seed), contents)
-        for seed in seeds_of(study)
+        planned_for(arm, replace(override(config, own), seed=seed), contents)
+        for seed, own in [(seed, drawn(study.randomise, seed)) for seed in seeds_of(study)]
         for arm, config in configs
     ]
 

@@ -119,15 +119,26 @@ def _points(log: Log, expected: Config) -> Sequence[tuple[float, ...] | None]:
     """Return start and goal as given or of the world; None if only a file defines them."""
     own: Sequence[tuple[float, ...] | None] = (None, None)
     if expected.world in WORLDS and (expected.start is None or expected.goal is None):
-        own = _world_points(expected.world, expected.seed, expected.difficulty)
+        own = _world_points(_of_world(expected))
     given = (expected.start, expected.goal)
     return [one if one is not None else other for one, other in zip(given, own, strict=True)]
 
 
+def _of_world(config: Config) -> Config:
+    """Return the settings that a world is generated from."""
+    return Config(
+        config.world,
+        "",
+        config.seed,
+        difficulty=config.difficulty,
+        world_parameters=config.world_parameters,
+    )
+
+
 @functools.lru_cache(256)
-def _world_points(world: str, seed: int, difficulty: float) -> Points:
+def _world_points(config: Config) -> Points:
     """Return start and goal of a generated world, which the arms of a study share."""
-    made = find_world(Config(world, "", seed, difficulty=difficulty))
+    made = find_world(config)
     return made.start[:2], made.goal[:2]
 
 

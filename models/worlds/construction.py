@@ -8,10 +8,13 @@ from math import pi
 import numpy as np
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.world_parameters import Construction
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     Group,
     Rectangle,
+    first_passable,
+    given_or,
     heading_towards,
     opposite_ends,
     room_walls,
@@ -19,11 +22,10 @@ from wayproof.models.worlds.layout import (
     with_groups,
 )
 from wayproof.models.worlds.solids import Box, Capsule, Cylinder, TriangleMesh
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HIGH: Vector3 = (17.0, 12.0, 3.0)
+HEIGHT = 3.0
 END_DISTANCE = 1.4
 """Distance of start and goal from the outside of the fence, m."""
 
@@ -40,7 +42,11 @@ STEP_HEIGHT = 0.03
 """Rise of a stair and thickness of a plank, m: a quadruped steps over it."""
 
 
-def construction(seed: int, difficulty: float = 0.5) -> World:
+def construction(
+    seed: int,
+    difficulty: float = 0.5,
+    parameters: Construction = Construction(),  # noqa: B008  # frozen
+) -> World:
     """Generate a site of 17 x 12 m, start and goal at its two ends.
 
     Difficulty adds pieces. Holes have barriers about them up to a difficulty of 0.5; beyond, more
@@ -50,44 +56,54 @@ def construction(seed: int, difficulty: float = 0.5) -> World:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable(
-        "construction", seed, lambda rng: _draft(rng, seed, difficulty), difficulty
+    return first_passable(
+        "construction",
+        seed,
+        lambda rng: _draft(rng, seed, difficulty, parameters),
+        difficulty,
+        parameters.passage_radius,
     )
 
 
-def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
-    start, goal = opposite_ends(rng, LOW, HIGH, inset=END_DISTANCE, side_inset=END_DISTANCE)
-    holes = _holes(rng, (start, goal))
-    unguarded = 2.0 * difficulty - 1.0  # share
+def _draft(
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: Construction
+) -> World:
+    high = (parameters.length, parameters.width, HEIGHT)
+    start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=END_DISTANCE)
+    holes = _holes(rng, (start, goal), high, parameters.holes)
+    unguarded = given_or(parameters.unguarded_share, 2.0 * difficulty - 1.0)
     guards = [bar for hole in holes if rng.uniform() >= unguarded for bar in _barrier(hole)]
     site = World(
         name="construction",
         seed=seed,
         low=LOW,
-        high=HIGH,
-        solids=(*room_walls(LOW, HIGH, "barrier"), *guards),
+        high=high,
+        solids=(*room_walls(LOW, high, "barrier"), *guards),
         start=start,
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
-        floor=slabs_around(LOW, HIGH, holes),
+        floor=slabs_around(LOW, high, holes),
     )
-    count = round(PIECE_COUNTS[0] + difficulty * (PIECE_COUNTS[1] - PIECE_COUNTS[0]))
+    by_difficulty = round(PIECE_COUNTS[0] + difficulty * (PIECE_COUNTS[1] - PIECE_COUNTS[0]))
+    count = given_or(parameters.pieces, by_difficulty)
 
     def pieces() -> Iterator[Iterator[Group]]:
         for number in range(count):
             make = MAKERS[number % len(MAKERS)]
-            yield (make(rng, *_anywhere(rng, holes)) for _ in range(FEW_PLACEMENTS))
+            yield (make(rng, *_anywhere(rng, holes, high)) for _ in range(FEW_PLACEMENTS))
 
-    return with_groups(site, pieces())
+    return with_groups(site, pieces(), parameters.passage_radius)
 
 
-def _holes(rng: np.random.Generator, ends: tuple[Vector3, Vector3]) -> list[Rectangle]:
-    """Draw one to three holes, well apart from one another, from the fence and from both ends."""
+def _holes(
+    rng: np.random.Generator, ends: tuple[Vector3, Vector3], high: Vector3, number: int | None
+) -> list[Rectangle]:
+    """Draw holes, by default one to three, well apart from one another, the fence and both ends."""
     holes: list[Rectangle] = []
-    count = int(rng.integers(1, 4))
-    for _ in range(5 * FEW_PLACEMENTS):
+    count = given_or(number, int(rng.integers(1, 4)))
+    for _ in range(5 * FEW_PLACEMENTS if count else 0):
         size = rng.uniform(0.8, 1.8, 2)
-        low = rng.uniform(np.add(LOW[:2], 2.2), np.subtract(HIGH[:2], 2.2) - size)
+        low = rng.uniform(np.add(LOW[:2], 2.2), np.subtract(high[:2], 2.2) - size)
         corners = np.round([low, low + size], 2)
         apart = [_gap(corners, np.array(hole)) for hole in holes]
         apart += [_gap(corners, np.array([end[:2], end[:2]])) for end in ends]
@@ -117,10 +133,12 @@ def _barrier(hole: Rectangle) -> Group:
     return (*posts, *rails)
 
 
-def _anywhere(rng: np.random.Generator, holes: list[Rectangle]) -> tuple[float, float]:
+def _anywhere(
+    rng: np.random.Generator, holes: list[Rectangle], high: Vector3
+) -> tuple[float, float]:
     """Draw a place not within a metre of a hole."""
     while True:
-        place = rng.uniform(LOW[:2], HIGH[:2])
+        place = rng.uniform(LOW[:2], high[:2])
         if all(_gap(np.array([place, place]), np.array(hole)) > 1.0 for hole in holes):
             return round(float(place[0]), 3), round(float(place[1]), 3)
 

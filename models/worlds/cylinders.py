@@ -12,21 +12,23 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.world_parameters import Cylinders
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
+    first_passable,
+    given_or,
     heading_towards,
     opposite_ends,
     room_walls,
 )
 from wayproof.models.worlds.solids import Cylinder
-from wayproof.models.worlds.solvability import first_solvable, passage_radius
+from wayproof.models.worlds.solvability import passage_radius
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HIGH: Vector3 = (16.0, 10.0, 3.0)
+HEIGHT = 3.0
 CELL = 0.4
-RADIUS = 0.2
 FILLED_SHARE = (0.10, 0.34)
 """Share of the cells filled at random, at difficulty 0 and 1; BARN takes 0.15 to 0.30."""
 
@@ -41,7 +43,11 @@ END_DISTANCE = 1.3
 """Distance of start and goal from the walls, m."""
 
 
-def cylinders(seed: int, difficulty: float = 0.5) -> World:
+def cylinders(
+    seed: int,
+    difficulty: float = 0.5,
+    parameters: Cylinders = Cylinders(),  # noqa: B008  # frozen
+) -> World:
     """Generate pillars in a 16 x 10 m hall, start and goal at its two ends.
 
     Difficulty raises the share of the cells that are filled and narrows the way left open.
@@ -50,28 +56,34 @@ def cylinders(seed: int, difficulty: float = 0.5) -> World:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable("cylinders", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
+    return first_passable(
+        "cylinders",
+        seed,
+        lambda rng: _draft(rng, seed, difficulty, parameters),
+        difficulty,
+        parameters.passage_radius,
+    )
 
 
-def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
-    start, goal = opposite_ends(rng, LOW, HIGH, inset=END_DISTANCE, side_inset=END_DISTANCE)
+def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Cylinders) -> World:
+    high = (parameters.length, parameters.width, HEIGHT)
+    start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=END_DISTANCE)
     share = FILLED_SHARE[0] + difficulty * (FILLED_SHARE[1] - FILLED_SHARE[0])
-    centres = _filled_cells(rng, share)
-    way = _way(rng, start, goal)
+    centres = _filled_cells(rng, given_or(parameters.filled_share, share), high)
+    way, radius = _way(rng, start, goal, high), parameters.pillar_radius
     away = np.linalg.norm(centres[:, None] - way[None], axis=2).min(axis=1)
     ends = np.linalg.norm(centres[:, None] - np.array([start, goal])[None, :, :2], axis=2)
-    keep = (away > passage_radius(difficulty) + RADIUS + WAY_MARGIN) & (
-        ends.min(axis=1) > END_DISTANCE
-    )
+    passage = given_or(parameters.passage_radius, passage_radius(difficulty))
+    keep = (away > passage + radius + WAY_MARGIN) & (ends.min(axis=1) > END_DISTANCE)
     return World(
         name="cylinders",
         seed=seed,
         low=LOW,
-        high=HIGH,
+        high=high,
         solids=(
-            *room_walls(LOW, HIGH),
+            *room_walls(LOW, high),
             *(
-                Cylinder((x, y, 0.0), (x, y, WALL_HEIGHT), RADIUS, "pillar")
+                Cylinder((x, y, 0.0), (x, y, WALL_HEIGHT), radius, "pillar")
                 for x, y in np.round(centres[keep], 3).tolist()
             ),
         ),
@@ -81,9 +93,11 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
     )
 
 
-def _filled_cells(rng: np.random.Generator, share: float) -> NDArray[np.float64]:  # (n, 2)
+def _filled_cells(
+    rng: np.random.Generator, share: float, high: Vector3
+) -> NDArray[np.float64]:  # (n, 2)
     """Return centres of the cells that are filled after smoothing, m."""
-    inside = np.subtract(HIGH[:2], LOW[:2]) - 2 * WALL_THICKNESS
+    inside = np.subtract(high[:2], LOW[:2]) - 2 * WALL_THICKNESS
     filled = rng.uniform(size=tuple((inside / CELL).astype(int))) < share
     around = np.ones((3, 3), np.int64)
     for _ in range(int(rng.integers(SMOOTHINGS[0], SMOOTHINGS[1] + 1))):
@@ -93,9 +107,11 @@ def _filled_cells(rng: np.random.Generator, share: float) -> NDArray[np.float64]
     return np.asarray(corner + (np.argwhere(filled) + 0.5) * CELL)
 
 
-def _way(rng: np.random.Generator, start: Vector3, goal: Vector3) -> NDArray[np.float64]:  # (n, 2)
+def _way(
+    rng: np.random.Generator, start: Vector3, goal: Vector3, high: Vector3
+) -> NDArray[np.float64]:  # (n, 2)
     """Return points 0.1 m apart along a polyline from start to goal through two points between."""
     x = np.linspace(start[0], goal[0], 4)
-    y = [start[1], *rng.uniform(LOW[1] + END_DISTANCE, HIGH[1] - END_DISTANCE, 2), goal[1]]
+    y = [start[1], *rng.uniform(LOW[1] + END_DISTANCE, high[1] - END_DISTANCE, 2), goal[1]]
     along = np.linspace(x[0], x[-1], round(10 * (x[-1] - x[0])))
     return np.column_stack([along, np.interp(along, x, y)])

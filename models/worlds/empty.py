@@ -4,29 +4,39 @@ from __future__ import annotations
 
 import numpy as np
 
-from wayproof.models.worlds.layout import heading_towards, room_walls
-from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.world_parameters import Empty
+from wayproof.models.worlds.layout import first_passable, heading_towards, room_walls
 from wayproof.models.worlds.world import World
 
-SIDE = 12.0
 LEAST_DISTANCE = 6.0
 END_DISTANCE = 1.2
 """Distance of start and goal from the outside of the walls, m: 1 m from their inside."""
 
 
-def empty(seed: int, difficulty: float = 0.5) -> World:
-    """Generate a 12 x 12 m room, start and goal at least 6 m apart, at any difficulty.
+def empty(
+    seed: int,
+    difficulty: float = 0.5,
+    parameters: Empty = Empty(),  # noqa: B008  # frozen
+) -> World:
+    """Generate a room of 12 x 12 m, start and goal at least 6 m apart, at any difficulty.
 
     Raises:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
     """
-    return first_solvable("empty", seed, lambda rng: _draft(rng, seed), difficulty)
+    return first_passable(
+        "empty",
+        seed,
+        lambda rng: _draft(rng, seed, difficulty, parameters),
+        difficulty,
+        parameters.passage_radius,
+    )
 
 
-def _draft(rng: np.random.Generator, seed: int) -> World:
-    low, high = (0.0, 0.0, -0.5), (SIDE, SIDE, 3.0)
+def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Empty) -> World:
+    low, high = (0.0, 0.0, -0.5), (parameters.length, parameters.width, 3.0)
+    farthest = np.subtract(high[:2], END_DISTANCE)
     while True:
-        start, goal = np.round(rng.uniform(END_DISTANCE, SIDE - END_DISTANCE, (2, 2)), 3).tolist()
+        start, goal = np.round(rng.uniform(END_DISTANCE, farthest, (2, 2)), 3).tolist()
         if np.hypot(goal[0] - start[0], goal[1] - start[1]) >= LEAST_DISTANCE:
             break
     return World(

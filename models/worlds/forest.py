@@ -8,20 +8,22 @@ from math import cos, pi, sin
 import numpy as np
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.world_parameters import Forest
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     Group,
+    first_passable,
+    given_or,
     heading_towards,
     opposite_ends,
     room_walls,
     with_groups,
 )
 from wayproof.models.worlds.solids import Capsule, Cylinder, Sphere
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HIGH: Vector3 = (17.0, 12.0, 3.0)
+HEIGHT = 3.0
 END_DISTANCE = 1.4
 """Distance of start and goal from the outside of the hedge, m."""
 
@@ -34,7 +36,11 @@ MAX_BRANCHES = 3
 """Maximum number of branches of a tree; their share grows with the difficulty."""
 
 
-def forest(seed: int, difficulty: float = 0.5) -> World:
+def forest(
+    seed: int,
+    difficulty: float = 0.5,
+    parameters: Forest = Forest(),  # noqa: B008  # frozen
+) -> World:
     """Generate a wood of 17 x 12 m, start and goal at its two ends.
 
     Difficulty raises the number of trees, of branches that a ground robot passes under and a drone
@@ -44,34 +50,43 @@ def forest(seed: int, difficulty: float = 0.5) -> World:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable("forest", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
+    return first_passable(
+        "forest",
+        seed,
+        lambda rng: _draft(rng, seed, difficulty, parameters),
+        difficulty,
+        parameters.passage_radius,
+    )
 
 
-def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
-    start, goal = opposite_ends(rng, LOW, HIGH, inset=END_DISTANCE, side_inset=END_DISTANCE)
+def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Forest) -> World:
+    high = (parameters.length, parameters.width, HEIGHT)
+    start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=END_DISTANCE)
     clearing = World(
         name="forest",
         seed=seed,
         low=LOW,
-        high=HIGH,
-        solids=room_walls(LOW, HIGH, "hedge"),
+        high=high,
+        solids=room_walls(LOW, high, "hedge"),
         start=start,
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
     )
     trunks, bushes = (round(a + difficulty * (b - a)) for a, b in (TRUNKS, BUSH_COUNTS))
+    trunks, bushes = given_or(parameters.trees, trunks), given_or(parameters.bushes, bushes)
+    branches = given_or(parameters.branch_share, 0.2 + 0.5 * difficulty)
 
     def growth() -> Iterator[Iterator[Group]]:
         for _ in range(trunks):
-            yield (_tree(rng, difficulty) for _ in range(FEW_PLACEMENTS))
+            yield (_tree(rng, high, branches) for _ in range(FEW_PLACEMENTS))
         for _ in range(bushes):
-            yield (_bush(rng) for _ in range(FEW_PLACEMENTS))
+            yield (_bush(rng, high) for _ in range(FEW_PLACEMENTS))
 
-    return with_groups(clearing, growth())
+    return with_groups(clearing, growth(), parameters.passage_radius)
 
 
-def _tree(rng: np.random.Generator, difficulty: float) -> Group:
-    x, y = np.round(rng.uniform(LOW[:2], HIGH[:2]), 3).tolist()
+def _tree(rng: np.random.Generator, high: Vector3, branch_share: float) -> Group:
+    x, y = np.round(rng.uniform(LOW[:2], high[:2]), 3).tolist()
     radius = round(rng.uniform(0.08, 0.22), 3)
     lean, bearing = rng.uniform(0.0, 0.08), rng.uniform(0.0, 2 * pi)  # a tangent, rad
     ahead = (lean * cos(bearing), lean * sin(bearing))
@@ -81,7 +96,7 @@ def _tree(rng: np.random.Generator, difficulty: float) -> Group:
 
     trunk = Cylinder(at(0.0), at(TRUNK_HEIGHT), radius, "trunk")
     branches = []
-    for _ in range(int(rng.binomial(MAX_BRANCHES, 0.2 + 0.5 * difficulty))):
+    for _ in range(int(rng.binomial(MAX_BRANCHES, branch_share))):
         root = at(rng.uniform(0.7, 2.4))
         length, turn, rise = rng.uniform(0.4, 0.9), rng.uniform(0.0, 2 * pi), rng.uniform(0.0, 0.6)
         step = np.multiply(length, (cos(turn), sin(turn), rise))
@@ -91,7 +106,7 @@ def _tree(rng: np.random.Generator, difficulty: float) -> Group:
     return (trunk, *branches)
 
 
-def _bush(rng: np.random.Generator) -> Group:
-    x, y = np.round(rng.uniform(LOW[:2], HIGH[:2]), 3).tolist()
+def _bush(rng: np.random.Generator, high: Vector3) -> Group:
+    x, y = np.round(rng.uniform(LOW[:2], high[:2]), 3).tolist()
     radius = round(rng.uniform(0.2, 0.4), 3)
     return (Sphere((x, y, round(0.7 * radius, 3)), radius, "hedge"),)

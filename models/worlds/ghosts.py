@@ -5,14 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.worlds.layout import heading_towards, opposite_ends, room_walls
+from wayproof.models.world_parameters import Ghosts
+from wayproof.models.worlds.layout import (
+    first_passable,
+    given_or,
+    heading_towards,
+    opposite_ends,
+    room_walls,
+)
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.solids import Box
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HIGH: Vector3 = (16.0, 9.0, 3.0)
+HEIGHT = 3.0
 END_DISTANCE = 1.4
 """Distance of start and goal from the outside of the walls, m."""
 
@@ -20,46 +26,64 @@ END_CLEARANCE = 1.9
 """Minimum distance of a thing's middle from start and goal, m."""
 
 THINGS = (2, 12)
-STAY_TIMES = (3.0, 12.0)
-"""Shortest and longest stay of a thing, s; half of the things are there from the beginning."""
-
 LAST_APPEARANCE = 14.0
 """Latest time at which a thing appears, s."""
 
 
-def ghosts(seed: int, difficulty: float = 0.5) -> World:
+def ghosts(
+    seed: int,
+    difficulty: float = 0.5,
+    parameters: Ghosts = Ghosts(),  # noqa: B008  # frozen
+) -> World:
     """Generate a 16 x 9 m hall with panels about the straight line from end to end.
 
     Difficulty raises their number from 2 to 12. Each stands still as long as it exists, 3 to 12 s,
     and none appears within half a metre of a robot.
 
     Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
+        ValueError: The seed is negative, the difficulty not from 0 to 1, or the shortest stay
+            longer than the longest.
     """
-    return first_solvable("ghosts", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
+    if parameters.shortest_stay > parameters.longest_stay:
+        raise ValueError(
+            f"world.ghosts.shortest_stay: got {parameters.shortest_stay:g}, expected at most "
+            f"{parameters.longest_stay:g} s, the longest_stay"
+        )
+    return first_passable(
+        "ghosts",
+        seed,
+        lambda rng: _draft(rng, seed, difficulty, parameters),
+        difficulty,
+        parameters.passage_radius,
+    )
 
 
-def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
-    start, goal = opposite_ends(rng, LOW, HIGH, inset=END_DISTANCE, side_inset=2.5)
-    count = round(THINGS[0] + difficulty * (THINGS[1] - THINGS[0]))
+def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Ghosts) -> World:
+    high = (parameters.length, parameters.width, HEIGHT)
+    start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=2.5)
+    by_difficulty = round(THINGS[0] + difficulty * (THINGS[1] - THINGS[0]))
+    count = given_or(parameters.panels, by_difficulty)
     return World(
         name="ghosts",
         seed=seed,
         low=LOW,
-        high=HIGH,
-        solids=room_walls(LOW, HIGH),
+        high=high,
+        solids=room_walls(LOW, high),
         start=start,
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
-        movers=tuple(_thing(rng, number, start, goal) for number in range(count)),
+        movers=tuple(_thing(rng, number, (start, goal), parameters) for number in range(count)),
     )
 
 
-def _thing(rng: np.random.Generator, number: int, start: Vector3, goal: Vector3) -> Mover:
-    ends = np.array([start[:2], goal[:2]])
+def _thing(
+    rng: np.random.Generator, number: int, between: tuple[Vector3, Vector3], parameters: Ghosts
+) -> Mover:
+    """Draw one that stands about the line between two points; every other one is there at first."""
+    ends = np.array(between)[:, :2]
     while True:
         middle = ends[0] + rng.uniform(0.1, 0.9) * (ends[1] - ends[0])
-        middle[1] = np.clip(middle[1] + rng.normal(0.0, 1.5), LOW[1] + 1.0, HIGH[1] - 1.0)
+        middle[1] = np.clip(middle[1] + rng.normal(0.0, 1.5), LOW[1] + 1.0, parameters.width - 1.0)
         if np.linalg.norm(ends - middle, axis=1).min() >= END_CLEARANCE:
             break
     half_z = round(rng.uniform(0.5, 1.3), 3)
@@ -72,5 +96,5 @@ def _thing(rng: np.random.Generator, number: int, start: Vector3, goal: Vector3)
         (Box((0.0, 0.0, half_z), half, yaw, "ghost"),),
         ((x, y, 0.0),),
         appears=appears,
-        vanishes=round(appears + rng.uniform(*STAY_TIMES), 1),
+        vanishes=round(appears + rng.uniform(parameters.shortest_stay, parameters.longest_stay), 1),
     )

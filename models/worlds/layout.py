@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import atan2, pi
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,16 @@ from numpy.typing import NDArray
 from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.solids import Box, Capsule, Cylinder, Solid
 from wayproof.models.worlds.solvability import (
+    AIR_BANDS,
+    ATTEMPTS,
     GROUND_BAND,
     REFERENCE_RADIUS,
     cell_of,
     clear_around,
+    first_solvable,
     free_cells,
+    is_solvable,
+    is_solvable_in_any,
     label_regions,
 )
 from wayproof.models.worlds.world import World
@@ -38,6 +44,7 @@ FLOOR_THICKNESS = 0.3
 """Thickness of a floor of slabs, m."""
 
 Group = tuple[Solid, ...]
+Given = TypeVar("Given", int, float)
 Rectangle = tuple[tuple[float, float], tuple[float, float]]
 
 ALL_HEIGHTS = (-100.0, 100.0)
@@ -112,7 +119,53 @@ def mirrored(world: World, flip_x: bool, flip_y: bool) -> World:
     )
 
 
-def with_crates(rng: np.random.Generator, world: World, count: int, longest: float) -> World:
+def given_or(value: Given | None, otherwise: Given) -> Given:
+    """Return a parameter, or what is drawn or set by the difficulty where it is None."""
+    return otherwise if value is None else value
+
+
+def first_passable(
+    name: str,
+    seed: int,
+    draft: Callable[[np.random.Generator], World],
+    difficulty: float,
+    radius: float | None,
+) -> World:
+    """Draw drafts until bodies of a radius can pass, by default those of `first_solvable`.
+
+    Args:
+        name: Name of the world.
+        seed: Seed of the world.
+        draft: Draws one world.
+        difficulty: 0 to 1.
+        radius: Radius of the bodies, m.
+
+    Raises:
+        ValueError: The seed is negative, or the difficulty not from 0 to 1.
+        RuntimeError: No draft was solvable.
+    """
+    if radius is None:
+        return first_solvable(name, seed, draft, difficulty)
+    for attempt in range(ATTEMPTS):
+        world = draft(np.random.default_rng([seed, attempt, *name.encode()]))
+        ends = (world.start, world.goal)
+        if is_solvable(world, radius, *GROUND_BAND, *ends) and is_solvable_in_any(
+            world, radius, AIR_BANDS, *ends
+        ):
+            return replace(world, difficulty=difficulty)
+    raise RuntimeError(
+        f"world {name!r}, seed {seed}: none of {ATTEMPTS} drafts lets a disc of {radius:g} m "
+        "through"
+    )
+
+
+def with_crates(
+    rng: np.random.Generator,
+    world: World,
+    count: int,
+    longest: float,
+    radius: float | None = None,
+) -> World:
     """Scatter up to `count` crates over the floor without closing any way through.
 
     Args:
@@ -120,6 +173,7 @@ def with_crates(rng: np.random.Generator, world: World, count: int, longest: flo
         world: To be furnished.
         count: Crates to add; one that fits nowhere is left out.
         longest: Longest side of a crate, m.
+        radius: As for `with_groups`.
     """
 
     def crates() -> Iterator[Iterator[Group]]:
@@ -127,18 +181,22 @@ def with_crates(rng: np.random.Generator, world: World, count: int, longest: flo
             size = _crate_size(rng, longest)
             yield ((_crate(rng, world, size),) for _ in range(PLACEMENTS))
 
-    return with_groups(world, crates())
+    return with_groups(world, crates(), radius)
 
 
-def with_groups(world: World, choices: Iterable[Iterable[Group]]) -> World:
+def with_groups(
+    world: World, choices: Iterable[Iterable[Group]], radius: float | None = None
+) -> World:
     """Add groups of solids that stand free of all else and close no way through.
 
     Args:
         world: To be furnished.
         choices: For each group, itself in one place after another: the first that fits is taken,
             and none if none does.
+        radius: Radius of the disc whose ways stay open, m; by default `REFERENCE_RADIUS`.
     """
-    free = free_cells(world, REFERENCE_RADIUS, GROUND_BAND)
+    radius = given_or(radius, REFERENCE_RADIUS)
+    free = free_cells(world, radius, GROUND_BAND)
     start = cell_of(world, world.start)
     crowd = _Crowd(world)
     for places in choices:
@@ -148,7 +206,7 @@ def with_groups(world: World, choices: Iterable[Iterable[Group]]) -> World:
             still_free = free.copy()
             for solid in group:
                 if solid.top > GROUND_BAND[0] and solid.bottom < GROUND_BAND[1]:
-                    clear_around(still_free, world, solid, REFERENCE_RADIUS)
+                    clear_around(still_free, world, solid, radius)
             labels = label_regions(still_free)
             reachable = np.count_nonzero(labels == labels[start])
             if labels[start] and reachable >= REACHABLE_SHARE * np.count_nonzero(still_free):

@@ -9,23 +9,26 @@ from math import cos, pi, sin
 import numpy as np
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.world_parameters import Office
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     WALL_HEIGHT,
     WALL_THICKNESS,
     Group,
+    first_passable,
+    given_or,
     heading_towards,
     room_walls,
     with_groups,
 )
 from wayproof.models.worlds.solids import Box, Cylinder
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HIGH: Vector3 = (16.0, 12.4, 3.0)
-ROOM_COUNT = 3
-"""Number of rooms on either side of the hallway."""
+HEIGHT = 3.0
+
+SHORTEST_ROOM = 4.0
+"""Minimum mean length of the rooms along the hallway, m."""
 
 HALLWAY = (2.4, 2.0)
 DOOR_WIDTHS = (1.9, 1.6)
@@ -43,30 +46,48 @@ TABLE_LEG_RADIUS = 0.025
 """Radius of a table's leg, m."""
 
 
-def office(seed: int, difficulty: float = 0.5) -> World:
-    """Six rooms of 16 x 12.4 m in all, start and goal in rooms at the two ends.
+def office(
+    seed: int,
+    difficulty: float = 0.5,
+    parameters: Office = Office(),  # noqa: B008  # frozen
+) -> World:
+    """Generate six rooms of 16 x 12.4 m in all, start and goal in rooms at the two ends.
 
     Difficulty narrows hallway and doors and adds furniture; legs and table boards are what a 2D
     grid at one height does not see.
 
     Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
+        ValueError: The seed is negative, the difficulty not from 0 to 1, or the rooms do not fit.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable("office", seed, lambda rng: _draft(rng, seed, difficulty), difficulty)
+    if parameters.rooms * SHORTEST_ROOM > parameters.length:
+        raise ValueError(
+            f"world.office.rooms: got {parameters.rooms} on {parameters.length:g} m, expected at "
+            f"most {int(parameters.length / SHORTEST_ROOM)}, each at least {SHORTEST_ROOM:g} m long"
+        )
+    return first_passable(
+        "office",
+        seed,
+        lambda rng: _draft(rng, seed, difficulty, parameters),
+        difficulty,
+        parameters.passage_radius,
+    )
 
 
-def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
+def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Office) -> World:
     hallway, door = (a + difficulty * (b - a) for a, b in (HALLWAY, DOOR_WIDTHS))
-    middle = (LOW[1] + HIGH[1]) / 2 + rng.uniform(-0.3, 0.3)
+    hallway = given_or(parameters.hallway_width, hallway)
+    door = given_or(parameters.door_width, door)
+    high = (parameters.length, parameters.width, HEIGHT)
+    middle = (LOW[1] + high[1]) / 2 + rng.uniform(-0.3, 0.3)
     sides = (middle - hallway / 2, middle + hallway / 2)  # of the hallway, in y
     walls: list[Box] = []
     ends: list[Vector3] = []
     for south in (True, False):
-        cuts = _cuts(rng)
-        walls += _partitions(rng, cuts, sides, south, door)
-        room = int(rng.integers(2)) if not ends else ROOM_COUNT - 1  # the goal's at the far end
-        ends.append(_end(rng, cuts[room : room + 2], sides, south))
+        cuts = _cuts(rng, parameters)
+        walls += _partitions(rng, cuts, (*sides, high[1]), south, door)
+        room = parameters.rooms - 1 if ends else int(rng.integers(2))  # the goal is far away
+        ends.append(_end(rng, cuts[room : room + 2], (*sides, high[1]), south))
     if rng.integers(2):
         ends.reverse()
     start, goal = ends
@@ -74,40 +95,50 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float) -> World:
         name="office",
         seed=seed,
         low=LOW,
-        high=HIGH,
-        solids=(*room_walls(LOW, HIGH), *walls),
+        high=high,
+        solids=(*room_walls(LOW, high), *walls),
         start=start,
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
     )
-    count = round(FURNITURE_COUNTS[0] + difficulty * (FURNITURE_COUNTS[1] - FURNITURE_COUNTS[0]))
+    few, many = FURNITURE_COUNTS
+    count = given_or(parameters.furniture, round(few + difficulty * (many - few)))
 
     def furniture() -> Iterator[Iterator[Group]]:
         for _ in range(count):
             make = (_table, _chair, _cabinet)[int(rng.integers(3))]
-            yield (make(rng) for _ in range(FEW_PLACEMENTS))
+            yield (make(rng, high) for _ in range(FEW_PLACEMENTS))
 
-    return with_groups(floor, furniture())
+    return with_groups(floor, furniture(), parameters.passage_radius)
 
 
-def _cuts(rng: np.random.Generator) -> list[float]:
+def _cuts(rng: np.random.Generator, parameters: Office) -> list[float]:
     """Return the limits of the rooms of one side, in x, m."""
-    even = np.linspace(LOW[0] + WALL_THICKNESS, HIGH[0] - WALL_THICKNESS, ROOM_COUNT + 1)
-    even[1:-1] += rng.uniform(-0.6, 0.6, ROOM_COUNT - 1)
+    rooms, end = parameters.rooms, parameters.length - WALL_THICKNESS
+    even = np.linspace(LOW[0] + WALL_THICKNESS, end, rooms + 1)
+    even[1:-1] += rng.uniform(-0.6, 0.6, rooms - 1)
     return [round(float(x), 3) for x in even]
 
 
 def _partitions(
     rng: np.random.Generator,
     cuts: list[float],
-    sides: tuple[float, float],
+    sides: tuple[float, float, float],
     south: bool,
     door: float,
 ) -> list[Box]:
-    """Return the hallway's wall on one side with a door for each room, and the walls between."""
+    """Return the hallway's wall on one side with a door for each room, and the walls between.
+
+    Args:
+        rng: Draws everything.
+        cuts: Limits of the rooms, in x, m.
+        sides: Of the hallway, and the outside of the floor beyond it, in y, m.
+        south: Side of the hallway.
+        door: Width of a door, m.
+    """
     near = sides[0] - THICKNESS if south else sides[1]
     y = (near, near + THICKNESS)
-    outer = LOW[1] + WALL_THICKNESS if south else HIGH[1] - WALL_THICKNESS
+    outer = LOW[1] + WALL_THICKNESS if south else sides[2] - WALL_THICKNESS
     walls, begin = [], cuts[0]
     for left, right in pairwise(cuts):
         opening = rng.uniform(left + 0.3, right - 0.3 - door)
@@ -141,29 +172,33 @@ def _leaf(
 
 
 def _end(
-    rng: np.random.Generator, room: list[float], sides: tuple[float, float], south: bool
+    rng: np.random.Generator, room: list[float], sides: tuple[float, float, float], south: bool
 ) -> Vector3:
-    y = (LOW[1] + WALL_THICKNESS, sides[0]) if south else (sides[1], HIGH[1] - WALL_THICKNESS)
+    y = (LOW[1] + WALL_THICKNESS, sides[0]) if south else (sides[1], sides[2] - WALL_THICKNESS)
     x0, x1 = room[0] + END_DISTANCE, room[1] - END_DISTANCE
     place = rng.uniform((x0, y[0] + END_DISTANCE), (x1, y[1] - END_DISTANCE))
     return round(float(place[0]), 3), round(float(place[1]), 3), 0.0
 
 
-def _table(rng: np.random.Generator) -> Group:
+def _table(rng: np.random.Generator, high: Vector3) -> Group:
     """Return a board on four legs."""
     length, width = rng.uniform(1.0, 1.6), rng.uniform(0.6, 0.8)
-    return _on_legs(rng, (length, width), height=0.73, thickness=0.03)
+    return _on_legs(rng, high, (length, width), height=0.73, thickness=0.03)
 
 
-def _chair(rng: np.random.Generator) -> Group:
+def _chair(rng: np.random.Generator, high: Vector3) -> Group:
     """Return a seat on four legs."""
-    return _on_legs(rng, (0.45, 0.45), height=0.45, thickness=0.05)
+    return _on_legs(rng, high, (0.45, 0.45), height=0.45, thickness=0.05)
 
 
 def _on_legs(
-    rng: np.random.Generator, size: tuple[float, float], height: float, thickness: float
+    rng: np.random.Generator,
+    high: Vector3,
+    size: tuple[float, float],
+    height: float,
+    thickness: float,
 ) -> Group:
-    x, y = rng.uniform(LOW[:2], HIGH[:2])
+    x, y = rng.uniform(LOW[:2], high[:2])
     yaw = round(rng.uniform(0.0, pi), 3)
     c, s = cos(yaw), sin(yaw)
     half_x, half_y = round(size[0] / 2, 3), round(size[1] / 2, 3)
@@ -178,8 +213,8 @@ def _on_legs(
     return (board, *legs)
 
 
-def _cabinet(rng: np.random.Generator) -> Group:
-    x, y = np.round(rng.uniform(LOW[:2], HIGH[:2]), 3).tolist()
+def _cabinet(rng: np.random.Generator, high: Vector3) -> Group:
+    x, y = np.round(rng.uniform(LOW[:2], high[:2]), 3).tolist()
     half_z = round(rng.uniform(0.4, 1.0), 3)
     half = (round(rng.uniform(0.3, 0.6), 3), 0.2, half_z)
     return (Box((x, y, half_z), half, 0.0 if rng.integers(2) else round(pi / 2, 9), "furniture"),)

@@ -43,6 +43,9 @@ END_DISTANCE = 1.5
 
 TRIES = 60
 
+NARROWER = (0.6, 0.45, 0.3, 0.2)
+"""Radii of discs that are tried where the reference disc has no way, m."""
+
 
 def with_traffic(
     world: World, count: int, speed: float, seed: int, stands_off: float = STAND_OFF
@@ -62,22 +65,31 @@ def with_traffic(
     if count < 0 or not speed >= 0.0:
         raise ValueError(f"count, speed: got {count} and {speed}, expected 0 or more")
     rng = np.random.default_rng([seed, *b"traffic"])
-    radius = passage_radius(world.difficulty)
-    way = shortest_path(world, radius, *GROUND_BAND, world.start, world.goal)
+    way = _widest_way(world)
     if way is None:
         raise ValueError(f"world '{world.name}': no way from start to goal to walk across")
     free = free_cells(world, WALK_CLEARANCE, PERSON_BAND)
-    taken = {mover.name for mover in world.movers}
+    before = sum(mover.name.startswith("passer_by_") for mover in world.movers)
     people: list[Mover] = []
     for _ in range(TRIES * count):
         if len(people) == count:
             break
         route = _crossing(rng, world, free, way)
-        name = f"passer_by_{len(people)}"
-        if route is not None and name not in taken:
+        name = f"passer_by_{before + len(people)}"
+        if route is not None:
             begin = round(float(rng.uniform(0.0, 2.0 * np.linalg.norm(np.subtract(*route)))), 3)
             people.append(Mover(name, PERSON, route, speed, begin, stands_off=stands_off))
     return replace(world, movers=(*world.movers, *people))
+
+
+def _widest_way(world: World) -> NDArray[np.float64] | None:
+    """Return the shortest way for the reference disc, or for one that is less wide."""
+    radii = (passage_radius(world.difficulty), *NARROWER)
+    for radius in radii:
+        way = shortest_path(world, radius, *GROUND_BAND, world.start, world.goal)
+        if way is not None:
+            return way
+    return None
 
 
 def _crossing(

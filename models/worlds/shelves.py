@@ -15,9 +15,6 @@ from wayproof.models.worlds.solids import Box
 
 Range = tuple[float, float]
 
-MIN_AISLE_WIDTH = 1.8
-"""Minimum width of an aisle or cross-aisle, m."""
-
 WIDEST_CROSS_AISLE = 2.4
 DEPTHS = (0.8, 1.0)
 HEIGHTS = (2.2, 2.8)
@@ -35,7 +32,9 @@ BEAM_TOP = 1.3
 """Top of a beam, m: a quadruped passes below, and a drone has 1.2 m above it and below 2.5 m."""
 
 
-def shelf_rows(rng: np.random.Generator, along: Range, across: Range, walled: bool) -> list[Box]:
+def shelf_rows(
+    rng: np.random.Generator, along: Range, across: Range, *, walled: bool, aisle: float
+) -> list[Box]:
     """Two to four rows of shelves, broken by cross-aisles, with beams over one or two aisles.
 
     Args:
@@ -44,30 +43,33 @@ def shelf_rows(rng: np.random.Generator, along: Range, across: Range, walled: bo
         across: Extent that the rows share, m.
         walled: Whether walls close `across`, so that an aisle is needed beyond the outer rows.
             Otherwise walls close `along`, and a row may have two cross-aisles.
+        aisle: Minimum width of an aisle or cross-aisle, m.
     """
-    rows = _rows(rng, across, walled)
+    rows = _rows(rng, across, walled, aisle)
     boxes = []
     for row in rows:
         cross_aisles = 1 if walled else int(rng.integers(1, 3))
-        for shelf in _shelves(rng, along, cross_aisles):
+        for shelf in _shelves(rng, along, cross_aisles, aisle):
             boxes += _shelf(rng, shelf, row)
     return boxes + _beams(rng, along, rows)
 
 
-def _rows(rng: np.random.Generator, across: Range, walled: bool) -> list[Range]:
-    outer = MIN_AISLE_WIDTH if walled else 0.0
+def _rows(rng: np.random.Generator, across: Range, walled: bool, aisle: float) -> list[Range]:
+    outer = aisle if walled else 0.0
     depth = rng.uniform(*DEPTHS)
     room = across[1] - across[0] - 2.0 * outer
-    count = min(int(rng.integers(2, 5)), int((room + MIN_AISLE_WIDTH) / (depth + MIN_AISLE_WIDTH)))
-    least = np.array([outer] + [MIN_AISLE_WIDTH] * (count - 1) + [outer])
+    count = min(int(rng.integers(2, 5)), int((room + aisle) / (depth + aisle)))
+    least = np.array([outer] + [aisle] * (count - 1) + [outer])
     gaps = _stretched(rng, least, across[1] - across[0] - count * depth)
     begins = across[0] + np.cumsum(gaps[:-1]) + depth * np.arange(count)
     return [(float(begin), float(begin + depth)) for begin in begins]
 
 
-def _shelves(rng: np.random.Generator, along: Range, cross_aisles: int) -> list[Range]:
+def _shelves(
+    rng: np.random.Generator, along: Range, cross_aisles: int, aisle: float
+) -> list[Range]:
     """Draw the limits of the shelves of one row."""
-    widths = rng.uniform(MIN_AISLE_WIDTH, WIDEST_CROSS_AISLE, cross_aisles)
+    widths = rng.uniform(aisle, WIDEST_CROSS_AISLE, cross_aisles)
     least = np.full(cross_aisles + 1, SHORTEST)
     lengths = _stretched(rng, least, along[1] - along[0] - float(widths.sum()))
     shelves: list[Range] = []

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, from_json, override, setting_names, to_json
+from wayproof.harness.config import Config, from_json, override, setting_names, to_json, value_of
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.renamed import RENAMED
@@ -60,11 +60,8 @@ def test_every_setting_name_can_be_set_to_its_own_value():
 
     import msgspec
 
-    document = msgspec.to_builtins(BASE)
     for name in setting_names():
-        value = document
-        for part in name.split("."):
-            value = value[part]
+        value = msgspec.to_builtins(value_of(BASE, name))
         assert override(BASE, [f"{name}={json.dumps(value)}"]) == BASE, name
 
 

@@ -7,11 +7,10 @@ import functools
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
-from wayproof.harness.config import Config, setting_names
+from wayproof.harness.config import Config, setting_names, value_of
 from wayproof.harness.log.reader import Log
 from wayproof.harness.study.file import CLEAN, PACKAGED, Planned, StudyFile
 from wayproof.harness.study.store import Store
@@ -42,6 +41,10 @@ def of_study(
     lines.append(("seeds", f"{len(seeds)}: {shown}"))
     if study.settings:
         lines.append(("settings", ", ".join(f"{k}={v}" for k, v in study.settings.items())))
+    lines += [
+        (f"{name}, drawn for each seed", f"{low} to {high}")
+        for name, (low, high) in study.randomise.items()
+    ]
     lines += [(f"axis {name}", ", ".join(map(str, some))) for name, some in study.axes.items()]
     written = [path.stat().st_mtime for path in store.logs.glob("*.mcap")]
     if written:
@@ -87,15 +90,11 @@ def differing_settings(config: Config) -> dict[str, str]:
     for name in setting_names():
         if name in APART:
             continue
-        value, default = _value(config, name), _value(_defaults(), name)
+        value, default = value_of(config, name), value_of(_defaults(), name)
         if value != default:
             text = value if isinstance(value, str) else msgspec.json.encode(value).decode()
             found[name] = text
     return found
-
-
-def _value(config: Config, name: str) -> Any:
-    return functools.reduce(getattr, name.split("."), config)
 
 
 def run_command(planned: Planned) -> str:
