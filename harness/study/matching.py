@@ -19,13 +19,14 @@ import numpy as np
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
-from wayproof.harness.scenario.worlds import find_world
+from wayproof.harness.scenario.worlds import generate
 from wayproof.harness.study.contents import class_identity
 from wayproof.harness.study.file import Planned
 from wayproof.harness.study.job import key_of
 from wayproof.models.robots import ROBOTS
 from wayproof.models.robots.custom import parse_spec
 from wayproof.models.scene import resolve
+from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds import WORLDS
 
 CLOSE = 1e-6
@@ -119,26 +120,17 @@ def _points(log: Log, expected: Config) -> Sequence[tuple[float, ...] | None]:
     """Return start and goal as given or of the world; None if only a file defines them."""
     own: Sequence[tuple[float, ...] | None] = (None, None)
     if expected.world in WORLDS and (expected.start is None or expected.goal is None):
-        own = _world_points(_of_world(expected))
+        own = _world_points(
+            expected.world, expected.seed, expected.difficulty, expected.world_parameters
+        )
     given = (expected.start, expected.goal)
     return [one if one is not None else other for one, other in zip(given, own, strict=True)]
 
 
-def _of_world(config: Config) -> Config:
-    """Return the settings that a world is generated from."""
-    return Config(
-        config.world,
-        "",
-        config.seed,
-        difficulty=config.difficulty,
-        world_parameters=config.world_parameters,
-    )
-
-
 @functools.lru_cache(256)
-def _world_points(config: Config) -> Points:
+def _world_points(world: str, seed: int, difficulty: float, parameters: WorldParameters) -> Points:
     """Return start and goal of a generated world, which the arms of a study share."""
-    made = find_world(config)
+    made = generate(Config(world, "", seed, difficulty=difficulty, world_parameters=parameters))
     return made.start[:2], made.goal[:2]
 
 
