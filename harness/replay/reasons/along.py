@@ -53,11 +53,11 @@ def left_of(way: Array, place: Array) -> float:
     return length(points) - float(arc_lengths(points)[nearest])
 
 
-def direction(way: Array, begin: float, end: float) -> float:
-    """Return the heading from one arc length of a path to another, rad."""
-    arcs = arc_lengths(way)
-    x, y = (np.interp(end, arcs, way[:, k]) - np.interp(begin, arcs, way[:, k]) for k in range(2))
-    return atan2_rounded(float(y), float(x))
+def directions_near(way: Array, arc: float, within: float) -> list[float]:
+    """Return the headings of the segments of a path within a distance of an arc length, rad."""
+    arcs, steps = arc_lengths(way), np.diff(way, axis=0)
+    near = (arcs[:-1] <= arc + within) & (arcs[1:] >= arc - within) & (np.diff(arcs) > 0.0)
+    return [atan2_rounded(y, x) for x, y in steps[near, :2].tolist()]
 
 
 def turn_at(way: Array, committed: Array, arc: float) -> float:

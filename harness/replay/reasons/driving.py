@@ -9,7 +9,7 @@ from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.log.paths import length
 from wayproof.harness.replay.reasons.along import (
     NEAR,
-    direction,
+    directions_near,
     heading_of_body,
     nearest,
     same,
@@ -22,11 +22,16 @@ from wayproof.harness.replay.reasons.scene import Scene
 from wayproof.harness.replay.reasons.stopping import stop_from, stops
 from wayproof.harness.schema import wayproof_pb2 as pb
 
-FIRST_PIECES = (0.1, 0.2, 0.3)
-"""Lengths over which the initial direction of a path is measured, m; it may bend at once."""
+LEADS_AT, LEADS_LONG_AT = 0.2, 0.1
+"""Arc length at which a path leads somewhere, at most half of its length, m: of a round body, and
+of a long one. A path may bend before, where the body has turned already.
+"""
+
+LEADS_WITHIN = 0.06
+"""Distance of a segment of a thinned path from that place, m: a step of a path is 5 cm."""
 
 TURNED_INTO = 0.5
-"""Tolerance of the initial direction of a thinned path, rad."""
+"""Tolerance of the direction of a segment of a thinned path, rad."""
 
 TURNED = 0.35
 """Tolerance of the direction of a thinned path, and of the heading of a body, rad.
@@ -97,10 +102,12 @@ def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
     """The body stays in its place and turns to where the path leads."""
     if length(scene.path) >= STILL:
         yield "the trajectory leaves its place"
+    long = bool(scene.mission.discs)  # which may move tail first
     towards = heading_of_body(scene.decision) + reason.turn_rad
-    firsts = [direction(scene.global_path, 0.0, reach) for reach in FIRST_PIECES]
-    turns = [towards - first - tail for first in firsts for tail in (0.0, math.pi)]
-    off = min(abs(wrap_angle(turn)) for turn in turns)
+    at = min(LEADS_LONG_AT if long else LEADS_AT, 0.5 * length(scene.global_path))
+    leads = directions_near(scene.global_path, at, LEADS_WITHIN)
+    turns = [towards - one - tail for one in leads for tail in ((0.0, math.pi) if long else (0.0,))]
+    off = min((abs(wrap_angle(turn)) for turn in turns), default=math.inf)
     if off > TURNED_INTO:
         yield f"the path leads {off:.2f} rad off where it turns to"
 

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -197,6 +198,35 @@ def test_a_false_reason_of_each_kind_is_found(log):
 def _needs(kind, name):
     needed = figures_of(MEANINGS[kind].text)
     return name in needed or (name == "place" and "cell" in needed)
+
+
+BENDS_AT_ONCE = [[0.0, 0.0], [0.137, -0.034], [0.162, -0.073], [0.175, -0.123], [0.26, -0.149]]
+"""Begin of the thinned path of decision 121 of fr079, m."""
+
+
+@pytest.mark.parametrize(
+    ("discs", "turn", "is_true"),
+    [
+        ((), -1.507, True),  # the direction at 0.2 m, to which the stack turned there
+        ((), 0.8, False),
+        ((), -1.507 + math.pi, False),
+        (((0.0, 0.3),), -0.25, True),  # a long body takes that at 0.1 m, or its tail does
+        (((0.0, 0.3),), -0.25 + math.pi, True),
+        (((0.0, 0.3),), 1.0, False),
+    ],
+)
+def test_a_turn_leads_into_the_path_where_it_is_read(log, discs, turn, is_true):
+    moment = next(moments(log))
+    mission = replace(moment.mission, discs=discs)
+    decision, reason = moment.decision, Reason("turning_into_path", turn_rad=turn)
+    decision.predicate.CopyFrom(reason_message(reason))
+    decision.reason, decision.action, decision.label = sentence(reason), "follow", "none"
+    decision.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
+    del decision.global_path[:], decision.trajectory.path[1:]
+    for x, y in BENDS_AT_ONCE:
+        decision.global_path.add(x=x, y=y)
+    texts = ReasonCheck().check(decision, moment.map, moment.config, mission)
+    assert (texts == []) == is_true, texts
 
 
 def test_a_decision_without_figures_is_found_but_not_in_an_old_log(log):
