@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import rerun.blueprint as rrb
 
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.log.reader import Log
 from wayproof.harness.schema import stack_pb2 as sb
+from wayproof.harness.viewer.events import COLOURS, name_of
+from wayproof.harness.viewer.evidence import UNKNOWN_COLOUR, WORDS
 from wayproof.harness.viewer.snapshots import layer_period_ns
 
-UNKNOWN_SPACE = (112, 137, 134)
-"""Colour of unknown cells in RViz, red, green and blue; also of space outside the map."""
+FLOORS = ("layer", "age", "probability", "stack_costmap")
+"""Grids on the floor, of which a view shows one."""
 
-ALL_BUT_COSTMAP = ["+ $origin/**", "- $origin/stack_costmap"]
+FROM_ABOVE = ("occupied/**", "sweep", "scene/**")
+"""Entities that would hide a grid on the floor from above."""
+
+TRACKS = ("trail", "believed_trail")
 
 
 def layout(logs: Mapping[str, Log]) -> rrb.Blueprint:
@@ -42,36 +47,56 @@ def _column(root: str, log: Log) -> rrb.Vertical:
         position=(x, y - 0.01, 0.85 * span), look_target=(x, y, 0.0), eye_up=(0.0, 1.0, 0.0)
     )
     world, period = f"/{root}/world", layer_period_ns(log) * 1e-9
-    beside = []
+    shown = _Spaces(world)
+    maps = [
+        shown.view(f"map, each {period:g} s", above, "layer", FROM_ABOVE),
+        shown.view(WORDS["age"], above, "age", FROM_ABOVE),
+        shown.view(WORDS["probability"], above, "probability", FROM_ABOVE),
+    ]
     if gives_costmap(log):
-        beside = [_space(f"{root}: the stack's own costmap", world, above, _flat("layer"))]
+        name = "the stack's own costmap"
+        maps.insert(1, shown.view(name, above, "stack_costmap", FROM_ABOVE))
     return rrb.Vertical(
-        rrb.Horizontal(
-            _space(f"{root}: space", world, aside, ALL_BUT_COSTMAP),
-            _space(
-                f"{root}: the map about the robot, each {period:g} s",
-                world,
-                above,
-                _flat("stack_costmap"),
-            ),
-            *beside,
-        ),
+        rrb.Horizontal(shown.view(f"{root}: space", aside, "layer"), rrb.Tabs(*maps)),
         rrb.Horizontal(
             rrb.TextDocumentView(origin=f"/{root}/decision", name="decision"),
             rrb.TextLogView(origin=f"/{root}/reasons", name="reasons"),
         ),
         rrb.Horizontal(
-            rrb.TimeSeriesView(origin=f"/{root}/plots/motion", name="speed and clearance"),
-            rrb.TimeSeriesView(origin=f"/{root}/plots/latency", name="latency by stage"),
+            _plot(root, "clearance"),
+            _plot(root, "speed"),
+            rrb.Tabs(_plot(root, "pose"), _plot(root, "heading")),
         ),
+        rrb.Horizontal(*(_plot(root, name) for name in ("path", "latency", "delay"))),
         rrb.StateTimelineView(
             origin=f"/{root}",
-            contents=[f"/{root}/action", f"/{root}/label", f"/{root}/verdict"],
-            name="action, label, verdict",
+            contents=[f"/{root}/{lane}" for lane in ("action", "label", "verdict", "event")],
+            name="action, label, verdict, event",
         ),
-        row_shares=[10, 6, 4, 3],
+        row_shares=[9, 4.5, 3, 3, 4.5],
         name=f"{root}: {log.path.name}, {log.result['outcome']}",
     )
+
+
+PLOTS = {
+    "clearance": "true clearance, m",
+    "speed": "true speed, m/s",
+    "pose": "error of the pose and margin, m",
+    "heading": "error of the heading, degrees",
+    "path": "committed path, m",
+    "latency": "stages, ms, without the first decision",
+    "delay": "delay and deadline, ms, without the first decision",
+}
+"""Names of the plots: one unit to a plot."""
+
+LEGENDS = ("clearance", "pose", "latency", "delay")
+"""Plots of more than one curve."""
+
+
+def _plot(root: str, name: str) -> rrb.TimeSeriesView:
+    """Return a plot; the legend stands where curves of things above 0 seldom are."""
+    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=name in LEGENDS)
+    return rrb.TimeSeriesView(origin=f"/{root}/plots/{name}", name=PLOTS[name], plot_legend=legend)
 
 
 def gives_costmap(log: Log) -> bool:
@@ -85,29 +110,40 @@ def gives_costmap(log: Log) -> bool:
     )
 
 
-def _flat(hidden: str) -> list[str]:
-    """Return the entities of a top view, without cells, which would hide the grid on the floor.
+class _Spaces:
+    """Views in space of one log.
 
-    Args:
-        hidden: The other grid on the floor.
+    Attributes:
+        world: Entity of its world.
     """
-    return ["+ $origin/**", "- $origin/occupied/**", "- $origin/sweep", f"- $origin/{hidden}"]
 
+    def __init__(self, world: str) -> None:
+        self.world = world
 
-def _space(
-    name: str, world: str, eye: rrb.EyeControls3D, contents: str | list[str]
-) -> rrb.Spatial3DView:
-    so_far = rrb.VisibleTimeRanges(
-        timeline="time",
-        start=rrb.TimeRangeBoundary.infinite(),
-        end=rrb.TimeRangeBoundary.cursor_relative(),
-    )
-    return rrb.Spatial3DView(
-        origin=world,
-        contents=contents,
-        name=name,
-        eye_controls=eye,
-        line_grid=False,
-        background=list(UNKNOWN_SPACE),
-        overrides={f"{world}/trail": [so_far]},
-    )
+    def view(
+        self, name: str, eye: rrb.EyeControls3D, floor: str, hidden: Sequence[str] = ()
+    ) -> rrb.Spatial3DView:
+        """Return a view with one grid on the floor.
+
+        Args:
+            name: Its title.
+            eye: Where it is seen from.
+            floor: Entity of the grid.
+            hidden: Entities left out besides.
+        """
+        left_out = [*(one for one in FLOORS if one != floor), *hidden]
+        so_far = rrb.VisibleTimeRanges(
+            timeline="time",
+            start=rrb.TimeRangeBoundary.infinite(),
+            end=rrb.TimeRangeBoundary.cursor_relative(),
+        )
+        marks = (f"events/{name_of(kind)}" for kind in COLOURS)
+        return rrb.Spatial3DView(
+            origin=self.world,
+            contents=["+ $origin/**", *(f"- $origin/{one}" for one in left_out)],
+            name=name,
+            eye_controls=eye,
+            line_grid=False,
+            background=list(UNKNOWN_COLOUR),
+            overrides={f"{self.world}/{one}": [so_far] for one in (*TRACKS, *marks)},
+        )

@@ -36,17 +36,18 @@ class _Column:
 class Rows:
     """Rows of many entities on the timelines `time` and `decision`."""
 
-    def __init__(self, stream: rr.RecordingStream, root: str) -> None:
-        """Start a batch for entities under a root."""
+    def __init__(self, stream: rr.RecordingStream, root: str, at_a_time: int = AT_A_TIME) -> None:
+        """Start a batch for entities under a root, of so many decisions."""
         self._stream = stream
         self._root = root
+        self._at_a_time = at_a_time
         self._times: list[int] = []
         self._sequences: list[int] = []
         self._columns: dict[str, _Column] = {}
 
     def begin(self, time_ns: int, sequence: int) -> None:
         """Start a decision; rows added from now on belong to it."""
-        if len(self._times) == AT_A_TIME:
+        if len(self._times) == self._at_a_time:
             self.send()
         self._times.append(time_ns)
         self._sequences.append(sequence)

@@ -13,7 +13,9 @@ from wayproof.harness.explain.commanded import Commanded
 from wayproof.harness.inputs import Pose
 from wayproof.harness.interface.types import Grid
 from wayproof.harness.log.reader import Log
+from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.viewer.evidence import Evidence, evidence_at
 from wayproof.harness.viewer.layer import kinds, layer_at
 from wayproof.harness.viewer.moments import Moment, moments, standing_low
 from wayproof.harness.viewer.tiles import Tile, Tiles
@@ -28,6 +30,9 @@ CELLS_PERIOD_NS = 1_000_000_000
 LAYER_PERIOD_NS, LONG_LAYER_PERIOD_NS = 200_000_000, 500_000_000
 """Simulated time between layers of a log, and of a long one, ns: each needs a costmap."""
 
+EVIDENCE_PERIOD_NS = 1_000_000_000
+"""Simulated time between layers with their evidence, ns: ages change everywhere, all the time."""
+
 LONG_S = 30.0
 """Simulated time beyond which a log is long, s."""
 
@@ -40,11 +45,13 @@ class Layer:
         kinds: (nx, ny) kinds of its cells, see `harness.viewer.layer`.
         corner: (2,) lower corner of its first cell, m, world.
         resolution: Edge of a cell, m.
+        evidence: Age and probability of its cells, if they are shown.
     """
 
     kinds: NDArray[np.uint8]
     corner: NDArray[np.float64]
     resolution: float
+    evidence: Evidence | None = None
 
 
 @dataclass(frozen=True)
@@ -87,21 +94,23 @@ def snapshots(log: Log) -> Iterator[Snapshot]:
     Raises:
         InputError: The log is damaged, or its sweeps were left out.
     """
-    tiles = tiles_of(log)
+    tiles, mission = tiles_of(log), log.mission
     layer, sweep = _Timer(layer_period_ns(log)), _Timer(SWEEP_PERIOD_NS)
     cells, own = _Timer(CELLS_PERIOD_NS), _Timer(layer_period_ns(log))
+    evidence = _Timer(EVIDENCE_PERIOD_NS)
     moment = None
     for moment in moments(log):
         now = moment.time_ns
         yield _snapshot(
             moment,
-            _layer(moment) if layer.due(now) else None,
-            partial(moment.hits, MOST_HITS) if sweep.due(now) else None,
-            tiles.changed(moment.map) if cells.due(now) else [],
-            moment.stack_costmap is not None and own.due(now),
+            layer=_layer(moment, mission, evidence.due(now)) if layer.due(now) else None,
+            hits=partial(moment.hits, MOST_HITS) if sweep.due(now) else None,
+            tiles=tiles.changed(moment.map) if cells.due(now) else [],
+            with_costmap=moment.stack_costmap is not None and own.due(now),
         )
     if moment is not None:
-        yield _snapshot(moment, _layer(moment), None, tiles.changed(moment.map))
+        last = _layer(moment, mission, with_evidence=True)
+        yield _snapshot(moment, layer=last, hits=None, tiles=tiles.changed(moment.map))
 
 
 def tiles_of(log: Log) -> Tiles:
@@ -111,6 +120,7 @@ def tiles_of(log: Log) -> Tiles:
 
 def _snapshot(
     moment: Moment,
+    *,
     layer: Layer | None,
     hits: Callable[[], NDArray[np.float64]] | None,
     tiles: list[Tile],
@@ -130,11 +140,14 @@ def _snapshot(
     )
 
 
-def _layer(moment: Moment) -> Layer:
+def _layer(moment: Moment, mission: Mission, with_evidence: bool) -> Layer:
     costmap, record = moment.costmap, moment.record
     index = layer_at(costmap, float(record.inputs.pose.position[2]))
     layer_kinds = kinds(costmap, index, record.decision.collision_distance_sq)
-    return Layer(layer_kinds, costmap.origin[:2], costmap.resolution)
+    evidence = None
+    if with_evidence:
+        evidence = evidence_at(moment.map, costmap, index, mission, moment.time_ns)
+    return Layer(layer_kinds, costmap.origin[:2], costmap.resolution, evidence)
 
 
 class _Timer:

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from wayproof.harness.clearance import in_metres, map_clearance_is_bound
+import math
+
+import numpy as np
+
+from wayproof.harness.clearance import in_metres, map_clearance_is_bound, true_in_metres
 from wayproof.harness.explain.commanded import Commanded, command_in_words
+from wayproof.harness.inputs import Pose
 from wayproof.harness.log.paths import length
 from wayproof.harness.schema import wayproof_pb2 as pb
 
@@ -21,13 +26,21 @@ def is_warning(decision: pb.Decision) -> bool:
     return decision.action not in INTENDED or decision.label == "deadline_missed"
 
 
-def describe(decision: pb.Decision, cost_range: float, commanded: Commanded | None = None) -> str:
+def describe(
+    decision: pb.Decision,
+    cost_range: float,
+    commanded: Commanded | None = None,
+    pose: Pose | None = None,
+    truth: pb.Truth | None = None,
+) -> str:
     """Return the text of a decision in Markdown.
 
     Args:
         decision: Logged decision.
         cost_range: `costmap.cost_range` of its config, m.
         commanded: Command of a stack on trial; None of the built-in stack.
+        pose: Estimated pose, to compare with the truth.
+        truth: Ground truth; of a recording, which has none, its clearance is not a number.
     """
     is_bound = map_clearance_is_bound(decision, cost_range)
     stages = decision.stages
@@ -49,6 +62,7 @@ def describe(decision: pb.Decision, cost_range: float, commanded: Commanded | No
             f"{decision.resolution_m:g} m), unknown policy `{decision.unknown_policy}`",
             f"- inflation {decision.inflation_radius_m:.3f} m, of it margin "
             f"{decision.localization_margin_m:.3f} m",
+            *_truth_lines(pose, truth),
             f"- oldest evidence along the path {decision.evidence_age_s:.2f} s",
             f"- committed {decision.committed_length_m:.2f} m of {path}, "
             f"least clearance {in_metres(decision.least_clearance_m, is_bound)}",
@@ -58,6 +72,14 @@ def describe(decision: pb.Decision, cost_range: float, commanded: Commanded | No
             f"{stages.costmap_ms:.1f}, plan {stages.plan_ms:.1f}",
         ]
     )
+
+
+def _truth_lines(pose: Pose | None, truth: pb.Truth | None) -> list[str]:
+    if pose is None or truth is None or math.isnan(truth.clearance_m):
+        return []
+    error = float(np.linalg.norm(pose.position - np.array(truth.position)))
+    clearance = true_in_metres(truth.clearance_m)
+    return [f"- truth: pose {error:.3f} m off, clearance {clearance}"]
 
 
 def _stack_lines(decision: pb.Decision, commanded: Commanded) -> list[str]:

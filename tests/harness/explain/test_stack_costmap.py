@@ -41,8 +41,8 @@ def test_only_a_cost_of_zero_is_free_and_the_rest_is_unknown():
 
 
 def test_rerun_s_codes_are_in_the_same_order():
-    rerun_log = pytest.importorskip("wayproof.harness.viewer.rerun_log")
-    codes = rerun_log._COSTS.tolist()
+    rerun_grids = pytest.importorskip("wayproof.harness.viewer.rerun_grids")
+    codes = rerun_grids._COSTS.tolist()
     assert [cost for cost in range(256) if codes[cost] == 0] == [0]
     assert [cost for cost in range(256) if codes[cost] == 255] == [*range(101, 256)]
     assert codes[100] == 100
@@ -95,13 +95,15 @@ def test_rerun_has_it_in_a_view_of_its_own(log, recorded, tmp_path):
     out = tmp_path / "x.rrd"
     assert main(["view", str(log), "--save", str(out)]) == 0
     assert "/log/world/stack_costmap" in entities(out)
-    views = layout({"log": open_log(log)}).root_container.contents[0].contents
-    assert [view.name for view in views][2] == "log: the stack's own costmap"
-    contents = [view.contents for view in views]
-    assert ["- $origin/stack_costmap" in each for each in contents] == [True, True, False]
+    space, maps = layout({"log": open_log(log)}).root_container.contents[0].contents
+    assert [view.name for view in maps.contents][1] == "the stack's own costmap"
+    contents = [view.contents for view in (space, *maps.contents)]
+    shows = ["- $origin/stack_costmap" not in each for each in contents]
+    assert shows == [False, False, True, False, False]
     assert "- $origin/layer" in contents[2]
     other = Path(recorded("empty", "drone", 1, "episode.time_limit=1").log)
-    assert len(layout({"log": open_log(other)}).root_container.contents[0].contents) == 2
+    maps = layout({"log": open_log(other)}).root_container.contents[0].contents[1]
+    assert len(maps.contents) == 3
 
 
 def test_foxglove_gets_it_as_a_grid(log, tmp_path):

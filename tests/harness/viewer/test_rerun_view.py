@@ -18,15 +18,30 @@ RUN = ["run", "empty", "--robot", "drone", "--seed", "1", "--set", "episode.time
 def test_the_viewer_s_background_is_unknown_and_not_free(log):
     """What lies outside the map has the colour that the unknown has in it."""
     pytest.importorskip("rerun")
-    from wayproof.harness.viewer.layout import UNKNOWN_SPACE, layout
+    from wayproof.harness.viewer.evidence import UNKNOWN_COLOUR
+    from wayproof.harness.viewer.layout import layout
 
     column = layout({"log": open_log(log)}).root_container
-    spaces = column.contents[0].contents
-    assert len(spaces) == 2
+    space, maps = column.contents[0].contents
+    spaces = [space, *maps.contents]
+    assert [view.name.split()[0].rstrip(",:") for view in spaces[1:]] == [
+        "map", "age", "probability",
+    ]  # fmt: skip
     for view in spaces:
         (packed,) = view.properties["Background"].color.as_arrow_array().to_pylist()
-        assert [packed >> shift & 255 for shift in (24, 16, 8)] == list(UNKNOWN_SPACE)
-    assert max(UNKNOWN_SPACE) < 150  # free cells are white
+        assert [packed >> shift & 255 for shift in (24, 16, 8)] == list(UNKNOWN_COLOUR)
+    assert max(UNKNOWN_COLOUR) < 150  # free cells are white
+
+
+def test_each_view_shows_one_grid_on_the_floor_and_the_scene_only_from_aside(log):
+    pytest.importorskip("rerun")
+    from wayproof.harness.viewer.layout import FLOORS, layout
+
+    space, maps = layout({"log": open_log(log)}).root_container.contents[0].contents
+    for view in (space, *maps.contents):
+        hidden = {line.removeprefix("- $origin/") for line in view.contents if line[0] == "-"}
+        assert len(set(FLOORS) - hidden) == 1
+        assert ("scene/**" in hidden) == (view is not space)
 
 
 def entities(recording):
@@ -43,12 +58,16 @@ def test_a_failure_is_marked_and_two_logs_stand_side_by_side(tmp_path, capsys, l
     capsys.readouterr()
     assert not list(out.parent.glob("*.partial"))
     shown = entities(out)
-    for name in ("world/robot", "world/truth", "world/layer", "world/sweep", "world/trajectory"):
+    for name in (
+        "world/robot", "world/truth", "world/layer", "world/sweep", "world/trajectory",
+        "world/scene/obstacles", "world/age", "world/probability", "world/pose_error",
+        "world/believed_trail", "plots/pose/error_m", "plots/heading/error_deg", "event",
+    ):  # fmt: skip
         assert f"/log/{name}" in shown
         assert f"/other/{name}" in shown
     assert "/log/world/failure" in shown
     assert "/other/world/failure" not in shown
-    assert "/log/plots/latency/deadline_ms" in shown
+    assert "/log/plots/delay/deadline_ms" in shown
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")

@@ -1,0 +1,68 @@
+"""Age and probability of a layer."""
+
+import numpy as np
+
+from tests.harness.viewer.seen_map import seen_map
+from wayproof.harness.viewer.evidence import (
+    OLD_S,
+    UNKNOWN_COLOUR,
+    age_pixels,
+    evidence_at,
+    probability_pixels,
+)
+from wayproof.harness.viewer.layer import layer_at
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN
+
+
+class Body:
+    """What a mission says of its body."""
+
+    def __init__(self, planar):
+        self.planar, self.step_height, self.height = planar, 0.1, 1.0
+
+
+def seen(planar=False):
+    a_map, costmap = seen_map()
+    layer = layer_at(costmap, 0.55)
+    found = evidence_at(a_map, costmap, layer, Body(planar), 3_000_000_000)
+    return costmap.state[:, :, layer], found
+
+
+def test_unknown_cells_have_neither_age_nor_probability():
+    states, found = seen()
+    assert (states == UNKNOWN).any()
+    for values in found:
+        np.testing.assert_array_equal(np.isnan(values), states == UNKNOWN)
+
+
+def test_free_is_below_a_half_and_occupied_above():
+    states, found = seen()
+    assert (found.probability[states == FREE] < 0.5).all()
+    assert (found.probability[states == OCCUPIED] > 0.5).all()
+    np.testing.assert_allclose(found.age_s[states != UNKNOWN], 3.0, atol=1e-6)
+
+
+def test_on_the_ground_the_worst_of_a_column_counts():
+    _, high = seen(planar=True)
+    _, flat = seen()
+    known = ~np.isnan(flat.probability)
+    assert (high.probability[known] >= flat.probability[known]).all()
+
+
+def test_the_colour_of_the_unknown_is_on_neither_scale():
+    values = np.linspace(0.0, 1.0, 500)[:, None]
+    for image in (age_pixels(OLD_S * values), probability_pixels(values)):
+        off = np.abs(image[0].astype(int) - UNKNOWN_COLOUR).max(axis=1)
+        assert off.min() > 30
+    nothing = np.full((2, 3), np.nan)
+    for image in (age_pixels(nothing), probability_pixels(nothing)):
+        assert image.shape == (3, 2, 3)
+        assert (image == UNKNOWN_COLOUR).all()
+
+
+def test_images_have_x_to_the_right_and_y_up():
+    age = np.zeros((3, 2))
+    age[2, 1] = OLD_S
+    image = age_pixels(age)
+    assert (image[0, 2] != image[1, 0]).any()
+    assert (image[0, 2] != image[0, 0]).any()
