@@ -23,6 +23,9 @@ from wayproof.models.world_files.xml_tree import Element, read_xml
 
 CODE = ("plugin", "extension")
 FOLDERS = ("assetdir", "meshdir", "texturedir")
+OUTSIDE = "expected --root with a folder that holds both"
+"""What a scene that reaches out of its folder needs."""
+
 MODEL_ELEMENTS = ("include", "model")
 """Elements that name another MJCF file."""
 
@@ -127,10 +130,7 @@ class _Scene:
         for base in (self._top, path):
             file = base.parent / name
             if not file.resolve().is_relative_to(self._root):
-                what = (
-                    f"<{element.tag}>: '{name}' lies outside the scene's folder; "
-                    "expected --root with a folder that holds both"
-                )
+                what = f"<{element.tag}>: '{name}' lies outside the scene's folder; {OUTSIDE}"
                 raise WorldFileError(path, what, element.line)
             if not file.exists() or file.is_dir():
                 continue  # MuJoCo says what it misses

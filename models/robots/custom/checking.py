@@ -9,11 +9,12 @@ from typing import NamedTuple
 import msgspec
 
 from wayproof.models.robots.custom.legged import legged_mjcf
-from wayproof.models.robots.custom.proposal import ROOM, Proposal, propose
+from wayproof.models.robots.custom.proposal import Proposal, propose
 from wayproof.models.robots.custom.robot import read_robot
 from wayproof.models.robots.custom.source import RobotSpecError, find_mjcf, open_source
 from wayproof.models.robots.custom.spec_file import SpecFile, parse_spec
 from wayproof.models.robots.custom.stride import stride_findings, walked
+from wayproof.models.robots.custom.walker_proposal import ROOM
 from wayproof.models.world_files.reading import WorldFileError, read_text
 
 MAX_SPEC_BYTES = 2**20
@@ -61,7 +62,7 @@ def _walking_findings(spec: SpecFile, folder: Path) -> list[str]:
     """Walk the robot of a spec with room to spare, and compare."""
     roomy = msgspec.structs.replace(spec, radius=ROOM, height=ROOM, discs=())
     try:
-        source = open_source(find_mjcf(spec.mjcf, folder), spec.base)
+        source = open_source(find_mjcf(spec.mjcf, folder), spec.base, folder)
         mjcf = legged_mjcf(source, roomy)
     except RobotSpecError as error:
         return [str(error)]

@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from wayproof.models.arrays import Array
+from wayproof.models.robots.custom.feet import foot_sphere
 from wayproof.models.robots.custom.legged_parameters import legged_parameters
 from wayproof.models.robots.custom.source import RobotSpecError, Source, find
 from wayproof.models.robots.custom.spec_file import SpecFile
@@ -135,14 +136,12 @@ def _trace(source: Source, leg: str, foot: str) -> Leg:
     elif site is not None:
         geom = -1
         body, place, radius = model.site_bodyid[site], data.site_xpos[site], model.site_size[site]
-    elif link is not None and (sphere := lowest_sphere(source, int(model.body_weldid[link]))):
-        geom, place, radius = sphere[0], sphere[1], np.array([sphere[2]])
-        body = model.geom_bodyid[geom]
-        if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_SPHERE:
-            geom = -1  # the capsule stays, and its end is the foot
+    elif link is not None and (sphere := foot_sphere(source, int(model.body_weldid[link]))):
+        body, place, radius = link, sphere.place, np.array([sphere.radius])
+        geom = sphere.geom if sphere.whole else -1  # else the geom stays, and its end is the foot
     else:
         kind = "neither a geom, a site nor a body" if geom is None else "no sphere"
-        kind = kind if link is None else "a body without a sphere or capsule that collides"
+        kind = kind if link is None else "a body without a sphere, capsule or mesh that collides"
         raise RobotSpecError(
             f"feet: '{foot}' is {kind}, expected a sphere geom, a site, or the body of one"
         )
@@ -169,30 +168,6 @@ def _trace(source: Source, leg: str, foot: str) -> Leg:
         foot_radius=float(radius[0]),
         foot_geom=int(geom),
     )
-
-
-def lowest_sphere(source: Source, link: int) -> tuple[int, Array, float] | None:
-    """Return the lowest sphere of a moving body that collides, or lowest end of a capsule.
-
-    Returns:
-        Geom id, place in the world, m, and radius, m; None if the body has neither.
-    """
-    model, data = source.model, source.data
-    found: list[tuple[float, int, Array, float]] = []
-    for geom in source.colliding(link):
-        radius, half = model.geom_size[geom, :2].tolist()
-        at, axis = data.geom_xpos[geom], data.geom_xmat[geom].reshape(3, 3)[:, 2]
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE:
-            ends = [at]
-        elif model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE:
-            ends = [at - half * axis, at + half * axis]
-        else:
-            continue
-        found += [(float(end[2]) - radius, geom, end.copy(), radius) for end in ends]
-    if not found:
-        return None
-    _, geom, place, radius = min(found, key=lambda one: one[:2])
-    return geom, place, radius
 
 
 def _sign(source: Source, joint: int, along: int) -> float:

@@ -42,10 +42,10 @@ def legged_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Par
         ValueError: The stance is beyond the legs or the joints' ranges.
         KeyError: A name is missing.
     """
-    geometry = _geometry(model, prefix)
+    geometry = leg_geometry(model, prefix)
     mass = float(model.body_subtreemass[model.body(prefix + "base").id])
     leg = geometry.thigh_length + geometry.calf_length
-    height = spec.stance or round(STANCE_SHARE * leg + geometry.foot_radius, 3)
+    height = spec.stance or stance_height(geometry, STANCE_SHARE)
     torque = [float(model.actuator(f"{prefix}FL_{joint}").ctrlrange[1]) for joint in JOINTS]
     speed = spec.joints.speed or (UNLIMITED_SPEED, UNLIMITED_SPEED, UNLIMITED_SPEED)
     try:
@@ -64,6 +64,12 @@ def legged_parameters(model: mujoco.MjModel, prefix: str, spec: SpecFile) -> Par
             capture_time=sqrt(height / GRAVITY),
         ),
     )
+
+
+def stance_height(geometry: Geometry, share: float) -> float:
+    """Return the height of the base whose legs are at a share of their stretched length, m."""
+    leg = geometry.thigh_length + geometry.calf_length
+    return round(share * leg + geometry.foot_radius, 3)
 
 
 def foot_mass(
@@ -147,8 +153,13 @@ def _times(values: tuple[float, float, float], factor: float) -> tuple[float, fl
     return values[0] * factor, values[1] * factor, values[2] * factor
 
 
-def _geometry(model: mujoco.MjModel, prefix: str) -> Geometry:
-    """Return means over the legs of the written robot, links at rest along the base."""
+def leg_geometry(model: mujoco.MjModel, prefix: str) -> Geometry:
+    """Return means over the legs of the written robot, links at rest along the base.
+
+    Args:
+        model: Compiled model with the robot in it.
+        prefix: Prefix of the robot's names there.
+    """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     base = model.body(prefix + "base").id

@@ -168,7 +168,7 @@ def read_robot(path: Path) -> CustomRobot:
     except UnicodeDecodeError as error:
         raise RobotSpecError(f"no UTF-8 text (byte {error.start})") from None
     spec = _parse(text)
-    source = open_source(find_mjcf(spec.mjcf, path.parent), spec.base)
+    source = open_source(find_mjcf(spec.mjcf, path.parent), spec.base, path.parent)
     kind = CONTROLLERS.get(spec.controller)
     mjcf = kept_mjcf(source, spec) if kind is None else kind.mjcf(source, spec)
     rest_height = _rest_height(spec, mjcf)

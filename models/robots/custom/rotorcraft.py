@@ -49,7 +49,7 @@ def rotorcraft_mjcf(source: Source, spec: SpecFile) -> str:
         raise RobotSpecError(
             "rotors, rotor: got none, expected them for the controller 'geometric'"
         )
-    bodies = _all_rigid(source)
+    bodies = all_rigid(source)
     mass, origin, _ = rigid_body(source, bodies)
     trunk = inertial(source, bodies, origin)
     places = [_place(source, name) - origin for name in spec.rotors]
@@ -125,7 +125,7 @@ def _airframe(
     )
 
 
-def _all_rigid(source: Source) -> list[int]:
+def all_rigid(source: Source) -> list[int]:
     """Return every body of the craft; propellers on joints count where they are at rest."""
     model = source.model
     bodies = np.flatnonzero(model.body_rootid == model.body_rootid[source.base]).tolist()

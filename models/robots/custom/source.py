@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +10,7 @@ import mujoco
 import numpy as np
 
 from wayproof.models.arrays import Array
-from wayproof.models.world_files.mjcf_files import check_scene
+from wayproof.models.world_files.mjcf_files import OUTSIDE, check_scene
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 from wayproof.models.world_files.reading import WorldFileError
 
@@ -49,11 +48,16 @@ class Source(NamedTuple):
         """Return the bodies that are fixed to a moving body, itself among them."""
         return np.flatnonzero(self.model.body_weldid == body).tolist()
 
-    def colliding(self, body: int) -> Iterator[int]:
-        """Return the geoms fixed to a moving body that contacts meet; others are decoration."""
-        for geom in np.flatnonzero(self.model.body_weldid[self.model.geom_bodyid] == body).tolist():
-            if self.model.geom_contype[geom] | self.model.geom_conaffinity[geom]:
-                yield geom
+    def colliding(self, body: int) -> list[int]:
+        """Return the geoms fixed to a moving body that contacts meet; others are decoration.
+
+        A base that nothing would collide with meets contacts with all that is drawn of it: else a
+        trunk that goes through a wall would be no collision.
+        """
+        model = self.model
+        own = np.flatnonzero(model.body_weldid[model.geom_bodyid] == body).tolist()
+        meet = [geom for geom in own if model.geom_contype[geom] | model.geom_conaffinity[geom]]
+        return own if body == self.base and not meet else meet
 
 
 def find_mjcf(named: str, folder: Path) -> Path:
@@ -75,18 +79,25 @@ def find_mjcf(named: str, folder: Path) -> Path:
     return path
 
 
-def open_source(path: Path, base: str) -> Source:
+def open_source(path: Path, base: str, folder: Path) -> Source:
     """Compile an MJCF and look at its rest pose.
 
+    Args:
+        path: The MJCF.
+        base: Name of the robot's base.
+        folder: Folder of the spec file. What the MJCF names has to lie below it if the MJCF itself
+            does, else in the MJCF's own folder.
+
     Raises:
-        RobotSpecError: It reaches outside its folder, does not compile, or has no such base.
+        RobotSpecError: It reaches outside these, does not compile, or has no such base.
     """
     try:
-        check_scene(path)
+        check_scene(path, folder if path.resolve().is_relative_to(folder.resolve()) else None)
         tree = mujoco.MjSpec.from_file(str(path))
         model = free(tree, base).compile()
     except WorldFileError as error:
-        raise RobotSpecError(f"mjcf: {error}") from None
+        line = str(error).replace(OUTSIDE, "expected the spec file in a folder that holds both")
+        raise RobotSpecError(f"mjcf: {line}") from None
     except NOT_COMPILED as error:
         raise RobotSpecError(f"mjcf '{path}': {' '.join(str(error).split())[:300]}") from None
     body = find(model, mujoco.mjtObj.mjOBJ_BODY, base)

@@ -347,3 +347,95 @@ def test_a_craft_is_proposed_from_its_thrusters(tmp_path):
     assert (proposal.spec.rotors, proposal.spec.rotor.thrust) == (("a", "b", "c", "d"), 6.0)
     (tmp_path / "craft.toml").write_text(proposal.toml())
     assert read_robot(tmp_path / "craft.toml").spec.motion == "air"
+
+
+def check_proposed(folder, mjcf):
+    """Propose a spec for an MJCF and read the robot by it."""
+    (folder / "proposed.xml").write_text(mjcf)
+    checked = check_spec(folder / "proposed.xml")
+    assert checked.proposal is not None, checked.unproposed
+    (folder / "proposed.toml").write_text(checked.proposal.toml())
+    return read_robot(folder / "proposed.toml"), checked.proposal.notes
+
+
+def test_rotors_are_found_by_their_names(tmp_path):
+    places = {"motor0": (0.1, -0.1), "motor1": (-0.1, -0.1), "motor2": (-0.1, 0.1)}
+    places["motor3"] = (0.1, 0.1)
+    sites = "".join(f'<site name="{n}" pos="{x} {y} 0.01"/>' for n, (x, y) in places.items())
+    robot, notes = check_proposed(
+        tmp_path,
+        f"""<mujoco><worldbody><body name="hull" pos="0 0 0.3"><geom size="0.15" mass="1"/>
+        <geom type="box" size="1 1 1" contype="0" conaffinity="0" mass="0"/>{sites}
+        <body name="propguard0"/></body></worldbody></mujoco>""",
+    )
+    assert robot.file.rotors == ("motor1", "motor2", "motor3", "motor0")
+    assert "rotor.thrust is assumed from the weight" in notes
+    assert robot.file.sensors[0].position == pytest.approx((0.0, 0.0, 0.16), abs=1e-3)
+    assert 0.2 < robot.file.radius < 0.23  # a rotor's rim, not the box that nothing collides with
+
+
+def test_the_end_of_a_mesh_is_a_foot(tmp_path):
+    """A foot of a mesh has the place and radius of the ball that the mesh was made of."""
+    ball = farthest(np.random.default_rng(1).normal(size=(4000, 3)))
+    ball = 0.02 * ball / np.linalg.norm(ball, axis=1)[:, None]
+    shank = np.concatenate([ball + np.array([0.0, 0.0, -0.17]), ball / 2.0])
+    text = " ".join(f"{value:.6f}" for value in shank.ravel())
+    mjcf = re.sub(
+        r'<geom type="capsule" size="0.01".*?/>', "", hound().replace(
+            "<worldbody>", f'<asset><mesh name="shank" vertex="{text}"/></asset><worldbody>', 1)
+    )  # fmt: skip
+    mjcf = re.sub(
+        r'<geom name="toe_\w\w" size="0.02" pos="0 0 -0.17" mass="0.03"/>',
+        '<geom type="mesh" mesh="shank" mass="0.13"/>', mjcf,
+    )  # fmt: skip
+    robot, _ = check_proposed(tmp_path, mjcf)
+    assert robot.file.feet == ("c_vl", "c_vr", "c_hl", "c_hr")
+    model = mujoco.MjModel.from_xml_string(robot.mjcf())
+    assert model.geom("FL_foot").size[0] == pytest.approx(0.02, rel=0.05)
+    assert model.geom("FL_foot").pos[2] == pytest.approx(-0.17, abs=1e-3)
+
+
+def test_weak_joints_bear_the_robot_on_straighter_legs(tmp_path):
+    weak = hound().replace("-20 20", "-8 8")
+    robot, notes = check_proposed(tmp_path, weak)
+    assert any(note.startswith("stance") for note in notes)
+    assert robot.spec.rest_height > custom_robot(tmp_path, SPEC, "hound", weak).spec.rest_height
+    (tmp_path / "hound.xml").write_text(weak)
+    (tmp_path / "hound.toml").write_text(SPEC)
+    wrong = check_spec(tmp_path / "hound.toml").wrong
+    assert wrong
+    assert wrong[0].startswith("stance: the base sinks by")
+
+
+def test_too_weak_joints_are_refused(tmp_path):
+    (tmp_path / "feeble.xml").write_text(hound().replace("-20 20", "-2 2"))
+    checked = check_spec(tmp_path / "feeble.xml")
+    assert checked.proposal is None
+    assert re.match("the robot (falls|sinks by)", checked.unproposed)
+
+
+def test_a_trunk_that_nothing_collides_with_collides_as_drawn(tmp_path):
+    ghost = hound().replace('pos="0.03 0 0.02" mass="5"', 'pos="0.03 0 0.02" mass="5" contype="0" '
+                            'conaffinity="0"')  # fmt: skip
+    robot, _ = check_proposed(tmp_path, ghost)
+    model = mujoco.MjModel.from_xml_string(robot.mjcf())
+    trunk = [geom for geom in range(model.ngeom) if model.geom_bodyid[geom] == 1]
+    assert [int(model.geom_conaffinity[geom]) for geom in trunk] == [1]
+
+
+def test_meshes_beside_the_model_lie_below_the_spec(tmp_path):
+    """The layout of ROS packages: mjcf/ and meshes/ beside one another."""
+    for folder in ("mjcf", "meshes"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "meshes/hull.obj").write_text(
+        "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    (tmp_path / "mjcf/hound.xml").write_text(hound().replace(
+        "<worldbody>", '<asset><mesh name="hull" file="../meshes/hull.obj"/></asset><worldbody>', 1
+    ))  # fmt: skip
+    checked = check_spec(tmp_path / "mjcf/hound.xml", tmp_path)
+    assert checked.proposal is not None
+    assert checked.proposal.spec.mjcf == "mjcf/hound.xml"
+    inside = check_spec(tmp_path / "mjcf/hound.xml")
+    assert inside.proposal is None
+    assert inside.unproposed.endswith("expected the spec file in a folder that holds both")
