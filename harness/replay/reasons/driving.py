@@ -105,9 +105,9 @@ def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
     long = bool(scene.mission.discs)  # which may move tail first
     towards = heading_of_body(scene.decision) + reason.turn_rad
     at = min(LEADS_LONG_AT if long else LEADS_AT, 0.5 * length(scene.global_path))
-    leads = directions_near(scene.global_path, at, LEADS_WITHIN)
+    leads = directions_near(scene.global_path, at, LEADS_WITHIN) or [0.0]  # it stands on its end
     turns = [towards - one - tail for one in leads for tail in ((0.0, math.pi) if long else (0.0,))]
-    off = min((abs(wrap_angle(turn)) for turn in turns), default=math.inf)
+    off = min(abs(wrap_angle(turn)) for turn in turns)
     if off > TURNED_INTO:
         yield f"the path leads {off:.2f} rad off where it turns to"
 
