@@ -11,6 +11,7 @@ from wayproof.models.worlds.cylinders import cylinders
 from wayproof.models.worlds.empty import empty
 from wayproof.models.worlds.forest import forest
 from wayproof.models.worlds.ghosts import ghosts
+from wayproof.models.worlds.hall import hall
 from wayproof.models.worlds.maze import maze
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.office import office
@@ -26,6 +27,7 @@ from wayproof.models.worlds.solids import (
 )
 from wayproof.models.worlds.solvability import is_solvable, is_solvable_in_any, shortest_path_length
 from wayproof.models.worlds.traffic import Traffic
+from wayproof.models.worlds.tunnel import tunnel
 from wayproof.models.worlds.warehouse import warehouse
 from wayproof.models.worlds.world import World
 
@@ -40,6 +42,8 @@ WORLDS: dict[str, Callable[..., World]] = {
     "cylinders": cylinders,
     "crossing": crossing,
     "ghosts": ghosts,
+    "tunnel": tunnel,
+    "hall": hall,
 }
 
 __all__ = [
