@@ -32,6 +32,12 @@ class BehaviourConfig:
         max_backtracks: Times it goes back along its own trail before the action is `abort`.
         backtrack_length: Length of one backtrack, m.
         reverse_speed_fraction: Fraction of the speed at which an elongated body moves tail first.
+        uncertain_sigma: Standard deviation of the position beyond which the robot slows down while
+            the sweeps do not hold it, m; this and what follows of estimators that state a
+            covariance.
+        uncertain_speed_fraction: Fraction of the speed that is left then.
+        lost_sigma: Standard deviation beyond which it goes back to where they did, or gives up, m.
+        max_returns: Times it goes back there before the action is `abort`.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -52,6 +58,10 @@ class BehaviourConfig:
     max_backtracks: Annotated[int, Bounds(1, 1e6)] = 2
     backtrack_length: Annotated[float, Bounds(1e-9, 1e6, "m")] = 1.0
     reverse_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.4
+    uncertain_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.1
+    uncertain_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.5
+    lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
+    max_returns: Annotated[int, Bounds(0, 1e6)] = 1
 
     def __post_init__(self) -> None:
         """Check every field."""

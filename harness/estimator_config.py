@@ -55,7 +55,7 @@ class EstimateConfig:
     heading_walk: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0005
     position_floor: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.005
     heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.001
-    motion_share: Annotated[float, Bounds(0.0, 1.0)] = 0.05
+    motion_share: Annotated[float, Bounds(0.0, 1.0)] = 0.03
 
     def __post_init__(self) -> None:
         """Check every field."""

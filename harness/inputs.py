@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,12 @@ from wayproof.models.sensors.beams import (
 MAX_COORDINATE = 1e5
 """Maximum distance from the world's origin along an axis, m; beyond any mission."""
 
+MAX_VARIANCE = 1e12
+"""Greatest variance of a pose, m^2 and rad^2."""
+
+ASYMMETRY = 1e-9
+"""Share of its largest entry by which rounding may leave a covariance asymmetric."""
+
 UNIT_LENGTH = 1e-9
 """Difference from unit length beyond which a quaternion is scaled to it."""
 
@@ -58,6 +64,9 @@ class Pose:
         heading_sigma: Stated standard deviation of the heading, rad.
         trail: Estimated poses while the sweeps were taken, up to this one; none without a rolling
             shutter.
+        covariance: (4, 4) stated covariance of x, y, z, m, and heading, rad, in world axes; none if
+            the estimator states standard deviations alone.
+        unheld: (k, 3) unit directions along which the sweeps do not hold the position.
     """
 
     position: NDArray[np.float64]
@@ -65,6 +74,8 @@ class Pose:
     position_sigma: float
     trail: Trail | None = None
     heading_sigma: float = 0.0
+    covariance: NDArray[np.float64] | None = None
+    unheld: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
 
     @cached_property
     def rotation(self) -> NDArray[np.float64]:
@@ -328,7 +339,48 @@ def _pose(message: pb.Pose) -> Pose:
     position, quaternion = np.array(message.position), np.array(message.quaternion)
     check_pose(position, quaternion, message.position_sigma, trail)
     quaternion = unit_quaternion(quaternion)
-    return Pose(position, quaternion, message.position_sigma, trail, message.heading_sigma)
+    return Pose(
+        position,
+        quaternion,
+        message.position_sigma,
+        trail,
+        message.heading_sigma,
+        covariance_of(message),
+        _unheld(message),
+    )
+
+
+def covariance_of(message: pb.Pose) -> NDArray[np.float64] | None:  # (4, 4)
+    """The stated covariance of x, y, z and heading; none if there is none.
+
+    Raises:
+        InputError: It is no 16 finite numbers, not symmetric, or has a negative variance.
+    """
+    if not message.covariance:
+        return None
+    values = np.array(message.covariance)
+    if values.size != 16 or not (np.abs(values) <= MAX_VARIANCE).all():  # also refuses NaN
+        raise InputError(
+            f"pose: covariance of {values.size} numbers, expected 16, each within {MAX_VARIANCE:g}"
+        )
+    covariance = values.reshape(4, 4)
+    if (np.abs(covariance - covariance.T) > ASYMMETRY * np.abs(covariance).max()).any() or (
+        np.diagonal(covariance) < 0.0
+    ).any():
+        raise InputError("pose: covariance, expected a symmetric matrix of variances of 0 or more")
+    return covariance
+
+
+def _unheld(message: pb.Pose) -> NDArray[np.float64]:  # (k, 3)
+    """Directions that the sweeps do not hold.
+
+    Raises:
+        InputError: They are not up to 3 of 3 numbers from -1 to 1.
+    """
+    values = np.array(message.unheld)
+    if values.size not in (0, 3, 6, 9) or not (np.abs(values) <= 1.0 + UNIT_LENGTH).all():
+        raise InputError(f"pose: unheld of {values.size} numbers, expected unit vectors of 3")
+    return values.reshape(-1, 3)
 
 
 def _goal(message: pb.Goal) -> NDArray[np.float64]:  # (3,) m

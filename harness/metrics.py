@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from wayproof.harness import trajectory_error
 from wayproof.harness.ending import goal_distance
 from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import covariance_of
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import Log
 from wayproof.harness.result import RECORDED
@@ -28,11 +29,27 @@ Array = NDArray[np.float64]
 STANDING_SPEED = 0.05
 """Speed below which the robot counts as stopped, m/s; a trot in place sways by about 0.03."""
 
+LEAST_SIGMA = 1e-6
+"""Standard deviation added to a stated one, m: errors are logged in whole micrometres."""
+
 BARN_SPEED = 2.0
 """Speed by which BARN turns a reference length into an optimal time, m/s."""
 
 BARN_CLIP = (2.0, 8.0)
 """Times the optimal time between which BARN's score counts the actual time (edition of 2024)."""
+
+
+@dataclass(frozen=True)
+class Beliefs:
+    """What an estimator states of its error, and the error; one entry for each of n decisions.
+
+    Attributes:
+        errors: (n, 3) estimated less true position, world, m.
+        covariances: (n, 3, 3) stated, m^2.
+    """
+
+    errors: Array
+    covariances: Array
 
 
 @dataclass(frozen=True)
@@ -57,6 +74,8 @@ class Trace:
             built-in one.
         cuts: (n,) whether the guard braked in the stack's place; none likewise.
         tracks: Estimated and true poses of the decisions that have a truth; none if not known.
+        beliefs: Errors of the poses with the covariances that the estimator states; none if it
+            states none, or if not known.
         admitted_share: Share of a recorded way that was admitted when it was entered; none of a
             simulated episode, or if it was not judged.
     """
@@ -77,6 +96,7 @@ class Trace:
     verdicts: tuple[str, ...] | None = None
     cuts: NDArray[np.bool_] | None = None
     tracks: tuple[Track, Track] | None = None
+    beliefs: Beliefs | None = None
     admitted_share: float | None = None
 
     @property
@@ -109,6 +129,7 @@ def trace_of(
     decisions: Sequence[pb.Decision],
     truths: Sequence[pb.Truth],
     motions: Sequence[pb.RecordedMotion] = (),
+    poses: Sequence[pb.Pose] = (),
 ) -> Trace:
     """The trace of a log whose messages were read already."""
     if log.config.recording is not None:
@@ -137,6 +158,27 @@ def trace_of(
         verdicts=tuple(one.verdict for one in verdicts) if verdicts else None,
         cuts=np.array([one.cut for one in verdicts], bool) if verdicts else None,
         tracks=_tracks(decisions, truths),
+        beliefs=_beliefs(poses, truths),
+    )
+
+
+def _beliefs(poses: Sequence[pb.Pose], truths: Sequence[pb.Truth]) -> Beliefs | None:
+    """Return errors and covariances of the poses that have a truth; None if none states one.
+
+    Raises:
+        InputError: A covariance is none.
+    """
+    by_number = {one.sequence: one for one in truths}
+    stated = [
+        (one, by_number[one.sequence], covariance)
+        for one in poses
+        if one.sequence in by_number and (covariance := covariance_of(one)) is not None
+    ]
+    if not stated:
+        return None
+    return Beliefs(
+        np.array([np.subtract(pose.position, truth.position) for pose, truth, _ in stated]),
+        np.array([covariance[:3, :3] for _, _, covariance in stated]),
     )
 
 
@@ -197,8 +239,10 @@ def _known_without_result(log: Log, last: pb.Truth) -> dict[str, str]:
     }
 
 
-def _read(path: Path) -> tuple[list[pb.Decision], list[pb.Truth], list[pb.RecordedMotion]]:
-    decisions, truths, motions = [], [], []
+def _read(
+    path: Path,
+) -> tuple[list[pb.Decision], list[pb.Truth], list[pb.RecordedMotion], list[pb.Pose]]:
+    decisions, truths, motions, poses = [], [], [], []
     for message in read_messages(path):
         if isinstance(message, pb.Decision):
             decisions.append(message)
@@ -206,7 +250,9 @@ def _read(path: Path) -> tuple[list[pb.Decision], list[pb.Truth], list[pb.Record
             truths.append(message)
         elif isinstance(message, pb.RecordedMotion):
             motions.append(message)
-    return decisions, truths, motions
+        elif isinstance(message, pb.Pose):
+            poses.append(message)
+    return decisions, truths, motions, poses
 
 
 def success(trace: Trace) -> float:
@@ -340,6 +386,43 @@ def rpe(trace: Trace) -> float | None:
     return None if trace.tracks is None else trajectory_error.rpe(*trace.tracks)
 
 
+def nees(trace: Trace) -> float | None:
+    """Mean of e' P^-1 e / 3, e the error of the position and P its stated covariance: nominal 1.
+
+    The normalized estimation error squared (Bar-Shalom, Li and Kirubarajan 2001, section 5.4), by
+    its number of axes. Less than 1: it states more than it errs. For estimators that state a
+    covariance.
+    """
+    if trace.beliefs is None:
+        return None
+    errors, covariances = trace.beliefs.errors, trace.beliefs.covariances
+    floored = covariances + LEAST_SIGMA**2 * np.eye(3)
+    solved = np.linalg.solve(floored, errors[:, :, None])[:, :, 0]
+    return float((errors * solved).sum(axis=1).mean() / 3.0)
+
+
+def coverage_x(trace: Trace) -> float | None:
+    """Share of decisions with an error along x of at most two stated deviations: nominal 0.954."""
+    return _coverage(trace, 0)
+
+
+def coverage_y(trace: Trace) -> float | None:
+    """Share of decisions with an error along y of at most two stated deviations: nominal 0.954."""
+    return _coverage(trace, 1)
+
+
+def coverage_z(trace: Trace) -> float | None:
+    """Share of decisions with an error along z of at most two stated deviations: nominal 0.954."""
+    return _coverage(trace, 2)
+
+
+def _coverage(trace: Trace, axis: int) -> float | None:
+    if trace.beliefs is None:
+        return None
+    sigmas = np.sqrt(trace.beliefs.covariances[:, axis, axis])
+    return float((np.abs(trace.beliefs.errors[:, axis]) <= 2.0 * sigmas).mean())
+
+
 def latency_p50(trace: Trace) -> float:
     """Median wall time from the sweep to the decision, ms."""
     return float(np.percentile(trace.latencies, 50))
@@ -416,6 +499,10 @@ METRICS: dict[str, Metric] = {
     "jerk": Metric(jerk, "m/s^3", False, MEASURE),
     "ate": Metric(ate, "m", False, MEASURE),
     "rpe": Metric(rpe, "m", False, MEASURE),
+    "nees": Metric(nees, "", None, MEASURE),
+    "coverage_x": Metric(coverage_x, "", True, SHARE),
+    "coverage_y": Metric(coverage_y, "", True, SHARE),
+    "coverage_z": Metric(coverage_z, "", True, SHARE),
     "latency_p50": Metric(latency_p50, "ms", False, MEASURE),
     "latency_p99": Metric(latency_p99, "ms", False, MEASURE),
     "latency_max": Metric(latency_max, "ms", False, MEASURE),
@@ -429,6 +516,7 @@ METRICS: dict[str, Metric] = {
 OF_TRUTH = (
     *("success", "spl", "soft_spl", "barn_score", "collisions", "least_clearance"),
     *("path_ratio", "time_to_goal"),
+    *("nees", "coverage_x", "coverage_y", "coverage_z"),
 )
 """Metrics that a recording does not have, as nobody knows the truth."""
 

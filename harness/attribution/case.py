@@ -24,6 +24,7 @@ from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.costmap.widening import NOT_WIDENED
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 
 Array = NDArray[np.float64]
@@ -147,8 +148,14 @@ class Case:
         for moment in self.moments[: number + 1]:
             stack.watch(moment.inputs)
         navigator = stack.navigator
-        navigator.costmap.update(self.moments[number].decision.localization_margin_m)
+        update_as_decided(navigator, self.moments[number].decision)
         return navigator
+
+
+def update_as_decided(navigator: Navigator, decision: pb.Decision) -> None:
+    """Update a costmap with the margin that a decision had."""
+    x, y = decision.widening or NOT_WIDENED
+    navigator.costmap.update(decision.localization_margin_m, widening=(x, y))
 
 
 def read_case(log: Log) -> Case:

@@ -79,7 +79,16 @@ def error_of(case: Case, moment: Moment) -> float:
 def _beyond(case: Case, moment: Moment, place: np.ndarray | None) -> float:
     reach = _reach(case, moment, place)
     doubt = max(abs(moment.turn) - MARGIN_SIGMAS * moment.pose.heading_sigma, 0.0)
-    return error_of(case, moment) + doubt * reach - usual_margin(case, moment)
+    return _within_margin(case, moment) + doubt * reach - usual_margin(case, moment)
+
+
+def _within_margin(case: Case, moment: Moment) -> float:
+    """Return the error that the margin has to cover beyond its widening along x and y, m."""
+    decision, error = moment.decision, np.abs(moment.error[: case.axes])
+    if len(decision.widening) == 2:
+        widened = np.array(decision.widening) * decision.resolution_m
+        error[:2] = np.maximum(error[:2] - widened, 0.0)
+    return float(np.linalg.norm(error))
 
 
 def _reach(case: Case, moment: Moment, place: np.ndarray | None) -> float:

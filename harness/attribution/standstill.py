@@ -40,6 +40,10 @@ DOUBT = 0.1
 """Growth of the margin with the uncertainty of the pose, from which on it may close a path, m."""
 
 
+LOST = ("returning_to_held", "pose_lost", "goal_uncertain")
+"""Kinds of reasons of a stack that knows that its pose is lost."""
+
+
 @dataclass(frozen=True)
 class StandstillFacts:
     """Facts of an episode that ended without a contact.
@@ -57,6 +61,8 @@ class StandstillFacts:
         left_path: Fraction of all decisions that stopped because the body had left its path.
         limit_s: Time limit, s.
         claimed: Whether the robot claimed to be at a goal where it was not.
+        lost_sigma: Standard deviation of the pose for which the stack gave up, m; None if it did
+            not.
         doubt: Growth of the margin with the stated uncertainty of the pose, m.
         radius: Radius of the body, m.
         cell: Edge of the cells of the map, m.
@@ -90,6 +96,7 @@ class StandstillFacts:
     limit_s: float
     claimed: bool
     doubt: float
+    lost_sigma: float | None
     radius: float
     cell: float
     iterations: int
@@ -179,6 +186,11 @@ def localization(facts: StandstillFacts) -> str | None:
     pose = facts.pose
     if facts.claimed and not facts.claimed_at:
         return f"the goal was claimed where it is not: the pose was {pose.at_end:.2f} m off"
+    if facts.lost_sigma is not None:
+        return (
+            f"the stack gave up, as it did not know where it was: the pose had a standard "
+            f"deviation of {facts.lost_sigma:.2f} m and was {pose.at_end:.2f} m off"
+        )
     if pose.beyond > 0.0:
         return str(pose)
     if facts.doubt > DOUBT and facts.map.passable < HALF <= facts.map.certain:
@@ -382,7 +394,10 @@ def standstill_facts(case: Case) -> StandstillFacts:
     offs = [_off(case, number) for number in numbers]
     tolerance = case.config.behaviour.tracking_tolerance
     mapped, navigator = map_ways(case, numbers[0])
-    left = [one.decision.label == "localization_lost" for one in case.moments]
+    left = [
+        one.decision.label == "localization_lost" and one.decision.predicate.kind not in LOST
+        for one in case.moments
+    ]
     verdicts = [one.decision.verdict for one in recent]
     cut = [one.verdict for one in verdicts if one.cut]
     searches = [one.decision for one in case.moments if one.decision.planner_iterations]
@@ -407,6 +422,7 @@ def standstill_facts(case: Case) -> StandstillFacts:
         limit_s=case.config.episode.time_limit,
         claimed=last.decision.action == "goal",
         doubt=MARGIN_SIGMAS * last.decision.position_sigma,
+        lost_sigma=_lost_sigma(last),
         radius=case.mission.radius,
         cell=navigator.costmap.resolution,
         iterations=searches[-1].planner_iterations if searches else 0,
@@ -416,6 +432,13 @@ def standstill_facts(case: Case) -> StandstillFacts:
         truth=true_ways(case, navigator, numbers[0]),
         map=mapped,
     )
+
+
+def _lost_sigma(last: Moment) -> float | None:
+    """Return the standard deviation for which the stack gave up, m; None if it did not."""
+    reason = last.decision.predicate
+    gave_up = reason.kind in LOST and last.decision.action == "abort"
+    return reason.sigma_m if gave_up else None
 
 
 def lacks_time(case: Case) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wayproof.harness.attribution.case import Case, Moment
+from wayproof.harness.attribution.case import Case, Moment, update_as_decided
 from wayproof.harness.attribution.ghosts import ghosts, goal_of, without_movers
 from wayproof.harness.attribution.grids import (
     DETOUR,
@@ -178,7 +178,8 @@ def certain_radius(case: Case, navigator: Navigator) -> float:
 
     A usual uncertainty is part of the margin.
     """
-    doubt = MARGIN_SIGMAS * case.moments[-1].decision.position_sigma
+    last = case.moments[-1].decision
+    doubt = MARGIN_SIGMAS * last.position_sigma - max(last.widening, default=0) * last.resolution_m
     return navigator.costmap.inflation_radius - max(doubt - USUAL_DOUBT, 0.0)
 
 
@@ -219,5 +220,5 @@ def _maps(case: Case, numbers: set[int]) -> Iterator[tuple[int, Navigator]]:
     for number, moment in enumerate(case.moments):
         stack.watch(moment.inputs)
         if number in numbers:
-            stack.navigator.costmap.update(moment.decision.localization_margin_m)
+            update_as_decided(stack.navigator, moment.decision)
             yield number, stack.navigator

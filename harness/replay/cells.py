@@ -7,6 +7,7 @@ independent of what they check.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -151,11 +152,19 @@ def ball(axes: int, reach: float) -> tuple[Integers, Integers]:
 
 
 def cells_around(
-    voxel_map: Representation, path: Array, reach: float, config: Config, mission: Mission
+    voxel_map: Representation,
+    path: Array,
+    reach: float,
+    config: Config,
+    mission: Mission,
+    widening: Sequence[int] = (),
 ) -> Cells:
-    """Return the cells within a reach, m, plus two cells, of a path (n, 3), m."""
+    """Return the cells within a reach, m, plus two cells, of a path (n, 3), m.
+
+    With a widening, cells along x and y, each has the worst state of the cells within it.
+    """
     size, flat = voxel_map.resolution, mission.planar
-    pad = reach + 3.0 * size
+    pad = reach + (3.0 + max(widening, default=0)) * size
     low, high = path[:, :3].min(axis=0) - pad, path[:, :3].max(axis=0) + pad
     if flat:
         low[2], high[2] = mission.low[2] - size, mission.height + 2.0 * size
@@ -167,7 +176,23 @@ def cells_around(
     if flat:
         states, corner = columns(states, float(corner[2]), size, mission), corner[:2]
     states = fenced(states, corner, size, config, mission)
+    if any(widening):
+        states = widened(states, widening)
     return Cells(states, corner, size, first[: states.ndim].astype(np.int64))
+
+
+def widened(states: NDArray[np.uint8], widening: Sequence[int]) -> NDArray[np.uint8]:
+    """Return the worst state within some cells along x and y; what is outside counts as occupied.
+
+    Cells outside stay so.
+    """
+    from scipy import ndimage
+
+    box = np.ones([2 * cells + 1 for cells in widening] + [1] * (states.ndim - 2), bool)
+    blocked = ndimage.binary_dilation((states == OCCUPIED) | (states == OUTSIDE), box)
+    not_free = ndimage.binary_dilation(states != FREE, box)
+    worst = np.where(blocked, OCCUPIED, np.where(not_free, UNKNOWN, FREE))
+    return np.where(states == OUTSIDE, OUTSIDE, worst).astype(np.uint8)
 
 
 def fenced(

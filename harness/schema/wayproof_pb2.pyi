@@ -198,7 +198,7 @@ class PackedDecision(_message.Message):
     def __init__(self, path: _Optional[_Iterable[int]] = ..., arc_length: _Optional[_Iterable[int]] = ..., heading: _Optional[_Iterable[int]] = ..., global_path: _Optional[_Iterable[int]] = ..., hashes: _Optional[bytes] = ...) -> None: ...
 
 class Reason(_message.Message):
-    __slots__ = ("kind", "free_m", "path_m", "short_m", "stop_m", "full_speed_stop_m", "distance_m", "limit_m", "turn_rad", "speed_share", "waited_s", "delay_s", "deadline_s", "since", "places", "iterations", "cell", "cell_state", "place", "target", "frontier")
+    __slots__ = ("kind", "free_m", "path_m", "short_m", "stop_m", "full_speed_stop_m", "distance_m", "limit_m", "turn_rad", "speed_share", "waited_s", "delay_s", "deadline_s", "since", "places", "iterations", "cell", "cell_state", "place", "target", "sigma_m", "frontier")
     KIND_FIELD_NUMBER: _ClassVar[int]
     FREE_M_FIELD_NUMBER: _ClassVar[int]
     PATH_M_FIELD_NUMBER: _ClassVar[int]
@@ -219,6 +219,7 @@ class Reason(_message.Message):
     CELL_STATE_FIELD_NUMBER: _ClassVar[int]
     PLACE_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
+    SIGMA_M_FIELD_NUMBER: _ClassVar[int]
     FRONTIER_FIELD_NUMBER: _ClassVar[int]
     kind: str
     free_m: float
@@ -240,8 +241,9 @@ class Reason(_message.Message):
     cell_state: str
     place: Point
     target: Point
+    sigma_m: float
     frontier: str
-    def __init__(self, kind: _Optional[str] = ..., free_m: _Optional[float] = ..., path_m: _Optional[float] = ..., short_m: _Optional[float] = ..., stop_m: _Optional[float] = ..., full_speed_stop_m: _Optional[float] = ..., distance_m: _Optional[float] = ..., limit_m: _Optional[float] = ..., turn_rad: _Optional[float] = ..., speed_share: _Optional[float] = ..., waited_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., since: _Optional[int] = ..., places: _Optional[int] = ..., iterations: _Optional[int] = ..., cell: _Optional[_Union[Point, _Mapping]] = ..., cell_state: _Optional[str] = ..., place: _Optional[_Union[Point, _Mapping]] = ..., target: _Optional[_Union[Point, _Mapping]] = ..., frontier: _Optional[str] = ...) -> None: ...
+    def __init__(self, kind: _Optional[str] = ..., free_m: _Optional[float] = ..., path_m: _Optional[float] = ..., short_m: _Optional[float] = ..., stop_m: _Optional[float] = ..., full_speed_stop_m: _Optional[float] = ..., distance_m: _Optional[float] = ..., limit_m: _Optional[float] = ..., turn_rad: _Optional[float] = ..., speed_share: _Optional[float] = ..., waited_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., since: _Optional[int] = ..., places: _Optional[int] = ..., iterations: _Optional[int] = ..., cell: _Optional[_Union[Point, _Mapping]] = ..., cell_state: _Optional[str] = ..., place: _Optional[_Union[Point, _Mapping]] = ..., target: _Optional[_Union[Point, _Mapping]] = ..., sigma_m: _Optional[float] = ..., frontier: _Optional[str] = ...) -> None: ...
 
 class StackCommand(_message.Message):
     __slots__ = ("timestamp", "sequence", "command")
@@ -266,7 +268,7 @@ class Verdict(_message.Message):
     def __init__(self, verdict: _Optional[str] = ..., free_m: _Optional[float] = ..., cut: _Optional[bool] = ..., limited: _Optional[bool] = ...) -> None: ...
 
 class Decision(_message.Message):
-    __slots__ = ("timestamp", "sequence", "trigger", "representation", "map_version", "resolution_m", "unknown_policy", "inflation_radius_m", "localization_margin_m", "collision_distance_sq", "position", "quaternion", "position_sigma", "input_digest", "evidence_age_s", "planner", "planner_seed", "planner_iterations", "path_cost", "path_length_m", "least_clearance_m", "stages", "delay_s", "deadline_s", "deadline_missed", "action", "reason", "label", "global_path", "trajectory", "committed_length_m", "chain", "packed", "predicate", "verdict")
+    __slots__ = ("timestamp", "sequence", "trigger", "representation", "map_version", "resolution_m", "unknown_policy", "inflation_radius_m", "localization_margin_m", "widening", "collision_distance_sq", "position", "quaternion", "position_sigma", "input_digest", "evidence_age_s", "planner", "planner_seed", "planner_iterations", "path_cost", "path_length_m", "least_clearance_m", "stages", "delay_s", "deadline_s", "deadline_missed", "action", "reason", "label", "global_path", "trajectory", "committed_length_m", "chain", "packed", "predicate", "verdict")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     TRIGGER_FIELD_NUMBER: _ClassVar[int]
@@ -276,6 +278,7 @@ class Decision(_message.Message):
     UNKNOWN_POLICY_FIELD_NUMBER: _ClassVar[int]
     INFLATION_RADIUS_M_FIELD_NUMBER: _ClassVar[int]
     LOCALIZATION_MARGIN_M_FIELD_NUMBER: _ClassVar[int]
+    WIDENING_FIELD_NUMBER: _ClassVar[int]
     COLLISION_DISTANCE_SQ_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
     QUATERNION_FIELD_NUMBER: _ClassVar[int]
@@ -311,6 +314,7 @@ class Decision(_message.Message):
     unknown_policy: str
     inflation_radius_m: float
     localization_margin_m: float
+    widening: _containers.RepeatedScalarFieldContainer[int]
     collision_distance_sq: int
     position: _containers.RepeatedScalarFieldContainer[float]
     quaternion: _containers.RepeatedScalarFieldContainer[float]
@@ -337,7 +341,7 @@ class Decision(_message.Message):
     packed: PackedDecision
     predicate: Reason
     verdict: Verdict
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., trigger: _Optional[str] = ..., representation: _Optional[str] = ..., map_version: _Optional[str] = ..., resolution_m: _Optional[float] = ..., unknown_policy: _Optional[str] = ..., inflation_radius_m: _Optional[float] = ..., localization_margin_m: _Optional[float] = ..., collision_distance_sq: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., input_digest: _Optional[str] = ..., evidence_age_s: _Optional[float] = ..., planner: _Optional[str] = ..., planner_seed: _Optional[int] = ..., planner_iterations: _Optional[int] = ..., path_cost: _Optional[float] = ..., path_length_m: _Optional[float] = ..., least_clearance_m: _Optional[float] = ..., stages: _Optional[_Union[StageLatency, _Mapping]] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., deadline_missed: _Optional[bool] = ..., action: _Optional[str] = ..., reason: _Optional[str] = ..., label: _Optional[str] = ..., global_path: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., trajectory: _Optional[_Union[Trajectory, _Mapping]] = ..., committed_length_m: _Optional[float] = ..., chain: _Optional[str] = ..., packed: _Optional[_Union[PackedDecision, _Mapping]] = ..., predicate: _Optional[_Union[Reason, _Mapping]] = ..., verdict: _Optional[_Union[Verdict, _Mapping]] = ...) -> None: ...
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., trigger: _Optional[str] = ..., representation: _Optional[str] = ..., map_version: _Optional[str] = ..., resolution_m: _Optional[float] = ..., unknown_policy: _Optional[str] = ..., inflation_radius_m: _Optional[float] = ..., localization_margin_m: _Optional[float] = ..., widening: _Optional[_Iterable[int]] = ..., collision_distance_sq: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., input_digest: _Optional[str] = ..., evidence_age_s: _Optional[float] = ..., planner: _Optional[str] = ..., planner_seed: _Optional[int] = ..., planner_iterations: _Optional[int] = ..., path_cost: _Optional[float] = ..., path_length_m: _Optional[float] = ..., least_clearance_m: _Optional[float] = ..., stages: _Optional[_Union[StageLatency, _Mapping]] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., deadline_missed: _Optional[bool] = ..., action: _Optional[str] = ..., reason: _Optional[str] = ..., label: _Optional[str] = ..., global_path: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., trajectory: _Optional[_Union[Trajectory, _Mapping]] = ..., committed_length_m: _Optional[float] = ..., chain: _Optional[str] = ..., packed: _Optional[_Union[PackedDecision, _Mapping]] = ..., predicate: _Optional[_Union[Reason, _Mapping]] = ..., verdict: _Optional[_Union[Verdict, _Mapping]] = ...) -> None: ...
 
 class Truth(_message.Message):
     __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "clearance_m", "collisions", "movers", "hit_by_mover")

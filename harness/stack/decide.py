@@ -13,6 +13,13 @@ from dataclasses import replace
 from wayproof.harness.stack.backtrack import record_breadcrumb
 from wayproof.harness.stack.footprint_checks import compensate_yaw_lag, footprint_free
 from wayproof.harness.stack.global_path import ARRIVED, keep_or_replan, project_goal_to_free
+from wayproof.harness.stack.localization import (
+    cannot_claim_goal,
+    give_up_at_goal,
+    go_back_to_held,
+    is_lost,
+    record_unheld_trail,
+)
 from wayproof.harness.stack.maneuvers import (
     arrive,
     hold_position,
@@ -43,7 +50,9 @@ def decide(input: PlannerInput, state: PlannerState) -> Decided:
         The command, and the state for the next decision.
     """
     committed = not_yet_superseded(input, state)
-    command, after = _choose_maneuver(input, record_breadcrumb(state, input), committed[0])
+    command, after = _choose_maneuver(
+        input, record_unheld_trail(record_breadcrumb(state, input), input), committed[0]
+    )
     path_loss = None
     if after.global_path is None:
         path_loss = PathLoss(input.sequence, command.reason.kind, command.label)
@@ -72,7 +81,13 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
         return hold_position(input, state, setpoint)
     start = compensate_yaw_lag(input, setpoint, state.trajectory.at(input.effect_ns))
     if setpoint.at_rest and distance(input.position, input.goal) <= input.goal_tolerance:
+        if cannot_claim_goal(input, input.goal_tolerance):
+            return give_up_at_goal(input, state, start)
         return arrive(input, state, start)
+    if is_lost(input):
+        return go_back_to_held(input, state, start)
+    if state.returning:  # the pose is held again
+        state = replace(state, global_path=None, exploration=None)
     if is_stationary(start) and not footprint_free(input.traversable, start):
         return recover_after_timeout(input, start, escape_inflation(input, state, start))
     goal = project_goal_to_free(input)

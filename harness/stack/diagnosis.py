@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from wayproof.harness.geometry import wrap_angle
@@ -99,9 +100,11 @@ def diagnose_driving(
         action = "slow" if end < needed else "follow"
     else:
         action, reason, label = "follow", _unobstructed_reason(input, start, path, end), "none"
+    if input.uncertain and input.localization is not None:
+        action, reason = "slow", replace(reason, sigma_m=input.localization.sigma)
     if state.exploration is not None:
-        action, reason = exploration_reason(state, path)
-    return action, reason, label
+        action, reason = exploration_reason(state, path, input)
+    return action, reason, "localization_lost" if state.returning else label
 
 
 def _unobstructed_reason(
@@ -120,12 +123,24 @@ def _unobstructed_reason(
     return Reason("path_to_goal", path_m=whole, short_m=short)
 
 
-def exploration_reason(state: PlannerState, path: Array) -> tuple[Action, Reason]:
-    """The action and reason of a robot on its way to a viewpoint."""
+def exploration_reason(
+    state: PlannerState, path: Array, input: PlannerInput
+) -> tuple[Action, Reason]:
+    """The action and reason of a robot on its way to a viewpoint, or back."""
     exploration = state.exploration
     assert exploration is not None
     x, y, z = path[-1].tolist()
     left, since, target = arc_length(path), exploration.since, (x, y, z)
+    if exploration.returning and input.localization is not None:
+        limit, sigma = input.behaviour.lost_sigma, input.localization.sigma
+        return "recover", Reason(
+            "returning_to_held",
+            path_m=left,
+            since=since,
+            target=target,
+            limit_m=limit,
+            sigma_m=sigma,
+        )
     if exploration.backtracking:
         return "recover", Reason("backing_up", path_m=left, since=since, target=target)
     places = len(state.viewpoints)

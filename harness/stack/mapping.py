@@ -5,19 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
-from wayproof.harness.inputs import Beams, Inputs, WorldSweep
+from wayproof.harness.inputs import Beams, Inputs, Pose, WorldSweep
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
 from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.maps import MAPS, Costmap
+from wayproof.maps.costmap.widening import NOT_WIDENED
 
 Array = NDArray[np.float64]
+
+ALIKE = 0.02
+"""Difference of the margins of two axes up to which both take the greater one, m."""
+
+MOST_DOUBT, MOST_WIDENING = 100, 400
+"""Greatest part of a margin for the stated covariance, cells: nothing is free with that already."""
 
 MARGIN_SIGMAS = 2.0
 """Localization margin in standard deviations of the estimated position (95 %)."""
@@ -103,7 +111,9 @@ class Mapper:
     def update_costmap(self, inputs: Inputs) -> None:
         """Update the costmap from the map, after the inputs have been integrated."""
         # Computing all distances of a plane is faster than tracking which are read.
-        self.costmap.update(self._margin(inputs), whole=self._mission.planar)
+        margin = margin_of(inputs.pose, self._config, self._mission)
+        widening = margin.widening
+        self.costmap.update(margin.least, whole=self._mission.planar, widening=widening)
 
     def update(self, inputs: Inputs) -> None:
         """Integrate the inputs and update the costmap, as before a decision."""
@@ -122,12 +132,6 @@ class Mapper:
         observed = self.map.observed_ns_at(path)
         return float(time_ns - max(int(observed.min()), 0)) * 1e-9
 
-    def _margin(self, inputs: Inputs) -> float:
-        margin = (
-            self._config.costmap.localization_margin + MARGIN_SIGMAS * inputs.pose.position_sigma
-        )
-        return margin + lever_arm(self._body) * HEADING_TOLERANCE
-
     def _declare_start_free(self) -> None:
         """Mark the space about the start free: no sensor sees right beside the body."""
         mission, config = self._mission, self._config
@@ -141,6 +145,40 @@ class Mapper:
         self.map.mark_floor(low, high, 0)
         top = mission.height + self.map.resolution
         self.map.mark_free((*low, self.costmap.origin[2]), (*high, top), 0)
+
+
+class Margin(NamedTuple):
+    """Localization margin of a decision.
+
+    Attributes:
+        least: Along the axis of the least, m.
+        widening: Cells by which what is blocked is widened beyond that along x and y.
+    """
+
+    least: float
+    widening: tuple[int, int]
+
+
+def margin_of(pose: Pose, config: Config, mission: Mission) -> Margin:
+    """Return the localization margin: the configured one and two standard deviations.
+
+    By the stated covariance along the more uncertain of x and y, where these differ; else along the
+    worst axis to all sides.
+    """
+    size = config.map.resolution
+    margin = config.costmap.localization_margin
+    lever = lever_arm(body_of(mission)) * HEADING_TOLERANCE
+    if pose.covariance is None:
+        return Margin(margin + MARGIN_SIGMAS * pose.position_sigma + lever, NOT_WIDENED)
+    x, y, z = np.sqrt(np.diagonal(pose.covariance)[:3]).tolist()
+    least, most = (min(x, y), max(x, y)) if mission.planar else (max(min(x, y), z), max(x, y))
+    widened = MARGIN_SIGMAS * (most - least)
+    if widened <= ALIKE:
+        doubt = min(MARGIN_SIGMAS * pose.position_sigma, MOST_DOUBT * size)
+        return Margin(margin + doubt + lever, NOT_WIDENED)
+    doubt = min(MARGIN_SIGMAS * least, MOST_DOUBT * size)
+    cells = math.ceil(min(widened / size, MOST_WIDENING))
+    return Margin(margin + doubt + lever, (cells, 0) if x > y else (0, cells))
 
 
 def _altitude_window(config: Config, mission: Mission) -> tuple[float, float]:

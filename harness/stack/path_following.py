@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.decision import Action
+from wayproof.harness.stack.decision import Action, Label
 from wayproof.harness.stack.diagnosis import (
     BRAKES,
     WAITS,
@@ -145,8 +145,9 @@ def turn_into_path(
     action: Action = "follow"
     reason = Reason("turning_into_path", turn_rad=wrap_angle(target - start.heading))
     if state.exploration is not None:
-        action, reason = exploration_reason(state, path)
-    command = Command(action, reason, "none", trajectory, path)
+        action, reason = exploration_reason(state, path, input)
+    label: Label = "localization_lost" if state.returning else "none"
+    command = Command(action, reason, label, trajectory, path)
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
 
 
@@ -199,6 +200,8 @@ def drive_along(
         path = truncate_where_turnable(input.traversable, path, braking)
     unknown_ahead = input.penalize_unknown and input.known_free.free_length(path) < arc_length(path)
     share = input.behaviour.unknown_speed_fraction if unknown_ahead else 1.0
+    if input.uncertain:
+        share = min(share, input.behaviour.uncertain_speed_fraction)
     trajectory = fit_trajectory(input, start, path, share, tail_first)
     if trajectory is None:
         return None

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
-from wayproof.harness.inputs import Inputs
+from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.footprint import NARROW_COST, body_of, costs
 from wayproof.harness.stack.mapping import Mapper
-from wayproof.harness.stack.types import PlannerInput, PlanPath
+from wayproof.harness.stack.types import Localization, PlannerInput, PlanPath
 from wayproof.maps import Costmap, Distances, collision_distance_sq
 from wayproof.planners import Disc, FreeSpace, MotionLimits, Plan, PlannerConfig, plan
 
@@ -21,6 +21,10 @@ Array = NDArray[np.float64]
 
 GOAL_SHARE = 0.8
 """Share of `episode.goal_tolerance` within which the robot claims to have arrived."""
+
+
+HELD_SHARE = 0.5
+"""Part of an unheld direction in the axes of motion from which these are not held."""
 
 
 class FreeSpaces(NamedTuple):
@@ -161,6 +165,7 @@ class PlannerInputBuilder:
             planner=config.planner,
             behaviour=config.behaviour,
             plan=memoized_planner(),
+            localization=localization_of(inputs.pose, mission.axes),
         )
 
     def oriented(self, circumscribed: PlannerInput) -> PlannerInput:
@@ -172,6 +177,14 @@ class PlannerInputBuilder:
             known_free=spaces.known_free,
             optimistic=spaces.optimistic,
         )
+
+
+def localization_of(pose: Pose, axes: int) -> Localization | None:
+    """How well a pose is known along the axes of motion, 2 or 3; none without a covariance."""
+    if pose.covariance is None:
+        return None
+    along = np.sqrt(np.square(pose.unheld[:, :axes]).sum(axis=1))
+    return Localization(pose.position_sigma, held=not (along > HELD_SHARE).any())
 
 
 def memoized_planner() -> PlanPath:

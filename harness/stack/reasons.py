@@ -29,6 +29,9 @@ Kind = Literal[
     "at_viewpoint",
     "backing_up",
     "off_trajectory",
+    "returning_to_held",
+    "pose_lost",
+    "goal_uncertain",
     "escaping_inflation",
     "turning_out_of_inflation",
     "braking_before_unknown",
@@ -81,6 +84,7 @@ class Reason:
         place: Where the body's centre, or that of one of its discs, would overlap it, m.
         target: Where it goes, m.
         frontier: `none` or `out_of_reach`; empty where none was looked for.
+        sigma_m: Stated standard deviation of the position where it decides, m.
     """
 
     kind: Kind
@@ -104,6 +108,7 @@ class Reason:
     place: Point | None = None
     target: Point | None = None
     frontier: str = ""
+    sigma_m: float | None = None
 
     def __post_init__(self) -> None:
         """Round all figures as they are logged, so that a sentence is that of the logged ones."""
@@ -133,13 +138,13 @@ WAITING: tuple[Action, ...] = ("stop_and_wait", "abort")
 DRIVING: tuple[Action, ...] = ("follow", "slow")
 
 MEANINGS: dict[Kind, Meaning] = {
-    "path_to_goal": Meaning("{path_m:.2f} m of path left, all of it admitted", ("follow",)),
+    "path_to_goal": Meaning("{path_m:.2f} m of path left, all of it admitted", DRIVING),
     "braking_to_goal": Meaning(
         "braking to the end of the path: {path_m:.2f} m left, {stop_m:.2f} m needed to stop",
-        ("follow",),
+        DRIVING,
     ),
     "path_to_corner": Meaning(
-        "{free_m:.2f} m admitted to a corner to stop at, {path_m:.2f} m of path left", ("follow",)
+        "{free_m:.2f} m admitted to a corner to stop at, {path_m:.2f} m of path left", DRIVING
     ),
     "unknown_ahead": Meaning(
         "{free_m:.2f} m admitted, then unknown at {cell}; full speed needs "
@@ -179,6 +184,23 @@ MEANINGS: dict[Kind, Meaning] = {
     "off_trajectory": Meaning(
         "{distance_m:.2f} m off the trajectory, {limit_m:.2f} m allowed: holding here",
         ("recover",),
+        ("localization_lost",),
+    ),
+    "returning_to_held": Meaning(
+        "going back {path_m:.2f} m to where the sweeps held the pose, {target}: its standard "
+        "deviation is {sigma_m:.2f} m, {limit_m:.2f} m allowed",
+        ("recover",),
+        ("localization_lost",),
+    ),
+    "pose_lost": Meaning(
+        "the pose is lost: its standard deviation is {sigma_m:.2f} m, {limit_m:.2f} m allowed",
+        WAITING,
+        ("localization_lost",),
+    ),
+    "goal_uncertain": Meaning(
+        "{distance_m:.2f} m from the goal by a pose of a standard deviation of {sigma_m:.2f} m, "
+        "too uncertain to claim it within {limit_m:.2f} m",
+        ("abort",),
         ("localization_lost",),
     ),
     "escaping_inflation": Meaning(
@@ -335,6 +357,8 @@ def _additions(reason: Reason, text: str) -> list[str]:
         found.append(f"it ends {reason.short_m:.2f} m from the goal")
     if reason.stop_m is not None and "{stop_m" not in text:
         found.append(f"{reason.stop_m:.2f} m needed to stop")
+    if reason.sigma_m is not None and "{sigma_m" not in text:
+        found.append(f"slowed, as the sweeps do not hold the pose to {reason.sigma_m:.2f} m")
     if reason.waited_s is not None:
         found.append(f"waited {reason.waited_s:.1f} s")
     if reason.frontier:

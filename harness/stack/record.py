@@ -47,6 +47,7 @@ def record(
         unknown_policy=config.unknown_policy,
         inflation_radius_m=inflation_radius,
         localization_margin_m=mapper.costmap.margin,
+        widening=mapper.costmap.widening if any(mapper.costmap.widening) else (),
         collision_distance_sq=planner_input.traversable.collision_distance_sq,
         position=inputs.pose.position.tolist(),
         quaternion=inputs.pose.quaternion.tolist(),

@@ -33,6 +33,18 @@ PlanPath = Callable[[FreeSpace, Array, Array, PlannerConfig, int, float], Plan]
 """Plan in a space from a start (3,) to a goal (3,), with settings, a seed and a heading, rad."""
 
 
+class Localization(NamedTuple):
+    """How well the pose is known, by an estimator that states a covariance.
+
+    Attributes:
+        sigma: Stated standard deviation of the position along its worst axis, m.
+        held: Whether the sweeps hold the position along all axes of motion.
+    """
+
+    sigma: float
+    held: bool
+
+
 @dataclass(frozen=True)
 class PlannerInput:
     """All that one decision depends on besides the planner state; points in the costmap's frame.
@@ -59,6 +71,7 @@ class PlannerInput:
         behaviour: Settings of the decision.
         mission_goal: (3,) the mission's goal where `goal` is its projection to free space, m.
         plan: Path planner: space, start, goal, settings, seed, heading.
+        localization: How well the pose is known; none if no covariance is stated.
     """
 
     time_ns: int
@@ -81,6 +94,13 @@ class PlannerInput:
     behaviour: BehaviourConfig
     mission_goal: Array | None = None
     plan: PlanPath = plan
+    localization: Localization | None = None
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether the sweeps do not hold the pose, and its standard deviation costs speed."""
+        pose = self.localization
+        return pose is not None and not pose.held and pose.sigma > self.behaviour.uncertain_sigma
 
 
 @dataclass(frozen=True)
@@ -90,10 +110,12 @@ class Exploration:
     Attributes:
         since: Number of the decision that began it.
         backtracking: Whether it leads back along the breadcrumbs, and not to a frontier.
+        returning: Whether it leads back to where the sweeps held the pose.
     """
 
     since: int
     backtracking: bool = False
+    returning: bool = False
 
 
 @dataclass(frozen=True)
@@ -130,6 +152,8 @@ class PlannerState:
         backtracks: Number of times that the robot has backtracked.
         oriented: Whether the global path is for the oriented footprint of an elongated body, not
             for the circumscribed one.
+        unheld_trail: (n, 3) positions from the last one at which the sweeps held the pose, m.
+        returns: Number of times that the robot has gone back to where they did.
     """
 
     trajectory: Trajectory
@@ -143,6 +167,13 @@ class PlannerState:
     breadcrumbs: Array = field(default_factory=lambda: np.empty((0, 3)))
     backtracks: int = 0
     oriented: bool = False
+    unheld_trail: Array = field(default_factory=lambda: np.empty((0, 3)))
+    returns: int = 0
+
+    @property
+    def returning(self) -> bool:
+        """Whether the global path leads back to where the sweeps held the pose."""
+        return self.exploration is not None and self.exploration.returning
 
     @property
     def exploring(self) -> bool:

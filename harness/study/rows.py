@@ -27,7 +27,7 @@ from wayproof.harness.study.store import Store
 
 READ = {
     kind.DESCRIPTOR.full_name
-    for kind in (pb.Decision, pb.Truth, pb.Streams, pb.Perturbation, pb.RecordedMotion)
+    for kind in (pb.Decision, pb.Truth, pb.Streams, pb.Perturbation, pb.RecordedMotion, pb.Pose)
 }
 """Schemas of the messages that are decoded; sweeps, most of a log, are not."""
 
@@ -131,7 +131,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
 
 
 def _metrics(log: Log, content: Content, way: Judged | None) -> dict[str, float | None]:
-    trace = trace_of(log, content.decisions, content.truths, content.motions)
+    trace = trace_of(log, content.decisions, content.truths, content.motions, content.poses)
     if way is not None:
         trace = replace(trace, admitted_share=way.admitted_share)
     return score(trace)

@@ -9,12 +9,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps.columns import ColumnMap, Window, unpack
+from wayproof.maps.columns import ColumnMap, Columns, Window, unpack
 from wayproof.maps.config import CostmapConfig
 from wayproof.maps.costmap.inflation import collision_distance_sq, inflation_radius_cells
 from wayproof.maps.costmap.lazy_distances import Clearances, Distances
 from wayproof.maps.costmap.projection import Airspace
 from wayproof.maps.costmap.terrain import walked
+from wayproof.maps.costmap.widening import NOT_WIDENED, Widened, reached, widened
 from wayproof.maps.elementary import exponentials
 from wayproof.maps.kernels import columns as kernels
 from wayproof.maps.kernels.edt import MAX_REACH
@@ -47,6 +48,7 @@ class Costmap:
         origin: (3,) corner of the first cell, m, world.
         shape: (nx, ny, nz) cells; nz is 1 on the ground.
         margin: Localization margin of the last update, m.
+        widening: Cells by which what is blocked was widened along x and y.
         inflation_radius: Body's radius, margin and half a cell's diagonal, m.
         clearances: The distances, up to the greatest reach that was ever needed.
         collision_distance_sq: A cell is forbidden where its squared distance is at most this.
@@ -106,16 +108,22 @@ class Costmap:
         self.shape, self.origin = self._cells.shape, self._cells.origin
         reach = self._set_margin(config.localization_margin)
         self._cells.read(voxel_map)
+        self.widening = NOT_WIDENED
+        self._blocked = Widened(self._cells.free, self._cells.occupied)
         self.clearances = self._all_clearances(reach)
         self._state: NDArray[np.uint8] | None = None
         self.update(config.localization_margin)
 
-    def update(self, margin: float, whole: bool = True) -> None:
+    def update(
+        self, margin: float, whole: bool = True, widening: tuple[int, int] = NOT_WIDENED
+    ) -> None:
         """Bring states, distances and costs up to date with the map.
 
         Args:
             margin: Localization margin that is added to the body's radius, m.
             whole: Whether all distances are computed now rather than when they are read.
+            widening: Cells by which what is blocked is widened along x and y for the distances: a
+                margin along one axis alone, such as one along which the pose is not held.
 
         Raises:
             ValueError: The margin is negative or not finite, or needs distances of more than 181
@@ -124,10 +132,15 @@ class Costmap:
         reach = self.clearances.reach if margin == self.margin else self._set_margin(margin)
         cells = self._cells
         changed = cells.read(self._map)
+        if widening != self.widening:
+            self.widening, changed = widening, _whole(cells.rows)
+        if changed is not None:
+            self._blocked = self._widen()
         if self.clearances.reach < reach:
             self.clearances = self._all_clearances(reach)
         elif changed is not None:
-            self.clearances.take_over(cells.free, cells.occupied, *changed, whole)
+            box = reached(changed, cells.rows, widening) if widening != NOT_WIDENED else changed
+            self.clearances.take_over(*self._blocked, *box, whole)
         self.clearances.begin(whole)
         self._state = None
 
@@ -147,7 +160,7 @@ class Costmap:
 
     @property
     def state(self) -> NDArray[np.uint8]:
-        """The three states, (nx, ny, nz) uint8."""
+        """The three states, (nx, ny, nz) uint8, without widening."""
         if self._state is None:
             cells = self._cells
             states = unpack(cells.free, cells.rows[2]) * np.uint8(FREE)
@@ -156,13 +169,16 @@ class Costmap:
         return self._state
 
     def states_between(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """The three states of the cells from `first` (3,) up to, but not with, `end` (3,)."""
-        cells = self._cells
+        """The three states of the cells from `first` (3,) up to, but not with, `end` (3,).
+
+        With the widening, as the distances have it.
+        """
+        cells, blocked = self._cells, self._blocked
         (x0, y0, z0), (x1, y1, z1) = first.tolist(), end.tolist()
         flat = self.motion == "ground"  # there a row of bits runs along y
         rows = (slice(x0, x1), slice(0, 1) if flat else slice(y0, y1))
-        states = unpack(cells.free[rows], cells.rows[2]) * np.uint8(FREE)
-        states += unpack(cells.occupied[rows], cells.rows[2]) * np.uint8(OCCUPIED)
+        states = unpack(blocked.free[rows], cells.rows[2]) * np.uint8(FREE)
+        states += unpack(blocked.occupied[rows], cells.rows[2]) * np.uint8(OCCUPIED)
         if flat:
             return states[:, 0, y0:y1, None]
         return states[:, :, z0:z1]
@@ -244,9 +260,15 @@ class Costmap:
 
     def _all_clearances(self, reach: int) -> Clearances:
         clearances = Clearances(self._cells.rows, self.shape, reach, self._team)
-        all_x, all_y = (slice(0, count) for count in self._cells.rows[:2])
-        clearances.take_over(self._cells.free, self._cells.occupied, all_x, all_y)
+        clearances.take_over(*self._blocked, *_whole(self._cells.rows))
         return clearances
+
+    def _widen(self) -> Widened:
+        cells = self._cells
+        if self.widening == NOT_WIDENED:
+            return Widened(cells.free, cells.occupied)
+        flat = self.motion == "ground"
+        return widened(cells.free, cells.occupied, cells.rows, flat, self.widening)
 
     def _set_margin(self, margin: float) -> int:
         """Compute the collision distance and the costs; return the reach that they need, cells."""
@@ -278,6 +300,10 @@ class Costmap:
         costs[squared <= self.collision_distance_sq] = math.inf
         costs[-1] = 0.0  # that far or farther
         return costs
+
+
+def _whole(rows: tuple[int, int, int]) -> Columns:
+    return slice(0, rows[0]), slice(0, rows[1])
 
 
 def _points(points: ArrayLike) -> NDArray[np.float64]:

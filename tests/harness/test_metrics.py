@@ -15,7 +15,7 @@ from rich.console import Console
 from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
 from wayproof.harness.cli.falsify import print_found
 from wayproof.harness.cli.main import main
-from wayproof.harness.metrics import METRICS, Trace, read_trace, score
+from wayproof.harness.metrics import METRICS, Beliefs, Trace, read_trace, score
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.study.falsify.falsify import Falsification
 from wayproof.harness.study.falsify.search import Trial
@@ -44,6 +44,10 @@ def trace(**changes: object) -> Trace:
         verdicts=("admitted", "unknown", "blocked", "admitted"),
         cuts=np.array([False, False, True, False]),
         admitted_share=0.9,
+        beliefs=Beliefs(
+            np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.2, 0.9]]),
+            np.array([np.diag([0.01, 0.04, 0.09])] * 3),
+        ),
         tracks=(
             Track(np.array([[0.0, 0, 0], [1, 0.3, 0], [2, 0.3, 0.4], [2, 0.8, 0.4]]), UPRIGHT),
             Track(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 0.5, 0]]), UPRIGHT),
@@ -72,6 +76,11 @@ def test_every_metric_by_hand() -> None:
             # Distances 0, 0.3, 0.5, 0.5 m; differences of the steps 0.3, 0.4, 0 m.
             "ate": math.sqrt(0.59 / 4),
             "rpe": math.sqrt(0.25 / 3),
+            # Of (2, 0, 0), (0, 0, 0) and (0, 1, 3) standard deviations.
+            "nees": (4.0 + 0.0 + 10.0) / 9.0,
+            "coverage_x": 1.0,
+            "coverage_y": 1.0,
+            "coverage_z": 2.0 / 3.0,
             "latency_p50": 25.0,
             "latency_p99": 39.7,
             "latency_max": 40.0,

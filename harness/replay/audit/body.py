@@ -37,11 +37,13 @@ class Body:
         config: Settings of the decisions.
         mission: Mission of the decisions.
         policy: Unknown policy that paths are checked against.
+        widening: Cells along x and y by which what is blocked is widened; empty if by none.
     """
 
     config: Config
     mission: Mission
     policy: UnknownPolicy
+    widening: tuple[int, ...] = ()
 
     @property
     def flat(self) -> bool:
@@ -106,7 +108,7 @@ class Body:
 
     def cells(self, voxel_map: Representation, track: Array, reach: float) -> Cells:
         """Return the cells within a reach, m, of a track (n, 3), m."""
-        return cells_around(voxel_map, track, reach, self.config, self.mission)
+        return cells_around(voxel_map, track, reach, self.config, self.mission, self.widening)
 
     def first_blocked(
         self, voxel_map: Representation, poses: Array, margin: float

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from wayproof.harness.config import Config
-from wayproof.harness.inputs import Inputs
+from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.log.paths import Array
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
@@ -20,6 +21,12 @@ from wayproof.maps import Representation
 
 SIGMAS = 2.0
 """Standard deviations of the estimated position that the margin covers."""
+
+DIFFERS = 0.02
+"""Difference of the margins of two axes from which they differ, m."""
+
+MOST_CELLS, MOST_MORE = 100, 400
+"""Greatest margin for a stated covariance, and what may lack along one axis, cells."""
 
 HEADING_ERROR = 0.05
 """Heading error that the margin of a body of discs covers at each disc, rad."""
@@ -72,7 +79,8 @@ class Moment:
     def margin(self) -> float:
         """Localization margin, m, from settings, logged pose and body."""
         lever = max((abs(offset) for offset, _ in self.mission.discs), default=0.0)
-        believed = SIGMAS * self.record.inputs.pose.position_sigma
+        pose, mission = self.record.inputs.pose, self.mission
+        believed, _ = believed_of(pose, self.config.map.resolution, flat=mission.planar)
         return self.config.costmap.localization_margin + believed + lever * HEADING_ERROR
 
     @property
@@ -98,6 +106,30 @@ class Moment:
     def broken(self, rule: str, text: str) -> Violation:
         """Return a violation by this decision."""
         return Violation(self.decision.sequence, rule, text)
+
+
+def believed_of(pose: Pose, size: float, flat: bool) -> tuple[float, tuple[int, ...]]:
+    """Return the margin for the stated error of a pose, m, and the cells more along x and y.
+
+    Of an estimator that states a covariance and is less sure along x or y: the standard deviations
+    of the other axes, and what lacks along that one in whole cells.
+
+    Args:
+        pose: That the decision was made on.
+        size: Edge of a cell, m.
+        flat: Whether the body moves in the plane.
+    """
+    if pose.covariance is None:
+        return SIGMAS * pose.position_sigma, ()
+    along = SIGMAS * np.sqrt(np.diagonal(pose.covariance))
+    worse = 0 if along[0] > along[1] else 1
+    others = [float(along[1 - worse])] if flat else [float(along[1 - worse]), float(along[2])]
+    more = float(along[worse]) - max(others)
+    if more <= DIFFERS:
+        return min(SIGMAS * pose.position_sigma, MOST_CELLS * size), ()
+    cells = [0, 0]
+    cells[worse] = min(math.ceil(more / size), MOST_MORE)
+    return min(max(others), MOST_CELLS * size), tuple(cells)
 
 
 def standing_at_start(mission: Mission) -> pb.Trajectory:

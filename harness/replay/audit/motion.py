@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from wayproof.harness.log.paths import SAME_PLACE, length, place_at, speed_at
-from wayproof.harness.replay.audit.moment import Moment, Violation, apart
+from wayproof.harness.replay.audit.moment import MOST_MORE, Moment, Violation, apart
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 
@@ -39,6 +39,9 @@ def is_malformed(moment: Moment) -> str:
     period = trajectory.sample_period_s
     if not (np.isfinite(arcs).all() and np.isfinite(headings).all() and 1e-3 <= period <= 10.0):
         return f"samples that are not finite, or {period:g} s apart"
+    widening = moment.decision.widening
+    if len(widening) not in (0, 2) or max(widening, default=0) > MOST_MORE:
+        return f"a widening by {tuple(widening)} cells, expected two of at most {MOST_MORE}"
     away = np.maximum(np.array(mission.low) - moment.path, moment.path - np.array(mission.high))
     if not (away <= FARTHEST).all() or length(moment.path) > LONGEST:
         return f"a path that leaves the operating area by more than {FARTHEST:g} m, or has no end"

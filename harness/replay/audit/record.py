@@ -7,7 +7,6 @@ import math
 from wayproof.harness.log.paths import length
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.audit.moment import Moment, Violation
-from wayproof.harness.replay.cells import cells_around
 
 ROUNDING = 1e-9
 """Tolerance of figures computed in another order of operations, m and s."""
@@ -72,6 +71,9 @@ def check_margin(moment: Moment) -> list[Violation]:
     if not abs(decision.localization_margin_m - margin) <= ROUNDING:
         text = f"{decision.localization_margin_m:.4f} m, config and pose give {margin:.4f} m"
         return [moment.broken("margin", text)]
+    if tuple(decision.widening) != moment.body.widening:
+        text = f"widened by {tuple(decision.widening)} cells, the pose gives {moment.body.widening}"
+        return [moment.broken("margin", text)]
     said = decision.inflation_radius_m, decision.collision_distance_sq
     size = moment.config.map.resolution
     expected = []
@@ -127,7 +129,7 @@ def _check_clearance(moment: Moment) -> list[Violation]:
         2.0 if moment.body.flat else 3.0
     )
     reach = math.ceil(inflation + (config.cost_range + max(radii) - min(radii)) / size)  # cells
-    cells = cells_around(moment.map, moment.path, reach * size, moment.config, mission)
+    cells = moment.body.cells(moment.map, moment.path, reach * size)
     least = cells.least_distance(cells.touched(moment.path), cells.not_free, float(reach))
     said = moment.decision.least_clearance_m / size
     if abs(said - least) <= 1.0 + CELL_ROUNDING:

@@ -8,12 +8,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import Inputs
+from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.mission import Mission
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.audit.body import Body
-from wayproof.harness.replay.audit.moment import Moment, Violation, resting, standing_at_start
+from wayproof.harness.replay.audit.moment import (
+    Moment,
+    Violation,
+    believed_of,
+    resting,
+    standing_at_start,
+)
 from wayproof.harness.replay.audit.motion import (
     check_deadline,
     check_joint,
@@ -179,9 +185,16 @@ def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
             mission=mission_of(run.mission, record.inputs),
             map=navigator.map,
             version=combined_version(navigator.map.version(), navigator.labels),
-            body=bodies[run.begin],
+            body=_widened(bodies[run.begin], record.inputs.pose),
             before=before,
         )
         yield moment
         if not is_malformed(moment):
             before = (*before[-1:], record.decision.trajectory)
+
+
+def _widened(body: Body, pose: Pose) -> Body:
+    """Return the body among cells that are widened as the pose requires."""
+    size = body.config.map.resolution
+    _, widening = believed_of(pose, size, flat=body.flat)
+    return replace(body, widening=widening) if widening else body

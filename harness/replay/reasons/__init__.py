@@ -16,6 +16,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.replay.reasons.past import Past
 from wayproof.harness.replay.reasons.predicates import PREDICATES
 from wayproof.harness.replay.reasons.scene import Scene
+from wayproof.harness.replay.reasons.uncertain import slowed
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.reasons import MEANINGS, logged_reason, sentence
 from wayproof.maps import Representation
@@ -109,6 +110,8 @@ class ReasonCheck:
         try:
             for text in PREDICATES[kind](scene, self._past, reason):
                 yield f"{kind}: {text}"
+            if decision.action == "slow" and reason.HasField("sigma_m"):
+                yield from slowed(scene, reason)
         except (ArithmeticError, LookupError, ValueError) as error:
             yield f"{kind}: nothing can be worked out from its figures ({error})"
 

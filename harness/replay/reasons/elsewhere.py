@@ -16,7 +16,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 
 def looking_elsewhere(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The way leads to a frontier: to admitted space beside what only has not been seen."""
-    yield from _errand(scene, past, reason)
+    yield from errand(scene, past, reason)
     now, before = scene.decision.sequence, [one.predicate for one in past.steps.values()]
     if reason.since == now and not _is_frontier(scene, point_of(reason.target)):
         yield "where it goes is no frontier"
@@ -27,7 +27,7 @@ def looking_elsewhere(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
 
 def backing_up(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The way leads to where the robot has been."""
-    yield from _errand(scene, past, reason)
+    yield from errand(scene, past, reason)
     been = [scene.apart(one.position, point_of(reason.target)) for one in past.steps.values()]
     if not been or min(been) > 0.2:
         yield "it has not been where it goes back to"
@@ -66,7 +66,7 @@ def turning_out_of_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Ite
     yield from same("turn_rad", reason.turn_rad, headings[-1] - headings[0], 0.02)
 
 
-def _errand(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+def errand(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The way leads where it says, and has since the decision that set out."""
     if len(scene.global_path) < 2:
         yield "it names no way"

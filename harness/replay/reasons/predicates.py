@@ -9,7 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from wayproof.harness.replay.reasons import commanded, driving, elsewhere, stopping, waiting
+from wayproof.harness.replay.reasons import (
+    commanded,
+    driving,
+    elsewhere,
+    stopping,
+    uncertain,
+    waiting,
+)
 from wayproof.harness.replay.reasons.past import Past
 from wayproof.harness.replay.reasons.scene import Scene
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -29,6 +36,9 @@ PREDICATES: dict[str, Claim] = {
     "at_viewpoint": elsewhere.at_viewpoint,
     "backing_up": elsewhere.backing_up,
     "off_trajectory": elsewhere.off_trajectory,
+    "returning_to_held": uncertain.returning_to_held,
+    "pose_lost": uncertain.pose_lost,
+    "goal_uncertain": uncertain.goal_uncertain,
     "escaping_inflation": elsewhere.escaping_inflation,
     "turning_out_of_inflation": elsewhere.turning_out_of_inflation,
     "braking_before_unknown": stopping.braking_ahead,

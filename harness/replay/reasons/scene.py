@@ -107,7 +107,9 @@ class Scene:
 
     def cells_about(self, points: Array, reach: float) -> Cells:
         """Return the cells within a reach, m, of points (n, 3), m."""
-        return cells_around(self.map, points, reach, self.config, self.mission)
+        return cells_around(
+            self.map, points, reach, self.config, self.mission, self.decision.widening
+        )
 
     @cached_property
     def everywhere(self) -> Cells:

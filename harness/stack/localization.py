@@ -1,0 +1,113 @@
+"""What the decision makes of an uncertain pose: drive slower, go back, or give up.
+
+For estimators that state a covariance. What such an estimator does not see in its sweeps it states
+as unheld directions, and its standard deviation then grows with the way. Before the stack guesses
+where it is, it goes back to where the sweeps last held the pose, and says `localization_lost`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from wayproof.harness.stack.decision import Action
+from wayproof.harness.stack.global_path import ARRIVED
+from wayproof.harness.stack.maneuvers import brake
+from wayproof.harness.stack.mapping import MARGIN_SIGMAS
+from wayproof.harness.stack.path_following import follow_global_path
+from wayproof.harness.stack.reasons import Kind, Reason
+from wayproof.harness.stack.types import (
+    Command,
+    Decided,
+    Exploration,
+    PlannerInput,
+    PlannerState,
+    arc_length,
+    distance,
+    is_stationary,
+)
+from wayproof.planners import TrajectorySample, hold, remaining
+
+TRAIL_SPACING = 0.25
+"""Distance between the points of the trail that leads back, m."""
+
+
+def record_unheld_trail(state: PlannerState, input: PlannerInput) -> PlannerState:
+    """The state with the trail (n, 3) from the last position that the sweeps held, m."""
+    pose = input.localization
+    if pose is None:
+        return state
+    if pose.held:
+        return replace(state, unheld_trail=input.position[None])
+    trail = state.unheld_trail
+    if state.returning or (len(trail) and distance(trail[-1], input.position) < TRAIL_SPACING):
+        return state
+    return replace(state, unheld_trail=np.vstack([trail, input.position]))
+
+
+def is_lost(input: PlannerInput) -> bool:
+    """Whether the stated standard deviation of the position is beyond what is driven with."""
+    pose = input.localization
+    return pose is not None and pose.sigma > input.behaviour.lost_sigma
+
+
+def cannot_claim_goal(input: PlannerInput, tolerance: float) -> bool:
+    """Whether two standard deviations of the position are more than the goal's tolerance, m."""
+    pose = input.localization
+    return pose is not None and MARGIN_SIGMAS * pose.sigma > tolerance
+
+
+def give_up_at_goal(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
+    """Give up beside a goal that the pose is too uncertain to claim."""
+    return _stand(input, state, start, "goal_uncertain", "abort")
+
+
+def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
+    """Brake, go back along the trail to where the sweeps held the pose, or else give up.
+
+    Args:
+        input: Of the decision.
+        state: Before it.
+        start: Of the new trajectory.
+    """
+    if state.returning:
+        path = remaining(state.path, start.arc_length)
+        if input.traversable.free_length(path) >= arc_length(path) - 1e-6 > ARRIVED:
+            return follow_global_path(input, replace(state, global_path=path), start, state)
+    if not is_stationary(start):
+        path = remaining(state.trajectory.path, start.arc_length)
+        reason = _reason(input, "pose_lost")
+        return brake(input, state, start, path, reason, "localization_lost")
+    path = np.vstack([start.position, state.unheld_trail[::-1]])
+    path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]
+    free = input.traversable.free_length(path) if len(path) > 1 else 0.0
+    done = state.returns >= input.behaviour.max_returns
+    if done or free < max(arc_length(path) - 1e-6, input.behaviour.min_advance):
+        return _stand(input, state, start, "pose_lost", "abort")
+    state = replace(
+        state,
+        global_path=path,
+        exploration=Exploration(input.sequence, returning=True),
+        improved_ns=input.time_ns,
+        returns=state.returns + 1,
+    )
+    return follow_global_path(input, state, start, previous=state)
+
+
+def _stand(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, kind: Kind, action: Action
+) -> Decided:
+    trajectory = hold(start.position, input.effect_ns, start.heading)
+    command = Command(action, _reason(input, kind), "localization_lost", trajectory)
+    state = replace(state, trajectory=trajectory, global_path=None, exploration=None)
+    return Decided(command, state)
+
+
+def _reason(input: PlannerInput, kind: Kind) -> Reason:
+    assert input.localization is not None
+    sigma = input.localization.sigma
+    if kind == "goal_uncertain":
+        left = distance(input.position, input.goal)
+        return Reason(kind, sigma_m=sigma, distance_m=left, limit_m=input.goal_tolerance)
+    return Reason(kind, sigma_m=sigma, limit_m=input.behaviour.lost_sigma)
