@@ -272,6 +272,34 @@ class Ghosts(Common):
 
 
 @dataclass(frozen=True)
+class Tunnel(Common):
+    """Parameters of `tunnel`.
+
+    Attributes:
+        length: Between the end walls, m.
+        width: Between the side walls, m.
+    """
+
+    length: Annotated[float, Interval(8.0, 100.0, "m")] = 30.0
+    width: Annotated[float, Interval(2.1, 6.0, "m")] = 2.2
+
+
+@dataclass(frozen=True)
+class Hall(Common):
+    """Parameters of `hall`.
+
+    Attributes:
+        length: Along x, m.
+        width: Along y, m.
+        wall_distance: Least distance of start and goal from the walls, m.
+    """
+
+    length: Annotated[float, Interval(44.0, 100.0, "m")] = 46.0
+    width: Annotated[float, Interval(30.0, 100.0, "m")] = 32.0
+    wall_distance: Annotated[float, Interval(1.0, 14.5, "m")] = 13.8
+
+
+@dataclass(frozen=True)
 class WorldParameters:
     """Parameters of the generated worlds; those of the world of an episode apply.
 
@@ -286,6 +314,8 @@ class WorldParameters:
         cylinders: Of `cylinders`.
         crossing: Of `crossing`.
         ghosts: Of `ghosts`.
+        tunnel: Of `tunnel`.
+        hall: Of `hall`.
     """
 
     warehouse: Warehouse = field(default_factory=Warehouse)
@@ -298,3 +328,5 @@ class WorldParameters:
     cylinders: Cylinders = field(default_factory=Cylinders)
     crossing: Crossing = field(default_factory=Crossing)
     ghosts: Ghosts = field(default_factory=Ghosts)
+    tunnel: Tunnel = field(default_factory=Tunnel)
+    hall: Hall = field(default_factory=Hall)

@@ -5,33 +5,42 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.worlds.layout import heading_towards, room_walls
-from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.world_parameters import Hall
+from wayproof.models.worlds.layout import (
+    WALL_THICKNESS,
+    first_passable,
+    heading_towards,
+    room_walls,
+)
 from wayproof.models.worlds.world import World
-
-LENGTH, WIDTH = 46.0, 32.0
-"""Of the outside of the walls, m."""
-
-OUT_OF_RANGE = 14.0
-"""Distance of start and goal from the outside of the walls, m."""
 
 LEAST_DISTANCE = 10.0
 """Of start and goal, m."""
 
 
-def hall(seed: int, difficulty: float = 0.5) -> World:
-    """Generate a hall 46 x 32 m, the way of 10 m and more 13 m from its walls, at any difficulty.
+def hall(
+    seed: int,
+    difficulty: float = 0.5,
+    parameters: Hall = Hall(),  # noqa: B008  # frozen
+) -> World:
+    """Generate a hall 46 x 32 m, start and goal 10 m apart and 13.8 m from its walls.
 
     Raises:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
     """
-    return first_solvable("hall", seed, lambda rng: _draft(rng, seed), difficulty)
+    return first_passable(
+        "hall",
+        seed,
+        lambda rng: _draft(rng, seed, parameters),
+        difficulty,
+        parameters.passage_radius,
+    )
 
 
-def _draft(rng: np.random.Generator, seed: int) -> World:
+def _draft(rng: np.random.Generator, seed: int, parameters: Hall) -> World:
     low: Vector3 = (0.0, 0.0, -0.5)
-    high = (LENGTH, WIDTH, 3.0)
-    inner = np.array([OUT_OF_RANGE, OUT_OF_RANGE])
+    high = (parameters.length, parameters.width, 3.0)
+    inner = np.full(2, WALL_THICKNESS + parameters.wall_distance)
     while True:
         start, goal = np.round(rng.uniform(inner, high[:2] - inner, (2, 2)), 3).tolist()
         if np.hypot(goal[0] - start[0], goal[1] - start[1]) >= LEAST_DISTANCE:

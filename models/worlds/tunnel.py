@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.worlds.layout import WALL_THICKNESS, heading_towards, mirrored, room_walls
-from wayproof.models.worlds.solvability import first_solvable
+from wayproof.models.world_parameters import Tunnel
+from wayproof.models.worlds.layout import (
+    WALL_THICKNESS,
+    first_passable,
+    heading_towards,
+    mirrored,
+    room_walls,
+)
 from wayproof.models.worlds.world import World
-
-LENGTH, WIDTH = 30.0, 2.2
-"""Between the inside of the walls, m."""
 
 END_DISTANCE = 1.1
 """Distance of start and goal from the end walls, m."""
@@ -19,19 +22,30 @@ OFFSET = 0.15
 """Greatest distance of start and goal from the middle line, m."""
 
 
-def tunnel(seed: int, difficulty: float = 0.5) -> World:
+def tunnel(
+    seed: int,
+    difficulty: float = 0.5,
+    parameters: Tunnel = Tunnel(),  # noqa: B008  # frozen
+) -> World:
     """Generate a tunnel 2.2 m wide and 30 m long without anything in it, at any difficulty.
 
     Raises:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
     """
-    return first_solvable("tunnel", seed, lambda rng: _draft(rng, seed), difficulty)
+    return first_passable(
+        "tunnel",
+        seed,
+        lambda rng: _draft(rng, seed, parameters),
+        difficulty,
+        parameters.passage_radius,
+    )
 
 
-def _draft(rng: np.random.Generator, seed: int) -> World:
-    middle = WALL_THICKNESS + WIDTH / 2
+def _draft(rng: np.random.Generator, seed: int, parameters: Tunnel) -> World:
+    middle = WALL_THICKNESS + parameters.width / 2
     low: Vector3 = (0.0, 0.0, -0.5)
-    high = (LENGTH + 2 * WALL_THICKNESS, WIDTH + 2 * WALL_THICKNESS, 3.0)
+    length, width = (one + 2 * WALL_THICKNESS for one in (parameters.length, parameters.width))
+    high = (round(length, 3), round(width, 3), 3.0)
     sides = np.round(middle + rng.uniform(-OFFSET, OFFSET, 2), 3).tolist()
     start = (WALL_THICKNESS + END_DISTANCE, sides[0])
     goal = (round(high[0] - WALL_THICKNESS - END_DISTANCE, 3), sides[1])

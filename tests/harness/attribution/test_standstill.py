@@ -30,9 +30,9 @@ MAP = MapWays(
 
 STILL = StandstillFacts(
     outcome="stuck", reason="", window=50, discarded=0.0, late=0.0, deadline=0.25, delay=0.05,
-    off_path=0.0, worst_off_path=0.1, left_path=0.0, limit_s=60.0, claimed=False, doubt=0.02,
-    radius=0.3, cell=0.1, iterations=1, without_path=0.0, pose=PoseFacts(), ranges=RangeFacts(),
-    truth=TRUTH, map=MAP,
+    off_path=0.0, worst_off_path=0.1, left_path=0.0, limit_s=60.0, claimed=False,
+    lost_sigma=None, doubt=0.02, radius=0.3, cell=0.1, iterations=1, without_path=0.0,
+    pose=PoseFacts(), ranges=RangeFacts(), truth=TRUTH, map=MAP,
 )  # fmt: skip
 
 
@@ -85,6 +85,7 @@ CLOSED = {"map.passable": 0.0, "map.ghosts": 7}
         ({**CLOSED, "pose": LIED}, "localization"),
         ({**CLOSED, "ranges": BAD}, "perception"),
         ({"off_path": 0.7}, "tracking"),
+        ({"lost_sigma": 0.6}, "localization"),
         ({"left_path": 0.2, "map.known": 1.0}, "tracking"),
         ({"outcome": "fall"}, "tracking"),
         ({"outcome": "fall", "truth.exists": False}, "tracking"),

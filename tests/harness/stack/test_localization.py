@@ -1,0 +1,184 @@
+"""What the decision makes of an uncertain pose, and the margin that it leads to."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.harness.stack.make_input import (
+    GOAL,
+    at_rest,
+    drive,
+    make_input,
+    make_states,
+    next_input,
+    place,
+    top_speed,
+)
+from wayproof import Config, build, open_log, override, run_episode
+from wayproof.harness.inputs import Pose
+from wayproof.harness.metrics import read_trace, score
+from wayproof.harness.replay.audit.moment import believed_of
+from wayproof.harness.replay.audit.run import audit
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.mapping import MOST_DOUBT, MOST_WIDENING, margin_of
+from wayproof.harness.stack.planner_input import localization_of
+from wayproof.harness.stack.reasons import sentence
+from wayproof.harness.stack.types import Localization
+
+HELD, LOST = Localization(0.01, True), Localization(0.6, False)
+
+
+def pose(*sigmas, unheld=()):
+    covariance = np.diag(np.square([*sigmas, 0.01]))
+    return Pose(
+        np.zeros(3),
+        np.array([1.0, 0, 0, 0]),
+        max(sigmas),
+        covariance=covariance,
+        unheld=np.array(unheld, float).reshape(-1, 3),
+    )
+
+
+def mission_of(robot, *settings):
+    scenario = build(override(Config("empty", robot, 0), settings))
+    return scenario.config, scenario.mission
+
+
+@pytest.mark.parametrize("robot", ["quadruped", "drone"])
+@pytest.mark.parametrize(
+    "sigmas",
+    [(0.01, 0.01, 0.01), (0.5, 0.01, 0.01), (0.02, 0.31, 0.05), (1e5, 1e5, 1.0), (0.0, 1e5, 0.0)],
+)
+def test_the_margin_is_two_deviations_along_each_axis(robot, sigmas):
+    config, mission = mission_of(robot)
+    size = config.map.resolution
+    certain = margin_of(pose(0.0, 0.0, 0.0), config, mission).least
+    margin = margin_of(pose(*sigmas), config, mission)
+    for axis in range(2):
+        most = (MOST_DOUBT if sum(margin.widening) == 0 else MOST_WIDENING) * size
+        along = margin.least - certain + margin.widening[axis] * size
+        assert along >= min(2.0 * sigmas[axis], most) - 1e-9
+    if not mission.planar:
+        assert margin.least - certain >= min(2.0 * sigmas[2], MOST_DOUBT * size) - 1e-9
+    believed, widening = believed_of(pose(*sigmas), size, flat=mission.planar)
+    assert believed == pytest.approx(margin.least - certain)
+    assert (widening or (0, 0)) == margin.widening
+
+
+def test_along_an_axis_that_nothing_holds_the_other_keeps_its_room():
+    config, mission = mission_of("quadruped")
+    margin = margin_of(pose(0.41, 0.01, 0.01), config, mission)
+    alone = margin_of(pose(0.01, 0.01, 0.01), config, mission)
+    assert margin.least == alone.least
+    assert margin.widening == (8, 0)
+
+
+def test_a_model_of_an_estimator_states_no_axes():
+    config, mission = mission_of("quadruped")
+    modelled = replace(pose(0.4, 0.01, 0.01), covariance=None)
+    margin = margin_of(modelled, config, mission)
+    assert margin.widening == (0, 0)
+    assert localization_of(modelled, 2) is None
+
+
+def test_what_is_unheld_above_the_plane_does_not_matter_on_the_ground():
+    above = pose(0.01, 0.01, 0.3, unheld=[(0.0, 0.0, 1.0)])
+    assert localization_of(above, 2).held
+    assert not localization_of(above, 3).held
+    assert not localization_of(pose(0.3, 0.01, 0.01, unheld=[(0.8, 0.6, 0.0)]), 2).held
+
+
+def test_it_drives_slower_while_the_sweeps_do_not_hold_its_pose():
+    command, _ = decide(make_input(localization=Localization(0.2, False)), at_rest())
+    assert (command.action, command.label) == ("slow", "none")
+    assert "slowed, as the sweeps do not hold the pose to 0.20 m" in sentence(command.reason)
+    plain, _ = decide(make_input(localization=Localization(0.2, True)), at_rest())
+    assert plain.action == "follow"
+    assert top_speed(command.trajectory) < 0.6 * top_speed(plain.trajectory)
+
+
+def test_a_lost_robot_brakes_goes_back_to_where_it_was_held_and_gives_up():
+    state = drive(1, localization=HELD)
+    for sequence in range(1, 12):
+        input = next_input(state, sequence, localization=Localization(0.2, False))
+        _, state = decide(input, state)
+    kinds = []
+    for sequence in range(12, 200):
+        input = next_input(state, sequence, localization=LOST)
+        command, state = decide(input, state)
+        kinds.append((command.action, command.reason.kind, command.label))
+        if command.action == "abort":
+            break
+    assert list(dict.fromkeys(kinds)) == [
+        ("stop_and_wait", "pose_lost", "localization_lost"),
+        ("recover", "returning_to_held", "localization_lost"),
+        ("abort", "pose_lost", "localization_lost"),
+    ]
+    assert np.abs(input.position[:2] - (1.05, 2.05)).max() < 0.3  # where it set out, held
+
+
+def test_it_goes_on_to_the_goal_once_the_pose_is_held_again():
+    state = drive(1, localization=HELD)
+    for sequence in range(1, 40):
+        sigma = LOST if sequence > 12 else Localization(0.2, False)
+        _, state = decide(next_input(state, sequence, localization=sigma), state)
+        if state.returning:
+            break
+    assert state.returning
+    command, state = decide(next_input(state, sequence + 1, localization=HELD), state)
+    assert not state.returning
+    assert command.label != "localization_lost"
+
+
+def test_it_gives_up_where_the_way_back_is_blocked():
+    trail = np.array([place(1.05, 2.05), place(3.05, 2.05)])
+    state = at_rest(position=(3.05, 2.05), unheld_trail=trail)
+    blocked = make_states(occupied=[(1.5, 1.7, 0.0, 4.0)])
+    command, _ = decide(make_input(blocked, position=(3.05, 2.05), localization=LOST), state)
+    assert (command.action, command.reason.kind) == ("abort", "pose_lost")
+
+
+def test_it_gives_up_without_a_place_where_it_was_held():
+    command, _ = decide(make_input(localization=LOST), at_rest())
+    assert (command.action, command.reason.kind) == ("abort", "pose_lost")
+
+
+@pytest.mark.parametrize(("sigma", "action"), [(0.09, "goal"), (0.11, "abort")])
+def test_a_goal_is_claimed_only_with_a_pose_that_can_tell(sigma, action):
+    input = make_input(position=GOAL, localization=Localization(sigma, False))
+    command, _ = decide(input, at_rest(position=GOAL))
+    assert command.action == action
+    assert (command.reason.kind == "goal_uncertain") == (action == "abort")
+
+
+@pytest.fixture(scope="module")
+def lost_episode(tmp_path_factory):
+    """A drone in the middle of a tunnel, where nothing holds its way from the start."""
+    settings = ("estimate.kind=lidar", "start=[15, 1.3]", "behaviour.lost_sigma=0.1")
+    path = tmp_path_factory.mktemp("lost") / "tunnel.mcap"
+    run_episode(build(override(Config("tunnel", "drone", 0), settings)), path)
+    return path
+
+
+def test_an_episode_in_a_tunnel_ends_before_it_guesses(lost_episode):
+    log = open_log(lost_episode)
+    assert log.result["outcome"] == "aborted"
+    assert "the pose is lost" in log.result["reason"]
+    decisions = list(log.decisions())
+    assert decisions[-1].label == "localization_lost"
+    assert any(one.widening and one.widening[0] > one.widening[1] == 0 for one in decisions)
+    assert {"pose_lost", "returning_to_held"} <= {one.predicate.kind for one in decisions}
+
+
+def test_its_log_is_audited_and_replayed(lost_episode):
+    assert audit(lost_episode).violations == ()
+    assert replay(lost_episode).identical
+
+
+def test_its_error_is_what_it_states(lost_episode):
+    figures = score(read_trace(open_log(lost_episode)))
+    assert figures["coverage_x"] >= 0.9
+    assert figures["coverage_y"] == 1.0
+    assert 0.0 < figures["nees"] < 3.0
