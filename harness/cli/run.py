@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import errno
 import hashlib
 import math
@@ -64,7 +65,13 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     path = options.log or options.logs / f"{episode_name(config)}.mcap"
     if options.render is not None:
         check_render(config, options.render)
-    result = run_one(config, path, console)
+    if options.view is not None:
+        from wayproof.harness.viewer.rerun_view import check_view
+
+        if config.record != "full":
+            raise InputError(f"--view: got record={config.record}, expected full")
+        check_view(_saved(options.view))
+    result = run_one(config, path, console, view=options.view)
     print_verdict(console, result)
     checked = _check(result, options, console)
     code, document = (0 if result.outcome == "success" else 1), document_of(result)
@@ -118,8 +125,23 @@ def episode_name(config: Config) -> str:
     return f"{name}-{hashlib.sha256(to_json(config)).hexdigest()[:8]}"
 
 
-def run_one(config: Config, path: Path, console: Console) -> Result:
+WINDOW = ""
+"""Value of `--view` without a file."""
+
+
+def _saved(view: str) -> Path | None:
+    """Return the recording that `--view` names; None for a window."""
+    return None if view == WINDOW else Path(view)
+
+
+def run_one(config: Config, path: Path, console: Console, view: str | None = None) -> Result:
     """Build the scenario, compile the kernels, and run the episode with a live line.
+
+    Args:
+        config: What to run.
+        path: Name of the log.
+        console: For the line.
+        view: Value of `--view`; None for no view.
 
     Raises:
         InputError: The config cannot be run, or its log cannot be written; a full disk is named.
@@ -141,7 +163,7 @@ def run_one(config: Config, path: Path, console: Console) -> Result:
         try:
             with console.status("compiling kernels (a minute the first time, then cached)"):
                 warm_up(config)
-            with line:
+            with _viewed(draft, view, console), line:
                 return run_episode(scenario, draft, line)
         except KeyboardInterrupt:
             raise interrupted(path, line.decisions) from None
@@ -150,6 +172,17 @@ def run_one(config: Config, path: Path, console: Console) -> Result:
                 raise
             text = f"log '{path}': {error.strerror}; what fitted is in .partial"
             raise InputError(text) from None
+
+
+def _viewed(
+    draft: Draft, view: str | None, console: Console
+) -> contextlib.AbstractContextManager[None]:
+    """Return the context in which an episode is shown while it runs, if `--view` is given."""
+    if view is None:
+        return contextlib.nullcontext()
+    from wayproof.harness.cli.live_view import live_view
+
+    return live_view(draft.path, _saved(view), console)
 
 
 def warn_of_kept(draft: Draft) -> None:
@@ -228,6 +261,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--render", type=Path, metavar="FILE", help="draw a movie of the episode: a .gif or .mp4"
+    )
+    parser.add_argument(
+        "--view",
+        nargs="?",
+        const=WINDOW,
+        metavar="FILE.rrd",
+        help="show the episode in the Rerun viewer while it runs, or write a recording for it",
     )
     add_check(parser)
     add_log_folder(parser)

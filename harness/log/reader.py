@@ -130,6 +130,11 @@ class Log:
     plugins: dict[str, str] = field(default_factory=dict)
 
     @property
+    def under_way(self) -> bool:
+        """Whether it is still being written, and may break off."""
+        return False
+
+    @property
     def fork(self) -> Fork | None:
         """Last fork; None without one."""
         return self.forks[-1] if self.forks else None
@@ -150,6 +155,14 @@ class Log:
             replace(one, config=replace(one.config, threads=threads)) for one in self.forks
         )
         return replace(self, config=replace(self.config, threads=threads), forks=forks)
+
+    def messages(self) -> Iterator[Message]:
+        """Yield every message in file order.
+
+        Raises:
+            InputError: The file breaks off or a checksum does not hold.
+        """
+        return read_messages(self.path)
 
     def records(self) -> Iterator[Record]:
         """Yield every decision with its inputs, in file order."""
@@ -178,7 +191,7 @@ class Log:
                 if item.sequence == record.decision.sequence:
                     yield record, item
                     record = None
-        if record is not None:
+        if record is not None and not self.under_way:
             sequence = record.decision.sequence
             raise InputError(f"log '{self.path}': decision {sequence} without its truth")
 
@@ -197,7 +210,7 @@ class Log:
         pose, latency, state, answer = pb.Pose(), pb.Latency(), None, None
         goal, motion = None, None
         count, time_ns = 0, -1
-        for message in read_messages(self.path):
+        for message in self.messages():
             if isinstance(message, pb.Sweep):
                 sweeps.append(message)
             elif isinstance(message, pb.Pose):
@@ -237,7 +250,7 @@ class Log:
 
     def decisions(self) -> Iterator[pb.Decision]:
         """Yield every decision without its inputs."""
-        for message in read_messages(self.path):
+        for message in self.messages():
             if isinstance(message, pb.Decision):
                 yield message
 
@@ -257,13 +270,13 @@ class Log:
 
     def motions(self) -> Iterator[pb.RecordedMotion]:
         """Yield the recorded motion up to each decision; nothing of an episode."""
-        for message in read_messages(self.path):
+        for message in self.messages():
             if isinstance(message, pb.RecordedMotion):
                 yield message
 
     def truth(self) -> Iterator[pb.Truth]:
         """Yield the ground truth of each decision, for scoring."""
-        for message in read_messages(self.path):
+        for message in self.messages():
             if isinstance(message, pb.Truth):
                 yield message
 

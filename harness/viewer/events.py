@@ -45,19 +45,23 @@ class Event(NamedTuple):
 
 
 class Events:
-    """Events of one log, decision by decision in order."""
+    """Events of one log, decision by decision in order.
+
+    Attributes:
+        last_chance: Number of the last decision that could have prevented a failure; -1 if none.
+    """
 
     def __init__(self, log: Log) -> None:
         """Read the last chance from the result of the log."""
         number = log.result.get("cause_decision", "")
-        self._last_chance = int(number) if number.isdecimal() else -1
+        self.last_chance = int(number) if number.isdecimal() else -1
         self._cause = f"{log.result.get('cause', '')}: {log.result.get('cause_evidence', '')}"
         self._rests = self._cut = False
         self._contacts = 0
 
     def at(self, decision: pb.Decision, truth: pb.Truth) -> Iterator[Event]:
         """Yield the events of a decision; call for each."""
-        if decision.sequence == self._last_chance:
+        if decision.sequence == self.last_chance:
             yield Event(LAST_CHANCE, self._cause, "last chance")
         if decision.deadline_missed:
             delay, deadline = decision.delay_s * 1e3, decision.deadline_s * 1e3

@@ -100,9 +100,11 @@ def _plot(root: str, name: str) -> rrb.TimeSeriesView:
 
 
 def gives_costmap(log: Log) -> bool:
-    """Return whether a stack on trial gave a costmap of its own with any of its commands."""
+    """Return whether a stack on trial gave, or may yet give, a costmap of its own."""
     if log.config.stack.name == BUILTIN:
         return False
+    if log.under_way:
+        return True  # it may yet
     return any(
         record.answer is not None
         and sb.Command.FromString(record.answer.command).HasField("costmap")

@@ -14,16 +14,17 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from wayproof.harness.explain.commanded import Commanded
+from wayproof.harness.log.follow import FollowedLog
 from wayproof.harness.log.reader import Log
 from wayproof.harness.result import RECORDED
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.curves import curves
-from wayproof.harness.viewer.events import CONTACT, PLOTS, Events, name_of
+from wayproof.harness.viewer.events import CONTACT, LAST_CHANCE, PLOTS, Events, name_of
 from wayproof.harness.viewer.evidence import age_pixels, probability_pixels
 from wayproof.harness.viewer.rerun_grids import coloured_grid, costmap_grid, grid_map, layer_image
 from wayproof.harness.viewer.rerun_static import FAILURE, show_static, words_at
-from wayproof.harness.viewer.rows import AT_A_TIME, Rows
+from wayproof.harness.viewer.rows import AT_A_TIME, LIVE_AT_A_TIME, Rows
 from wayproof.harness.viewer.snapshots import Layer, Snapshot, tiles_of
 from wayproof.harness.viewer.tiles import Tile
 from wayproof.harness.viewer.words import describe, is_warning
@@ -34,24 +35,25 @@ def show_log(
     log: Log,
     snapshots: Iterable[Snapshot],
     root: str,
-    at_a_time: int = AT_A_TIME,
 ) -> int:
     """Send a whole log under one root entity; return the number of decisions.
 
     Args:
         stream: Where to.
-        log: The log.
+        log: The log; it may still be being written.
         snapshots: Its moments, in order.
         root: The root entity.
-        at_a_time: Number of decisions that are sent at once.
 
     Raises:
         InputError: The scene in the log cannot be compiled, or the log is damaged.
     """
     movers = show_static(stream, log, root)
-    artist = _Artist(stream, log, root, movers, at_a_time)
+    artist = _Artist(stream, log, root, movers)
     for snapshot in snapshots:
         artist.show(snapshot)
+    if isinstance(log, FollowedLog):
+        log = log.finished()
+        artist.mark_last_chance(log)
     return artist.finish(log)
 
 
@@ -64,10 +66,9 @@ class _Artist:
         log: Log,
         root: str,
         movers: frozenset[str],
-        at_a_time: int,
     ) -> None:
         self._stream, self._root, self._movers = stream, root, movers
-        self._rows = Rows(stream, root, at_a_time)
+        self._rows = Rows(stream, root, LIVE_AT_A_TIME if log.under_way else AT_A_TIME)
         self._tiles = tiles_of(log)
         self._top = max(log.mission.high[2], 1.0)
         self._cost_range = log.config.costmap.cost_range
@@ -77,6 +78,7 @@ class _Artist:
         self._marked = False  # whether the lane of events shows one
         self._last: Snapshot | None = None
         self._count = 0
+        self._shown: list[tuple[int, list[float]]] = []  # time, ns, and true position
         self._frame: object = None
         self._layer: NDArray[np.uint8] | None = None
         self._places: tuple[list[float], list[float]] | None = None  # true, believed
@@ -103,8 +105,21 @@ class _Artist:
             _show_end(self._stream, log, self._last, self._root)
         return self._count
 
+    def mark_last_chance(self, log: Log) -> None:
+        """Mark the last chance, which only a finished log names, of one that was followed."""
+        number = Events(log).last_chance
+        if not 0 <= number < len(self._shown):
+            return
+        time_ns, place = self._shown[number]
+        self._rows.send()
+        self._stream.set_time("time", duration=np.timedelta64(time_ns, "ns"))
+        self._stream.set_time("decision", sequence=number)
+        mark = rr.Points3D.from_fields(positions=[place], labels=[LAST_CHANCE])
+        self._stream.log(f"{self._root}/world/events/{name_of(LAST_CHANCE)}", mark)
+
     def _show_moment(self, moment: Snapshot) -> None:
         self._count += 1
+        self._shown.append((moment.time_ns, list(moment.truth.position)))
         self._rows.begin(moment.time_ns, moment.decision.sequence)
         self._show_decision(moment)
         self._show_tracks(moment)

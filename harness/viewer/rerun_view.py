@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from wayproof.harness.errors import InputError
+from wayproof.harness.log.follow import FollowedLog, followed, partial_name
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.writer import check_folder
 from wayproof.harness.outputs import check_target, written_whole
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
     import rerun as rr
 
 ROOTS = ("log", "other")
+
+ENDING = ".rrd"
+"""Suffix of a recording for Rerun."""
 
 SNAPSHOTS_AHEAD = 128
 """Number of prefetched snapshots: those made while Rerun is imported, some 10 MB."""
@@ -70,22 +74,70 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
     """
     began = time.perf_counter()
     logs = dict(zip(ROOTS, (open_log(path, allow_plugins) for path in paths), strict=False))
+    check_view(saved)
+    return _view(logs, saved, began)
+
+
+def view_live(path: Path, saved: Path | None = None, allow_plugins: bool = False) -> View:
+    """Show a log while it is being written, and its result when it is finished.
+
+    What is shown is up to a second of simulated time behind, see `harness.log.follow`. A log that
+    is finished already is shown whole.
+
+    Args:
+        path: Path of the log, with or without `.partial`.
+        saved: Path of the recording; None to open a viewer.
+        allow_plugins: Whether code that its config names may be imported.
+
+    Raises:
+        InputError: No log of that name is being written; otherwise as `view`.
+    """
+    began = time.perf_counter()
+    check_view(saved)
+    if not partial_name(path).exists() and path.is_file():
+        return view([path], saved, allow_plugins)
+    with followed(path, allow_plugins) as log:
+        try:
+            return _view({ROOTS[0]: log}, saved, began)
+        finally:
+            log.stop.set()
+
+
+def check_view(saved: Path | None) -> None:
+    """Check that a view can be opened or saved, before the work for it.
+
+    Raises:
+        InputError: There is no display, or the file cannot be written.
+    """
     if saved is None:
         _check_display()
-    else:
-        check_target(saved, "--save")
-        check_folder(saved.parent)
+        return
+    if saved.suffix != ENDING:
+        raise InputError(f"view '{saved}': expected a name that ends in {ENDING}")
+    check_target(saved, "view")
+    check_folder(saved.parent)
+
+
+def _view(logs: Mapping[str, Log], saved: Path | None, began: float) -> View:
     with ExitStack() as threads:
         threads.enter_context(_brief_turns())
         coming = {
             root: threads.enter_context(closing(Ahead(snapshots(log), SNAPSHOTS_AHEAD)))
             for root, log in logs.items()
         }
+        threads.callback(_stop_waiting, logs)
         decisions = _draw(logs, coming, saved)
     size = None if saved is None else saved.stat().st_size * 1e-6
     wall = time.perf_counter() - began
     saved_as = None if saved is None else str(saved)
-    return View(tuple(str(path) for path in paths), decisions, saved_as, size, wall)
+    return View(tuple(str(log.path) for log in logs.values()), decisions, saved_as, size, wall)
+
+
+def _stop_waiting(logs: Mapping[str, Log]) -> None:
+    """Let the threads that wait for a log's next decision end."""
+    for log in logs.values():
+        if isinstance(log, FollowedLog):
+            log.stop.set()
 
 
 def _draw(

@@ -15,6 +15,9 @@ import rerun as rr
 AT_A_TIME = 64
 """Number of decisions per batch, the pace at which an open viewer updates."""
 
+LIVE_AT_A_TIME = 5
+"""The same of a log that is being written, which brings about ten at a time."""
+
 
 @dataclass
 class _Column:

@@ -59,6 +59,7 @@ UNTYPED = {
     r"wayproof picture logs/warehouse-drone-3.*": "docs/get-started.md runs the verb in full",
     r"wayproof picture .* --movie docs/.*": "docs/seeing.md runs it with another log",
     r"wayproof run .* --render .*": "tests/harness/viewer/test_movie.py runs it",
+    r"wayproof run .* --view .*": "tests/harness/viewer/test_rerun_view.py runs it",
 }
 """Commands that are only checked against their parser, and the reason."""
 

@@ -12,7 +12,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, NamedTuple, Protocol
 
 import zstandard
 from mcap.opcode import Opcode
@@ -23,6 +23,9 @@ MAGIC = b"\x89MCAP0\r\n"
 
 GREATEST_RECORD = 64 * 2**20
 """Maximum size of a record, an attachment, or a decompressed chunk, bytes."""
+
+MOST_BYTES = 2**40
+"""Size that a file being written is taken to have, bytes: more than any log."""
 
 GREATEST_RATIO = 4096
 """Maximum ratio of decompressed chunks to file size; sweeps of an empty world reach 800."""
@@ -90,6 +93,35 @@ class Packet(NamedTuple):
 Item = Attachment | Metadata | Packet
 
 
+class Cut(InputError):
+    """The file breaks off before its end."""
+
+
+class Source(Protocol):
+    """Bytes of a file, in order."""
+
+    def read(self, count: int, /) -> bytes:
+        """Return so many bytes, fewer only at the end."""
+
+    def tell(self) -> int:
+        """Return the number of bytes read."""
+
+    def ends_with(self, mark: bytes) -> bool:
+        """Return whether the file ends with these bytes."""
+
+
+class _Whole:
+    """Bytes of a file that nobody appends to."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self.read, self.tell = file.read, file.tell
+
+    def ends_with(self, mark: bytes) -> bool:
+        self._file.seek(-len(mark), 2)
+        return self._file.read() == mark
+
+
 class _Broken(Exception):
     """A fault of the current record; `_Walk` adds its place."""
 
@@ -145,9 +177,24 @@ def walk(path: Path, head_only: bool = False) -> Iterator[Item]:
     """
     try:
         with path.open("rb") as file:
-            yield from _Walk(path, file, head_only).items()
+            size = path.stat().st_size
+            yield from _Walk(path, _Whole(file), size, head_only).items()
     except OSError as error:
         raise InputError(f"log '{path}': {error.strerror}") from None
+
+
+def walk_in(path: Path, source: Source) -> Iterator[Item]:
+    """Yield every item of a file whose size is not known yet, in file order.
+
+    Args:
+        path: Name of the file, for messages.
+        source: Its bytes.
+
+    Raises:
+        Cut: They end before the file does.
+        InputError: As `walk`, but for limits that depend on the file's size.
+    """
+    yield from _Walk(path, source, MOST_BYTES, head_only=False).items()
 
 
 class _Census:
@@ -189,10 +236,10 @@ class _Census:
 class _Walk:
     """One pass over a file."""
 
-    def __init__(self, path: Path, file: IO[bytes], head_only: bool) -> None:
+    def __init__(self, path: Path, file: Source, size: int, head_only: bool) -> None:
         self._path = path
         self._file = file
-        self._size = path.stat().st_size
+        self._size = size
         self._head_only = head_only
         self._chunks = 0
         self._unpacked = 0
@@ -222,14 +269,17 @@ class _Walk:
         """Return the record at an offset: its opcode, the bytes of its head, and its body."""
         head = self._file.read(HEAD.size)
         if len(head) < HEAD.size:
-            raise self._cut(f"no end of data in {self._size} bytes")
+            raise self._cut(f"no end of data in {self._file.tell()} bytes")
         opcode, length = HEAD.unpack(head)
         left = self._size - offset - HEAD.size
         if length > GREATEST_RECORD:
             raise self._damaged(f"a record of {length} bytes at byte {offset}")
         if length > left:
             raise self._cut(f"{left} of {length} bytes of the record at byte {offset}")
-        return opcode, head, self._file.read(length)
+        body = self._file.read(length)
+        if len(body) < length:
+            raise self._cut(f"{len(body)} of {length} bytes of the record at byte {offset}")
+        return opcode, head, body
 
     def _parse(self, opcode: int, body: bytes) -> Iterator[Item]:
         cursor = _Cursor(body)
@@ -295,7 +345,7 @@ class _Walk:
         if len(tail) > GREATEST_RECORD or len(tail) < footer + len(MAGIC):
             raise _Broken(f"an index of {len(tail)} bytes after")
         if tail[-len(MAGIC) :] != MAGIC:
-            raise self._cut(f"no end mark in {self._size} bytes")
+            raise self._cut(f"no end mark in {self._file.tell()} bytes")
         signed = tail[: -len(MAGIC) - 4]
         expected = int.from_bytes(tail[-len(MAGIC) - 4 : -len(MAGIC)], "little")
         if expected not in (0, zlib.crc32(signed)):
@@ -303,10 +353,9 @@ class _Walk:
 
     def _cut(self, what: str) -> InputError:
         """Return the error of a file that breaks off; with an end mark it is not just cut short."""
-        self._file.seek(-len(MAGIC), 2)
-        if self._file.read() == MAGIC:
+        if self._file.ends_with(MAGIC):
             return self._damaged(what)
-        return InputError(f"log '{self._path}': truncated ({what})")
+        return Cut(f"log '{self._path}': truncated ({what})")
 
     def _damaged(self, what: str) -> InputError:
         return InputError(f"log '{self._path}': damaged ({what})")

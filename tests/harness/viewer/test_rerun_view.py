@@ -3,11 +3,13 @@
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
+from tests.harness.log.test_follow import Copying
 from wayproof.harness.cli.main import main
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.viewer.rerun_view import loopback_viewer
@@ -44,10 +46,10 @@ def test_each_view_shows_one_grid_on_the_floor_and_the_scene_only_from_aside(log
         assert ("scene/**" in hidden) == (view is not space)
 
 
-def entities(recording):
+def entities(recording, *options):
     """What Rerun's own command finds in a file."""
     rerun = Path(sys.executable).with_name("rerun")
-    command = [str(rerun), "rrd", "print", str(recording)]
+    command = [str(rerun), "rrd", "print", *options, str(recording)]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
@@ -148,6 +150,8 @@ def test_windows_and_screenshots_are_of_that_viewer(monkeypatch, tmp_path, log):
         (["picture", "LOG", "--movie", "x.gif", "--period", "0"], "--period: got 0"),
         ([*RUN, "--render", "x.png"], "a name that ends in .gif or .mp4"),
         ([*RUN, "--render", "x.gif", "--set", "record=decisions"], "got record=decisions"),
+        ([*RUN, "--view", "x.rrd", "--set", "record=failures"], "got record=failures"),
+        ([*RUN, "--view", "x.png"], "a name that ends in .rrd"),
     ],
 )
 def test_bad_input_is_a_line_and_leaves_nothing(
@@ -159,3 +163,31 @@ def test_bad_input_is_a_line_and_leaves_nothing(
     assert said in captured.err
     assert captured.err.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_an_episode_is_shown_while_it_runs(tmp_path, capsys):
+    """In a process of its own, which reads the log alone."""
+    pytest.importorskip("rerun")
+    out = tmp_path / "x.rrd"
+    log = tmp_path / "x.mcap"
+    arguments = [*RUN, "--set", "map.resolution=0.2", "--log", str(log), "--view", str(out)]
+    assert main(arguments) == 1  # no time to reach the goal
+    assert f"view: {out}" in capsys.readouterr().out.replace("\n", "")
+    shown = entities(out)
+    for name in ("world/scene/obstacles", "world/layer", "world/failure", "plots/pose/error_m"):
+        assert f"/log/{name}" in shown
+
+
+def test_a_log_is_shown_while_it_is_written(tmp_path, log):
+    pytest.importorskip("rerun")
+    from wayproof.harness.viewer.rerun_view import view_live
+
+    copying = Copying(log, tmp_path / "x.mcap")
+    copying.write(5)
+    writer = threading.Timer(1.0, copying.finish)
+    writer.start()
+    out = tmp_path / "x.rrd"
+    shown = view_live(tmp_path / "x.mcap", out)
+    writer.join()
+    assert shown.decisions == (len(list(open_log(log).decisions())),)
+    assert "success" in entities(out, "-vvv")
