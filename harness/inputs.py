@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from google.protobuf.message import Message
@@ -346,11 +347,23 @@ def _pose(message: pb.Pose) -> Pose:
         trail,
         message.heading_sigma,
         covariance_of(message),
-        _unheld(message),
+        unheld_of(message),
     )
 
 
-def covariance_of(message: pb.Pose) -> NDArray[np.float64] | None:  # (4, 4)
+class StatesCovariance(Protocol):
+    """Messages with the covariance that an estimator states: `Pose`, `Observation`."""
+
+    @property
+    def covariance(self) -> Sequence[float]:
+        """16 numbers, or none."""
+
+    @property
+    def unheld(self) -> Sequence[float]:
+        """3 numbers for each direction that the sweeps do not hold."""
+
+
+def covariance_of(message: StatesCovariance) -> NDArray[np.float64] | None:  # (4, 4)
     """The stated covariance of x, y, z and heading; none if there is none.
 
     Raises:
@@ -371,7 +384,7 @@ def covariance_of(message: pb.Pose) -> NDArray[np.float64] | None:  # (4, 4)
     return covariance
 
 
-def _unheld(message: pb.Pose) -> NDArray[np.float64]:  # (k, 3)
+def unheld_of(message: StatesCovariance) -> NDArray[np.float64]:  # (k, 3)
     """Directions that the sweeps do not hold.
 
     Raises:

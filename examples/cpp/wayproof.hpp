@@ -129,6 +129,8 @@ struct Observation {
   std::vector<double> trail_positions;   // poses during a rolling sweep, 3 each; else empty
   std::vector<double> trail_quaternions; // 4 each
   double trail_period_s = 0.0;
+  std::vector<double> covariance;  // 4 x 4: x, y, z, m, and heading, rad; empty if none is stated
+  std::vector<double> unheld;      // directions that the sweeps do not hold, 3 each, world
 };
 
 // A velocity in the body's frame, held for a time; then the body brakes to rest.
@@ -430,6 +432,8 @@ inline Observation read_observation(Reader in) {
       case 17: in.reals(one.trail_positions); break;
       case 18: in.reals(one.trail_quaternions); break;
       case 19: one.trail_period_s = in.real(); break;
+      case 20: in.reals(one.covariance); break;
+      case 21: in.reals(one.unheld); break;
       default: in.skip();
     }
   if (one.quaternion.size() != 4) throw std::runtime_error("an observation without a pose");

@@ -77,6 +77,8 @@ def _inputs(observation: Observation) -> Inputs:
         observation.position_sigma,
         trail,
         observation.heading_sigma,
+        None if observation.covariance is None else observation.covariance.copy(),
+        observation.unheld.copy(),
     )
     sweeps = tuple(_sweep_input(sweep) for sweep in observation.sweeps)
     return Inputs(observation.time_ns, observation.sequence, pose, sweeps, digest="")

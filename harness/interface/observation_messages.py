@@ -124,6 +124,9 @@ def observation_message(observation: Observation, task: Task) -> sb.Observation:
     )
     if last is not None:
         message.last.CopyFrom(sb.Fate(sequence=last.sequence, fate=last.fate, verdict=last.verdict))
+    if observation.covariance is not None:
+        message.covariance.extend(observation.covariance.ravel().tolist())
+        message.unheld.extend(observation.unheld.ravel().tolist())
     if trail is not None:
         message.trail_positions.extend(trail.positions.ravel().tolist())
         message.trail_quaternions.extend(trail.quaternions.ravel().tolist())

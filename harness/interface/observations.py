@@ -95,6 +95,7 @@ class ObservationBuilder:
         """
         effect_ns = inputs.time_ns + round(self._config.latency.expected * 1e9)
         velocity, yaw_rate = self._twist(inputs)
+        covariance = inputs.pose.covariance
         height = float(inputs.pose.position[2]) if self._mission.motion == "ground" else None
         return Observation(
             time_ns=inputs.time_ns,
@@ -110,6 +111,8 @@ class ObservationBuilder:
             reference=reference_at(followed, effect_ns, height),
             last=last,
             trail=_read_only_trail(inputs.pose.trail),
+            covariance=None if covariance is None else read_only(covariance),
+            unheld=read_only(inputs.pose.unheld),
         )
 
     def _sweep(self, sweep: SweepInput, inputs: Inputs) -> Sweep:

@@ -15,7 +15,7 @@ from typing import IO
 import numpy as np
 
 from wayproof.harness.errors import InputError, printable
-from wayproof.harness.inputs import Pose, SweepInput, WorldSweep
+from wayproof.harness.inputs import Pose, SweepInput, WorldSweep, covariance_of, unheld_of
 from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.connect import make_stack
 from wayproof.harness.interface.observation_messages import (
@@ -125,6 +125,8 @@ def observation_from(message: sb.Observation, task: Task) -> Observation:
         message.position_sigma,
         trail_from(message),
         message.heading_sigma,
+        covariance_of(message),
+        unheld_of(message),
     )
     velocity, sequence = message.velocity, message.sequence
     sweeps = tuple(
@@ -150,6 +152,8 @@ def observation_from(message: sb.Observation, task: Task) -> Observation:
         reference=reference_from(message),
         last=fate_from(message),
         trail=pose.trail,
+        covariance=pose.covariance,
+        unheld=pose.unheld,
     )
 
 

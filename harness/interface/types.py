@@ -188,6 +188,9 @@ class Observation:
         reference: Commanded state at that time; a trajectory has to start there.
         last: What became of the previous command; none at the first.
         trail: Estimated poses while the sweeps were taken, for a rolling shutter; else none.
+        covariance: (4, 4) stated covariance of x, y, z, m, and heading, rad, in the world frame;
+            none if the estimator states standard deviations alone.
+        unheld: (k, 3) unit directions along which the sweeps do not hold the position.
     """
 
     time_ns: int
@@ -203,6 +206,8 @@ class Observation:
     reference: Reference
     last: Fate | None = None
     trail: Trail | None = None
+    covariance: Array | None = None
+    unheld: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
     def rotation(self) -> Array:

@@ -151,7 +151,7 @@ class Sweep(_message.Message):
     def __init__(self, sensor: _Optional[str] = ..., ranges_mm: _Optional[bytes] = ..., classes: _Optional[bytes] = ..., directions: _Optional[bytes] = ...) -> None: ...
 
 class Observation(_message.Message):
-    __slots__ = ("time_ns", "sequence", "position", "quaternion", "position_sigma", "heading_sigma", "velocity", "yaw_rate", "sweeps", "effect_ns", "reference_position", "reference_velocity", "reference_heading", "reference_yaw_rate", "at_rest", "last", "trail_positions", "trail_quaternions", "trail_period_s")
+    __slots__ = ("time_ns", "sequence", "position", "quaternion", "position_sigma", "heading_sigma", "velocity", "yaw_rate", "sweeps", "effect_ns", "reference_position", "reference_velocity", "reference_heading", "reference_yaw_rate", "at_rest", "last", "trail_positions", "trail_quaternions", "trail_period_s", "covariance", "unheld")
     TIME_NS_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
@@ -171,6 +171,8 @@ class Observation(_message.Message):
     TRAIL_POSITIONS_FIELD_NUMBER: _ClassVar[int]
     TRAIL_QUATERNIONS_FIELD_NUMBER: _ClassVar[int]
     TRAIL_PERIOD_S_FIELD_NUMBER: _ClassVar[int]
+    COVARIANCE_FIELD_NUMBER: _ClassVar[int]
+    UNHELD_FIELD_NUMBER: _ClassVar[int]
     time_ns: int
     sequence: int
     position: Vector
@@ -190,7 +192,9 @@ class Observation(_message.Message):
     trail_positions: _containers.RepeatedScalarFieldContainer[float]
     trail_quaternions: _containers.RepeatedScalarFieldContainer[float]
     trail_period_s: float
-    def __init__(self, time_ns: _Optional[int] = ..., sequence: _Optional[int] = ..., position: _Optional[_Union[Vector, _Mapping]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., heading_sigma: _Optional[float] = ..., velocity: _Optional[_Union[Vector, _Mapping]] = ..., yaw_rate: _Optional[float] = ..., sweeps: _Optional[_Iterable[_Union[Sweep, _Mapping]]] = ..., effect_ns: _Optional[int] = ..., reference_position: _Optional[_Union[Vector, _Mapping]] = ..., reference_velocity: _Optional[_Union[Vector, _Mapping]] = ..., reference_heading: _Optional[float] = ..., reference_yaw_rate: _Optional[float] = ..., at_rest: _Optional[bool] = ..., last: _Optional[_Union[Fate, _Mapping]] = ..., trail_positions: _Optional[_Iterable[float]] = ..., trail_quaternions: _Optional[_Iterable[float]] = ..., trail_period_s: _Optional[float] = ...) -> None: ...
+    covariance: _containers.RepeatedScalarFieldContainer[float]
+    unheld: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, time_ns: _Optional[int] = ..., sequence: _Optional[int] = ..., position: _Optional[_Union[Vector, _Mapping]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., heading_sigma: _Optional[float] = ..., velocity: _Optional[_Union[Vector, _Mapping]] = ..., yaw_rate: _Optional[float] = ..., sweeps: _Optional[_Iterable[_Union[Sweep, _Mapping]]] = ..., effect_ns: _Optional[int] = ..., reference_position: _Optional[_Union[Vector, _Mapping]] = ..., reference_velocity: _Optional[_Union[Vector, _Mapping]] = ..., reference_heading: _Optional[float] = ..., reference_yaw_rate: _Optional[float] = ..., at_rest: _Optional[bool] = ..., last: _Optional[_Union[Fate, _Mapping]] = ..., trail_positions: _Optional[_Iterable[float]] = ..., trail_quaternions: _Optional[_Iterable[float]] = ..., trail_period_s: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., unheld: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Fate(_message.Message):
     __slots__ = ("sequence", "fate", "verdict")

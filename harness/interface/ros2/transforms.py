@@ -31,6 +31,10 @@ R_optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """R_sensor_optical: x right, y down, z forward (REP 103), in x forward, y left, z up."""
 
 
+STATED = (0, 1, 2, 5)
+"""Rows of the covariance of nav_msgs/Odometry that an estimator states: x, y, z, yaw."""
+
+
 def static_transforms(task: Task, options: Options, stamp: Time) -> TFMessage:
     """T_map_odom, which is the identity, and the mounting of each sensor."""
     made = [_transform(stamp, (options.map_frame, options.odom_frame), np.zeros(3), np.eye(3))]
@@ -106,7 +110,11 @@ def _transform(stamp: Time, frames: tuple[str, str], position: Array, R: Array) 
 
 
 def _covariance(observation: Observation) -> NDArray[np.float64]:
-    """Of the pose, (36,): the stated deviation along each axis, and of the heading."""
+    """Of the pose, (36,) x, y, z and rotations about them: the stated one, or of the deviations."""
+    if observation.covariance is not None:
+        full = np.zeros((6, 6))
+        full[np.ix_(STATED, STATED)] = observation.covariance
+        return full.ravel()
     diagonal = [observation.position_sigma**2] * 3 + [0.0, 0.0, observation.heading_sigma**2]
     return np.diag(diagonal).ravel()
 

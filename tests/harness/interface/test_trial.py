@@ -54,6 +54,21 @@ def test_the_border_loses_nothing_of_the_built_in_stack(tmp_path, robot):
         assert other.verdict.verdict == "admitted"
 
 
+def test_the_border_loses_nothing_of_a_covariance(tmp_path):
+    stack = "wayproof.harness.interface.builtin:BuiltinStack"
+    lost = "estimate.kind=lidar", "start=[15, 1.3]", "behaviour.lost_sigma=0.04"
+    direct = trial(tmp_path, "builtin", "tunnel", "drone", 0, *lost, name="direct")
+    there = trial(tmp_path, f"{CHILD} {stack}", "tunnel", "drone", 0, *lost, name="there")
+    pairs = zip(*(open_log(Path(one.log)).decisions() for one in (direct, there)), strict=True)
+    labels = set()
+    for one, other in pairs:
+        assert one.trajectory == other.trajectory
+        assert (one.action, one.label) == (other.action, other.label)
+        assert one.widening == other.widening
+        labels.add(one.label)
+    assert "localization_lost" in labels
+
+
 def test_a_log_replays_without_its_stack_and_nothing_in_it_is_run(tmp_path):
     mark = tmp_path / "ran"
     script = tmp_path / "child.sh"

@@ -1,6 +1,7 @@
 """Sweeps of the robots' own sensors as scans, clouds and images; poses as transforms."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -167,6 +168,15 @@ def test_odometry_is_the_estimate_and_its_velocity_the_bodys(quadruped):
     (transform,) = moving_transforms(observation, Options(), STAMP).transforms
     assert transform.transform.translation.x == pytest.approx(1.1)
     assert transform.transform.rotation.z == pytest.approx(math.sin(math.pi / 4))
+
+
+def test_odometry_has_the_covariance_that_an_estimator_states(quadruped):
+    stated = np.diag([0.25, 0.01, 0.04, 0.09])
+    stated[0, 1] = stated[1, 0] = 0.03
+    observation = replace(quadruped.observation(2000), covariance=stated)
+    covariance = odometry(observation, Options(), STAMP).pose.covariance.reshape(6, 6)
+    assert np.diag(covariance) == pytest.approx([0.25, 0.01, 0.04, 0.0, 0.0, 0.09])
+    assert covariance[0, 1] == covariance[1, 0] == 0.03
 
 
 def test_the_goal_is_headed_away_from_the_start(quadruped):
