@@ -78,7 +78,7 @@ class Outputs:
     def send_observation(self, observation: Observation, stamp_ns: int) -> None:
         """Send the pose, then the sweeps that it places."""
         stamp = Time.of(stamp_ns)
-        self._send("tf", moving_transforms(observation, self._options, stamp))
+        self._send("tf", moving_transforms(self._task, observation, self._options, stamp))
         self._send("odom", odometry(observation, self._options, stamp))
         for sweep in observation.sweeps:
             if (sensor := self._sensors.get(sweep.sensor)) is not None:

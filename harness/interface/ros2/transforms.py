@@ -34,6 +34,9 @@ R_optical = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 STATED = (0, 1, 2, 5)
 """Rows of the covariance of nav_msgs/Odometry that an estimator states: x, y, z, yaw."""
 
+FOOTPRINT = "base_footprint"
+"""Frame of the projection of a body on the ground on the floor, z = 0 of the map (REP 120)."""
+
 
 def static_transforms(task: Task, options: Options, stamp: Time) -> TFMessage:
     """T_map_odom, which is the identity, and the mounting of each sensor."""
@@ -47,11 +50,20 @@ def static_transforms(task: Task, options: Options, stamp: Time) -> TFMessage:
     return TFMessage(tuple(made))
 
 
-def moving_transforms(observation: Observation, options: Options, stamp: Time) -> TFMessage:
-    """T_odom_base, the estimated pose."""
+def moving_transforms(
+    task: Task, observation: Observation, options: Options, stamp: Time
+) -> TFMessage:
+    """T_odom_base, the estimated pose, and T_base_footprint of a body on the ground."""
     header = Header(stamp, options.odom_frame)
     transform = Transform(_vector(observation.position), quaternion_of(observation.quaternion))
-    return TFMessage((TransformStamped(header, options.base_frame, transform),))
+    moved = TransformStamped(header, options.base_frame, transform)
+    if not task.mission.planar or options.base_frame == FOOTPRINT:
+        return TFMessage((moved,))
+    R_base_world = observation.rotation.T
+    below = R_base_world @ np.array([0.0, 0.0, -observation.position[2]])
+    R_base_footprint = R_base_world @ _heading_alone(observation.rotation)
+    frames = options.base_frame, FOOTPRINT
+    return TFMessage((moved, _transform(stamp, frames, below, R_base_footprint)))
 
 
 def odometry(observation: Observation, options: Options, stamp: Time) -> Odometry:
@@ -107,6 +119,13 @@ def _transform(stamp: Time, frames: tuple[str, str], position: Array, R: Array) 
     parent, child = frames
     transform = Transform(_vector(position), quaternion_from_rotation(R))
     return TransformStamped(Header(stamp, parent), child, transform)
+
+
+def _heading_alone(R: Array) -> Array:
+    """The rotation about the vertical in a rotation (3, 3)."""
+    heading = math.atan2(R[1, 0], R[0, 0])
+    c, s = math.cos(heading), math.sin(heading)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _covariance(observation: Observation) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import reduce
 from pathlib import Path
@@ -170,7 +171,8 @@ def body_height(found: Survey, body: str, stamp_ns: int) -> float | None:
     if below is None:
         return None
     transform, known = below.at(np.array([stamp_ns]))
-    height = -float(transform.position[0, 2])
+    offset = transform.position[0].tolist()
+    height = -math.copysign(math.hypot(*offset), offset[2])  # the body may be tilted
     return height if known[0] and abs(height) <= HIGHEST_BODY else None
 
 

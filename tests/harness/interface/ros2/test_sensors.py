@@ -20,6 +20,7 @@ from wayproof.harness.interface.ros2.transforms import (
     static_transforms,
 )
 from wayproof.harness.scenario.scenario import sensor_info
+from wayproof.models.poses import rotation_matrices
 from wayproof.planners import hold
 
 STAMP = Time(2, 500)
@@ -165,7 +166,7 @@ def test_odometry_is_the_estimate_and_its_velocity_the_bodys(quadruped):
     assert (twist.linear.x, twist.linear.y) == pytest.approx((0.0, -1.0))
     covariance = made.pose.covariance.reshape(6, 6)
     assert np.diag(covariance) == pytest.approx([0.01, 0.01, 0.01, 0.0, 0.0, 0.0004])
-    (transform,) = moving_transforms(observation, Options(), STAMP).transforms
+    transform = moving_transforms(quadruped.task, observation, Options(), STAMP).transforms[0]
     assert transform.transform.translation.x == pytest.approx(1.1)
     assert transform.transform.rotation.z == pytest.approx(math.sin(math.pi / 4))
 
@@ -177,6 +178,33 @@ def test_odometry_has_the_covariance_that_an_estimator_states(quadruped):
     covariance = odometry(observation, Options(), STAMP).pose.covariance.reshape(6, 6)
     assert np.diag(covariance) == pytest.approx([0.25, 0.01, 0.04, 0.0, 0.0, 0.09])
     assert covariance[0, 1] == covariance[1, 0] == 0.03
+
+
+def test_the_footprint_is_below_a_tilted_body_and_keeps_its_heading(quadruped, drone):
+    roll, heading = 0.3, 1.0
+    tilted = replace(
+        quadruped.observation(2000),
+        quaternion=np.array(
+            [
+                math.cos(heading / 2) * math.cos(roll / 2),
+                math.cos(heading / 2) * math.sin(roll / 2),
+                math.sin(heading / 2) * math.sin(roll / 2),
+                math.sin(heading / 2) * math.cos(roll / 2),
+            ]
+        ),
+    )
+    _base, footprint = moving_transforms(quadruped.task, tilted, Options(), STAMP).transforms
+    assert (footprint.header.frame_id, footprint.child_frame_id) == ("base_link", "base_footprint")
+    offset, rotation = footprint.transform.translation, footprint.transform.rotation
+    q = [rotation.w, rotation.x, rotation.y, rotation.z]
+    R_world_base = rotation_matrices(tilted.quaternion[None])[0]
+    R_world_footprint = R_world_base @ rotation_matrices(np.array([q]))[0]
+    c, s = math.cos(heading), math.sin(heading)
+    assert R_world_footprint == pytest.approx(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
+    at = tilted.position + R_world_base @ [offset.x, offset.y, offset.z]
+    assert at == pytest.approx([*tilted.position[:2], 0.0])
+    flying = drone.observation(2000)
+    assert len(moving_transforms(drone.task, flying, Options(), STAMP).transforms) == 1
 
 
 def test_the_goal_is_headed_away_from_the_start(quadruped):
