@@ -17,13 +17,16 @@ from wayproof.harness.shadow.summary import Summary
 
 ADMITTED = "#2a9d4a"
 COLOURS = {
-    "margin": "#e69f00",
+    "margin": "#ff4fc3",
     "occupied": "#d1232a",
     "unknown": "#0072b2",
     "stale": "#8e44ad",
     "outside": "#000000",
 }
 """Colours of the way by the reason why it was not admitted."""
+
+COLOURS_OF_WAY = {"admitted": ADMITTED, **COLOURS}
+"""Colours of the way by its verdict, none of them that of a cell of the map."""
 
 MAP_COLOURS = ("#d5d9df", "#ffffff", "#3b4252", "#d5d9df")
 """Colours of cells that are unknown, free, occupied, or outside the operating area."""

@@ -11,6 +11,7 @@ from wayproof.harness.log.reader import Log
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.viewer.events import COLOURS, name_of
 from wayproof.harness.viewer.evidence import UNKNOWN_COLOUR, WORDS
+from wayproof.harness.viewer.recorded_way import LANE, WAYS
 from wayproof.harness.viewer.snapshots import layer_period_ns
 
 FLOORS = ("layer", "age", "probability", "stack_costmap")
@@ -47,6 +48,8 @@ def _column(root: str, log: Log) -> rrb.Vertical:
         position=(x, y - 0.01, 0.85 * span), look_target=(x, y, 0.0), eye_up=(0.0, 1.0, 0.0)
     )
     world, period = f"/{root}/world", layer_period_ns(log) * 1e-9
+    verdict = "verdict" if log.config.recording is None else LANE
+    lanes = ("action", "label", verdict, "event")
     shown = _Spaces(world)
     maps = [
         shown.view(f"map, each {period:g} s", above, "layer", FROM_ABOVE),
@@ -70,8 +73,8 @@ def _column(root: str, log: Log) -> rrb.Vertical:
         rrb.Horizontal(*(_plot(root, name) for name in ("path", "latency", "delay"))),
         rrb.StateTimelineView(
             origin=f"/{root}",
-            contents=[f"/{root}/{lane}" for lane in ("action", "label", "verdict", "event")],
-            name="action, label, verdict, event",
+            contents=[f"/{root}/{lane}" for lane in lanes],
+            name=", ".join(lanes),
         ),
         row_shares=[9, 4.5, 3, 3, 4.5],
         name=f"{root}: {log.path.name}, {log.result['outcome']}",
@@ -147,5 +150,5 @@ class _Spaces:
             eye_controls=eye,
             line_grid=False,
             background=list(UNKNOWN_COLOUR),
-            overrides={f"{self.world}/{one}": [so_far] for one in (*TRACKS, *marks)},
+            overrides={f"{self.world}/{one}": [so_far] for one in (*TRACKS, *marks, *WAYS)},
         )

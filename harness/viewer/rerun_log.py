@@ -6,7 +6,7 @@ Rerun is large and headless runs do not need it, so `rerun_view.py` imports this
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,12 @@ from wayproof.harness.log.follow import FollowedLog
 from wayproof.harness.log.reader import Log
 from wayproof.harness.result import RECORDED
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.shadow.legs import Leg
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.curves import curves
 from wayproof.harness.viewer.events import CONTACT, LAST_CHANCE, PLOTS, Events, name_of
 from wayproof.harness.viewer.evidence import age_pixels, probability_pixels
+from wayproof.harness.viewer.recorded_way import show_way
 from wayproof.harness.viewer.rerun_grids import coloured_grid, costmap_grid, grid_map, layer_image
 from wayproof.harness.viewer.rerun_static import FAILURE, show_static, words_at
 from wayproof.harness.viewer.rows import AT_A_TIME, LIVE_AT_A_TIME, Rows
@@ -35,6 +37,7 @@ def show_log(
     log: Log,
     snapshots: Iterable[Snapshot],
     root: str,
+    legs: Sequence[Leg] = (),
 ) -> int:
     """Send a whole log under one root entity; return the number of decisions.
 
@@ -43,12 +46,15 @@ def show_log(
         log: The log; it may still be being written.
         snapshots: Its moments, in order.
         root: The root entity.
+        legs: Way of a recorded robot, with its verdicts.
 
     Raises:
         InputError: The scene in the log cannot be compiled, or the log is damaged.
     """
     movers = show_static(stream, log, root)
-    artist = _Artist(stream, log, root, movers)
+    if legs:
+        show_way(stream, legs, root)
+    artist = _Artist(stream, log, root, movers, with_trail=not legs)
     for snapshot in snapshots:
         artist.show(snapshot)
     if isinstance(log, FollowedLog):
@@ -66,8 +72,10 @@ class _Artist:
         log: Log,
         root: str,
         movers: frozenset[str],
+        with_trail: bool,
     ) -> None:
         self._stream, self._root, self._movers = stream, root, movers
+        self._with_trail = with_trail
         self._rows = Rows(stream, root, LIVE_AT_A_TIME if log.under_way else AT_A_TIME)
         self._tiles = tiles_of(log)
         self._top = max(log.mission.high[2], 1.0)
@@ -157,7 +165,8 @@ class _Artist:
         truth, rows = moment.truth, self._rows
         true, believed = list(truth.position), moment.pose.position.tolist()
         rows.put("world/truth", rr.Transform3D, **_transform(true, truth.quaternion))
-        if self._places is not None:  # one piece per time; the layout shows all up to now
+        if self._places is not None and self._with_trail:
+            # One piece per time; the layout shows all up to now.
             for name, before, now in zip(
                 ("trail", "believed_trail"), self._places, (true, believed), strict=True
             ):

@@ -25,6 +25,8 @@ from wayproof.harness.viewer.snapshots import Snapshot, snapshots
 if TYPE_CHECKING:
     import rerun as rr
 
+    from wayproof.harness.shadow.legs import Leg
+
 ROOTS = ("log", "other")
 
 ENDING = ".rrd"
@@ -75,7 +77,8 @@ def view(paths: Sequence[Path], saved: Path | None = None, allow_plugins: bool =
     began = time.perf_counter()
     logs = dict(zip(ROOTS, (open_log(path, allow_plugins) for path in paths), strict=False))
     check_view(saved)
-    return _view(logs, saved, began)
+    legs = {root: _legs(log, allow_plugins) for root, log in logs.items()}
+    return _view(logs, saved, began, legs)
 
 
 def view_live(path: Path, saved: Path | None = None, allow_plugins: bool = False) -> View:
@@ -118,7 +121,12 @@ def check_view(saved: Path | None) -> None:
     check_folder(saved.parent)
 
 
-def _view(logs: Mapping[str, Log], saved: Path | None, began: float) -> View:
+def _view(
+    logs: Mapping[str, Log],
+    saved: Path | None,
+    began: float,
+    legs: Mapping[str, Sequence[Leg]] | None = None,
+) -> View:
     with ExitStack() as threads:
         threads.enter_context(_brief_turns())
         coming = {
@@ -126,7 +134,7 @@ def _view(logs: Mapping[str, Log], saved: Path | None, began: float) -> View:
             for root, log in logs.items()
         }
         threads.callback(_stop_waiting, logs)
-        decisions = _draw(logs, coming, saved)
+        decisions = _draw(logs, coming, legs or {}, saved)
     size = None if saved is None else saved.stat().st_size * 1e-6
     wall = time.perf_counter() - began
     saved_as = None if saved is None else str(saved)
@@ -140,8 +148,20 @@ def _stop_waiting(logs: Mapping[str, Log]) -> None:
             log.stop.set()
 
 
+def _legs(log: Log, allow_plugins: bool) -> Sequence[Leg]:
+    """Return the way of a recorded robot with its verdicts; nothing of an episode."""
+    if log.config.recording is None:
+        return ()
+    from wayproof.harness.shadow.assess import assess
+
+    return assess(log.path, allow_plugins).legs
+
+
 def _draw(
-    logs: Mapping[str, Log], coming: Mapping[str, Ahead[Snapshot]], saved: Path | None
+    logs: Mapping[str, Log],
+    coming: Mapping[str, Ahead[Snapshot]],
+    legs: Mapping[str, Sequence[Leg]],
+    saved: Path | None,
 ) -> tuple[int, ...]:
     """Send all snapshots to a file or a viewer; return the number of decisions of each log."""
     import rerun as rr  # takes a while; the first maps are made meanwhile
@@ -160,7 +180,10 @@ def _draw(
             partial = stack.enter_context(written_whole(saved, "--save"))
             stream.save(partial, default_blueprint=layout(logs))
         stack.callback(stream.disconnect)
-        decisions = tuple(show_log(stream, log, coming[root], root) for root, log in logs.items())
+        decisions = tuple(
+            show_log(stream, log, coming[root], root, legs=legs.get(root, ()))
+            for root, log in logs.items()
+        )
         _flush(stream)
     return decisions
 
