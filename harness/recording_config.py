@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from wayproof.maps.bounds import Bounds, check_fields
 
-SET_BY_RUN = ("format", "sha256", "origin")
+SET_BY_RUN = ("format", "sha256", "options", "origin")
 """Fields that follow from the recording, and that `--set` refuses."""
 
 GoalRule = Literal["ahead", "end"]
@@ -21,6 +21,8 @@ class RecordingConfig:
     Attributes:
         format: Format of the recording; set by the run.
         sha256: Hash of its files; set by the run.
+        options: `name=value` of the options that it was read with, without the defaults
+            (`RecordingOptions`); set by the run.
         goal: `ahead`: the goal is a place that the robot really reached, at least `goal_distance`
             further along its way, and it moves on when the robot comes near; `end`: the last place
             of the recording, for all decisions.
@@ -48,6 +50,7 @@ class RecordingConfig:
 
     format: str = ""
     sha256: str = ""
+    options: tuple[str, ...] = ()
     goal: GoalRule = "ahead"
     goal_distance: Annotated[float, Bounds(0.5, 1000.0, "m")] = 5.0
     decision_period: Annotated[float, Bounds(0.0, 60.0, "s")] = 0.1

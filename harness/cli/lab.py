@@ -87,13 +87,7 @@ def _source(options: argparse.Namespace) -> Source:
     if options.robot is None:
         raise InputError("--robot: expected a body for a recording, whose region is mapped")
     recording = open_recording(path, options=options_of(options))
-    prepared = prepare(
-        recording,
-        find_body(options.robot),
-        options.set,
-        begin_s=options.begin,
-        end_s=options.end,
-    )
+    prepared = prepare(recording, find_body(options.robot), options.set)
     return of_recording(recording, prepared, options.sweeps)
 
 

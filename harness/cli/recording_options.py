@@ -10,7 +10,6 @@ from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
     from wayproof.harness.recordings.recording import RecordingOptions
-    from wayproof.harness.recordings.types import Transform
 
 
 def add_recording(parser: argparse.ArgumentParser) -> None:
@@ -30,12 +29,38 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--body", metavar="FRAME", help="frame of the body (default: the poses')")
     parser.add_argument(
         "--mount",
-        metavar="X,Y,Z[,YAW]",
-        help="sensor in the body's frame, m and degrees, where the recording does not say",
+        metavar="X,Y,Z[,YAW[,PITCH[,ROLL]]]",
+        help="sensor in the body's frame, m and degrees, where the recording does not say; of a "
+        "folder the body under the sensor whose poses it has",
     )
     parser.add_argument("--begin", type=float, default=0.0, metavar="S", help="first second read")
     parser.add_argument("--end", type=float, metavar="S", help="last second read")
     parser.add_argument("--range-max", type=float, metavar="M", help="longest range that counts, m")
+    parser.add_argument(
+        "--max-gap",
+        type=float,
+        default=1.0,
+        metavar="S",
+        help="longest time between two poses (default: 1)",
+    )
+    parser.add_argument(
+        "--intrinsics",
+        metavar="FX,FY,CX,CY",
+        help="of depth images, pixels, where the recording does not say",
+    )
+    parser.add_argument(
+        "--depth-scale",
+        type=float,
+        metavar="N",
+        help="units of a depth image in a metre (default: the format's)",
+    )
+    parser.add_argument(
+        "--pixel-stride",
+        type=int,
+        default=4,
+        metavar="N",
+        help="read each N-th row and column of depth images (default: 4)",
+    )
     parser.add_argument(
         "--no-return-is-free",
         action="store_true",
@@ -48,8 +73,9 @@ def options_of(options: argparse.Namespace) -> RecordingOptions:
     """Read the options.
 
     Raises:
-        InputError: A mount is not made of numbers.
+        InputError: A mount or intrinsics are not made of as many numbers.
     """
+    from wayproof.harness.recordings.poses import mount_of
     from wayproof.harness.recordings.recording import RecordingOptions
 
     return RecordingOptions(
@@ -57,28 +83,29 @@ def options_of(options: argparse.Namespace) -> RecordingOptions:
         sensors=tuple(options.sensor),
         pose=options.pose,
         body=options.body,
-        mount=None if options.mount is None else _mount(options.mount),
+        mount=None if options.mount is None else mount_of(_numbers("--mount", options.mount)),
         start_s=options.begin,
         end_s=options.end,
         range_max=options.range_max,
         missing_returns_free=options.no_return_is_free,
+        intrinsics=None if options.intrinsics is None else _intrinsics(options.intrinsics),
+        depth_scale=options.depth_scale,
+        pixel_stride=options.pixel_stride,
+        max_gap_s=options.max_gap,
     )
 
 
-def _mount(text: str) -> Transform:
-    """Read `X,Y,Z` or `X,Y,Z,YAW`."""
-    import math
-
-    import numpy as np
-
-    from wayproof.harness.recordings.types import Transform
-
+def _numbers(name: str, text: str) -> list[float]:
+    """Read numbers with commas between them."""
     try:
-        numbers = [float(part) for part in text.split(",")]
+        return [float(part) for part in text.split(",")]
     except ValueError:
-        numbers = []
-    if len(numbers) not in (3, 4) or not all(map(math.isfinite, numbers)):
-        raise InputError(f"--mount {text}: expected X,Y,Z or X,Y,Z,YAW, in m and degrees")
-    half = 0.5 * math.radians(numbers[3]) if len(numbers) == 4 else 0.0
-    quaternion = np.array([math.cos(half), 0.0, 0.0, math.sin(half)])
-    return Transform(np.array(numbers[:3]), quaternion)
+        raise InputError(f"{name} {text}: expected numbers with commas between them") from None
+
+
+def _intrinsics(text: str) -> tuple[float, float, float, float]:
+    numbers = _numbers("--intrinsics", text)
+    if len(numbers) != 4:
+        raise InputError(f"--intrinsics {text}: expected FX,FY,CX,CY, in pixels")
+    fx, fy, cx, cy = numbers
+    return fx, fy, cx, cy

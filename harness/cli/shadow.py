@@ -49,10 +49,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         seed=options.seed,
         stack=options.stack,
         perturbation=perturbation,
-        begin_s=options.begin,
-        end_s=options.end,
     )
-    path = options.log or options.logs / f"{log_name(recording, options, prepared)}.mcap"
+    path = options.log or options.logs / f"{log_name(recording, prepared)}.mcap"
     console.print(f"{recording.name}: {recording.chosen}", soft_wrap=True, highlight=False)
     began = time.perf_counter()
     _run(recording, prepared, path, console)
@@ -91,16 +89,15 @@ def _run(recording: Recording, prepared: Prepared, path: Path, console: Console)
             raise interrupted(path, line.decisions) from None
 
 
-def log_name(recording: Recording, options: argparse.Namespace, prepared: Prepared) -> str:
-    """Return the recording's name, with eight digits of a hash of all that it is read with."""
+def log_name(recording: Recording, prepared: Prepared) -> str:
+    """Return the recording's name, with eight digits of a hash of the config."""
     import hashlib
 
     from wayproof.harness.config import to_json
 
     stem = recording.name.partition(".")[0] or "recording"
     kept = "".join(c if c.isalnum() or c in "-_" else "-" for c in stem)[:60]
-    read = f"{options_of(options)}".encode() + to_json(prepared.config)
-    return f"{kept}-{hashlib.sha256(read).hexdigest()[:8]}"
+    return f"{kept}-{hashlib.sha256(to_json(prepared.config)).hexdigest()[:8]}"
 
 
 def print_summary(console: Console, summary: Summary) -> None:

@@ -19,7 +19,7 @@ class Limits(NamedTuple):
     Attributes:
         range_min: Returns below are none, m.
         range_max: Maximum range that the sensor can measure, m.
-        cut: Returns beyond are cut off there: the beam was free up to it, m.
+        cut: Returns beyond count as none, m: what a beam without return says depends on the sensor.
         beyond_is_none: Whether a range at or beyond `range_max` is the sensor's way to write that
             there was no return; else it is a fault.
     """

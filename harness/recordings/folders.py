@@ -13,8 +13,9 @@ import numpy as np
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.beams import FARTHEST, Beams, Limits, float32
 from wayproof.harness.recordings.digest import digest_of
+from wayproof.harness.recordings.matrices import of_body
 from wayproof.harness.recordings.order import in_order
-from wayproof.harness.recordings.poses import StampedPoses, track_of
+from wayproof.harness.recordings.poses import StampedPoses, compose, track_of
 from wayproof.harness.recordings.recording import Faults, Recording, RecordingOptions
 from wayproof.harness.recordings.types import (
     RecordedSensor,
@@ -89,6 +90,8 @@ def open_folder(
         raise InputError(
             f"recording '{path}': no sensor '{options.sensors[0]}', there is '{contents.sensor}'"
         )
+    if options.mount is not None:
+        contents = _on_body(contents, options.mount)
     track, start = track_of(path, contents.poses, contents.source, options, faults)
     sensor = RecordedSensor(
         name=contents.sensor,
@@ -110,10 +113,20 @@ def open_folder(
         chosen=f"{len(contents.files)} sweeps, poses: {contents.source}{more}",
         opening=faults,
         read=_Sweeps(
-            contents=replace(contents, mount=options.mount or contents.mount),
+            contents=contents,
             sensor=sensor,
             window=window_of(track, start, options),
         ),
+    )
+
+
+def _on_body(contents: FolderContents, T_body_sensor: Transform) -> FolderContents:
+    """Return contents with the poses of the body that carries the sensor, x ahead and z up."""
+    return replace(
+        contents,
+        poses=of_body(contents.poses, T_body_sensor, turn_world=False),
+        mount=compose(T_body_sensor, contents.mount),
+        source=f"{contents.source}, moved to the body",
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from wayproof.harness.errors import InputError, unknown_name
@@ -10,13 +11,38 @@ from wayproof.harness.recordings.bags import bag
 from wayproof.harness.recordings.depth import usable
 from wayproof.harness.recordings.recording import Format, Recording, RecordingOptions
 
+IMAGES = ("intrinsics", "depth_scale", "pixel_stride")
+"""Options of depth images."""
+
 FORMATS: dict[str, Format] = {
-    "wayproof": Format("log of an episode", simulated.looks_like, simulated.open_episode),
+    "wayproof": Format(
+        "log of an episode",
+        simulated.looks_like,
+        simulated.open_episode,
+        without=("pose", "body", "mount", *IMAGES),
+    ),
     "bag": Format("ROS 1 .bag, ROS 2 .mcap or .db3, or its folder", bag.looks_like, bag.open_bag),
-    "carmen": Format("CARMEN log of laser scans", carmen.looks_like, carmen.open_log),
-    "tum": Format("TUM RGB-D sequence", tum.looks_like, tum.open_sequence),
-    "frames": Format("folder of depth images and poses", frames.looks_like, frames.open_frames),
-    "kitti": Format("folder of KITTI clouds and poses", kitti.looks_like, kitti.open_clouds),
+    "carmen": Format(
+        "CARMEN log of laser scans",
+        carmen.looks_like,
+        carmen.open_log,
+        without=("body", *IMAGES),
+    ),
+    "tum": Format(
+        "TUM RGB-D sequence", tum.looks_like, tum.open_sequence, without=("pose", "body")
+    ),
+    "frames": Format(
+        "folder of depth images and poses",
+        frames.looks_like,
+        frames.open_frames,
+        without=("pose", "body"),
+    ),
+    "kitti": Format(
+        "folder of KITTI clouds and poses",
+        kitti.looks_like,
+        kitti.open_clouds,
+        without=("pose", "body", *IMAGES),
+    ),
 }
 """Name -> format; a path is of the first that it looks like."""
 
@@ -40,12 +66,25 @@ def open_recording(path: Path, *, options: RecordingOptions | None = None) -> Re
     if options.format is not None:
         if options.format not in FORMATS:
             raise unknown_name("format of recordings", options.format, FORMATS)
-        return FORMATS[options.format].open(path, options)
-    for one in FORMATS.values():
+        return _opened(path, options.format, options)
+    for name, one in FORMATS.items():
         if one.matches(path):
-            return one.open(path, options)
+            return _opened(path, name, options)
     listed = ", ".join(f"{name}: {one.help}" for name, one in FORMATS.items())
     raise InputError(f"recording '{path}': of no known format ({listed})")
+
+
+def _opened(path: Path, name: str, options: RecordingOptions) -> Recording:
+    """Open a recording of a format.
+
+    Raises:
+        InputError: An option has no meaning for it, or as of its reader.
+    """
+    usual, own = RecordingOptions(), FORMATS[name]
+    for option in own.without:
+        if getattr(options, option) != getattr(usual, option):
+            raise InputError(f"recording '{path}': {option} has no meaning for format '{name}'")
+    return replace(own.open(path, options), options=options)
 
 
 def _check(options: RecordingOptions) -> None:

@@ -13,7 +13,7 @@ from wayproof.harness.recordings.folders import (
     new_faults,
     open_folder,
 )
-from wayproof.harness.recordings.matrices import OPTICAL, of_body, stamped
+from wayproof.harness.recordings.matrices import OPTICAL, is_camera_world, of_body, stamped
 from wayproof.harness.recordings.recording import Faults, Recording, RecordingOptions
 from wayproof.harness.recordings.text import rows
 
@@ -42,8 +42,8 @@ def looks_like(path: Path) -> bool:
 def open_frames(path: Path, options: RecordingOptions) -> Recording:
     """Open a folder of frames; the body is the camera, with x ahead and z up.
 
-    The poses are relative to some frame of a camera, which is taken to have been level: the world
-    is turned so that its z is up.
+    Where the poses are relative to some frame of a camera (7-Scenes), which is taken to have been
+    level, the world is turned so that its z is up. In ScanNet it is.
 
     Raises:
         InputError: It has no image or no pose.
@@ -64,18 +64,20 @@ def open_frames(path: Path, options: RecordingOptions) -> Recording:
             stamps.append(stamp)
             numbers.append(matrix)
     poses = stamped(stamps, numbers, faults)
+    turned = is_camera_world(poses)
     scale = options.depth_scale or UNITS_PER_METRE
     contents = FolderContents(
         format="frames",
         sensor="depth",
         kind="depth",
         files=files,
-        poses=of_body(poses, OPTICAL, turn_world=True),
+        poses=of_body(poses, OPTICAL, turn_world=turned),
         mount=OPTICAL,
         source="a matrix for each image",
         chosen=(
             f"intrinsics {','.join(f'{value:g}' for value in intrinsics)},"
-            f" {1e9 / PERIOD_NS:.3g} frames a second, z up as the camera's"
+            f" {1e9 / PERIOD_NS:.3g} frames a second,"
+            f" z up {'as the camera' if turned else 'in the poses'}"
         ),
         others=[*([found] if found else []), *(pose for _, pose in pairs)],
         read=DepthFiles(intrinsics, scale, options.pixel_stride),

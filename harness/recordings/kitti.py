@@ -25,6 +25,9 @@ from wayproof.harness.recordings.text import nanoseconds, rows
 from wayproof.harness.recordings.types import IDENTITY, Transform
 
 POSES, TIMES, CALIBRATION = "poses.txt", "times.txt", "calib.txt"
+SEQUENCES = "sequences"
+"""Folder of the benchmark's sequences, beside that of their poses."""
+
 FOLDERS = ("velodyne", "velodyne_points/data", "clouds", "")
 """Folders in which the clouds may lie."""
 
@@ -40,7 +43,7 @@ MOST_CLOUD = 2**28
 
 def looks_like(path: Path) -> bool:
     """Return whether a folder has poses and clouds."""
-    return (path / POSES).is_file() and bool(_clouds(path))
+    return _poses_file(path).is_file() and bool(_clouds(path))
 
 
 def open_clouds(path: Path, options: RecordingOptions) -> Recording:
@@ -63,7 +66,8 @@ def open_clouds(path: Path, options: RecordingOptions) -> Recording:
             continue
         files.append(SweepFile(times[number] if times else number * PERIOD_NS, cloud))
     numbers = []
-    for k, words in enumerate(rows(path / POSES)):
+    poses_file = _poses_file(path)
+    for k, words in enumerate(rows(poses_file)):
         matrix = _numbers(words)
         if matrix is None or (times and k >= len(times)):
             faults["line: not a pose"] += 1
@@ -74,6 +78,7 @@ def open_clouds(path: Path, options: RecordingOptions) -> Recording:
     T_lidar_camera = _calibration(path, faults)
     if T_lidar_camera is not None:
         poses = of_body(poses, T_lidar_camera, turn_world=True)
+    moved = "" if T_lidar_camera is None else " of the camera, moved to the lidar"
     contents = FolderContents(
         format="kitti",
         sensor="lidar",
@@ -81,9 +86,9 @@ def open_clouds(path: Path, options: RecordingOptions) -> Recording:
         files=files,
         poses=poses,
         mount=IDENTITY,
-        source=POSES + ("" if T_lidar_camera is None else " of the camera, moved to the lidar"),
+        source=poses_file.name + moved,
         chosen="" if times else f"{1e9 / PERIOD_NS:g} sweeps a second",
-        others=[path / POSES, path / TIMES, path / CALIBRATION],
+        others=[poses_file, path / TIMES, path / CALIBRATION],
         read=read_cloud,
     )
     return open_folder(path, contents, options, faults)
@@ -103,6 +108,14 @@ def read_cloud(path: Path, limits: Limits, faults: Faults) -> Beams:
     finite = np.isfinite(points).all(axis=1)
     faults["point: not finite"] += int((~finite).sum())
     return point_beams(points[finite], None, limits, faults)
+
+
+def _poses_file(path: Path) -> Path:
+    """Return the file of the poses: in the folder, or `../../poses/NN.txt` of `sequences/NN`."""
+    whole = path.absolute()
+    if not (path / POSES).is_file() and whole.parent.name == SEQUENCES:
+        return whole.parent.parent / "poses" / f"{whole.name}.txt"
+    return path / POSES
 
 
 def _clouds(path: Path) -> list[Path]:

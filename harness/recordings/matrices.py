@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.recordings.poses import StampedPoses, compose, inverse
+from wayproof.harness.recordings.poses import StampedPoses, compose, inverse, rotate
 from wayproof.harness.recordings.recording import Faults
 from wayproof.harness.recordings.types import Transform
 
@@ -49,6 +49,15 @@ def quaternion_of(R: NDArray[np.float64]) -> NDArray[np.float64]:
     row = np.array(rows[int(np.argmax(squares))])
     unit: NDArray[np.float64] = row / np.sqrt((row * row).sum())
     return unit if unit[0] >= 0.0 else -unit
+
+
+def is_camera_world(poses: StampedPoses) -> bool:
+    """Return whether the world of a camera's poses (optical frame) has its y down, not its z up.
+
+    The camera's own up is compared with both, at all poses together: datasets say neither.
+    """
+    up = rotate(poses.quaternions, np.array([0.0, -1.0, 0.0])).sum(axis=0)
+    return bool(-up[1] >= up[2])
 
 
 def of_body(poses: StampedPoses, T_body_frame: Transform, turn_world: bool) -> StampedPoses:

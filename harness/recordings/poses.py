@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -103,6 +104,26 @@ def planar(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np
     positions[:, :2] = places[:, :2]
     quaternions[:, 3], quaternions[:, 0] = sines_cosines(places[:, 2] / 2.0)
     return positions, quaternions
+
+
+def mount_of(numbers: Sequence[float]) -> Transform:
+    """Return the pose T_body_sensor of `x, y, z[, yaw[, pitch[, roll]]]`, m and degrees.
+
+    The turns are about z, then the new y, then the new x, as of ROS's `static_transform_publisher`.
+
+    Raises:
+        InputError: They are not three to six finite numbers.
+    """
+    if not 3 <= len(numbers) <= 6 or not np.isfinite(numbers).all():
+        got = ",".join(f"{number:g}" for number in numbers)
+        raise InputError(f"mount {got}: expected X,Y,Z[,YAW[,PITCH[,ROLL]]], in m and degrees")
+    turns = Transform(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    for axis, degrees in zip((3, 2, 1), numbers[3:], strict=False):
+        sine, cosine = sines_cosines(np.array([np.radians(degrees) / 2.0]))
+        quaternion = np.zeros(4)
+        quaternion[0], quaternion[axis] = cosine[0], sine[0]
+        turns = compose(turns, Transform(np.zeros(3), quaternion))
+    return Transform(np.array(numbers[:3], np.float64), turns.quaternion)
 
 
 def rotate(quaternion: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from wayproof.harness.recordings.track import RecordedTrack
@@ -23,7 +23,8 @@ class RecordingOptions:
         sensors: Topics of the sensors; empty takes the only one.
         pose: Topic of the poses, or the fixed frame of the transforms; None takes the only one.
         body: Frame of the body; None takes the one that the poses are of.
-        mount: T_body_sensor, where the recording does not say it.
+        mount: T_body_sensor of the sensor as it stands on the body, x ahead and z up also of a
+            camera, where the recording does not say it. A folder's poses are then the sensor's.
         start_s: Time of the first sweep, s.
         end_s: Time of the last sweep, s; None reads to the end.
         range_max: Maximum range, m, where the recording does not say it, or a shorter one.
@@ -49,6 +50,20 @@ class RecordingOptions:
     pixel_stride: int = 4
     max_gap_s: float = 1.0
 
+    def changed(self) -> tuple[str, ...]:
+        """Return `name=value` of each option that is not the default."""
+        values = ((one.name, getattr(self, one.name), one.default) for one in fields(self))
+        return tuple(f"{name}={_text(value)}" for name, value, usual in values if value != usual)
+
+
+def _text(value: object) -> str:
+    """Return the value of an option in words, numbers bit by bit."""
+    if isinstance(value, Transform):
+        value = (*value.position.tolist(), *value.quaternion.tolist())
+    if isinstance(value, tuple):
+        return ",".join(map(str, value))
+    return str(value)
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -66,6 +81,7 @@ class Recording:
         read: Reads the sweeps in order of time and counts faults.
         body_height: Height of the body's origin above the floor at the first pose, m; None where
             the recording does not say.
+        options: What it was opened with.
     """
 
     name: str
@@ -78,6 +94,7 @@ class Recording:
     opening: Faults
     read: Callable[[Faults], Iterator[RecordedSweep]]
     body_height: float | None = None
+    options: RecordingOptions = field(default_factory=RecordingOptions)
     _met: Faults = field(default_factory=Counter, init=False)
 
     def sweeps(self) -> Iterator[RecordedSweep]:
@@ -103,8 +120,10 @@ class Format:
         help: The format in a few words.
         matches: Whether a path looks like it. Never raises for a path that exists.
         open: Opens a recording.
+        without: Options that have no meaning for it.
     """
 
     help: str
     matches: Callable[[Path], bool]
     open: Callable[[Path, RecordingOptions], Recording]
+    without: tuple[str, ...] = ()

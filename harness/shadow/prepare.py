@@ -82,8 +82,6 @@ def prepare(
     seed: int = 0,
     stack: str | None = None,
     perturbation: AnyPerturbation | None = None,
-    begin_s: float = 0.0,
-    end_s: float | None = None,
 ) -> Prepared:
     """Resolve the settings, and declare mission and sensors.
 
@@ -94,8 +92,6 @@ def prepare(
         seed: Of the stack's searches and of a perturbation.
         stack: In place of the built-in one; its goal is the end of the recording.
         perturbation: The one assumption that is off.
-        begin_s: Time from which on the recording is read, s.
-        end_s: Time up to which it is read, s; None to its end.
 
     Raises:
         InputError: A setting is refused, or the recording has no sweep.
@@ -117,7 +113,7 @@ def prepare(
         recorded = replace(recorded, goal="end")  # a stack on trial gets one goal, in its task
         trial = replace(config.stack, name=stack)
         config = replace(config, stack=trial, recording=recorded)
-    way = Way(_part(recording.track, begin_s, end_s), recorded, flat=planar)
+    way = Way(_read_part(recording), recorded, flat=planar)
     start_ns = min(sweeps[0].time_ns for sweeps in first.values())
     mission = _mission(way, body, config, start_ns)
     if body.motion == "air":
@@ -139,8 +135,9 @@ def prepare(
     return Prepared(config, mission, tuple(infos), writers, lift, way)
 
 
-def _part(track: RecordedTrack, begin_s: float, end_s: float | None) -> RecordedTrack:
-    """The part of a track between two times, with the pose before it and the one after it."""
+def _read_part(recording: Recording) -> RecordedTrack:
+    """The part of the track that is read, with the pose before it and the one after it."""
+    track, begin_s, end_s = recording.track, recording.options.start_s, recording.options.end_s
     first = int(np.searchsorted(track.times_ns, round(begin_s * 1e9), side="right")) - 1
     last = len(track.times_ns)
     if end_s is not None:
@@ -168,7 +165,11 @@ def _config(
         world=f"{name}{HASH_SEPARATOR}{recording.sha256[:16]}",
         robot=body.identity,
         seed=seed,
-        recording=RecordingConfig(format=recording.format, sha256=recording.sha256),
+        recording=RecordingConfig(
+            format=recording.format,
+            sha256=recording.sha256,
+            options=recording.options.changed(),
+        ),
     )
     defaults = ["map.kind=grid2d"] if planar else []
     if recording.body_height is not None:

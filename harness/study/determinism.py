@@ -190,8 +190,6 @@ def _run_again(
         for one in order:
             config = replace(one.config, threads=arrangement.threads)
             key = episode_key(config, contents_of(named_by(config)))
-            if one.source is not None:
-                key = one.source.key(key)
             jobs.append(Job(key, to_json(config), Path(folder) / f"{one.key}.mcap", one.source))
             keys[key] = one.key
         errors: dict[str, str] = {}

@@ -67,7 +67,7 @@ def mismatch(log: Log, planned: Planned) -> str:
         return f"forked at decision {log.forks[0].at}, expected an episode of one config"
     expected = planned.config
     if planned.source is not None:
-        key = planned.source.key(_key_of(log.config, log))
+        key = _key_of(log.config, log)
         return "" if key == planned.key else _difference(log, log.config, expected)
     open_again = replace(
         log.config,

@@ -9,13 +9,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
-
-import msgspec
 
 from wayproof.harness.config import BUILTIN, HASH_SEPARATOR, Config, from_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.outputs import written_whole
 from wayproof.harness.recordings.formats import open_recording
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.shadow.assess import assess
@@ -60,7 +58,7 @@ def plan_recorded(study: StudyFile, contents: Mapping[str, str]) -> list[Planned
             for arm, source, config in _arms(study, name, recording, robot, body):
                 for seed in seeds_of(study):
                     own = replace(config, seed=seed)
-                    key = source.key(episode_key(own, contents))
+                    key = episode_key(own, contents)
                     planned.append(Planned(arm, seed, own, key, source))
     places = {seed: place for place, seed in enumerate(seeds_of(study))}
     return sorted(planned, key=lambda one: places[one.seed])
@@ -105,15 +103,13 @@ def from_prepared(
         source.settings,
         stack=source.stack or None,
         perturbation=perturbation_at(perturbation, severity),
-        begin_s=source.read.begin,
-        end_s=source.read.end,
     )
     RecordedPerturbation(prepared.config, prepared.infos)
     return prepared
 
 
 def run_recorded(job: Job) -> None:
-    """Run one episode over a recording, and keep the judgement of its way beside its log.
+    """Run one episode over a recording.
 
     Raises:
         InputError: A file was changed since the plan, or the episode cannot run.
@@ -129,14 +125,11 @@ def run_recorded(job: Job) -> None:
         seed=config.seed,
         stack=source.stack or None,
         perturbation=config.perturbation,
-        begin_s=source.read.begin,
-        end_s=source.read.end,
     )
     contents = contents_of(named_by(prepared.config))
-    if source.key(episode_key(prepared.config, contents)) != job.key:
+    if episode_key(prepared.config, contents) != job.key:
         raise InputError("a file that it names was changed since the plan")
     run_recording(recording, prepared, job.log)
-    way_of(job.log)
 
 
 @dataclass(frozen=True)
@@ -144,49 +137,32 @@ class Judged:
     """What the judgement of a way says, for the table of a study.
 
     Attributes:
-        chain: Hash over the decisions of the log that was judged.
         verdict: `admitted`, `not admitted` or `nothing shown`.
         admitted_share: Share of the way that was admitted when it was entered; None without a way.
         driven_m: Length of the way, m.
         refused_m: Length that was not admitted by reason, m.
     """
 
-    chain: str
     verdict: Verdict
     admitted_share: float | None
     driven_m: float
     refused_m: dict[str, float]
 
 
-def way_of(log: Path, chain: str | None = None, allow_plugins: bool = True) -> Judged:
-    """Return the judgement of a log's way, kept beside the log, or made and kept.
+@cache
+def judge_way(log: Path, digest: str, allow_plugins: bool) -> Judged:
+    """Judge the way of a log, once for each content of it.
 
     Args:
         log: The log.
-        chain: Its chain; a judgement of a log of another chain is made again.
+        digest: Of its content.
         allow_plugins: Import code that the log names.
 
     Raises:
         InputError: The log is damaged.
     """
-    path = log.with_suffix(".way.json")
-    try:
-        kept = msgspec.json.decode(path.read_bytes(), type=Judged)
-        if chain is not None and kept.chain == chain:
-            return kept
-    except (OSError, msgspec.DecodeError):
-        pass  # none, or one that was cut
     summary = summarize(assess(log, allow_plugins))
-    judged = Judged(
-        chain=summary.chain,
-        verdict=summary.verdict,
-        admitted_share=summary.admitted_share,
-        driven_m=summary.driven_m,
-        refused_m=summary.refused_m,
-    )
-    with written_whole(path, "judgement") as partial:
-        partial.write_bytes(msgspec.json.encode(judged))
-    return judged
+    return Judged(summary.verdict, summary.admitted_share, summary.driven_m, summary.refused_m)
 
 
 def short_name(world: str) -> str:

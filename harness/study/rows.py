@@ -22,7 +22,7 @@ from wayproof.harness.replay.content import Content
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.study.file import CLEAN, Arm, Planned
 from wayproof.harness.study.matching import open_planned
-from wayproof.harness.study.recorded import Judged, way_of
+from wayproof.harness.study.recorded import Judged, judge_way
 from wayproof.harness.study.store import Store
 
 READ = {
@@ -109,7 +109,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
     decisions, streams = content.decisions, content.streams
     done = content.perturbations[0] if content.perturbations else pb.Perturbation()
     names = tuple(one.name for one in streams[0].streams) if streams else ()
-    way = way_of(path, log.result["chain"], allow_plugins) if planned.source else None
+    way = judge_way(path, content.digest, allow_plugins) if planned.source else None
     return Row(
         key=key,
         arm=arm,

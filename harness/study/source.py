@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 
 import msgspec
 
+from wayproof.harness.recordings.poses import mount_of
 from wayproof.harness.recordings.recording import RecordingOptions
 
 
@@ -23,6 +23,12 @@ class ReadOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         range_max: Longest range that counts, m; None takes the recording's.
         no_return_is_free: Whether a beam without return was free up to the longest range; None
             takes what the format says.
+        max_gap: Longest time between two poses between which one is interpolated, s.
+        mount: Sensor in the body's frame, x, y, z, yaw, pitch, roll, m and degrees; the angles may
+            be left out.
+        intrinsics: fx, fy, cx, cy of depth images, pixels.
+        depth_scale: Units of a depth image in a metre.
+        pixel_stride: Each so many rows and columns of depth images are read.
     """
 
     format: str | None = None
@@ -33,6 +39,11 @@ class ReadOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     end: float | None = None
     range_max: float | None = None
     no_return_is_free: bool | None = None
+    max_gap: float = 1.0
+    mount: tuple[float, ...] = ()
+    intrinsics: tuple[float, float, float, float] | None = None
+    depth_scale: float | None = None
+    pixel_stride: int = 4
 
     @property
     def options(self) -> RecordingOptions:
@@ -46,6 +57,11 @@ class ReadOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             end_s=self.end,
             range_max=self.range_max,
             missing_returns_free=self.no_return_is_free,
+            max_gap_s=self.max_gap,
+            mount=mount_of(self.mount) if self.mount else None,
+            intrinsics=self.intrinsics,
+            depth_scale=self.depth_scale,
+            pixel_stride=self.pixel_stride,
         )
 
 
@@ -66,13 +82,3 @@ class Source:
     settings: tuple[str, ...]
     stack: str
     read: ReadOptions
-
-    def key(self, key: str) -> str:
-        """Return the content address of an episode, given that of its config.
-
-        The config holds the hash of the recording, but not what is read of it.
-        """
-        if self.read == ReadOptions():
-            return key
-        read = msgspec.json.encode(self.read)
-        return hashlib.sha256(key.encode() + b"\n" + read).hexdigest()[:24]

@@ -261,7 +261,7 @@ def _reader(
         missing_returns_known=name + SILENT in found.sensors if free is None else free,
     )
     limits = Limits(topic.range_min, min(topic.range_max, FARTHEST), cut, beyond_is_none=False)
-    mount = choose_mount(path, found, motion.body, topic.frame, options)
+    mount = choose_mount(path, found, motion.body, topic, options)
     reading = Reading(topic, limits, options)
     return _TopicReader(files, name, sensor, reading, one.order(), one.is_stamped, mount, window)
 

@@ -15,6 +15,7 @@ from wayproof.harness.recordings.bags.frames import Edge, FramePath
 from wayproof.harness.recordings.bags.messages import ODOMETRY, Camera
 from wayproof.harness.recordings.bags.sensors import Topic
 from wayproof.harness.recordings.bags.survey import PoseTopic, SensorTopic, Survey
+from wayproof.harness.recordings.matrices import OPTICAL
 from wayproof.harness.recordings.poses import StampedPoses, compose
 from wayproof.harness.recordings.recording import RecordingOptions
 from wayproof.harness.recordings.types import Transform
@@ -143,7 +144,7 @@ def choose_motion(
 
 
 def choose_mount(
-    path: Path, found: Survey, body: str, frame: str, options: RecordingOptions
+    path: Path, found: Survey, body: str, topic: Topic, options: RecordingOptions
 ) -> FramePath | Transform:
     """Return how a sensor's frame is mounted on the body.
 
@@ -151,12 +152,13 @@ def choose_mount(
         InputError: No transforms connect them, and the options give none.
     """
     if options.mount is not None:
-        return options.mount
-    between = found.tree.between(body, frame)
+        is_camera = topic.kind == "depth"
+        return compose(options.mount, OPTICAL) if is_camera else options.mount
+    between = found.tree.between(body, topic.frame)
     if between is None:
         frames = ", ".join(found.tree.frames[:20]) or "none"
         raise InputError(
-            f"recording '{path}': no transform from '{body}' to '{frame}' (frames: {frames}),"
+            f"recording '{path}': no transform from '{body}' to '{topic.frame}' (frames: {frames}),"
             " expected a mount"
         )
     return between

@@ -1,13 +1,16 @@
 """Folders of depth images and of clouds, with poses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.poses import rotate
+from wayproof.harness.recordings.poses import compose, mount_of, rotate
 from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.types import Transform
 
 EVERY_PIXEL = RecordingOptions(pixel_stride=1, intrinsics=(2.0, 2.0, 1.0, 1.0))
 
@@ -113,6 +116,48 @@ def test_a_layout_with_folders(tmp_path):
     assert times == [k * 33_333_333 for k in range(11)]
 
 
+def test_a_world_whose_z_is_up_is_not_turned(tmp_path):
+    level = np.eye(4)
+    level[:3, :3] = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]  # z of the camera along the world's x
+    recording = open_recording(frames(tmp_path, [level, level]), options=EVERY_PIXEL)
+    assert "z up in the poses" in recording.chosen
+    first = next(recording.sweeps())
+    expected = [[1.0, 0.5, 0.5], [2.0, 0.0, 0.0]]
+    np.testing.assert_allclose(world_points(recording, first), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("layout", ["tum", "frames", "kitti"])
+def test_a_mount_places_the_body_under_the_sensor(tmp_path, layout):
+    folder = {"tum": tum, "frames": lambda f: frames(f, [np.eye(4)] * 2), "kitti": kitti}[layout](
+        tmp_path
+    )
+    few = RecordingOptions() if layout == "kitti" else EVERY_PIXEL
+    own = open_recording(folder, options=few)
+    mount = mount_of([0.2, -0.1, 0.5, 30.0, 10.0, -5.0])
+    carried = open_recording(folder, options=replace(few, mount=mount))
+    one, other = next(own.sweeps()), next(carried.sweeps())
+    places = world_points(own, one), world_points(carried, other)
+    np.testing.assert_allclose(*places, atol=1e-6)  # what was measured stays where it was
+    sensor = compose(Transform(carried.track.positions[0], carried.track.quaternions[0]), mount)
+    np.testing.assert_allclose(sensor.position, own.track.positions[0], atol=1e-12)
+    ahead = rotate(sensor.quaternion, np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(
+        ahead, rotate(own.track.quaternions[0], np.array([1.0, 0.0, 0.0])), atol=1e-12
+    )
+
+
+def test_a_mount_turns_about_z_then_y_then_x():
+    mount = mount_of([1.0, 2.0, 3.0, 90.0, 90.0, 180.0])
+    assert mount.position.tolist() == [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(rotate(mount.quaternion, np.eye(3)[0]), [0, 0, -1], atol=1e-12)
+    np.testing.assert_allclose(rotate(mount.quaternion, np.eye(3)[1]), [1, 0, 0], atol=1e-12)
+    upside_down = mount_of([0.0, 0.0, 1.0, 0.0, 0.0, 180.0])
+    np.testing.assert_allclose(rotate(upside_down.quaternion, np.eye(3)[2]), [0, 0, -1], atol=1e-12)
+    for numbers in ([1.0, 2.0], [1.0] * 7, [np.nan, 0.0, 0.0]):
+        with pytest.raises(InputError, match="expected X,Y,Z"):
+            mount_of(numbers)
+
+
 def kitti(folder, count=2):
     (folder / "velodyne").mkdir()
     points = np.array([[10, 0, 0, 0.5], [0, 5, -1, 0.5], [np.nan, 0, 0, 0]], np.float32)
@@ -148,6 +193,25 @@ def test_kitti_without_times_or_calibration(tmp_path):
     assert [sweep.time_ns for sweep in recording.sweeps()] == [0]
     assert "10 sweeps a second" in recording.chosen
     assert recording.faults["file: cannot be read"] == 1
+
+
+def test_the_poses_of_kitti_may_lie_beside_the_sequences(tmp_path):
+    folder = tmp_path / "sequences/07"
+    folder.mkdir(parents=True)
+    kitti(folder)
+    (tmp_path / "poses").mkdir()
+    (folder / "poses.txt").rename(tmp_path / "poses/07.txt")
+    recording = open_recording(folder)
+    assert recording.format == "kitti"
+    assert "poses: 07.txt" in recording.chosen
+    assert len(list(recording.sweeps())) == 2
+
+
+def test_an_option_without_a_meaning_is_refused(tmp_path):
+    folder = kitti(tmp_path)
+    for option in (RecordingOptions(pose="odom"), RecordingOptions(pixel_stride=1)):
+        with pytest.raises(InputError, match="has no meaning for format 'kitti'"):
+            open_recording(folder, options=option)
 
 
 @pytest.mark.parametrize("content", ["", "# nothing\n"])

@@ -45,7 +45,7 @@ def fr079_log(tmp_path_factory, robot):
 
 def shadowed(recording, robot, log, settings=(), end_s=None, **asked):
     opened = open_recording(recording, options=RecordingOptions(end_s=end_s))
-    prepared = prepare(opened, find_body(str(robot)), settings, end_s=end_s, **asked)
+    prepared = prepare(opened, find_body(str(robot)), settings, **asked)
     return run_recording(opened, prepared, log)
 
 

@@ -11,11 +11,15 @@ from wayproof.harness.metrics import OF_TRUTH, read_trace, score
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.recordings.bags.writing import recording_messages, write_bag
 from wayproof.harness.recordings.formats import open_recording
+from wayproof.harness.recordings.poses import mount_of
+from wayproof.harness.recordings.recording import RecordingOptions
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.shadow.assess import assess
+from wayproof.harness.shadow.body import find_body
+from wayproof.harness.shadow.prepare import prepare
 from wayproof.harness.shadow.summary import summarize
 from wayproof.maps import OCCUPIED, states_in
 
@@ -145,3 +149,15 @@ def test_settings_of_the_recording_are_set(robot, tmp_path):
     for setting in ("recording.sha256=x", "recording.no=1"):
         with pytest.raises(InputError, match="unknown setting"):
             shadowed(FR079, robot, tmp_path / "no.mcap", [setting], end_s=1.0)
+
+
+def test_what_a_recording_was_read_with_is_in_its_config(fr079_log, robot, tmp_path):
+    assert open_log(fr079_log).config.recording.options == ("end_s=12.0",)
+    recording = open_recording(
+        FR079, options=RecordingOptions(end_s=1.0, mount=mount_of([0.25, 0.0, 0.5]))
+    )
+    config = prepare(recording, find_body(str(robot))).config
+    mount = "mount=0.25,0.0,0.5,1.0,0.0,0.0,0.0"
+    assert config.recording.options == (mount, "end_s=1.0")
+    with pytest.raises(InputError, match=r"recording\.options"):
+        prepare(recording, find_body(str(robot)), ["recording.options=x"])

@@ -12,7 +12,6 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.shadow.assess import assess
 from wayproof.harness.shadow.summary import summarize
 from wayproof.harness.study.file import plan_episodes, read_study
-from wayproof.harness.study.recorded import way_of
 from wayproof.harness.study.recorded_table import passes_of
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import read_rows
@@ -95,19 +94,6 @@ def test_a_second_run_runs_nothing_and_says_the_same(folder, document):
     logs = {path: path.stat().st_mtime_ns for path in (folder / "out/logs").glob("*.mcap")}
     assert study_of(folder)["passes"] == document["passes"]
     assert logs == {path: path.stat().st_mtime_ns for path in logs}
-
-
-def test_a_judgement_of_another_log_is_made_again(folder, document, tmp_path):
-    log = tmp_path / "log.mcap"
-    log.write_bytes((folder / f"out/logs/{document['passes'][1]['key']}.mcap").read_bytes())
-    chain = open_log(log).result["chain"]
-    kept = log.with_suffix(".way.json")
-    kept.write_text(
-        '{"chain":"x","verdict":"admitted","admitted_share":1,"driven_m":1,"refused_m":{}}'
-    )
-    assert way_of(log, chain).admitted_share == document["passes"][1]["admitted_share"]
-    kept.write_text("{")
-    assert way_of(log, chain).chain == chain
 
 
 def test_a_log_in_the_place_of_another_counts_as_missing(folder, document, tmp_path):
