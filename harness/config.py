@@ -147,9 +147,9 @@ class Config:
     """Everything that an episode follows from, with the versions of the installed packages.
 
     Attributes:
-        world: Name in `models.worlds.WORLDS`, or the path of a world file; a log tells the name and
+        world: Name in `models.worlds.WORLDS`, or the path of a world file; a log holds the name and
             hash of that file.
-        robot: Name in `models.robots.ROBOTS`, or the path of a spec file; a log tells the name and
+        robot: Name in `models.robots.ROBOTS`, or the path of a spec file; a log holds the name and
             hash of that robot.
         seed: Seed of the world and of every random stream; never random itself.
         difficulty: Of the world, 0 to 1, as its generator understands it.

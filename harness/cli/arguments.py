@@ -41,7 +41,7 @@ def check_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> 
 
 def _twice(name: str) -> str:
     if name == "--perturb":
-        return "--perturb (exactly one assumption is made wrong)"
+        return "--perturb (exactly one assumption is broken)"
     return name
 
 

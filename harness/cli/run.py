@@ -253,7 +253,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--perturb",
         metavar="KIND:SEVERITY[:MODE]",
-        help="make one assumption wrong, with severity 1 to 5",
+        help="break one assumption, at a severity of 1 to 5",
     )
     add_stack(parser)
     parser.add_argument(

@@ -159,7 +159,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--perturb",
         metavar="KIND:SEVERITY[:MODE]",
-        help="make one assumption wrong, with severity 1 to 5",
+        help="break one assumption, at a severity of 1 to 5",
     )
     parser.add_argument(
         "--stack", metavar="STACK", help="stack that decides, as of 'wayproof run'; it is run"

@@ -116,7 +116,7 @@ def check_kinds(observation: str, action: str) -> None:
     """Refuse kinds that there are not.
 
     Raises:
-        InputError: Naming those that there are.
+        InputError: The message lists the ones available.
     """
     for name, got, kinds in (
         ("observation", observation, get_args(ObservationKind)),

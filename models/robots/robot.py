@@ -94,7 +94,7 @@ class RobotSpec:
             rate of the first.
         discs: Offset along the body's x axis and radius of discs that hold a body that is longer
             than wide while it walks ahead and turns, m; as far ahead as behind, so that it is free
-            tail first where it is nose first. None: it is known by its radius alone.
+            tail first where it is nose first. None: its body is a disc of its radius.
     """
 
     name: str

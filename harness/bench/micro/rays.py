@@ -231,7 +231,7 @@ class _Posed:
         self._R_world_sensor = R.reshape(3, 3)
         self._pattern = cut_grid(directions, len(beams.rows), len(beams.columns))
         self._trees = RayCaster(self._model, GROUPS, beams.range)
-        # Turned to the world beforehand, so that the others are timed at casting alone.
+        # Transformed to the world frame before, so that the others are timed at casting alone.
         self.directions = rotate(self._R_world_sensor, directions)
         self._origins = np.tile(ORIGIN, (len(directions), 1))
         self.sample: NDArray[np.int64] = np.empty(0, np.int64)

@@ -1,6 +1,6 @@
 """Parser of MCAP files, record by record, for files that are not to be trusted.
 
-A log may come from a stranger, or from a disk that lost bytes. Every length is compared with the
+A log is untrusted input, and a disk may have lost bytes of it. Every length is compared with the
 rest of the file before memory of that size is allocated, every chunk with the size that it may
 decompress to, and every checksum of the format is recomputed. Records follow the MCAP
 specification, version 0; only its fixed layouts are parsed, and no name in a file becomes a path.

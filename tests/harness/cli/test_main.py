@@ -53,7 +53,7 @@ def test_bad_words(capsys, tmp_path, changes, said):
         (["--set", "planner.name=RRTConnect"], "did you mean 'rrtconnect'?"),
         (
             ["--perturb", "latency:2", "--perturb", "rate:1"],
-            "(exactly one assumption is made",
+            "(exactly one assumption is",
         ),
         (["--seed", "2"], "--seed: given twice, 1 and 2"),
         (["--perturb", "latency:9"], "latency:9: severity: got 9, expected above 0, up to 5"),
