@@ -21,8 +21,15 @@ from wayproof.models.rays.tile_kernels import cast_blocks
 class TileCaster:
     """Caster of patterns of beams against a model's primitives, meshes and height fields.
 
-    Distances and geom ids are those of `mujoco.mj_ray`. Beams start anywhere, inside geoms too.
-    The same inputs give the same bits, on any number of threads.
+    Distances and geom ids are those of `mujoco.mj_ray`, for beams that start on a surface, run
+    within a face or along an edge too, so that axis-parallel beams among boxes on a lattice are met
+    alike. Two kinds of beams of measure zero are decided by rounding, and can be hits in one and
+    misses in the other: slanted ones that touch only the rim of a cylinder or a capsule's side
+    tangentially, and slanted ones along the seams or the border of a height field. Where two geoms
+    are met at one distance, either id may be returned.
+
+    Beams start anywhere, inside geoms too. The same inputs give the same bits, on any number of
+    threads.
     """
 
     def __init__(

@@ -78,7 +78,8 @@ def capsule(p: Vector3, v: Vector3, radius: float, half: float) -> float:
     z = pz + side * vz
     past_end = max(abs(pz) - half, 0.0)
     inside = around + past_end * past_end < 0.0
-    above_end = (around <= 0.0) & (past_end > 0.0) & (not inside)
+    at_end = (past_end > 0.0) | ((around == 0.0) & (abs(pz) == half))  # or on its rim
+    above_end = (around <= 0.0) & at_end & (not inside)
     # The origin in the frame of the chosen cap's centre.
     qz = pz - math.copysign(half, pz if above_end else z)
     a = vx * vx + vy * vy + vz * vz
@@ -100,7 +101,7 @@ def cylinder(p: Vector3, v: Vector3, radius: float, half: float) -> float:
     side = first_root(vx * vx + vy * vy, vx * px + vy * py, around)
     side = side if abs(pz + side * vz) <= half else math.inf
     # From outside only the near disc can be entered, from inside only the one ahead be left.
-    inside = (around < 0.0) & (abs(pz) < half)
+    inside = (around <= 0.0) & (abs(pz) < half)  # on the side, a ray along it leaves by a disc
     disc = (math.copysign(half, vz if inside else pz) - pz) / vz
     qx = px + disc * vx
     qy = py + disc * vy
@@ -113,9 +114,11 @@ def cylinder(p: Vector3, v: Vector3, radius: float, half: float) -> float:
 def face(p: Vector3, v: Vector3, s: Vector3, inside: bool) -> float:
     """Return the distance to the face of a box that a ray can enter, or leave, across axis 0.
 
-    The other two axes give the face's own extent; `s` is the box's half sides in that order, m.
+    The other two axes give the face's own extent; `s` is the box's half sides in that order, m. A
+    ray that starts on a face has met it at once; one that runs along it leaves by another.
     """
-    x = (math.copysign(s[0], v[0] if inside else p[0]) - p[0]) / v[0]
+    leaves = inside & (abs(p[0]) < s[0])
+    x = (math.copysign(s[0], v[0] if leaves else p[0]) - p[0]) / v[0]
     met = (abs(v[0]) > MIN_VALUE) & (x >= 0.0)
     met &= (abs(p[1] + x * v[1]) <= s[1]) & (abs(p[2] + x * v[2]) <= s[2])
     return x if met else math.inf
@@ -127,7 +130,7 @@ def box(p: Vector3, v: Vector3, s: Vector3) -> float:
     px, py, pz = p
     vx, vy, vz = v
     sx, sy, sz = s
-    inside = (abs(px) < sx) & (abs(py) < sy) & (abs(pz) < sz)
+    inside = (abs(px) <= sx) & (abs(py) <= sy) & (abs(pz) <= sz)
     x = face(p, v, s, inside)
     y = face((py, pz, px), (vy, vz, vx), (sy, sz, sx), inside)
     z = face((pz, px, py), (vz, vx, vy), (sz, sx, sy), inside)

@@ -223,6 +223,38 @@ def test_mixed_scenes_agree_with_mj_ray(sensor):
     assert kinds == {0, *KINDS.values()}
 
 
+LATTICE_SHAPES = {
+    "box": '<geom type="box" size="1 .5 .75"/>',
+    "sphere": '<geom type="sphere" size="1"/>',
+    "capsule": '<geom type="capsule" size=".5 .75"/>',
+    "cylinder": '<geom type="cylinder" size=".5 1"/>',
+    "ellipsoid": '<geom type="ellipsoid" size="1 .5 .75"/>',
+    "plane": '<geom type="plane" size="1 .5 1"/>',
+    "mesh": '<geom type="mesh" mesh="block"/>',
+    "hfield": '<geom type="hfield" hfield="hill"/>',
+    "touching boxes": '<geom type="box" size=".5 .5 .5" pos=".5 0 0"/>'
+    '<geom type="box" size=".5 .5 .5" pos="-.5 0 0"/>',
+}
+LATTICE_ASSETS = """<asset>
+  <mesh name="block" vertex="-1 -.5 -.75 1 -.5 -.75 -1 .5 -.75 1 .5 -.75
+                             -1 -.5 .75 1 -.5 .75 -1 .5 .75 1 .5 .75"/>
+  <hfield name="hill" nrow="3" ncol="3" size="1 1 .5 .25" elevation="0 1 0 1 2 1 0 1 0"/>
+</asset>"""
+
+
+@pytest.mark.parametrize("shape", LATTICE_SHAPES)
+def test_axis_parallel_beams_on_a_lattice_agree_with_mj_ray(shape):
+    """Beams that start on surfaces, edges and corners, run within faces, and touch."""
+    model, data = posed(LATTICE_SHAPES[shape], LATTICE_ASSETS)
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    caster, pattern = TileCaster(model, ALL, 100.0), cut_scattered(axes)
+    steps = np.arange(-1.25, 1.26, 0.25)
+    for origin in np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3):
+        distance, _ = caster.cast(data, pattern, origin, np.eye(3))
+        expected, _ = by_mj_ray(model, data, origin, axes, 100.0)
+        np.testing.assert_allclose(distance, expected, atol=1e-12, err_msg=str(origin))
+
+
 def rolling_poses(rng, m):
     """A sensor that flies a bend of a metre while it turns by a radian."""
     part = np.linspace(0.0, 1.0, m)
