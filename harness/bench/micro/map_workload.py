@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.maps.sweep import Ranges
 from wayproof.models.rays import TileCaster, cut_grid
 from wayproof.models.sensors.beams import beam_directions, quantise, rotate
 
@@ -51,14 +52,14 @@ class Sweep:
     Attributes:
         origin: (3,) m, world.
         directions: (n, 3) unit vectors, world.
-        ranges_mm: (n,) uint16, measured: with noise, 65535 without a return.
+        ranges_mm: (n,) measured: with noise, 65535 without a return.
         distances: (n,) true distances, m; -1 without a return.
         geoms: (n,) what was hit, 0 the floor; -1 without a return.
     """
 
     origin: NDArray[np.float64]
     directions: NDArray[np.float64]
-    ranges_mm: NDArray[np.uint16]
+    ranges_mm: Ranges
     distances: NDArray[np.float64]
     geoms: NDArray[np.int32]
 
