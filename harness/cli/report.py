@@ -18,6 +18,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write the report of a study or a recording; exit code 0 if it is, whatever the verdict."""
     if options.folder.is_file():
         return _recording(options, console)
+    from wayproof.harness.study.episodes import unplanned_in_words
     from wayproof.harness.study.store import Store
     from wayproof.harness.study.study import verdict_in_words
 
@@ -33,6 +34,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     write_summaries(options, result)
     print_foreign(console, result)
     console.print(verdict_in_words(result), highlight=False, soft_wrap=True)
+    if other := unplanned_in_words(options.folder, options.allow_plugins):
+        console.print(other, highlight=False, soft_wrap=True)
     console.print(f"report: {path}", highlight=False, soft_wrap=True)
     console.print(f"one page to send: {options.folder / 'report.html'}", soft_wrap=True)
     return 0, {**asdict(result), "verdict": result.verdict, "report": str(path)}

@@ -89,6 +89,8 @@ def _study(options: argparse.Namespace, console: Console) -> tuple[int, Document
 def _print_entries(options: argparse.Namespace, entries: list[Entry], console: Console) -> None:
     from rich.table import Table
 
+    from wayproof.harness.study.episodes import unplanned_in_words
+
     table = Table(box=None, pad_edge=False)
     for title in ("N", "episode", "seed", "outcome", "cause"):
         table.add_column(title, justify="right" if title in ("N", "seed") else "left")
@@ -100,8 +102,11 @@ def _print_entries(options: argparse.Namespace, entries: list[Entry], console: C
     failed = sum(one.failed for one in entries)
     ended = sum(one.state == "ended" for one in entries)
     console.print(f"{len(entries)} episodes, {ended} ended, {failed} failed", highlight=False)
-    line = f"next: wayproof view {options.log} N, or N --twin for two side by side"
-    console.print(line, soft_wrap=True, highlight=False)
+    if other := unplanned_in_words(options.log, options.allow_plugins):
+        console.print(other, soft_wrap=True, highlight=False)
+    if ended:
+        line = f"next: wayproof view {options.log} N, or N --twin for two side by side"
+        console.print(line, soft_wrap=True, highlight=False)
 
 
 @contextmanager
@@ -150,7 +155,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 VERB = Verb(
-    help="show a log in the Rerun viewer: map, robot, truth and decisions on one timeline",
+    help="show a log in the Rerun viewer, also while it is being written; "
+    "or list the episodes of a study and show one",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof view logs/warehouse-drone-3.mcap --save drone.rrd",

@@ -93,6 +93,24 @@ def _entry(store: Store, number: int, one: Planned, twin: str, allow_plugins: bo
     return Entry(number, name, one.seed, "not run")
 
 
+def unplanned_in_words(folder: Path, allow_plugins: bool = False) -> str:
+    """Return in words how many logs of a study's folder belong to no planned episode; "" of none.
+
+    Raises:
+        InputError: It is no folder of a study.
+    """
+    store = Store(folder)
+    planned = plan_episodes(store.read_study(allow_plugins), store.read_contents())
+    count = store.unplanned({one.key for one in planned})
+    if not count:
+        return ""
+    logs = "1 log is" if count == 1 else f"{count} logs are"
+    return (
+        f"{logs} of no planned episode: another version of Wayproof or of the study file made "
+        f"them; 'wayproof view {store.logs}/KEY.mcap' shows one"
+    )
+
+
 def find_entry(folder: Path, entries: list[Entry], number: int) -> Entry:
     """Return the episode of a number that has a log.
 

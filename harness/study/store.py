@@ -7,7 +7,7 @@ import fcntl
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -63,6 +63,10 @@ class Store:
     def log(self, key: str) -> Path:
         """Return the path of the log of an episode."""
         return self.logs / f"{key}.mcap"
+
+    def unplanned(self, keys: Container[str]) -> int:
+        """Return the number of logs of episodes that have none of these keys."""
+        return sum(path.stem not in keys for path in self.logs.glob("*.mcap"))
 
     def error(self, key: str) -> str | None:
         """Return the error of an episode; None without one."""

@@ -47,6 +47,7 @@ class StudyResult:
         gates: Result of each gate on each arm.
         foreign: Lines about logs of other episodes, which count as missing.
         of_recordings: Whether it is a study over recordings.
+        gates_set: Number of gates that the study sets, each for one arm or more.
     """
 
     name: str
@@ -58,6 +59,7 @@ class StudyResult:
     gates: list[GateResult]
     foreign: tuple[str, ...] = ()
     of_recordings: bool = False
+    gates_set: int = 0
 
     @property
     def verdict(self) -> StudyVerdict:
@@ -178,6 +180,7 @@ def conclude(
         gates=judge(samples, [read_gate(text) for text in study.gates], limit),
         foreign=tuple(foreign),
         of_recordings=bool(study.recordings),
+        gates_set=len(study.gates),
     )
 
 
@@ -200,7 +203,7 @@ def verdict_in_words(result: StudyResult) -> str:
     if result.errors:
         text += f"; {result.errors} failed to run, first {result.first_error}"
     if not result.gates:
-        return f"{text}. No gate is set."
+        return f"{text}. {_gates_without_episodes(result.gates_set)}"
     gates = f"{len(result.gates)} gate{'s' if len(result.gates) > 1 else ''}"
     of_each = {
         verdict: [gate for gate in result.gates if gate.verdict == verdict]
@@ -212,6 +215,14 @@ def verdict_in_words(result: StudyResult) -> str:
     if worst.verdict == "held":
         return f"{text}."
     return f"{text}; first {worst.verdict}: '{worst.gate}' for {name_of(worst.arm)}."
+
+
+def _gates_without_episodes(gates_set: int) -> str:
+    """Return in words why a study has no result of a gate."""
+    if not gates_set:
+        return "No gate is set."
+    some = "The gate is" if gates_set == 1 else f"The {gates_set} gates are"
+    return f"{some} not judged: no episode that counts has ended."
 
 
 def run_study(

@@ -10,7 +10,7 @@ import pytest
 from tests.harness.viewer.test_rerun_view import entities
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
-from wayproof.harness.study.episodes import entries_of, find_entry
+from wayproof.harness.study.episodes import entries_of, find_entry, unplanned_in_words
 from wayproof.harness.study.file import plan_episodes, read_study
 from wayproof.harness.study.job import run_job
 from wayproof.harness.study.store import Store
@@ -73,6 +73,20 @@ def test_an_episode_in_error_is_failed_and_has_no_log(folder: Path) -> None:
             find_entry(folder, entries_of(folder), 3)
     finally:
         error.unlink()
+
+
+def test_logs_of_no_planned_episode_are_counted(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert unplanned_in_words(folder) == ""
+    other = folder / "logs" / "of_another_version.mcap"
+    other.touch()
+    try:
+        assert unplanned_in_words(folder).startswith("1 log is of no planned episode")
+        assert main(["view", str(folder)]) == 0
+        assert "1 log is of no planned episode" in capsys.readouterr().out
+    finally:
+        other.unlink()
 
 
 @pytest.mark.parametrize("number", [0, 4, -1])

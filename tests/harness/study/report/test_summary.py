@@ -10,7 +10,7 @@ from wayproof.harness.study.file import Arm
 from wayproof.harness.study.gates import GateResult
 from wayproof.harness.study.report.summary import junit, markdown
 from wayproof.harness.study.statistics.exact import Interval
-from wayproof.harness.study.study import StudyResult
+from wayproof.harness.study.study import StudyResult, verdict_in_words
 
 ARM = Arm("empty", "drone", "", "none", 0)
 RATE = Interval(0.5, 0.1, 0.9)
@@ -23,6 +23,20 @@ def gate(verdict, required=False, interval=RATE):
 def result(*gates, missing=0, name="s"):
     summary = ArmSummary(ARM, 6, RATE, {"success": 3, "timeout": 3}, {}, 60.0, {}, None)
     return StudyResult(name, 6, missing, 0, "", [summary], list(gates))
+
+
+@pytest.mark.parametrize(
+    ("count", "said"),
+    [
+        (0, "No gate is set."),
+        (1, "The gate is not judged: no episode that counts has ended."),
+        (2, "The 2 gates are not judged: no episode that counts has ended."),
+    ],
+)
+def test_gates_that_nothing_judged_are_not_said_to_be_none(count, said):
+    unrun = StudyResult("s", 6, 6, 0, "", [], [], gates_set=count)
+    assert unrun.verdict == "incomplete"
+    assert verdict_in_words(unrun).endswith(said)
 
 
 def cases(text):
