@@ -3,7 +3,8 @@
 Ross, Gordon and Bagnell 2011, "A reduction of imitation learning and structured prediction to
 no-regret online learning", AISTATS, algorithm 3.1: the expert drives the episodes of round 0, the
 policy of the round before those of each later one (beta is 1, then 0); the expert labels them all.
-Each round starts new episodes, so their share of successes is that of a policy on unseen seeds.
+Each round starts new episodes, so their share of successes is that of a policy on unseen seeds, by
+which the best one is chosen.
 
 Usage: python examples/policy/train.py FOLDER [--rounds N] [--jobs N]
 
@@ -97,9 +98,11 @@ def main() -> None:
     """Train, and write the policy, the figures of each round and their curve."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--rounds", type=int, default=1, help="of DAgger, without the expert's")
+    parser.add_argument("--rounds", type=int, default=8, help="of DAgger, without the expert's")
     parser.add_argument("--jobs", type=int, default=2, help="processes; the result is the same")
     options = parser.parse_args()
+    if options.rounds < 1:
+        parser.error(f"--rounds: got {options.rounds}, expected at least 1, to choose a policy by")
     folder: Path = options.folder
     folder.mkdir(parents=True, exist_ok=True)
     rounds: list[dict[str, object]] = []
@@ -118,8 +121,19 @@ def main() -> None:
         rounds.append(_figures(number, outcomes, samples, loss))
         print(json.dumps(rounds[-1]), flush=True)
     (folder / "rounds.json").write_text(json.dumps(rounds, indent=1) + "\n")
-    (folder / "policy.onnx").write_bytes(policy.read_bytes())
+    chosen = best(rounds)
+    print(f"best: policy {chosen}", flush=True)
+    (folder / "policy.onnx").write_bytes((folder / f"policy-{chosen}.onnx").read_bytes())
     draw(rounds, folder / "curve.svg")
+
+
+def best(rounds: list[dict[str, object]]) -> int:
+    """Number of the policy that drove most episodes of its round to the goal, the later of two.
+
+    Policy k drives round k + 1; the last one has driven none.
+    """
+    driven = [(one["success"], -one["collision"], one["round"] - 1) for one in rounds[1:]]
+    return max(driven)[2]
 
 
 APART = ("labels", "outcomes")
