@@ -25,6 +25,8 @@ from wayproof.harness.bench.micro.map import PARTS as MAP_PARTS
 from wayproof.harness.bench.micro.map import bench_map
 from wayproof.harness.bench.micro.plan import bench_plan
 from wayproof.harness.bench.micro.rays import bench_rays
+from wayproof.harness.bench.odometry import bench_odometry
+from wayproof.harness.bench.odometry.drift import WORLDS as ODOMETRY_WORLDS
 from wayproof.harness.bench.published import BENCHMARKS, Files, find_benchmark
 from wayproof.harness.bench.statistics.coverage import PARTS as COVERAGE_PARTS
 from wayproof.harness.bench.statistics.coverage import bench_coverage
@@ -57,6 +59,7 @@ STAGES: dict[str, Stage] = {
     "interface": Stage(bench_interface, 3),
     "loop": Stage(bench_loop, 3, parts=LOADS),
     "map": Stage(bench_map, 15, parts=MAP_PARTS),
+    "odometry": Stage(bench_odometry, 20, parts=ODOMETRY_WORLDS),
     "plan": Stage(bench_plan, 15),
     "planners": Stage(bench_planners, 12),
     "policies": Stage(bench_policies, 6),

@@ -14,6 +14,7 @@ from wayproof.harness.stack.backtrack import record_breadcrumb
 from wayproof.harness.stack.footprint_checks import compensate_yaw_lag, footprint_free
 from wayproof.harness.stack.global_path import ARRIVED, keep_or_replan, project_goal_to_free
 from wayproof.harness.stack.localization import (
+    at_path_end,
     cannot_claim_goal,
     give_up_at_goal,
     go_back_to_held,
@@ -92,6 +93,9 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
         return recover_after_timeout(input, start, escape_inflation(input, state, start))
     goal = project_goal_to_free(input)
     projected = goal is not input.goal
+    if projected and setpoint.at_rest and cannot_claim_goal(input, input.goal_tolerance):
+        if distance(start.position, goal) < ARRIVED or at_path_end(state, start):
+            return give_up_at_goal(input, state, start)
     if projected and setpoint.at_rest and distance(start.position, goal) < ARRIVED:
         return wait_at_blocked_goal(input, state, start)
     input = replace(input, goal=goal, mission_goal=input.goal)

@@ -58,6 +58,13 @@ def cannot_claim_goal(input: PlannerInput, tolerance: float) -> bool:
     return pose is not None and MARGIN_SIGMAS * pose.sigma > tolerance
 
 
+def at_path_end(state: PlannerState, start: TrajectorySample) -> bool:
+    """Whether the robot stands at the end of its global path."""
+    if state.global_path is None or state.exploring:
+        return False
+    return arc_length(remaining(state.global_path, start.arc_length)) < ARRIVED
+
+
 def give_up_at_goal(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
     """Give up beside a goal that the pose is too uncertain to claim."""
     return _stand(input, state, start, "goal_uncertain", "abort")

@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from wayproof.harness.bench.soak.episodes import Tally, soak_episodes
+from wayproof.harness.bench.soak.estimators import Repeated, soak_estimators
 from wayproof.harness.bench.soak.fuzz import Fuzzed, soak_fuzz
 from wayproof.harness.bench.soak.hostile import Refused, soak_hostile
 from wayproof.harness.bench.soak.interface import Compared, soak_interface
@@ -40,7 +41,8 @@ SOAKS: dict[
         | Refused
         | Broken
         | Replayed
-        | Compared,
+        | Compared
+        | Repeated,
     ],
 ] = {
     "kill": soak_kill,
@@ -54,6 +56,7 @@ SOAKS: dict[
     "recordings": soak_recordings,
     "stacks": soak_stacks,
     "interface": soak_interface,
+    "estimators": soak_estimators,
 }
 """Name on the command line -> function of (count, seed, progress, number of the first)."""
 

@@ -43,8 +43,8 @@ def goal_uncertain(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
     yield from same("limit_m", reason.limit_m, 0.8 * scene.config.episode.goal_tolerance)
     away = scene.apart(np.array(scene.decision.position), scene.goal)
     yield from same("distance_m", reason.distance_m, away)
-    if away > reason.limit_m:
-        yield "that is too far"
+    if away > reason.limit_m + scene.config.behaviour.goal_search_radius:
+        yield "that is too far, even for a place in stead of the goal"
     if SIGMAS * reason.sigma_m <= reason.limit_m:
         yield f"a standard deviation of {reason.sigma_m:.2f} m is enough to claim it"
 

@@ -153,6 +153,19 @@ def test_a_goal_is_claimed_only_with_a_pose_that_can_tell(sigma, action):
     assert (command.reason.kind == "goal_uncertain") == (action == "abort")
 
 
+def test_it_gives_up_at_the_end_of_a_path_to_a_place_in_stead_of_the_goal():
+    """The margin has grown over the goal since the path was planned: it would stand there on."""
+    states = make_states(occupied=[(6.75, 6.95, 1.8, 2.3)])
+    place_beside = (6.15, 2.05)
+    ended = np.array([place(5.15, 2.05), place(*place_beside)])
+    state = at_rest(position=place_beside, global_path=ended[1:])
+    input = make_input(states, position=place_beside, localization=Localization(0.22, True))
+    command, _ = decide(input, state)
+    assert (command.action, command.reason.kind) == ("abort", "goal_uncertain")
+    certain, _ = decide(replace(input, localization=HELD), state)
+    assert certain.action != "abort"
+
+
 @pytest.fixture(scope="module")
 def lost_episode(tmp_path_factory):
     """A drone in the middle of a tunnel, where nothing holds its way from the start."""
