@@ -93,9 +93,9 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
         return recover_after_timeout(input, start, escape_inflation(input, state, start))
     goal = project_goal_to_free(input)
     projected = goal is not input.goal
-    if projected and setpoint.at_rest and cannot_claim_goal(input, input.goal_tolerance):
-        if distance(start.position, goal) < ARRIVED or at_path_end(state, start):
-            return give_up_at_goal(input, state, start)
+    at_end = at_path_end(state, start) or (projected and distance(start.position, goal) < ARRIVED)
+    if at_end and setpoint.at_rest and cannot_claim_goal(input, input.goal_tolerance):
+        return give_up_at_goal(input, state, start)
     if projected and setpoint.at_rest and distance(start.position, goal) < ARRIVED:
         return wait_at_blocked_goal(input, state, start)
     input = replace(input, goal=goal, mission_goal=input.goal)

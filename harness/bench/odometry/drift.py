@@ -90,7 +90,7 @@ def bench_odometry(
         progress: Called with a line about the progress.
         only: Name of a world; None for all.
     """
-    rows = []
+    rows: list[DriftRow] = []
     for world in WORLDS if only is None else (only,):
         for robot in ROBOTS:
             for lidar in LIDARS:
