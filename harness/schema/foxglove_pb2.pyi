@@ -192,6 +192,16 @@ class LinePrimitive(_message.Message):
     color: Color
     def __init__(self, type: _Optional[_Union[LinePrimitive.Type, str]] = ..., pose: _Optional[_Union[Pose, _Mapping]] = ..., thickness: _Optional[float] = ..., scale_invariant: _Optional[bool] = ..., points: _Optional[_Iterable[_Union[Point3, _Mapping]]] = ..., color: _Optional[_Union[Color, _Mapping]] = ...) -> None: ...
 
+class TriangleListPrimitive(_message.Message):
+    __slots__ = ("pose", "points", "color")
+    POSE_FIELD_NUMBER: _ClassVar[int]
+    POINTS_FIELD_NUMBER: _ClassVar[int]
+    COLOR_FIELD_NUMBER: _ClassVar[int]
+    pose: Pose
+    points: _containers.RepeatedCompositeFieldContainer[Point3]
+    color: Color
+    def __init__(self, pose: _Optional[_Union[Pose, _Mapping]] = ..., points: _Optional[_Iterable[_Union[Point3, _Mapping]]] = ..., color: _Optional[_Union[Color, _Mapping]] = ...) -> None: ...
+
 class TextPrimitive(_message.Message):
     __slots__ = ("pose", "billboard", "font_size", "scale_invariant", "color", "text")
     POSE_FIELD_NUMBER: _ClassVar[int]
@@ -209,20 +219,22 @@ class TextPrimitive(_message.Message):
     def __init__(self, pose: _Optional[_Union[Pose, _Mapping]] = ..., billboard: _Optional[bool] = ..., font_size: _Optional[float] = ..., scale_invariant: _Optional[bool] = ..., color: _Optional[_Union[Color, _Mapping]] = ..., text: _Optional[str] = ...) -> None: ...
 
 class SceneEntity(_message.Message):
-    __slots__ = ("timestamp", "frame_id", "id", "spheres", "lines", "texts")
+    __slots__ = ("timestamp", "frame_id", "id", "spheres", "lines", "triangles", "texts")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     FRAME_ID_FIELD_NUMBER: _ClassVar[int]
     ID_FIELD_NUMBER: _ClassVar[int]
     SPHERES_FIELD_NUMBER: _ClassVar[int]
     LINES_FIELD_NUMBER: _ClassVar[int]
+    TRIANGLES_FIELD_NUMBER: _ClassVar[int]
     TEXTS_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     frame_id: str
     id: str
     spheres: _containers.RepeatedCompositeFieldContainer[SpherePrimitive]
     lines: _containers.RepeatedCompositeFieldContainer[LinePrimitive]
+    triangles: _containers.RepeatedCompositeFieldContainer[TriangleListPrimitive]
     texts: _containers.RepeatedCompositeFieldContainer[TextPrimitive]
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., frame_id: _Optional[str] = ..., id: _Optional[str] = ..., spheres: _Optional[_Iterable[_Union[SpherePrimitive, _Mapping]]] = ..., lines: _Optional[_Iterable[_Union[LinePrimitive, _Mapping]]] = ..., texts: _Optional[_Iterable[_Union[TextPrimitive, _Mapping]]] = ...) -> None: ...
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., frame_id: _Optional[str] = ..., id: _Optional[str] = ..., spheres: _Optional[_Iterable[_Union[SpherePrimitive, _Mapping]]] = ..., lines: _Optional[_Iterable[_Union[LinePrimitive, _Mapping]]] = ..., triangles: _Optional[_Iterable[_Union[TriangleListPrimitive, _Mapping]]] = ..., texts: _Optional[_Iterable[_Union[TextPrimitive, _Mapping]]] = ...) -> None: ...
 
 class SceneUpdate(_message.Message):
     __slots__ = ("entities",)

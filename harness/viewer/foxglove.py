@@ -22,26 +22,36 @@ from wayproof.harness.log.writer import check_folder, file_descriptor_set
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.schema import foxglove_pb2 as fox
 from wayproof.harness.stack.decision import path_of
+from wayproof.harness.viewer.foxglove_scene import EventMarks, TrueScene, evidence_grids
+from wayproof.harness.viewer.foxglove_shapes import (
+    BLUE,
+    GREEN,
+    PINK,
+    PURPLE,
+    RED,
+    ROBOT,
+    TRUTH,
+    WORLD,
+    ball,
+    coloured_grid,
+    label,
+    line_through,
+    packed_fields,
+    pose_at,
+)
 from wayproof.harness.viewer.layer import COLOURS, kinds, layer_at
 from wayproof.harness.viewer.moments import Moment, moments, standing_low
 from wayproof.harness.viewer.tiles import Tiles
 from wayproof.harness.viewer.words import is_warning
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
-WORLD, ROBOT, TRUTH = "world", "robot", "truth"
-"""Names of the frames."""
-
 MOST_HITS = 3000
 SWEEP_PERIOD_NS = 200_000_000
-CELLS_PERIOD_NS = 1_000_000_000
+CELLS_PERIOD_NS = EVIDENCE_PERIOD_NS = 1_000_000_000
+"""As in the view by Rerun."""
 
 EDGE_M = 1.0
 """Width of the unknown space drawn around the map, m."""
-
-"""As in the view by Rerun."""
-
-BLUE, GREEN, RED = (0.24, 0.43, 0.92), (0.08, 0.67, 0.27), (0.82, 0.16, 0.16)
-PURPLE, PINK = (0.59, 0.24, 0.75), (0.92, 0.08, 0.35)
 
 OPACITY = 230
 """Of grids on the floor, 0 to 255."""
@@ -116,7 +126,8 @@ class _Artist:
         self._tiles = Tiles(standing_low(log.mission), log.mission.high, log.config.map.resolution)
         self._cells: dict[str, NDArray[np.float64]] = {}
         self._layer: NDArray[np.uint8] | None = None
-        self._swept_ns = self._cells_ns = -(10**12)
+        self._scene, self._events = TrueScene(log), EventMarks(log)
+        self._swept_ns = self._cells_ns = self._evidence_ns = -(10**12)
         self._last = int(log.result.get("decisions", "0")) - 1
 
     def views(self, moment: Moment) -> Iterator[View]:
@@ -124,10 +135,19 @@ class _Artist:
         now, stamp = moment.time_ns, moment.decision.timestamp
         yield "/tf", _transforms(moment)
         yield "/viz/plan", self._plan(moment)
+        for topic, update in (
+            ("/viz/scene", self._scene.update(moment.truth, stamp)),
+            ("/viz/events", self._events.update(moment)),
+        ):
+            if update is not None:
+                yield topic, update
         yield "/viz/reasons", _reason(moment)
         grid = self._changed_layer(moment)
         if grid is not None:
             yield "/viz/layer", grid
+        if now - self._evidence_ns >= EVIDENCE_PERIOD_NS:
+            self._evidence_ns = now
+            yield from evidence_grids(moment, self._log.mission)
         own = moment.stack_costmap
         if own is not None:
             yield "/viz/stack_costmap", _stack_costmap(own.grid, stamp)
@@ -155,7 +175,7 @@ class _Artist:
         edge = round(EDGE_M / side)
         layer_kinds = np.pad(layer_kinds, edge, constant_values=UNKNOWN)
         x, y = (float(value) - edge * side for value in costmap.origin[:2])
-        return _grid(palette[layer_kinds.T], x, y, side, moment.decision.timestamp)
+        return coloured_grid(palette[layer_kinds.T], x, y, side, moment.decision.timestamp)
 
     def _plan(self, moment: Moment) -> fox.SceneUpdate:
         decision, mission = moment.decision, self._log.mission
@@ -163,14 +183,16 @@ class _Artist:
         plan = fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id="plan")
         command = moment.commanded
         if command is None:
-            plan.lines.append(_line(path_of(decision.global_path), 0.04, BLUE))
+            plan.lines.append(line_through(path_of(decision.global_path), 0.04, BLUE))
         else:
-            plan.lines.append(_line(command.planned_path, 0.04, PURPLE))
-            plan.lines.append(_line(command.refused, 0.1, PINK))
-        plan.lines.append(_line(path_of(decision.trajectory.path), 0.08, GREEN))
-        plan.spheres.append(_sphere(mission.goal, 0.25, GREEN, 1.0))
+            plan.lines.append(line_through(command.planned_path, 0.04, PURPLE))
+            plan.lines.append(line_through(command.refused, 0.1, PINK))
+        plan.lines.append(line_through(path_of(decision.trajectory.path), 0.08, GREEN))
+        plan.spheres.append(ball(mission.goal, 0.25, GREEN, 1.0))
+        both = np.array([moment.truth.position, decision.position])
+        plan.lines.append(line_through(both, 0.02, RED))  # the error of the pose
         for place, colour in ((decision.position, BLUE), (moment.truth.position, RED)):
-            plan.spheres.append(_sphere(tuple(place), 2.0 * mission.radius, colour, 0.4))
+            plan.spheres.append(ball(tuple(place), 2.0 * mission.radius, colour, 0.4))
         update = fox.SceneUpdate(entities=[plan])
         outcome = self._log.result["outcome"]
         if decision.sequence == self._last and outcome != "success":
@@ -186,44 +208,15 @@ def _stack_costmap(grid: Grid, stamp: Timestamp) -> fox.Grid:
     )
     opaque = np.full((*grid.cells.shape, 1), OPACITY, np.uint8)
     x, y = grid.origin.tolist()
-    return _grid(np.concatenate([colours, opaque], axis=2), x, y, grid.resolution, stamp)
-
-
-def _grid(
-    colours: NDArray[np.uint8], x: float, y: float, side: float, stamp: Timestamp
-) -> fox.Grid:
-    """Return a grid on the floor.
-
-    Args:
-        colours: (ny, nx, 4) red, green, blue and opacity of its cells.
-        x: Of the lower corner of its first cell, m, world.
-        y: The same.
-        side: Edge of a cell, m.
-        stamp: Time.
-    """
-    columns = colours.shape[1]
-    return fox.Grid(
-        timestamp=stamp,
-        frame_id=WORLD,
-        pose=_pose(x, y, 0.0),
-        column_count=columns,
-        cell_size=fox.Vector2(x=side, y=side),
-        row_stride=4 * columns,
-        cell_stride=4,
-        fields=_fields(("red", "green", "blue", "alpha"), fox.PackedElementField.UINT8, 1),
-        data=colours.tobytes(),
-    )
+    return coloured_grid(np.concatenate([colours, opaque], axis=2), x, y, grid.resolution, stamp)
 
 
 def _failure(moment: Moment, words: str) -> fox.SceneEntity:
     """Return a mark at the place of a failure, with its reason."""
     stamp, place = moment.decision.timestamp, tuple(moment.truth.position)
     mark = fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id="failure")
-    mark.spheres.append(_sphere(place, 0.5, RED, 1.0))
-    x, y, z = place
-    text = fox.TextPrimitive(pose=_pose(x, y, z + 0.6), billboard=True, font_size=0.3, text=words)
-    text.color.CopyFrom(_colour(RED, 1.0))
-    mark.texts.append(text)
+    mark.spheres.append(ball(place, 0.5, RED, 1.0))
+    mark.texts.append(label(place, words, RED, above=0.6))
     return mark
 
 
@@ -257,44 +250,8 @@ def _cloud(points: NDArray[np.float64], stamp: Timestamp) -> fox.PointCloud:
     return fox.PointCloud(
         timestamp=stamp,
         frame_id=WORLD,
-        pose=_pose(0.0, 0.0, 0.0),
+        pose=pose_at(0.0, 0.0, 0.0),
         point_stride=12,
-        fields=_fields(("x", "y", "z"), fox.PackedElementField.FLOAT32, 4),
+        fields=packed_fields(("x", "y", "z"), fox.PackedElementField.FLOAT32, 4),
         data=points.astype("<f4").tobytes(),
     )
-
-
-def _fields(
-    names: tuple[str, ...], kind: fox.PackedElementField.NumericType, size: int
-) -> list[fox.PackedElementField]:
-    return [
-        fox.PackedElementField(name=name, offset=size * place, type=kind)
-        for place, name in enumerate(names)
-    ]
-
-
-def _line(
-    points: NDArray[np.float64], thickness: float, colour: tuple[float, float, float]
-) -> fox.LinePrimitive:
-    line = fox.LinePrimitive(pose=_pose(0.0, 0.0, 0.0), thickness=thickness)
-    line.color.CopyFrom(_colour(colour, 1.0))
-    for x, y, z in points.tolist():
-        line.points.add(x=x, y=y, z=z)
-    return line
-
-
-def _sphere(
-    place: tuple[float, ...], size: float, colour: tuple[float, float, float], opacity: float
-) -> fox.SpherePrimitive:
-    return fox.SpherePrimitive(
-        pose=_pose(*place), size=fox.Vector3(x=size, y=size, z=size), color=_colour(colour, opacity)
-    )
-
-
-def _colour(colour: tuple[float, float, float], opacity: float) -> fox.Color:
-    r, g, b = colour
-    return fox.Color(r=r, g=g, b=b, a=opacity)
-
-
-def _pose(x: float, y: float, z: float) -> fox.Pose:
-    return fox.Pose(position=fox.Vector3(x=x, y=y, z=z), orientation=fox.Quaternion(w=1.0))

@@ -4,17 +4,27 @@ import importlib.util
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.reader import make_reader
 
 from wayproof.harness.cli.main import main
+from wayproof.harness.config import Config
 from wayproof.harness.log.reader import open_log
+from wayproof.harness.scenario.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.viewer.evidence import UNKNOWN_COLOUR
+from wayproof.harness.viewer.foxglove_scene import EventMarks, TrueScene
 from wayproof.harness.viewer.layer import COLOURS
+from wayproof.harness.viewer.true_scene import true_scene
 from wayproof.maps import FREE, UNKNOWN
+from wayproof.models.worlds import WORLDS
 
 LAYOUT = Path(__file__).parents[3] / "docs/foxglove-layout.json"
 
@@ -64,7 +74,11 @@ def test_each_topic_has_the_schema_that_a_viewer_knows(converted):
     assert {topic: schema for topic, schema, _, _ in converted} == {
         "/tf": "foxglove.FrameTransforms",
         "/viz/plan": "foxglove.SceneUpdate",
+        "/viz/scene": "foxglove.SceneUpdate",
+        "/viz/events": "foxglove.SceneUpdate",
         "/viz/layer": "foxglove.Grid",
+        "/viz/age": "foxglove.Grid",
+        "/viz/probability": "foxglove.Grid",
         "/viz/cells": "foxglove.PointCloud",
         "/viz/sweep": "foxglove.PointCloud",
         "/viz/reasons": "foxglove.Log",
@@ -116,6 +130,63 @@ def test_foxglove_s_own_classes_read_every_message(log, tmp_path):
     assert read.returncode == 0, read.stderr
     known = ["FrameTransforms", "Grid", "Log", "PointCloud", "SceneUpdate"]
     assert read.stdout.strip() == str(known)
+
+
+def test_the_true_scene_comes_once_as_triangles(converted, log):
+    (update,) = of(converted, "/viz/scene")
+    (entity,) = update.entities
+    assert entity.id == "obstacles"
+    points = np.array([[p.x, p.y, p.z] for p in entity.triangles[0].points])
+    assert entity.triangles[0].color.a < 0.5
+    expected = true_scene(open_log(log)).still["obstacles"].reshape(-1, 3)
+    np.testing.assert_array_equal(points, expected)
+
+
+def test_movers_move_and_absent_ones_have_no_surface(log):
+    mjcf = build(Config("ghosts", "drone", 1)).scene.mjcf
+    scene = TrueScene(replace(open_log(log), scene=mjcf))
+    names = [mover.name for mover in WORLDS["ghosts"](1, 0.5).movers]
+    movers = [
+        pb.MoverPose(
+            name=name, present=number > 0, position=[1.0, 2.0, number], quaternion=[1, 0, 0, 0]
+        )
+        for number, name in enumerate(names)
+    ]
+    update = scene.update(pb.Truth(movers=movers), Timestamp())
+    shown = {entity.id: entity for entity in update.entities}
+    assert not shown[f"mover {names[0]}"].triangles
+    (surface,) = shown[f"mover {names[2]}"].triangles
+    assert (surface.pose.position.x, surface.pose.position.z) == (1.0, 2.0)
+    again = scene.update(pb.Truth(movers=movers), Timestamp())
+    assert {entity.id for entity in again.entities} == {f"mover {name}" for name in names}
+
+
+def test_events_stay_where_they_were(log):
+    marks = EventMarks(open_log(log))
+    truth = pb.Truth(position=[1.0, 2.0, 3.0])
+    stop = SimpleNamespace(decision=pb.Decision(action="stop_and_wait"), truth=truth)
+    hit = SimpleNamespace(
+        decision=pb.Decision(action="stop_and_wait"),
+        truth=pb.Truth(position=[1.0, 2.0, 3.0], collisions=1),
+    )
+    (first,), (second,) = (marks.update(one).entities for one in (stop, hit))
+    assert marks.update(hit) is None
+    assert (first.id, second.id) == ("event 0", "event 1")
+    assert not first.texts
+    assert second.texts[0].text == "contact 1"
+    assert second.spheres[0].pose.position.y == 2.0
+
+
+def test_evidence_is_grey_where_the_layer_is_unknown(converted):
+    layer, age = of(converted, "/viz/layer")[0], of(converted, "/viz/age")[0]
+    edge = (layer.column_count - age.column_count) // 2
+
+    def cells(grid):
+        return np.frombuffer(grid.data, np.uint8).reshape(-1, grid.column_count, 4)[..., :3]
+
+    unknown = (cells(layer)[edge:-edge, edge:-edge] == COLOURS[UNKNOWN]).all(axis=2)
+    grey = (cells(age) == UNKNOWN_COLOUR).all(axis=2)
+    np.testing.assert_array_equal(grey, unknown)
 
 
 def test_decisions_are_those_of_the_log(converted, log):
