@@ -52,6 +52,13 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     )
     path = options.log or options.logs / f"{log_name(recording, prepared)}.mcap"
     console.print(f"{recording.name}: {recording.chosen}", soft_wrap=True, highlight=False)
+    if prepared.assumes_height:
+        console.print(
+            "the recording does not say how high the body is: its origin is taken to be on the "
+            "floor; --mount or --set recording.body_height=M says otherwise",
+            soft_wrap=True,
+            highlight=False,
+        )
     began = time.perf_counter()
     _run(recording, prepared, path, console)
     stepped = time.perf_counter() - began

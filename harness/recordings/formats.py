@@ -70,8 +70,18 @@ def open_recording(path: Path, *, options: RecordingOptions | None = None) -> Re
     for name, one in FORMATS.items():
         if one.matches(path):
             return _opened(path, name, options)
+    if packed := _packed(path):
+        raise InputError(
+            f"recording '{path}': '{packed.name}' is packed, unpack it first (zstd -d)"
+        )
     listed = ", ".join(f"{name}: {one.help}" for name, one in FORMATS.items())
     raise InputError(f"recording '{path}': of no known format ({listed})")
+
+
+def _packed(path: Path) -> Path | None:
+    """Return a file of a bag whose files are packed as a whole; None without one."""
+    inside = [path] if path.is_file() else sorted(path.iterdir())
+    return next((one for one in inside if one.suffix in (".zst", ".zstd")), None)
 
 
 def _opened(path: Path, name: str, options: RecordingOptions) -> Recording:

@@ -17,8 +17,8 @@ from wayproof.harness.recordings.matrices import OPTICAL, is_camera_world, of_bo
 from wayproof.harness.recordings.recording import Faults, Recording, RecordingOptions
 from wayproof.harness.recordings.text import rows
 
-PERIOD_NS = 33_333_333
-"""Time from one frame to the next, ns: the files have no stamps, a Kinect takes 30 a second."""
+RATE = 30
+"""Frames a second: the files have no stamps, and a Kinect takes so many."""
 
 UNITS_PER_METRE = 1000.0
 
@@ -28,7 +28,7 @@ USUAL: Intrinsics = (585.0, 585.0, 320.0, 240.0)
 INTRINSICS = ("camera-intrinsics.txt", "intrinsic/intrinsic_depth.txt", "intrinsics.txt")
 """Files with a matrix of intrinsics."""
 
-LAYOUTS = (("", "*.depth.png", "{folder}/{stem}.pose.txt"), ("depth", "*.png", "pose/{stem}.txt"))
+LAYOUTS = (("", "*.depth.png", "{stem}.pose.txt"), ("depth", "*.png", "pose/{stem}.txt"))
 """Folder of the images, their names, and the name of the pose beside: 7-Scenes, ScanNet."""
 
 MOST_MATRIX = 2**16
@@ -55,7 +55,7 @@ def open_frames(path: Path, options: RecordingOptions) -> Recording:
     files, stamps, numbers = [], [], []
     for place, (image, pose) in enumerate(pairs):
         number = re.findall(r"\d+", image.name)
-        stamp = (int(number[0][:9]) if number else place) * PERIOD_NS
+        stamp = stamp_of(int(number[0][:9]) if number else place)
         files.append(SweepFile(stamp, image))
         matrix = _matrix(pose) if pose.is_file() else None
         if matrix is None:
@@ -76,7 +76,7 @@ def open_frames(path: Path, options: RecordingOptions) -> Recording:
         source="a matrix for each image",
         chosen=(
             f"intrinsics {','.join(f'{value:g}' for value in intrinsics)},"
-            f" {1e9 / PERIOD_NS:.3g} frames a second,"
+            f" {RATE} frames a second,"
             f" z up {'as the camera' if turned else 'in the poses'}"
         ),
         others=[*([found] if found else []), *(pose for _, pose in pairs)],
@@ -85,16 +85,17 @@ def open_frames(path: Path, options: RecordingOptions) -> Recording:
     return open_folder(path, contents, options, faults)
 
 
+def stamp_of(number: int) -> int:
+    """Return the time of a frame after that of number 0, ns; those of each tenth are exact."""
+    return number * 10**9 // RATE
+
+
 def _pairs(path: Path) -> list[tuple[Path, Path]]:
     """Return images with the names of their poses, in order of the numbers in their names."""
     for folder, pattern, named in LAYOUTS:
         images = sorted((path / folder).glob(pattern), key=lambda one: (len(one.name), one.name))
         if images:
-            place = path / folder
-            return [
-                (one, path / named.format(folder=place, stem=one.name.split(".")[0]))
-                for one in images
-            ]
+            return [(one, path / named.format(stem=one.name.split(".")[0])) for one in images]
     return []
 
 

@@ -58,6 +58,8 @@ class Prepared:
         writers: Writers of their sweeps, by the name in the recording.
         lift: Height that is added to the mounts of planar lasers, m.
         way: Of the robot.
+        assumes_height: Whether nothing says how high the body is above a floor that its sensors
+            see.
     """
 
     config: Config
@@ -66,6 +68,7 @@ class Prepared:
     writers: dict[str, SweepWriter]
     lift: float
     way: Way
+    assumes_height: bool = False
 
     @property
     def recorded(self) -> RecordingConfig:
@@ -132,7 +135,17 @@ def prepare(
             raise InputError(f"recording '{recording.name}': two sensors of the name {info.name}")
         infos.append(info)
         writers[sensor.name] = SweepWriter(sensor, info, mount)
-    return Prepared(config, mission, tuple(infos), writers, lift, way)
+    named = any(one.partition("=")[0].strip() == "recording.body_height" for one in settings)
+    stated = named or recording.body_height is not None or recording.options.mount is not None
+    return Prepared(
+        config=config,
+        mission=mission,
+        infos=tuple(infos),
+        writers=writers,
+        lift=lift,
+        way=way,
+        assumes_height=body.motion == "ground" and not planar and not stated,
+    )
 
 
 def _read_part(recording: Recording) -> RecordedTrack:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from wayproof.harness.recordings.depth import Intrinsics
-from wayproof.harness.recordings.frames import PERIOD_NS
+from wayproof.harness.recordings.frames import RATE
 from wayproof.harness.recordings.matrices import OPTICAL
 from wayproof.harness.recordings.poses import compose, inverse
 from wayproof.harness.recordings.recording import Recording
@@ -134,7 +134,7 @@ def _placed(
 
 def _frame_of(sweep: RecordedSweep) -> int:
     """Return the number of the frame at the time of a sweep, of 30 a second."""
-    return round(sweep.time_ns / PERIOD_NS)
+    return round(sweep.time_ns * RATE * 1e-9)
 
 
 def _matrix(pose: Transform) -> NDArray[np.float64]:

@@ -24,6 +24,12 @@ LONGEST_SWEEP_NS = 10 * 10**9
 """Times of points farther from the stamp are none, ns."""
 
 
+SHORTEST_SWEEP_NS = 10**6
+"""Time that a sweep of points with times takes at least, ns."""
+
+UNITS = {1e9: "s", 1e3: "us", 1.0: "ns"}
+
+
 class PointTime(NamedTuple):
     """The field with the time of a point.
 
@@ -40,7 +46,7 @@ class PointTime(NamedTuple):
     @property
     def text(self) -> str:
         """Name and unit in words."""
-        unit = "s" if self.unit_ns > 1.0 else "ns"
+        unit = UNITS[self.unit_ns]
         since = "the epoch" if self.absolute else "the stamp"
         return f"'{self.name}', {unit} since {since}"
 
@@ -97,7 +103,8 @@ def finite(cloud: Cloud, faults: Faults) -> Cloud:
 def point_time(cloud: Cloud) -> PointTime | None:
     """Tell the unit and the origin of the times of a cloud's points.
 
-    An integer is in nanoseconds (Ouster's `t`, Livox's `offset_time`), a floating-point number in
+    An integer is in nanoseconds (Ouster's `t`, Livox's `offset_time`), or in microseconds if a
+    sweep would else take less than a millisecond (Velodyne's packets), a floating-point number in
     seconds (Velodyne's `time`, Hesai's `timestamp`), or in nanoseconds if the points would else be
     more than 10 s apart (Livox's `timestamp`). It counts from the stamp, or as stamps do, whichever
     is nearer to the stamp.
@@ -109,7 +116,8 @@ def point_time(cloud: Cloud) -> PointTime | None:
         return None
     spread = float(times.max() - times.min())
     in_seconds = cloud.times.dtype.kind == "f" and spread * 1e9 <= LONGEST_SWEEP_NS
-    unit = 1e9 if in_seconds else 1.0
+    is_short = cloud.times.dtype.kind in "iu" and 1e3 <= spread < SHORTEST_SWEEP_NS
+    unit = 1e9 if in_seconds else 1e3 if is_short else 1.0
     middle = float(np.median(times)) * unit
     absolute = abs(middle - cloud.stamp_ns) < abs(middle)
     return PointTime(cloud.time_field, unit, absolute)
@@ -143,7 +151,7 @@ def _rows(message: Any) -> NDArray[np.uint8]:  # (n, point_step)
     if step == 0:
         raise Broken("a cloud of points of no bytes")
     row_step = int(message.row_step)
-    if row_step <= width * step or height == 1:
+    if row_step <= width * step or height == 1 or len(data) == count * step:
         if len(data) < count * step:
             raise Broken(f"a cloud of {len(data)} bytes for {count} points of {step}")
         return data[: count * step].reshape(count, step)

@@ -141,7 +141,10 @@ def _of_scan(message: Any, reading: Reading, faults: Faults) -> Beams:
     step = float(message.time_increment)
     if not 0.0 <= step * count * 1e9 <= LONGEST_SCAN_NS:
         raise Broken(f"a scan of {count} beams, {step:g} s apart")
-    return scan_beams(angles, np.asarray(message.ranges), reading.limits, faults, step)
+    ranges = np.asarray(message.ranges)
+    # Older drivers write the maximum where nothing came back; laser_geometry drops it, too.
+    ranges = np.where(ranges == np.float32(topic.range_max), np.float32(np.inf), ranges)
+    return scan_beams(angles, ranges, reading.limits, faults, step)
 
 
 def _of_cloud(message: Any, reading: Reading, silent: Silent | None, faults: Faults) -> Beams:

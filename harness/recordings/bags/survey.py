@@ -110,10 +110,15 @@ class Survey:
 
 
 def files_of(path: Path) -> list[Path]:
-    """Return the files of a bag: the one, or those of a folder of ROS 2 by their numbers."""
+    """Return the files of a bag: the one, or those of a folder by their numbers.
+
+    A folder is a bag of ROS 2, or holds the parts of one of ROS 1 (`rosbag record --split`).
+    """
     if path.is_file():
         return [path]
-    found = [one for one in path.iterdir() if one.suffix in (".mcap", ".db3") and one.is_file()]
+    inside = [one for one in path.iterdir() if one.is_file()]
+    found = [one for one in inside if one.suffix in (".mcap", ".db3")]
+    found = found or [one for one in inside if one.suffix == ".bag"]
     return sorted(found, key=lambda one: (len(one.name), one.name))
 
 

@@ -5,6 +5,7 @@ from tests.harness.recordings.bags.making import Bag, at
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.bags.choose import FOOTPRINT
 from wayproof.harness.recordings.formats import open_recording
+from wayproof.harness.recordings.poses import rotate
 from wayproof.harness.recordings.recording import RecordingOptions
 from wayproof.harness.recordings.types import Transform
 
@@ -45,6 +46,51 @@ def test_a_scan_of_every_kind_of_bag(tmp_path, kind):
         "range: not a number": 1,
     }
     assert recording.chosen == "/scan (laser); poses: frames odom -> base_link"
+
+
+def test_the_maximum_itself_says_that_nothing_came_back(tmp_path):
+    bag = simple()
+    bag.scan(10.5, [1.0, 10.0, 9.99])
+    recording = opened(bag.write(tmp_path / "bag"))
+    (sweep,) = recording.sweeps()
+    assert sweep.ranges.tolist() == [1.0, np.inf, np.float32(9.99)]
+    assert not recording.sensors[0].missing_returns_known
+
+
+def test_a_laser_upside_down_has_its_left_to_the_right(tmp_path):
+    bag = Bag()
+    bag.drive([10.0, 11.0])
+    bag.tf("base_link", "laser", 10.0, at(0.0, 0.0, 0.5, (0.0, 1.0, 0.0, 0.0)), "/tf_static")
+    bag.scan(10.5, [2.0, np.nan], angle_min=np.pi / 2)
+    (sweep,) = opened(bag.write(tmp_path / "bag")).sweeps()
+    ends = rotate(sweep.T_body_sensor.quaternion, sweep.directions * sweep.ranges[:, None])
+    np.testing.assert_allclose(ends, [[0.0, -2.0, 0.0]], atol=1e-6)
+
+
+def test_a_folder_of_the_parts_of_a_bag_of_ros_1_is_one_bag(tmp_path):
+    whole = Bag("ros1")
+    whole.drive([10.0, 11.0])
+    whole.tf("base_link", "laser", 10.0, at(), "/tf_static")
+    parts = Bag("ros1"), Bag("ros1")
+    for number in range(4):
+        for bag in (whole, parts[number // 2]):
+            bag.scan(10.2 + 0.2 * number, [1.0 + number])
+    parts[0].messages[:0] = whole.messages[:3]
+    folder = tmp_path / "parts"
+    folder.mkdir()
+    for number, part in enumerate(parts):
+        part.write(folder / f"run_{number}.bag")
+    one = [(sweep.time_ns, sweep.ranges.tolist()) for sweep in opened(folder).sweeps()]
+    other = opened(whole.write(tmp_path / "whole.bag")).sweeps()
+    assert one == [(sweep.time_ns, sweep.ranges.tolist()) for sweep in other]
+    assert len(one) == 4
+
+
+def test_a_bag_whose_files_are_packed_is_one_line(tmp_path):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag/bag_0.db3.zstd").write_bytes(b"\x28\xb5\x2f\xfd")
+    with pytest.raises(InputError, match=r"'bag_0\.db3\.zstd' is packed, unpack it first"):
+        opened(tmp_path / "bag")
 
 
 def test_the_beams_of_a_scan_may_be_apart_in_time(tmp_path):

@@ -60,6 +60,7 @@ def test_an_organised_cloud_with_holes_and_padded_rows(tmp_path):
     ("name", "times", "text"),
     [
         ("t", np.array([0, 40_000_000, 90_000_000], np.uint32), "'t', ns since the stamp"),
+        ("t", np.array([0, 40_000, 90_000], np.uint32), "'t', us since the stamp"),
         ("time", np.array([0.0, 0.04, 0.09], np.float32), "'time', s since the stamp"),
         (
             "timestamp",
