@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.world_files.clouds import read_las, read_pcd
 from wayproof.models.world_files.ends import SHORT, Chosen, NoSpaceError, choose_ends, has_inside
 from wayproof.models.world_files.free_space import Ground
 from wayproof.models.world_files.ground import FLOOR_KIND, raise_by, settle_ground
@@ -38,6 +39,10 @@ FORMATS: dict[str, Reader] = {
     ".3dmap": read_voxel_map,
     ".yaml": read_occupancy_map,
     ".bt": read_octomap,
+    ".ot": read_octomap,
+    ".pcd": read_pcd,
+    ".las": read_las,
+    ".laz": read_las,
     **dict.fromkeys(ENDINGS, read_mesh),
     ".urdf": read_urdf,
     ".npy": read_heights,
@@ -148,7 +153,7 @@ def _instead(found: Found) -> str:
         return f": {count} models or files are not there, expected --model-path to {names[:300]}"
     if any("--visuals" in note for note in found.notes):
         return ": its links have visuals only, expected --visuals to make them solid"
-    return ""
+    return ", expected a model with a collision, or a plane as the floor"
 
 
 def complete(found: Found, options: ImportOptions | None = None) -> Ends:

@@ -8,7 +8,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,16 +62,48 @@ def load_mesh_file(path: Path) -> MeshFile:
         known = ", ".join(READERS)
         raise WorldFileError(path, f"mesh format '{path.suffix}' (available: {known})")
     check_file(path, MOST_BYTES)
+    loaded = _parsed(path, reader)
+    return MeshFile([_checked(path, surface) for surface in loaded.surfaces], loaded.up)
+
+
+def cloud_points(path: Path) -> NDArray[np.float64] | None:
+    """Return the points (n, 3) of a PLY without faces, in its units; None if it has faces.
+
+    Raises:
+        WorldFileError: A broken file, more points than vertices are allowed, or no trimesh.
+    """
+    check_file(path, MOST_BYTES)
+    data = path.read_bytes()
+    header = data[: data.find(b"end_header")].splitlines()
+    faces = [line.split() for line in header if line.split()[:2] == [b"element", b"face"]]
+    if any(words[2:] != [b"0"] for words in faces):
+        return None
+    _check_count(path)
+    return _parsed(path, _cloud)
+
+
+def _cloud(path: Path) -> NDArray[np.float64]:
+    import trimesh
+
+    with path.open("rb") as file:
+        cloud: Any = trimesh.load(file, file_type="ply", process=False)
+    return np.array(cloud.vertices, np.float64).reshape(-1, 3)
+
+
+Parsed = TypeVar("Parsed")
+
+
+def _parsed(path: Path, reader: Callable[[Path], Parsed]) -> Parsed:
+    """Call a parser of someone else's, and say in one line what it fails with."""
     try:
-        loaded = reader(path)
+        return reader(path)
     except WorldFileError:
         raise
     except ImportError as error:
         raise WorldFileError(path, f"needs {error.name}: {EXTRA}") from None
-    except Exception as error:  # whatever a parser of someone else's raises on a broken file
+    except Exception as error:  # whatever it raises on a broken file
         text = " ".join(str(error).split()) or type(error).__name__
         raise WorldFileError(path, f"no mesh ({text[:100]})") from None
-    return MeshFile([_checked(path, surface) for surface in loaded.surfaces], loaded.up)
 
 
 def _checked(path: Path, surface: Surface) -> Surface:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
+from wayproof.models.world_files.clouds import cells_of_points
 from wayproof.models.world_files.decomposition import decompose
 from wayproof.models.world_files.hulls import hull, is_convex, surface_error
-from wayproof.models.world_files.mesh_files import MOST_FACES, READERS, load_mesh_file
+from wayproof.models.world_files.mesh_files import MOST_FACES, READERS, cloud_points, load_mesh_file
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Mesh, Part, vector
 from wayproof.models.world_files.reading import WorldFileError
@@ -82,6 +83,8 @@ def read_mesh(path: Path, options: ImportOptions) -> Found:
     Raises:
         WorldFileError: No trimesh, no mesh, or more triangles than allowed.
     """
+    if path.suffix.lower() == ".ply" and (points := cloud_points(path)) is not None:
+        return cells_of_points(path, points, options)
     found = Found()
     found.parts = mesh_parts(path, np.full(3, options.scale), found.notes, upright=True)
     return found

@@ -37,7 +37,6 @@ LOADED = (
     "wayproof.harness.study.report.report",
     "wayproof.harness.cli.score",
     "wayproof.models.world_files",
-    "pyoctomap",
     "trimesh",
 )
 """Modules that commands load lazily, loaded beforehand so that they do not count."""

@@ -5,11 +5,13 @@ Each maker writes its file into a folder and returns the arguments of the comman
 
 from __future__ import annotations
 
+import json
 import pickle
 import struct
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from wayproof.models.robots import custom
 
@@ -34,6 +36,24 @@ SDF = "<sdf version='1.6'><world name='w'>{}</world></sdf>"
 MODEL = "<sdf version='1.6'><model name='m'><static>1</static>{}</model></sdf>"
 LINK = "<link name='l'><collision name='c'><geometry>{}</geometry></collision></link>"
 DOUBLINGS = 20
+
+
+PCD = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS {}\nDATA {}\n"
+PLY = (
+    "ply\nformat binary_little_endian 1.0\n{}property float x\nproperty float y\n"
+    "property float z\nend_header\n"
+)
+
+
+def gltf(count: int = 3, **more: Any) -> str:
+    """Return a glTF of one triangle with other properties in place of its own."""
+    return json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64," + "A" * 48}],
+    } | more)  # fmt: skip
 
 
 def mjcf(content: str, head: str = "") -> str:
@@ -156,6 +176,49 @@ _text(
     ".bt",
     b"# Octomap OcTree binary file\nid OcTree\nsize 2\nres 0.1\ndata\n\x02\x00",
 )
+_text(
+    "OctoMap: a chain of 4e6 nodes",
+    ".bt",
+    b"# Octomap OcTree binary file\nid OcTree\nsize 4000000\nres 0.1\ndata\n"
+    + b"\x03\x00" * 4_000_000,
+)
+_text(
+    "OctoMap: a chain of 1.6e6 nodes with log-odds",
+    ".ot",
+    b"# Octomap OcTree file\nid OcTree\nsize 1600000\nres 0.1\ndata\n"
+    + b"\x00\x00\x80\x3f\x01" * 1_600_000,
+)
+_text("cloud: PCD of 1e12 points", ".pcd", PCD.format(1_000_000_000_000, "binary"))
+_text("cloud: PCD of 1e12 points in text", ".pcd", PCD.format(1_000_000_000_000, "ascii") + "0 0 0")
+_text("cloud: PCD of two points 1e12 m apart", ".pcd", PCD.format(2, "ascii") + "0 0 0 1e12 0 0")
+_text("cloud: PLY of 4e9 points", ".ply", PLY.format("element vertex 4000000000\n"))
+_text(
+    "mesh: PLY of a face of 4e9 corners",
+    ".ply",
+    PLY.format("element vertex 3\n")
+    .replace("end_header", "element face 1\nproperty list uint int vertex_indices\nend_header")
+    .encode()
+    + bytes(36)
+    + b"\xff" * 4,
+)
+_text("mesh: glTF of 4e9 vertices", ".gltf", gltf(count=4_000_000_000))
+_text("mesh: glTF with a node below itself", ".gltf",
+      gltf(nodes=[{"children": [1]}, {"children": [0]}]))  # fmt: skip
+_text("mesh: glTF with a buffer outside", ".gltf",
+      gltf(buffers=[{"byteLength": 36, "uri": "../../etc/passwd"}]))  # fmt: skip
+_text(
+    "URDF: joints in a circle",
+    ".urdf",
+    "<robot><link name='a'/><link name='b'/><joint><parent link='a'/><child link='b'/></joint>"
+    "<joint><parent link='b'/><child link='a'/></joint></robot>",
+)
+_text(
+    "URDF: a mesh outside",
+    ".urdf",
+    "<robot><link name='a'><collision><geometry><mesh filename='file:///etc/passwd'/></geometry>"
+    "</collision></link></robot>",
+)
+_text("URDF: billion laughs", ".urdf", f"<!DOCTYPE a [{ENTITIES}]><robot name='&e9;'/>")
 _text("map: an alias of an alias", ".yaml", "image: &a [*a, *a]\n" + MAP.format(image="a.png"))
 _text("study: 1e11 seeds", ".toml", STUDY + "seeds = 100000000000\n")
 _text(

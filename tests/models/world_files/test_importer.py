@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 
 import mujoco
 import numpy as np
@@ -378,18 +379,84 @@ def test_broken_map_files_are_named(tmp_path, text, said):
         imported(write(tmp_path, "m.yaml", text))
 
 
-def test_an_octomap_gives_its_cells(tmp_path):
+def octomap(tmp_path, ending):
+    """Write a room of OctoMap's own, by its library, and return its occupied cells."""
     pyoctomap = pytest.importorskip("pyoctomap")
     tree = pyoctomap.OcTree(0.1)
-    for x in (2.05, 2.15, 2.25):
-        tree.updateNode([x, 0.05, 0.35], True)
-    tree.updateNode([1.05, 0.05, 0.35], False)
-    path = tmp_path / "m.bt"
-    assert tree.writeBinary(str(path))
-    (box,) = imported(path).solids
-    np.testing.assert_allclose([box.low, box.high], [(2.0, 0.0, 0.3), (2.3, 0.1, 0.4)], atol=1e-6)
+    rng = np.random.default_rng(4)
+    for place in rng.integers(-20, 20, (400, 3)):
+        tree.updateNode(((place + 0.5) * 0.1).tolist(), bool(rng.random() < 0.6))
+    for cell in np.stack(np.meshgrid(*3 * [np.arange(4)]), axis=-1).reshape(-1, 3):  # is pruned
+        tree.updateNode(((cell + 40.5) * 0.1).tolist(), True)
+    tree.updateInnerOccupancy()
+    path = tmp_path / f"m{ending}"
+    if ending == ".bt":
+        assert tree.writeBinary(str(path))
+    else:
+        path.write_bytes(tree.write())
+    cells = set()
+    for leaf in tree.begin_leafs():
+        if tree.isNodeOccupied(leaf):
+            side = round(leaf.getSize() / 0.1)
+            low = np.rint(np.array(leaf.getCoordinate()) / 0.1 - side / 2.0).astype(int)
+            cells |= {tuple(low + step) for step in np.ndindex(side, side, side)}
+    return path, cells
+
+
+@pytest.mark.parametrize("ending", [".bt", ".ot"])
+def test_an_octomap_gives_the_cells_that_its_library_says_are_occupied(tmp_path, ending):
+    path, expected = octomap(tmp_path, ending)
+    found = set()
+    for box in imported(path).solids:
+        low, high = (np.rint(np.array(corner) / 0.1).astype(int) for corner in (box.low, box.high))
+        found |= {tuple(low + step) for step in np.ndindex(*(high - low))}
+    assert found == expected
     with pytest.raises(WorldFileError, match="expected a file that begins with '# Octomap"):
-        imported(write(tmp_path, "n.bt", b"AcTree"))
+        imported(write(tmp_path, f"n{ending}", b"AcTree"))
+    with pytest.raises(WorldFileError, match="ends within its tree"):
+        imported(write(tmp_path, f"cut{ending}", path.read_bytes()[:-40]))
+
+
+CLOUD = np.array([[2.05, 0.05, 0.35], [2.15, 0.05, 0.35], [2.17, 0.02, 0.31], [3.05, 0.05, 0.35]])
+PCD_HEAD = "# .PCD v0.7\nFIELDS x y z intensity\nSIZE 4 4 4 1\nTYPE F F F U\nCOUNT 1 1 1 1\n"
+
+
+def cloud_file(tmp_path, kind):
+    if kind == "ply":
+        head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+        rows = "".join(" ".join(map(str, point)) + "\n" for point in CLOUD.tolist())
+        return write(tmp_path, "c.ply", head + "property float z\nend_header\n" + rows)
+    if kind == "ascii":
+        rows = "".join(" ".join(map(str, point)) + " 7\n" for point in CLOUD.tolist())
+        return write(tmp_path, "c.pcd", PCD_HEAD + "POINTS 5\nDATA ascii\n" + rows + "nan 0 0 7\n")
+    rows = np.zeros(4, [("p", "<f4", 3), ("i", "u1")])
+    rows["p"] = CLOUD
+    head = PCD_HEAD + "POINTS 4\nDATA binary\n"
+    return write(tmp_path, "c.pcd", head.encode() + rows.tobytes())
+
+
+@pytest.mark.parametrize("kind", ["ply", "ascii", "binary"])
+def test_a_point_cloud_gives_the_cells_of_its_points(tmp_path, kind):
+    near, far = sorted(imported(cloud_file(tmp_path, kind)).solids, key=lambda box: box.low[0])
+    np.testing.assert_allclose([near.low, near.high], [(2.0, 0.0, 0.3), (2.2, 0.1, 0.4)], atol=1e-6)
+    np.testing.assert_allclose([far.low, far.high], [(3.0, 0.0, 0.3), (3.1, 0.1, 0.4)], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("c.pcd", PCD_HEAD + "POINTS 9\nDATA binary\n123", "POINTS 9, but 0 are there"),
+        ("c.pcd", PCD_HEAD + "POINTS 2\nDATA ascii\n0 0 0 1 x", "a word that is no number"),
+        ("c.pcd", PCD_HEAD + "POINTS 2\nDATA ascii\n0 0 0 1", "but 4 numbers are there"),
+        ("c.pcd", PCD_HEAD + "POINTS 2\nDATA binary_compressed\n", "expected ascii or binary"),
+        ("c.pcd", PCD_HEAD.replace("F F F U", "Q F F U") + "POINTS 2\nDATA ascii\n", "Q4"),
+        ("c.pcd", "VERSION 0.7\n", "no line DATA"),
+        ("c.las", "LASF", "pdal translate c.las cloud.pcd"),
+    ],
+)
+def test_broken_clouds_are_refused_by_name(tmp_path, name, text, said):
+    with pytest.raises(WorldFileError, match=re.escape(said)):
+        imported(write(tmp_path, name, text))
 
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

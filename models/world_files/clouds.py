@@ -1,0 +1,148 @@
+"""Point clouds (`.pcd`, `.ply` without faces): each cell with a point is solid."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.world_files.options import Found, ImportOptions
+from wayproof.models.world_files.parts import vector
+from wayproof.models.world_files.reading import MAX_CELLS, WorldFileError, check_file
+from wayproof.models.world_files.voxel_maps import cell_boxes
+
+MAX_HEADER = 8192
+"""Bytes within which the header of a PCD ends."""
+
+TYPES = {"F4": "<f4", "F8": "<f8"} | {
+    f"{kind}{size}": f"<{kind.lower()}{size}" for kind in "IU" for size in (1, 2, 4, 8)
+}
+"""NumPy's types by TYPE and SIZE of a PCD."""
+
+MOST_VALUES = 1000
+"""Maximum number of values of a point."""
+
+
+def cells_of_points(path: Path, points: NDArray[np.float64], options: ImportOptions) -> Found:
+    """Return the cells that hold points (n, 3), m, as merged boxes.
+
+    Args:
+        path: The file.
+        points: Points that are not finite are left out and counted.
+        options: Side of a cell, and scale.
+
+    Raises:
+        WorldFileError: No point, or more cells than allowed.
+    """
+    finite = points[np.isfinite(points).all(axis=1)] * options.scale
+    if not len(finite):
+        raise WorldFileError(path, "no finite point")
+    cells = np.floor(finite / options.resolution)
+    low, high = cells.min(axis=0), cells.max(axis=0) + 1
+    if not np.prod(high - low) <= MAX_CELLS:
+        shape = " x ".join(f"{size:.0f}" for size in high - low)
+        raise WorldFileError(
+            path, f"{shape} cells, expected at most {MAX_CELLS}: a larger --resolution, or cut it"
+        )
+    occupied = np.zeros(tuple((high - low).astype(np.int64)), np.bool_)
+    occupied[tuple((cells - low).astype(np.int64).T)] = True
+    found = Found(grid=True, closed=True)
+    origin = vector(low * options.resolution)
+    found.parts = cell_boxes(path, occupied, options.resolution, origin)
+    count = int(occupied.sum())
+    found.notes.append(f"{len(finite)} points as {count} cells of {options.resolution:g} m")
+    if left_out := len(points) - len(finite):
+        found.notes.append(f"{left_out} points are not finite: left out")
+    return found
+
+
+def read_pcd(path: Path, options: ImportOptions) -> Found:
+    """Read a PCD of the Point Cloud Library (version 0.7, ASCII or binary).
+
+    Raises:
+        WorldFileError: Naming what of its header cannot be read.
+    """
+    check_file(path)
+    data = path.read_bytes()
+    fields, start = _header(path, data)
+    names = fields.get("FIELDS", [])
+    counts = [_whole(path, "COUNT", word) for word in fields.get("COUNT", ["1"] * len(names))]
+    types = [a + b for a, b in zip(fields.get("TYPE", []), fields.get("SIZE", []), strict=False)]
+    if not {"x", "y", "z"} <= set(names) or not len(names) == len(types) == len(counts):
+        what = "FIELDS, SIZE, TYPE and COUNT: expected x, y and z among them, and as many of each"
+        raise WorldFileError(path, what)
+    if unknown := [kind for kind in types if kind not in TYPES]:
+        known = ", ".join(TYPES)
+        raise WorldFileError(path, f"TYPE and SIZE {unknown[0][:20]} (available: {known})")
+    if sum(counts) > MOST_VALUES:
+        raise WorldFileError(path, f"{sum(counts)} values a point, expected at most {MOST_VALUES}")
+    number = _whole(path, "POINTS", " ".join(fields.get("POINTS", [])))
+    kind = " ".join(fields["DATA"])
+    if kind == "ascii":
+        table = _ascii(path, data[start:], number, sum(counts))
+        places = np.cumsum([0, *counts[:-1]])
+        columns = [table[:, places[names.index(axis)]] for axis in "xyz"]
+    elif kind == "binary":
+        record = np.dtype(
+            [(f"{n}", TYPES[t], (c,)) for n, (t, c) in enumerate(zip(types, counts, strict=True))]
+        )
+        if len(data) - start < number * record.itemsize:
+            there = (len(data) - start) // record.itemsize
+            raise WorldFileError(path, f"POINTS {number}, but {there} are there")
+        rows = np.frombuffer(data, record, number, start)
+        columns = [rows[str(names.index(axis))][:, 0] for axis in "xyz"]
+    else:
+        raise WorldFileError(
+            path, f"DATA {kind[:40]}, expected ascii or binary: pcl_convert_pcd_ascii_binary"
+        )
+    return cells_of_points(path, np.column_stack(columns).astype(np.float64), options)
+
+
+def _header(path: Path, data: bytes) -> tuple[dict[str, list[str]], int]:
+    """Return the words of each line of the header, and where the data begin."""
+    fields: dict[str, list[str]] = {}
+    start = 0
+    while start < min(len(data), MAX_HEADER):
+        end = data.find(b"\n", start)
+        if end < 0:
+            break
+        words = data[start:end].decode("ascii", errors="replace").split()
+        start = end + 1
+        if words and not words[0].startswith("#"):
+            fields[words[0]] = words[1:]
+            if words[0] == "DATA":
+                return fields, start
+    raise WorldFileError(path, "no header of a PCD: no line DATA", 1)
+
+
+def _whole(path: Path, name: str, word: str) -> int:
+    if not word.isdecimal() or not 0 < int(word) < 2**40:
+        raise WorldFileError(path, f"{name}: got '{word[:40]}', expected a whole number above 0")
+    return int(word)
+
+
+def _ascii(path: Path, data: bytes, number: int, width: int) -> NDArray[np.float64]:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # NumPy before 2.3 only warns
+            values = np.fromstring(data, np.float64, sep=" ")
+    except (ValueError, DeprecationWarning):
+        raise WorldFileError(path, "DATA ascii: a word that is no number") from None
+    if len(values) != number * width:
+        raise WorldFileError(
+            path, f"POINTS {number} of {width} values each, but {len(values)} numbers are there"
+        )
+    return values.reshape(number, width)
+
+
+def read_las(path: Path, options: ImportOptions) -> Found:
+    """Refuse LAS and LAZ: readers of them are no part of Wayproof.
+
+    Raises:
+        WorldFileError: Always; it says how to convert one.
+    """
+    raise WorldFileError(
+        path, f"{path.suffix} is not read: convert it, as by 'pdal translate {path.name} cloud.pcd'"
+    )
