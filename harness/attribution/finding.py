@@ -22,6 +22,7 @@ CAUSES = (
     "stack_hung",
     "stack_broken",
     "stack_held",
+    "exploration",
     "unexplained",
 )
 """All causes; docs/causes.md defines each."""

@@ -309,6 +309,18 @@ def stack_held(facts: StandstillFacts) -> str | None:
     )
 
 
+def exploration(facts: StandstillFacts) -> str | None:
+    """A stack on trial did not look where a way was left: only unknown space lay before it."""
+    ways = facts.map
+    if not facts.on_trial or facts.fell or ways.passable < HALF or ways.known >= HALF:
+        return None
+    return (
+        f"in {ways.passable:.0%} of the maps at the end a way led around all that was occupied, "
+        f"through unknown space ({ways.unknown:.0%} was unknown), and none through known space "
+        "alone; the stack on trial did not go and look there"
+    )
+
+
 def too_narrow(facts: StandstillFacts) -> str | None:
     """A path exists that is too narrow for the cells of a map, or the start has no room."""
     truth = facts.truth
@@ -369,6 +381,7 @@ TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
     ("impossible", too_narrow),
     ("stack_held", stack_held),
     ("planner", planner),
+    ("exploration", exploration),
     ("unexplained", unexplained),
 )
 """Tests in their order, by cause."""

@@ -31,7 +31,7 @@ from wayproof.harness.replay.answers import started_again
 BEFORE = 1.0
 """Time before the last chance at which a remedy begins, s: it needs time to take effect."""
 
-SHOWN_BY_THEIR_OWN_TEST = ("impossible", "planner", "tracking", "stack_held")
+SHOWN_BY_THEIR_OWN_TEST = ("impossible", "planner", "tracking", "stack_held", "exploration")
 """Causes that facts alone establish: what is missing may be impossible to put right."""
 
 HELPS_ALWAYS = "true_map"

@@ -53,6 +53,8 @@ def saved_by(*remedies):
         ("disregarded_obstacle", (), "unexplained", "changed"),
         ("stack_held", ("no_guard",), "stack_held", "confirmed"),
         ("stack_held", (), "stack_held", "confirmed"),
+        ("exploration", (), "exploration", "confirmed"),
+        ("exploration", ("true_pose",), "localization", "changed"),
         ("stack_held", ("no_guard", "true_ranges"), "stack_held", "confirmed"),
         ("stack_held", ("true_pose",), "localization", "changed"),
         ("ghost_obstacle", ("no_guard",), "ghost_obstacle", "inconclusive"),
@@ -71,7 +73,7 @@ def test_a_check_decides_the_cause(found, saving, cause, answer):
 
 def test_every_cause_that_a_change_can_undo_has_a_remedy():
     borne_out = {cause for _, causes in REMEDIES.values() for cause in causes}
-    without = {"unexplained", *get_args(StackCause)}
+    without = {"unexplained", "exploration", *get_args(StackCause)}
     assert borne_out == set(CAUSES) - without
 
 
