@@ -12,7 +12,7 @@ from wayproof.harness.study.study import StudyResult, verdict_in_words
 
 MARKS = {
     "held": "✅",
-    "complete": "✅",
+    "complete": "📋",
     "failed": "❌",
     "incomplete": "❌",
     "inconclusive": "❔",

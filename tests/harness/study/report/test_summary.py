@@ -70,6 +70,7 @@ def test_an_incomplete_study_does_not_pass():
     assert found["episodes"] == ["error"]
     assert "❌ s: incomplete" in markdown(result(gate("held"), missing=1))
     assert "✅ s: held" in markdown(result(gate("held")))
+    assert "📋 s: complete" in markdown(result())  # without a gate nothing has passed
     assert "❔ s: inconclusive" in markdown(result(gate("inconclusive", interval=None)))
 
 
