@@ -54,6 +54,7 @@ def compare(
     expected = {(one.arm, one.seed) for one in (*planned, *planned_before)}
     kept, kept_before = ({(row.arm, row.seed) for row in some} for some in (rows, rows_before))
     errors = [row for row in (*rows, *rows_before) if not row.ran]
+    twins = [twin for sample in samples for twin, _ in sample.pairs]
     result = StudyResult(
         name=f"{after} against {before}",
         episodes=len(expected),
@@ -63,6 +64,8 @@ def compare(
         arms=summarise(samples, limit),
         gates=judge(samples, judged, limit),
         foreign=(*foreign_before, *foreign),
+        gates_set=len(judged),
+        before=(sum(twin.success for twin in twins), len(twins)),
     )
     return Compared(result, samples, limit)
 

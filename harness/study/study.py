@@ -48,6 +48,8 @@ class StudyResult:
         foreign: Lines about logs of other episodes, which count as missing.
         of_recordings: Whether it is a study over recordings.
         gates_set: Number of gates that the study sets, each for one arm or more.
+        before: Of a comparison, how many of the paired episodes of the first study reached the
+            goal, and how many there are; None of a single study.
     """
 
     name: str
@@ -60,6 +62,7 @@ class StudyResult:
     foreign: tuple[str, ...] = ()
     of_recordings: bool = False
     gates_set: int = 0
+    before: tuple[int, int] | None = None
 
     @property
     def verdict(self) -> StudyVerdict:
@@ -194,6 +197,9 @@ def verdict_in_words(result: StudyResult) -> str:
     ran = result.episodes - result.missing - result.errors
     reached = sum(one.outcomes.get("success", 0) for one in result.arms)
     text = f"{reached} of {ran} episodes reached the goal"
+    if result.before is not None:
+        reached_before, paired = result.before
+        text += f" (before: {reached_before} of {paired})"
     if result.of_recordings:
         text = f"{ran} of {result.episodes} passes through recordings judged"
     if result.missing:
