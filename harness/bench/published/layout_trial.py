@@ -12,7 +12,7 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -182,21 +182,34 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder that does not exist")
     parser.add_argument("--seconds", type=float, default=30.0, help="length of an episode, s")
     parser.add_argument("--width", type=int, default=640, help="columns of the depth images")
+    names = [*DEPTH_LAYOUTS, "kitti"]
+    parser.add_argument("--layout", action="append", choices=names, help="of these alone")
     options = parser.parse_args(arguments)
+    layouts = options.layout or names
     options.out.mkdir(parents=True)
     camera = camera_of(options.width, options.width * 3 // 4)
     good = True
-    with registered(camera):
-        episode = episode_of(options.out, "depth-episode", NAME, options.seconds)
+    depth_layouts = [name for name in DEPTH_LAYOUTS if name in layouts]
+    if depth_layouts:
+        good &= _depth_trials(options.out, camera, options.seconds, depth_layouts)
+    if "kitti" in layouts:
+        episode = episode_of(options.out, "lidar-episode", "ideal-lidar-dense", options.seconds)
         own = open_recording(episode)
-        for name, write in DEPTH_LAYOUTS.items():
-            path = write(own, camera, options.out)
-            good &= _trial(path, options_for(name, own, camera), own.body_height or 0.0, episode)
-    episode = episode_of(options.out, "lidar-episode", "ideal-lidar-dense", options.seconds)
-    own = open_recording(episode)
-    path = write_kitti(own, options.out / "kitti")
-    good &= _trial(path, options_for("kitti", own, camera), own.body_height or 0.0, episode)
+        path = write_kitti(own, options.out / "kitti")
+        good &= _trial(path, options_for("kitti", own, camera), own.body_height or 0.0, episode)
     return 0 if good else 1
+
+
+def _depth_trials(folder: Path, camera: Camera, seconds: float, names: Sequence[str]) -> bool:
+    """Run the trial of layouts of depth images; return whether all are as they must be."""
+    good = True
+    with registered(camera):
+        episode = episode_of(folder, "depth-episode", NAME, seconds)
+        own = open_recording(episode)
+        for name in names:
+            path = DEPTH_LAYOUTS[name](own, camera, folder)
+            good &= _trial(path, options_for(name, own, camera), own.body_height or 0.0, episode)
+    return good
 
 
 if __name__ == "__main__":
