@@ -35,6 +35,13 @@ ASIDE = 0.02
 """Distance between the points of two curves, as a share of the axis, so that no interval hides
 another."""
 
+UP, DOWN = 6, 7
+"""Matplotlib's markers of an interval that goes on beyond the axis."""
+
+REACH = 1.5
+"""How far the axis reaches beyond the means, in their spread or their size: an interval may be a
+hundred times as wide, and would press the means together."""
+
 TALLEST_FLOOR = 0.05
 """Height below which a geom counts as floor, m."""
 
@@ -63,8 +70,8 @@ def dose_response(
             written at them.
         label: Label of the amounts.
         ylabel: Label of the mean.
-        top: Upper end of the axis; none if None. An end of an interval that is unbounded is not
-            drawn.
+        top: Upper end of the axis; none if None. An interval that goes on beyond the axis, or has
+            no end, ends in an arrow.
     """
     doses = sorted({dose for curve in curves for dose in curve.doses})
     apart = ASIDE * (doses[-1][0] - doses[0][0])
@@ -72,36 +79,59 @@ def dose_response(
         named = any(curve.name for curve in curves)
         figure = Figure(figsize=(3.6, 2.8 if named else 2.2), layout="constrained")
         axes = figure.add_subplot()
+        limits = _limits(curves, top)
         for place, curve in enumerate(curves):
-            _draw_curve(axes, curve, apart * (place - 0.5 * (len(curves) - 1)), place)
+            offset = apart * (place - 0.5 * (len(curves) - 1))
+            _draw_curve(axes, curve, offset, place, limits)
         axes.set(xlabel=label, ylabel=ylabel)
         ticks = [severity for severity, _ in doses]
         axes.set_xticks(ticks, [f"{amount:g}\n{severity:g}" for severity, amount in doses])
-        axes.set_ylim(-0.03 if top is not None else min(0.0, *axes.get_ylim()), top and top + 0.03)
+        axes.set_ylim(*limits)
         if named:
             figure.legend(loc="outside upper left", ncols=2, fontsize=8)
         return _svg(figure)
 
 
-def _draw_curve(axes: Axes, curve: Curve, offset: float, place: int) -> None:
+def _limits(curves: Sequence[Curve], top: float | None) -> tuple[float, float]:
+    """Return the ends of the axis: all means are on it, and of each interval what is near them."""
+    if top is not None:
+        return -0.03, top + 0.03
+    known = [one for curve in curves for one in curve.means if one]
+    if not known:
+        return 0.0, 1.0
+    least, most = (end(one.estimate for one in known) for end in (min, max))
+    near = REACH * max(most - least, abs(most), 1e-9)
+    low = max(least - near, min(one.low for one in known))
+    high = min(most + near, max(one.high for one in known))
+    margin = 0.05 * max(high - low, 1e-9)
+    return min(0.0, low - margin), high + margin
+
+
+def _draw_curve(
+    axes: Axes, curve: Curve, offset: float, place: int, limits: tuple[float, float]
+) -> None:
     known = [(dose, one) for dose, one in zip(curve.doses, curve.means, strict=True) if one]
+    low, high = limits
+    colour = COLOURS[place % len(COLOURS)]
+    for (severity, _), one in known:
+        for beyond, end, arrow in ((one.low < low, low, DOWN), (one.high > high, high, UP)):
+            if beyond:
+                axes.plot(
+                    severity + offset, end, marker=arrow, ls="none", color=colour, clip_on=False
+                )
     axes.errorbar(
         [severity + offset for (severity, _), _ in known],
         [one.estimate for _, one in known],
         yerr=[
-            [_finite(one.estimate - one.low) for _, one in known],
-            [_finite(one.high - one.estimate) for _, one in known],
+            [one.estimate - max(one.low, low) for _, one in known],
+            [min(one.high, high) - one.estimate for _, one in known],
         ],
         fmt=f"{MARKERS[place % len(MARKERS)]}-",
         ms=4,
         capsize=3,
-        color=COLOURS[place % len(COLOURS)],
+        color=colour,
         label=curve.name,
     )
-
-
-def _finite(length: float) -> float:
-    return length if np.isfinite(length) else 0.0
 
 
 def borne(thresholds: Sequence[float], greatest: float, xlabel: str) -> str:
