@@ -22,9 +22,8 @@ from wayproof.harness.recompute.segments import Segment, SegmentedStack, segment
 from wayproof.harness.result import Contact
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of
+from wayproof.harness.stack.decision import path_of, widening_of
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.maps.costmap.widening import NOT_WIDENED
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 
 Array = NDArray[np.float64]
@@ -154,8 +153,8 @@ class Case:
 
 def update_as_decided(navigator: Navigator, decision: pb.Decision) -> None:
     """Update a costmap with the margin that a decision had."""
-    x, y = decision.widening or NOT_WIDENED
-    navigator.costmap.update(decision.localization_margin_m, widening=(x, y))
+    margin, widening = decision.localization_margin_m, widening_of(decision)
+    navigator.costmap.update(margin, widening=widening)
 
 
 def read_case(log: Log) -> Case:

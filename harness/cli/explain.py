@@ -270,7 +270,7 @@ def _rows(card: Card) -> list[tuple[str, str]]:
         ),
         (
             "inflation",
-            f"{card.inflation_radius_m:.2f} m, of it {card.margin_m:.2f} m margin"
+            f"{card.inflation_radius_m:.2f} m, of it {card.margin_m:.2f} m margin{card.widened}"
             + ("" if recorded else f"; true clearance {true_in_metres(card.true_clearance_m)}"),
         ),
         ("stages", f"{stages} ms"),

@@ -23,7 +23,7 @@ VELOCITY_GAIN = 0.5
 MAP_SPACING = 0.1
 """Distance between the points of a sweep that are mapped, m."""
 
-NAME = "lidar/1"
+NAME = "lidar/2"
 """Name and version of the estimator, as it is logged."""
 
 
@@ -53,7 +53,7 @@ class LidarOdometry:
             sweep_period: Time between two sweeps, s.
         """
         self._config, self._sensors, self._sweep_period = config, sensors, sweep_period
-        self._surfaces = SurfaceMap(config.voxel, config.held)
+        self._surfaces = SurfaceMap(config.voxel, config.held, config.registered_share)
         self._position, self._heading = position.copy(), heading  # estimated
         self._velocity = np.zeros(3)  # estimated, world
         self._true_position, self._true_heading = position.copy(), heading

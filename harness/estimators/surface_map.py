@@ -35,14 +35,16 @@ class SurfaceMap:
         count: Number of voxels in it.
     """
 
-    def __init__(self, voxel: float, held: float) -> None:
+    def __init__(self, voxel: float, held: float, registered_share: float) -> None:
         """Start empty.
 
         Args:
             voxel: Edge of a voxel, m.
             held: Least information of a direction that the scene holds.
+            registered_share: Least share of a sweep's points near a plane of the map; with less the
+                sweep is not registered.
         """
-        self._inverse, self._held = 1.0 / voxel, held
+        self._inverse, self._held, self._share = 1.0 / voxel, held, registered_share
         self.voxels = _table(SLOTS)
         self.count = 0
 
@@ -70,8 +72,9 @@ class SurfaceMap:
             information,
             axes,
         )
-        registered = inliers >= LEAST_INLIERS
-        unheld = axes[:, information < self._held] if registered else np.eye(3)
+        if inliers < max(LEAST_INLIERS, self._share * len(points)):
+            return Registration(np.zeros(4), np.zeros(3), np.eye(3), inliers)
+        unheld = axes[:, information < self._held]
         return Registration(correction, information, np.ascontiguousarray(unheld.T), inliers)
 
     def _double(self) -> None:
@@ -104,7 +107,7 @@ def _table(slots: int) -> Voxels:
 
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache."""
-    surfaces = SurfaceMap(0.3, 0.04)
+    surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.25)
     grid: NDArray[np.float64] = np.mgrid[:8, :8, :1].reshape(3, -1).T * 0.07
     surfaces.add(thinned(grid, 0.01))
     surfaces.register(grid, np.zeros(3))

@@ -19,7 +19,7 @@ from wayproof.harness.explain.commanded import Commanded, command_in_words, comm
 from wayproof.harness.log.paths import arc_lengths, densely, length
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of
+from wayproof.harness.stack.decision import path_of, widened_in_words
 from wayproof.harness.stack.labels import combined_version
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import Costmap
@@ -67,6 +67,7 @@ class Card:
         unknown_policy: Treatment of unknown space by the planner.
         inflation_radius_m: Body, margin and half the diagonal of a cell, m.
         margin_m: Localization margin, m.
+        widened: What it is more along x and y, in words after a comma; empty if it is not.
         position: Estimated position, m.
         position_sigma_m: Its standard deviation, as the estimator states it, m.
         pose_error_m: Distance between estimated and true position, m.
@@ -112,6 +113,7 @@ class Card:
     unknown_policy: str
     inflation_radius_m: float
     margin_m: float
+    widened: str
     position: tuple[float, ...]
     position_sigma_m: float
     pose_error_m: float
@@ -188,6 +190,7 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         unknown_policy=decision.unknown_policy,
         inflation_radius_m=decision.inflation_radius_m,
         margin_m=decision.localization_margin_m,
+        widened=widened_in_words(decision),
         position=tuple(decision.position),
         position_sigma_m=decision.position_sigma,
         pose_error_m=float(np.linalg.norm(moment.error[: case.axes])),

@@ -13,6 +13,7 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 
+from wayproof.harness.errors import InputError
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.planners import Trajectory
 
@@ -31,6 +32,10 @@ Label = Literal[
 
 SAMPLE_PERIOD = 0.1
 """Spacing of the logged samples of a trajectory, s."""
+
+MOST_WIDENING = 400
+"""Greatest widening by the margin of an uncertain axis, cells: nothing is free with that already.
+"""
 
 GRAIN = 2.0**-20
 """Grain of logged samples and global paths, m and rad: about a micrometre. The digits beyond it
@@ -167,6 +172,28 @@ def add_points(message: Message, field: str, path: NDArray[np.float64] | None) -
         wire[f"{name}_field"] = axis << 3 | 1  # a double
         wire[name] = path[:, axis - 1]
     message.MergeFromString(wire.tobytes())
+
+
+def widening_of(decision: pb.Decision) -> tuple[int, int]:
+    """Cells by which what is blocked was widened along x and y.
+
+    Raises:
+        InputError: It is not two numbers, or more than any decision has.
+    """
+    cells = tuple(decision.widening) or (0, 0)
+    if len(cells) != 2 or max(cells) > MOST_WIDENING:
+        raise InputError(
+            f"decision {decision.sequence}: widening {cells}, expected two of at most "
+            f"{MOST_WIDENING} cells"
+        )
+    return cells
+
+
+def widened_in_words(decision: pb.Decision) -> str:
+    """What the localization margin is more along x and y, after a comma; empty if it is not."""
+    more = zip("xy", widening_of(decision), strict=True)
+    size = decision.resolution_m
+    return "".join(f", {cells * size:.2f} m more along {axis}" for axis, cells in more if cells)
 
 
 def path_of(points: Iterable[pb.Point]) -> NDArray[np.float64]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import Beams, Inputs, Pose, WorldSweep
 from wayproof.harness.mission import Mission
+from wayproof.harness.stack.decision import MOST_WIDENING
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
 from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
@@ -24,7 +25,7 @@ Array = NDArray[np.float64]
 ALIKE = 0.02
 """Difference of the margins of two axes up to which both take the greater one, m."""
 
-MOST_DOUBT, MOST_WIDENING = 100, 400
+MOST_DOUBT = 100
 """Greatest part of a margin for the stated covariance, cells: nothing is free with that already."""
 
 MARGIN_SIGMAS = 2.0

@@ -11,6 +11,7 @@ from wayproof.harness.explain.commanded import Commanded, command_in_words
 from wayproof.harness.inputs import Pose
 from wayproof.harness.log.paths import length
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import widened_in_words
 
 INTENDED = ("follow", "explore", "goal")
 """Actions without an obstruction."""
@@ -61,7 +62,7 @@ def describe(
             f"- map `{decision.map_version[:12]}` ({decision.representation}, "
             f"{decision.resolution_m:g} m), unknown policy `{decision.unknown_policy}`",
             f"- inflation {decision.inflation_radius_m:.3f} m, of it margin "
-            f"{decision.localization_margin_m:.3f} m",
+            f"{decision.localization_margin_m:.3f} m{widened_in_words(decision)}",
             *_truth_lines(pose, truth),
             f"- oldest evidence along the path {decision.evidence_age_s:.2f} s",
             f"- committed {decision.committed_length_m:.2f} m of {path}, "

@@ -79,7 +79,7 @@ def test_one_point_of_each_voxel_is_kept_the_first():
 
 
 def test_a_voxel_holds_mean_and_covariance_of_its_points():
-    surfaces, points = SurfaceMap(0.5, 0.04), room(400)
+    surfaces, points = SurfaceMap(0.5, held=0.04, registered_share=0.0), room(400)
     surfaces.add(points)
     voxels = surfaces.voxels
     by_key = {}
@@ -114,7 +114,7 @@ def test_a_plane_is_told_from_a_line_and_a_ball():
 
 
 def test_the_table_grows_and_keeps_what_it_has():
-    small = SurfaceMap(0.05, 0.04)
+    small = SurfaceMap(0.05, held=0.04, registered_share=0.0)
     cloud = np.random.default_rng(2).uniform(-20.0, 20.0, (20_000, 3))
     for part in np.split(cloud, 4):
         small.add(part)
@@ -125,7 +125,7 @@ def test_the_table_grows_and_keeps_what_it_has():
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0, 0.0), (0.05, -0.04, 0.03, 0.02)])
 def test_a_displaced_sweep_is_moved_back(shift):
-    surfaces = SurfaceMap(0.3, 0.04)
+    surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.0)
     surfaces.add(room(20_000))
     x, y, z, turn = shift
     moved = Rotation.from_euler("z", turn).apply(room(4000, seed=9)) + np.array([x, y, z])
@@ -138,7 +138,7 @@ def test_a_displaced_sweep_is_moved_back(shift):
 
 
 def test_compiled_and_interpreted_alignment_give_the_same_bits(python_versions):
-    surfaces = SurfaceMap(0.5, 0.04)
+    surfaces = SurfaceMap(0.5, held=0.04, registered_share=0.0)
     surfaces.add(room(3000))
     predicted = np.array([0.03, 0.02, 0.0])
     sweep = room(300, seed=5) + predicted
@@ -154,7 +154,10 @@ def test_compiled_and_interpreted_alignment_give_the_same_bits(python_versions):
 
 
 def test_compiled_and_interpreted_maps_hold_the_same_bits(python_versions):
-    compiled, again = SurfaceMap(0.5, 0.04), SurfaceMap(0.5, 0.04)
+    compiled, again = (
+        SurfaceMap(0.5, held=0.04, registered_share=0.0),
+        SurfaceMap(0.5, held=0.04, registered_share=0.0),
+    )
     points = room(500)
     assert add_points(points, 2.0, compiled.voxels) > 0
     python_versions()

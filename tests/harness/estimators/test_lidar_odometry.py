@@ -35,7 +35,7 @@ def corridor(centre, seed, half=(14.0, 1.1, 1.25), reach=12.0):
 
 
 def test_a_bare_corridor_does_not_hold_the_axis_along_it():
-    surfaces, origin = SurfaceMap(0.3, 0.04), np.zeros(3)
+    surfaces, origin = SurfaceMap(0.3, held=0.04, registered_share=0.25), np.zeros(3)
     surfaces.add(corridor(origin, 0))
     predicted = np.array([0.2, 0.03, 0.0])
     found = surfaces.register(corridor(np.array([0.2, 0.0, 0.0]), 1) + predicted, predicted)
@@ -47,12 +47,24 @@ def test_a_bare_corridor_does_not_hold_the_axis_along_it():
 
 
 def test_without_returns_nothing_is_held():
-    surfaces = SurfaceMap(0.3, 0.04)
+    surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.25)
     surfaces.add(corridor(np.zeros(3), 0))
     found = surfaces.register(np.zeros((0, 3)), np.zeros(3))
     assert (found.correction == 0.0).all()
     assert np.array_equal(found.unheld, np.eye(3))
     assert (found.information == 0.0).all()
+
+
+def test_a_sweep_that_is_noise_holds_nothing():
+    """A quarter of its points near planes by chance moved the pose by half a metre, unsaid."""
+    surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.25)
+    surfaces.add(corridor(np.zeros(3), 0))
+    noisy = corridor(np.zeros(3), 1) + 0.4 * np.random.default_rng(2).standard_normal((1, 3))
+    scattered = noisy + np.random.default_rng(3).normal(0.0, 0.5, noisy.shape)
+    found = surfaces.register(scattered, np.zeros(3))
+    assert found.inliers > 20
+    assert (found.correction == 0.0).all()
+    assert np.array_equal(found.unheld, np.eye(3))
 
 
 def registered(*axes):
@@ -142,7 +154,7 @@ def test_the_estimate_is_millimetres_off_and_says_so(episode):
     assert np.abs(off[-1]).max() < 0.01
     assert np.abs(off).max() > 0.0  # it is no truth
     covariance = np.array(poses[-1].covariance).reshape(4, 4)
-    assert poses[-1].estimator == "lidar/1"
+    assert poses[-1].estimator == "lidar/2"
     assert poses[-1].position_sigma == pytest.approx(
         math.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])
     )

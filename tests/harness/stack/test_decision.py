@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wayproof.harness.errors import InputError
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import add_points, path_of
+from wayproof.harness.stack.decision import add_points, path_of, widened_in_words, widening_of
 
 coordinates = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -30,3 +31,12 @@ def test_no_path_is_no_points():
     message = pb.Decision()
     add_points(message, "global_path", None)
     assert message == pb.Decision()
+
+
+def test_a_widening_is_named_by_its_axis_and_a_forged_one_refused():
+    wider = pb.Decision(resolution_m=0.1, widening=[0, 5])
+    assert widened_in_words(wider) == ", 0.50 m more along y"
+    assert widening_of(pb.Decision()) == (0, 0)
+    for forged in ([1], [1, 2, 3], [0, 4_000_000_000]):
+        with pytest.raises(InputError, match=r"widening .* expected two of at most 400 cells"):
+            widening_of(pb.Decision(widening=forged))

@@ -22,7 +22,8 @@ from wayproof.harness.replay.audit.moment import believed_of
 from wayproof.harness.replay.audit.run import audit
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.mapping import MOST_DOUBT, MOST_WIDENING, margin_of
+from wayproof.harness.stack.decision import MOST_WIDENING
+from wayproof.harness.stack.mapping import MOST_DOUBT, margin_of
 from wayproof.harness.stack.planner_input import localization_of
 from wayproof.harness.stack.reasons import sentence
 from wayproof.harness.stack.types import Localization
