@@ -12,7 +12,7 @@ from wayproof.harness.study.file import Arm, Planned, plan_episodes, read_gate
 from wayproof.harness.study.gates import judge
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import StudyResult, error_in_words, read_own_rows
+from wayproof.harness.study.study import Paired, StudyResult, error_in_words, read_own_rows
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def compare(
     expected = {(one.arm, one.seed) for one in (*planned, *planned_before)}
     kept, kept_before = ({(row.arm, row.seed) for row in some} for some in (rows, rows_before))
     errors = [row for row in (*rows, *rows_before) if not row.ran]
-    twins = [twin for sample in samples for twin, _ in sample.pairs]
+    pairs = [pair for sample in samples for pair in sample.pairs]
     result = StudyResult(
         name=f"{after} against {before}",
         episodes=len(expected),
@@ -65,7 +65,11 @@ def compare(
         gates=judge(samples, judged, limit),
         foreign=(*foreign_before, *foreign),
         gates_set=len(judged),
-        before=(sum(twin.success for twin in twins), len(twins)),
+        pairs=Paired(
+            count=len(pairs),
+            reached=sum(row.success for _, row in pairs),
+            reached_before=sum(twin.success for twin, _ in pairs),
+        ),
     )
     return Compared(result, samples, limit)
 

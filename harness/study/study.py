@@ -34,6 +34,21 @@ EXIT_CODES: dict[StudyVerdict, int] = {
 
 
 @dataclass(frozen=True)
+class Paired:
+    """Pairs of episodes of two studies.
+
+    Attributes:
+        count: Number of pairs.
+        reached: How many of the second study's reached the goal.
+        reached_before: How many of the first study's did.
+    """
+
+    count: int
+    reached: int
+    reached_before: int
+
+
+@dataclass(frozen=True)
 class StudyResult:
     """Result of a study.
 
@@ -48,8 +63,7 @@ class StudyResult:
         foreign: Lines about logs of other episodes, which count as missing.
         of_recordings: Whether it is a study over recordings.
         gates_set: Number of gates that the study sets, each for one arm or more.
-        before: Of a comparison, how many of the paired episodes of the first study reached the
-            goal, and how many there are; None of a single study.
+        pairs: Of a comparison, its pairs of episodes; None of a single study.
     """
 
     name: str
@@ -62,7 +76,7 @@ class StudyResult:
     foreign: tuple[str, ...] = ()
     of_recordings: bool = False
     gates_set: int = 0
-    before: tuple[int, int] | None = None
+    pairs: Paired | None = None
 
     @property
     def verdict(self) -> StudyVerdict:
@@ -197,13 +211,16 @@ def verdict_in_words(result: StudyResult) -> str:
     ran = result.episodes - result.missing - result.errors
     reached = sum(one.outcomes.get("success", 0) for one in result.arms)
     text = f"{reached} of {ran} episodes reached the goal"
-    if result.before is not None:
-        reached_before, paired = result.before
-        text += f" (before: {reached_before} of {paired})"
+    if (pairs := result.pairs) is not None:
+        text = (
+            f"{pairs.reached} of {pairs.count} episodes reached the goal "
+            f"(before: {pairs.reached_before} of {pairs.count})"
+        )
     if result.of_recordings:
         text = f"{ran} of {result.episodes} passes through recordings judged"
     if result.missing:
-        text += f"; {result.missing} of {result.episodes} have not run"
+        lacking = "have not run" if result.pairs is None else "have not run in both studies"
+        text += f"; {result.missing} of {result.episodes} {lacking}"
     if result.foreign:
         text += f"; in place of {len(result.foreign)} of these lie logs of other episodes"
     if result.errors:

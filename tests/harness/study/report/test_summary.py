@@ -10,7 +10,7 @@ from wayproof.harness.study.file import Arm
 from wayproof.harness.study.gates import GateResult
 from wayproof.harness.study.report.summary import junit, markdown
 from wayproof.harness.study.statistics.exact import Interval
-from wayproof.harness.study.study import StudyResult, verdict_in_words
+from wayproof.harness.study.study import Paired, StudyResult, verdict_in_words
 
 ARM = Arm("empty", "drone", "", "none", 0)
 RATE = Interval(0.5, 0.1, 0.9)
@@ -23,6 +23,15 @@ def gate(verdict, required=False, interval=RATE):
 def result(*gates, missing=0, name="s"):
     summary = ArmSummary(ARM, 6, RATE, {"success": 3, "timeout": 3}, {}, 60.0, {}, None)
     return StudyResult(name, 6, missing, 0, "", [summary], list(gates))
+
+
+def test_a_comparison_counts_its_pairs_on_both_sides():
+    summary = ArmSummary(ARM, 20, RATE, {"success": 12, "timeout": 8}, {}, 60.0, {}, None)
+    pairs = Paired(count=5, reached=4, reached_before=3)
+    compared = StudyResult("b against a", 20, 15, 0, "", [summary], [], pairs=pairs)
+    assert verdict_in_words(compared).startswith(
+        "4 of 5 episodes reached the goal (before: 3 of 5); 15 of 20 have not run in both studies"
+    )
 
 
 @pytest.mark.parametrize(
