@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import wayproof
-from wayproof.kernel_cache import delete_unused, kernel_digest
+from wayproof.kernel_cache import any_cached, delete_unused, kernel_digest
 
 SOURCE = Path(wayproof.__file__).parent
 CALLER = "from wayproof.maps import rates\nfrom wayproof.maps._jit import kernel\n"
@@ -74,3 +74,12 @@ def test_caches_that_are_in_use_are_kept(tmp_path):
         os.utime(tmp_path / name, (now - age_s, now - age_s))
     delete_unused(str(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["kernels-new"]
+
+
+def test_an_empty_cache_is_known(package, monkeypatch):
+    caches = package.parent / "caches" / "wayproof"
+    assert answer(package) == 41
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(next(caches.iterdir())))
+    assert any_cached()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(package))
+    assert not any_cached()

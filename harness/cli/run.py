@@ -134,6 +134,9 @@ def _saved(view: str) -> Path | None:
     return None if view == WINDOW else Path(view)
 
 
+COMPILING = "compiling kernels (a minute the first time, then cached)"
+
+
 def run_one(config: Config, path: Path, console: Console, view: str | None = None) -> Result:
     """Build the scenario, compile the kernels, and run the episode with a live line.
 
@@ -152,7 +155,10 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
     from wayproof.harness.scenario.scenario import build
     from wayproof.harness.supervision import bound_memory
     from wayproof.harness.warm_up import warm_up
+    from wayproof.kernel_cache import any_cached
 
+    if not (console.is_terminal or any_cached()):  # else minutes without a word
+        print(f"wayproof: {COMPILING}", file=sys.stderr, flush=True)
     bound_memory(config.plugins.memory_mib)
     scenario = build(config)
     for warning in scenario.warnings:
@@ -161,7 +167,7 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
     with hold_log(path) as draft:
         warn_of_kept(draft)
         try:
-            with console.status("compiling kernels (a minute the first time, then cached)"):
+            with console.status(COMPILING):
                 warm_up(config)
             with _viewed(draft, view, console), line:
                 return run_episode(scenario, draft, line)

@@ -47,6 +47,12 @@ def use_kernel_cache() -> None:
         os.utime(folder)
 
 
+def any_cached() -> bool:
+    """Return whether any kernel of these sources has been compiled and kept."""
+    folder = os.environ.get("NUMBA_CACHE_DIR", "")
+    return any(name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
+
+
 def kernel_digest(root: str) -> str:
     """Hash of every file with kernels in the packages of a folder, and of all that these import."""
     texts = {path: text for path, text in _sources(root) if DECORATOR in text}
