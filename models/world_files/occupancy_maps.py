@@ -1,7 +1,8 @@
 """Flat occupancy maps as ROS saves them: a `.yaml` and the grey image that it names.
 
-Source: the documentation of ROS's map_server. A pixel's occupancy is (255 - grey) / 255, or
+Source: the documentation of Nav2's map_server. A pixel's occupancy is (255 - grey) / 255, or
 grey / 255 where `negate` is set; above `occupied_thresh` it is occupied, below `free_thresh` free.
+In the mode `raw` the grey itself is the percentage, whatever `negate` says, and unknown above 100.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from wayproof.models.world_files.reading import WorldFileError, beside, read_tex
 from wayproof.models.world_files.voxel_maps import cell_boxes
 
 NEEDED = ("image", "resolution", "origin", "occupied_thresh", "free_thresh")
+MODES = ("trinary", "scale", "raw")
 LARGEST_YAML = 64 * 2**10
 
 
@@ -35,14 +37,14 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
     most = _number(path, entries, "occupied_thresh", 0.0, 1.0)
     least = _number(path, entries, "free_thresh", 0.0, 1.0)
     negate = _number(path, entries, "negate", 0.0, 1.0) if "negate" in entries else 0.0
-    if entries.get("mode", ("trinary", 0))[0] not in ("trinary", "scale"):
-        raise WorldFileError(path, "mode: expected trinary or scale", entries["mode"][1])
+    mode, line = entries.get("mode", (MODES[0], 0))
+    if mode not in MODES:
+        raise WorldFileError(path, f"mode: got '{mode}', expected {', '.join(MODES)}", line)
     image = read_image(beside(path, entries["image"][0]))
-    grey = np.arange(np.iinfo(image.dtype).max + 1) / np.iinfo(image.dtype).max
-    occupancy = grey if negate else 1.0 - grey  # of each level
+    occupancy = _occupancies(np.iinfo(image.dtype).max, mode, bool(negate))
     rows = image[::-1]  # upwards
-    occupied = (occupancy > most)[rows]
-    unknown = ((occupancy <= most) & (occupancy >= least))[rows]
+    is_occupied, is_free = occupancy > most, occupancy < least  # a NaN is neither
+    occupied, unknown = is_occupied[rows], ~(is_occupied | is_free)[rows]
     solid = occupied | unknown if options.unknown == "occupied" else occupied
     parts = _walls(path, solid, resolution, origin, options.height)
     found = Found(parts=parts, plane=True, closed=True)
@@ -50,6 +52,15 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
         f"{occupied.sum()} cells occupied, {unknown.sum()} unknown, taken as {options.unknown}"
     )
     return found
+
+
+def _occupancies(most: int, mode: str, negate: bool) -> NDArray[np.float64]:
+    """Occupancy of each grey level up to the highest; NaN: unknown."""
+    grey = np.arange(most + 1) / most
+    if mode == "raw":
+        percent = np.rint(grey * 255.0)
+        return np.where(percent <= 100.0, percent / 100.0, np.nan)
+    return grey if negate else 1.0 - grey
 
 
 def _walls(

@@ -350,6 +350,17 @@ def test_a_flat_map_is_extruded(tmp_path):
     assert len(imported(negated, unknown="free").solids) == 2  # bright is occupied now
 
 
+@pytest.mark.parametrize("negate", [0, 1])
+def test_a_raw_map_has_percentages_whatever_negate_says(tmp_path, negate):
+    write(tmp_path, "m.pgm", b"P5 6 1 255\n" + bytes([0, 19, 50, 66, 100, 255]))
+    text = MAP.format(yaw=0.0, negate=negate) + "mode: raw\n"
+    path = write(tmp_path, "m.yaml", text)
+    world, notes = import_world(path, ImportOptions(height=1.2, unknown="free"), **ENDS)
+    assert notes == ["2 cells occupied, 2 unknown, taken as free"]  # unknown: 50 and 255
+    (box,) = world.solids
+    assert (box.low[0], box.high[0]) == (2.5, 3.5)
+
+
 def test_a_png_map_reads_as_its_pgm(tmp_path):
     pillow = pytest.importorskip("PIL.Image")
     levels = np.array([[0, 254, 254], [254, 254, 205]], np.uint8)
@@ -371,6 +382,7 @@ def test_a_png_map_reads_as_its_pgm(tmp_path):
         (MAP.format(yaw=0, negate=0).replace("m.pgm", "../m.pgm"), "lies outside"),
         (MAP.format(yaw=0, negate=0).replace("[1.0", "[1.0, 2"), r":3: origin: got"),
         ("a: b\n  - c\n", r":2: got '- c'"),
+        (MAP.format(yaw=0, negate=0) + "mode: row\n", r":7: mode: got 'row', expected trinary, sc"),
     ],
 )
 def test_broken_map_files_are_named(tmp_path, text, said):
