@@ -18,6 +18,7 @@ from wayproof.models.worlds.solvability import (
     ATTEMPTS,
     GROUND_BAND,
     REFERENCE_RADIUS,
+    TIGHTEST_RADIUS,
     cell_of,
     clear_around,
     first_solvable,
@@ -194,7 +195,14 @@ def with_groups(
         choices: For each group, itself in one place after another: the first that fits is taken,
             and none if none does.
         radius: Radius of the disc whose ways stay open, m; by default `REFERENCE_RADIUS`.
+
+    Returns:
+        The world as it was if the goal cannot be reached in it at all: no such draft is kept, and
+        furnishing it takes seconds.
     """
+    least = given_or(radius, TIGHTEST_RADIUS)
+    if not is_solvable(world, least, *GROUND_BAND, world.start, world.goal):
+        return world
     radius = given_or(radius, REFERENCE_RADIUS)
     free = free_cells(world, radius, GROUND_BAND)
     start = cell_of(world, world.start)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wayproof.models.worlds import WORLDS, Box, Cylinder, is_solvable, is_solvable_in_any
-from wayproof.models.worlds.layout import slabs_around
+from wayproof.models.worlds.layout import slabs_around, with_groups
 from wayproof.models.worlds.solvability import (
     AIR_BANDS,
     GROUND_BAND,
@@ -124,3 +124,22 @@ def test_the_page_of_worlds_shows_every_one(name):
     assert f"| `{name}` |" in page
     assert f"![{name}](world-{name}.png)" in page
     assert (docs / f"world-{name}.png").is_file()
+
+
+def test_a_draft_that_nothing_can_cross_is_not_furnished():
+    room = WORLDS["empty"](0)
+    crate = Box.between((5.0, 5.0, 0.0), (5.5, 5.5, 0.5), "crate")
+    west, east = sorted((room.start[0], room.goal[0]))
+    middle = (west + east) / 2.0
+    wall = Box.between((middle - 0.1, 0.0, 0.0), (middle + 0.1, 12.0, 3.0), "wall")
+    closed = replace(room, solids=(*room.solids, wall))
+    taken = []
+
+    def groups():
+        for group in ((crate,),):
+            taken.append(group)
+            yield [group]
+
+    assert with_groups(closed, groups()) == closed
+    assert not taken
+    assert len(with_groups(room, groups()).solids) == len(room.solids) + 1
