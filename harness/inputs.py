@@ -50,6 +50,11 @@ MAX_VARIANCE = 1e12
 ASYMMETRY = 1e-9
 """Share of its largest entry by which rounding may leave a covariance asymmetric."""
 
+NONE_UNHELD = np.zeros((0, 3))
+"""No direction that the sweeps do not hold; read-only, as all poses without one share it."""
+
+NONE_UNHELD.flags.writeable = False
+
 UNIT_LENGTH = 1e-9
 """Difference from unit length beyond which a quaternion is scaled to it."""
 
@@ -76,7 +81,7 @@ class Pose:
     trail: Trail | None = None
     heading_sigma: float = 0.0
     covariance: NDArray[np.float64] | None = None
-    unheld: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    unheld: NDArray[np.float64] = field(default_factory=lambda: NONE_UNHELD)
 
     @cached_property
     def rotation(self) -> NDArray[np.float64]:
@@ -398,8 +403,10 @@ def unheld_of(message: StatesCovariance) -> NDArray[np.float64]:  # (k, 3)
     Raises:
         InputError: They are not up to 3 of 3 numbers from -1 to 1.
     """
+    if not message.unheld:
+        return NONE_UNHELD
     values = np.array(message.unheld)
-    if values.size not in (0, 3, 6, 9) or not (np.abs(values) <= 1.0 + UNIT_LENGTH).all():
+    if values.size not in (3, 6, 9) or not (np.abs(values) <= 1.0 + UNIT_LENGTH).all():
         raise InputError(f"pose: unheld of {values.size} numbers, expected unit vectors of 3")
     return values.reshape(-1, 3)
 
