@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.models.world_parameters import Empty
-from wayproof.models.worlds.layout import first_passable, heading_towards, room_walls
+from wayproof.models.worlds.layout import (
+    first_passable,
+    heading_towards,
+    points_apart,
+    room_walls,
+)
 from wayproof.models.worlds.world import World
 
 LEAST_DISTANCE = 6.0
@@ -26,19 +31,16 @@ def empty(
     return first_passable(
         "empty",
         seed,
-        lambda rng: _draft(rng, seed, difficulty, parameters),
+        lambda rng: _draft(rng, seed, parameters),
         difficulty,
         parameters.passage_radius,
     )
 
 
-def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Empty) -> World:
+def _draft(rng: np.random.Generator, seed: int, parameters: Empty) -> World:
     low, high = (0.0, 0.0, -0.5), (parameters.length, parameters.width, 3.0)
-    farthest = np.subtract(high[:2], END_DISTANCE)
-    while True:
-        start, goal = np.round(rng.uniform(END_DISTANCE, farthest, (2, 2)), 3).tolist()
-        if np.hypot(goal[0] - start[0], goal[1] - start[1]) >= LEAST_DISTANCE:
-            break
+    inner = np.full(2, END_DISTANCE)
+    start, goal = points_apart(rng, inner, high[:2] - inner, LEAST_DISTANCE)
     return World(
         name="empty",
         seed=seed,

@@ -10,6 +10,7 @@ from wayproof.models.worlds.layout import (
     WALL_THICKNESS,
     first_passable,
     heading_towards,
+    points_apart,
     room_walls,
 )
 from wayproof.models.worlds.world import World
@@ -41,10 +42,7 @@ def _draft(rng: np.random.Generator, seed: int, parameters: Hall) -> World:
     low: Vector3 = (0.0, 0.0, -0.5)
     high = (parameters.length, parameters.width, 3.0)
     inner = np.full(2, WALL_THICKNESS + parameters.wall_distance)
-    while True:
-        start, goal = np.round(rng.uniform(inner, high[:2] - inner, (2, 2)), 3).tolist()
-        if np.hypot(goal[0] - start[0], goal[1] - start[1]) >= LEAST_DISTANCE:
-            break
+    start, goal = points_apart(rng, inner, high[:2] - inner, LEAST_DISTANCE)
     return World(
         name="hall",
         seed=seed,

@@ -160,6 +160,23 @@ def first_passable(
     )
 
 
+def points_apart(
+    rng: np.random.Generator, low: NDArray[np.float64], high: NDArray[np.float64], least: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Draw two points of the plane until they are far enough apart, rounded to 1 mm.
+
+    Args:
+        rng: Draws them.
+        low: (2,) least x and y, m.
+        high: (2,) greatest, m; the diagonal between both is longer than `least`.
+        least: Least distance, m.
+    """
+    while True:
+        (x, y), (u, v) = np.round(rng.uniform(low, high, (2, 2)), 3).tolist()
+        if np.hypot(u - x, v - y) >= least:
+            return (x, y), (u, v)
+
+
 def with_crates(
     rng: np.random.Generator,
     world: World,
