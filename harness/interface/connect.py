@@ -32,6 +32,9 @@ class Session(Protocol):
     def start(self, task: Task) -> None:
         """Send the task."""
 
+    def announce(self) -> None:
+        """Say that an observation follows at once."""
+
     def ask(self, observation: Observation) -> sb.Command:
         """The command that answers an observation."""
 
@@ -78,6 +81,9 @@ class InProcess:
         """Start it."""
         with stack_code(self._who):
             self._stack.start(task)
+
+    def announce(self) -> None:
+        """Nothing: a class of this process does not sleep."""
 
     def ask(self, observation: Observation) -> sb.Command:
         """The command that answers an observation.

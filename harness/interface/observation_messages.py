@@ -23,9 +23,14 @@ from wayproof.models.poses import Trail
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 
-def hello(name: str) -> sb.Hello:
-    """The first message of each side."""
-    return sb.Hello(version=INTERFACE_VERSION, name=name)
+def hello(name: str, announced: bool = False) -> sb.Hello:
+    """The first message of each side.
+
+    Args:
+        name: Of who says it.
+        announced: Whether a stack wishes an empty message before each observation.
+    """
+    return sb.Hello(version=INTERFACE_VERSION, name=name, announced=announced)
 
 
 def task_message(task: Task) -> sb.Task:

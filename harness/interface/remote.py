@@ -5,6 +5,7 @@ from __future__ import annotations
 import collections
 import contextlib
 import ctypes
+import fcntl
 import os
 import select
 import shlex
@@ -48,6 +49,9 @@ READ_AT_ONCE = 2**16
 POLLED_S = 5e-4
 """Time for which an answer is polled for before this process sleeps, s: to wake a core of a virtual
 machine takes longer than a simple stack takes to answer."""
+
+PIPE_BYTES = 2**20
+"""Capacity of the pipe to a child: Linux's greatest without privileges."""
 
 PR_SET_PDEATHSIG = 1
 
@@ -168,6 +172,7 @@ class ChildProcess(FileDescriptors):
         assert self._child.stdin is not None
         assert self._child.stdout is not None
         assert self._child.stderr is not None
+        _widen(self._child.stdin.fileno())
         # Descriptors of our own: those of the process object close with it.
         super().__init__(os.dup(self._child.stdout.fileno()), os.dup(self._child.stdin.fileno()))
         self._child.stdin.close()
@@ -206,6 +211,13 @@ class ChildProcess(FileDescriptors):
     def stderr(self) -> str:
         """The end of its standard error."""
         return b"".join(self._stderr).decode(errors="replace")
+
+
+def _widen(pipe: int) -> None:
+    """Have a pipe hold a whole observation, so that it is written at once."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):  # an unprivileged user's pipes are limited
+            fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
 
 
 def _die_with_parent() -> None:
@@ -286,11 +298,17 @@ class RemoteStack:
                 f"{INTERFACE_VERSION}"
             )
         self.name = printable(answer.hello.name)[:200]
+        self._announced = answer.hello.announced
 
     def start(self, task: Task) -> None:
         """Send the task."""
         self._task = task
         self._send(sb.ToStack(task=task_message(task)))
+
+    def announce(self) -> None:
+        """Wake a stack that wishes it, while its observation is made: to wake takes longer."""
+        if self._announced:
+            self._send(sb.ToStack())
 
     def ask(self, observation: Observation) -> sb.Command:
         """The command that answers an observation.

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import socket
 import struct
 import sys
+import time
 import traceback
 from dataclasses import replace
 from functools import partial
+from io import RawIOBase
 from typing import IO
 
 import numpy as np
@@ -30,11 +33,14 @@ from wayproof.harness.interface.observations import read_only
 from wayproof.harness.interface.types import Observation, Sensor, Stack, Sweep, Task
 from wayproof.harness.schema import stack_pb2 as sb
 
+POLLED_S = 2e-3
+"""Time for which an announced observation is polled for, s: the harness makes it in a tenth."""
+
 
 def serve(name: str) -> None:
     """Serve a stack on standard input and output; what it prints goes to standard error."""
     make_stack(name)  # an unknown one is refused before the pipes are taken
-    read = os.fdopen(os.dup(0), "rb", buffering=2**20)
+    read = os.fdopen(os.dup(0), "rb", buffering=0)
     write = os.fdopen(os.dup(1), "wb", buffering=2**20)
     os.dup2(2, 1)
     sys.stdout = sys.stderr
@@ -54,7 +60,7 @@ def listen(name: str, address: str) -> None:
             with connection:
                 if connection.family != socket.AF_UNIX:
                     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                read, write = connection.makefile("rb"), connection.makefile("wb")
+                read, write = connection.makefile("rb", buffering=0), connection.makefile("wb")
                 with contextlib.suppress(BrokenPipeError, ConnectionResetError), read, write:
                     answer_all(make_stack(name), name, read, write)
 
@@ -78,7 +84,7 @@ def _listening(address: str) -> socket.socket:
     return server
 
 
-def answer_all(stack: Stack, name: str, read: IO[bytes], write: IO[bytes]) -> None:
+def answer_all(stack: Stack, name: str, read: RawIOBase, write: IO[bytes]) -> None:
     """Answer the harness until it closes the connection.
 
     Args:
@@ -91,7 +97,7 @@ def answer_all(stack: Stack, name: str, read: IO[bytes], write: IO[bytes]) -> No
     while (message := _receive(read)) is not None:
         kind = message.WhichOneof("kind")
         if kind == "hello":
-            _send(write, sb.FromStack(hello=hello(name)))
+            _send(write, sb.FromStack(hello=hello(name, announced=True)))
         elif kind == "close":
             break
         try:
@@ -163,14 +169,36 @@ def _placed(sensor: Sensor, sweep: SweepInput, pose: Pose, sequence: int) -> Wor
     return sensor.beams.place(own, pose, sequence)
 
 
-def _receive(read: IO[bytes]) -> sb.ToStack | None:
+def _receive(read: RawIOBase) -> sb.ToStack | None:
     """The next message; none at the end."""
-    head = read.read(4)
-    if len(head) < 4:
-        return None
-    (length,) = struct.unpack("<I", head)
-    data = read.read(length)
-    return sb.ToStack.FromString(data) if len(data) == length else None
+    while (head := _exactly(read, 4)) is not None:
+        (length,) = struct.unpack("<I", head)
+        if length:
+            data = _exactly(read, length)
+            return None if data is None else sb.ToStack.FromString(data)
+        _poll(read)  # announced
+    return None
+
+
+def _exactly(read: RawIOBase, count: int) -> bytes | None:
+    """So many bytes; none if the input ends before."""
+    data = bytearray(count)
+    left = memoryview(data)
+    while left:
+        got = read.readinto(left)
+        if not got:
+            return None
+        left = left[got:]
+    return bytes(data)
+
+
+def _poll(read: RawIOBase) -> None:
+    """Stay awake until an announced observation comes, or for `POLLED_S`."""
+    until = time.monotonic() + POLLED_S
+    poll = select.poll()
+    poll.register(read.fileno(), select.POLLIN)
+    while not poll.poll(0) and time.monotonic() < until:
+        os.sched_yield()  # the harness may be waiting for this very core
 
 
 def _send(write: IO[bytes], message: sb.FromStack) -> None:

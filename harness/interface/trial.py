@@ -92,6 +92,7 @@ class TrialNavigator(Navigator):
         """The stack's answer to the observation of these inputs, as it is logged."""
         if self.session is None:
             raise InputError(f"decision {inputs.sequence}: no answer of the stack in the log")
+        self.session.announce()
         return logged_answer(self.session.ask(self.observe(inputs)), inputs.time_ns)
 
     def observe(self, inputs: Inputs) -> Observation:

@@ -41,6 +41,9 @@ class RecordedAnswers:
     def start(self, task: Task) -> None:
         """Nothing to start."""
 
+    def announce(self) -> None:
+        """Nothing: the answers are there."""
+
     def ask(self, observation: Observation) -> sb.Command:
         """The recorded answer to an observation of this number.
 

@@ -29,12 +29,14 @@ class FromStack(_message.Message):
     def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., failure: _Optional[_Union[Failure, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
-    __slots__ = ("version", "name")
+    __slots__ = ("version", "name", "announced")
     VERSION_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
+    ANNOUNCED_FIELD_NUMBER: _ClassVar[int]
     version: int
     name: str
-    def __init__(self, version: _Optional[int] = ..., name: _Optional[str] = ...) -> None: ...
+    announced: bool
+    def __init__(self, version: _Optional[int] = ..., name: _Optional[str] = ..., announced: _Optional[bool] = ...) -> None: ...
 
 class Close(_message.Message):
     __slots__ = ()

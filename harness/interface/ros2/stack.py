@@ -108,6 +108,9 @@ class Ros2Stack:
         """Publish the referee's map and costmap from now on, whatever it is updated to."""
         self._costmap = costmap
 
+    def announce(self) -> None:
+        """Nothing: the nodes wait for topics."""
+
     def ask(self, observation: Observation) -> sb.Command:
         """The command that answers an observation.
 

@@ -103,6 +103,9 @@ def test_a_log_is_that_of_a_stack_that_commands_the_same(make, tmp_path):
         def start(self, task):
             pass
 
+        def announce(self):
+            pass
+
         def ask(self, observation):
             return command_message(Command(motion), observation.sequence)
 
