@@ -76,6 +76,14 @@ class Header(Message):
 
 
 @dataclass(frozen=True)
+class String(Message):
+    """A text."""
+
+    TYPE = "std_msgs/msg/String"
+    data: str = ""
+
+
+@dataclass(frozen=True)
 class Clock(Message):
     """Simulated time."""
 

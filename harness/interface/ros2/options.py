@@ -18,9 +18,12 @@ TOPICS = (
     "tf",
     "tf_static",
     "odom",
+    "task",
     "scan",
     "points",
+    "points/ranges",
     "depth/image",
+    "depth/image/ranges",
     "depth/camera_info",
     "map",
     "referee/costmap",
@@ -30,6 +33,9 @@ TOPICS = (
     "local_costmap/costmap",
 )
 """Topics by the name that they have without a remapping, as Nav2 has them."""
+
+RANGES = "/ranges"
+"""End of the topic of a sensor's sweeps as they were measured, beside its points or images."""
 
 MAX_DOMAIN = 232
 """Highest domain: the ports of a higher one do not exist (RTPS 2.2, section 9.6.1.1)."""
@@ -67,7 +73,10 @@ class Options:
     topics: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
     def topic(self, name: str) -> str:
-        """The full name of a topic; empty if it is not used."""
+        """The full name of a topic; empty if it is not used. Ranges stay beside their points."""
+        beside = name.removesuffix(RANGES)
+        if beside != name and name not in self.topics:
+            return self.topic(beside) and self.topic(beside) + RANGES
         remapped = self.topics.get(name, name)
         if remapped.startswith("/") or not remapped:
             return remapped

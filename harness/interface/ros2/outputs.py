@@ -9,12 +9,14 @@ from wayproof.harness.interface.ros2.messages import (
     OccupancyGrid,
     Odometry,
     PoseStamped,
+    String,
     TFMessage,
     Time,
 )
 from wayproof.harness.interface.ros2.node import Node, Publisher
 from wayproof.harness.interface.ros2.options import Options
-from wayproof.harness.interface.ros2.sensors import publications_of
+from wayproof.harness.interface.ros2.sensors import publications_of, ranges_image
+from wayproof.harness.interface.ros2.task import write_task
 from wayproof.harness.interface.ros2.transforms import (
     goal_pose,
     moving_transforms,
@@ -24,7 +26,7 @@ from wayproof.harness.interface.ros2.transforms import (
 from wayproof.harness.interface.types import Observation, Task
 from wayproof.maps import Costmap
 
-LATCHED = ("tf_static", "map", "referee/costmap", "goal_pose")
+LATCHED = ("tf_static", "task", "map", "referee/costmap", "goal_pose")
 """Topics whose last message a node gets that joins later."""
 
 GRID_PERIOD_NS = 1_000_000_000
@@ -47,11 +49,13 @@ class Outputs:
         self._options, self._task = options, task
         self._sensors = publications_of(task)
         self._grids_due_ns = 0
+        self._moved_ns = 0  # stamp of the last transforms
         kinds: dict[str, type[Message]] = {
             "clock": Clock,
             "tf": TFMessage,
             "tf_static": TFMessage,
             "odom": Odometry,
+            "task": String,
             "goal_pose": PoseStamped,
         }
         if task.mission.planar:
@@ -67,6 +71,10 @@ class Outputs:
         """Send the transforms that stay."""
         self._send("tf_static", static_transforms(self._task, self._options, Time.of(stamp_ns)))
 
+    def send_task(self, start_ns: int) -> None:
+        """Send the task, of which simulated time 0 is a ROS time, ns."""
+        self._send("task", String(write_task(self._task, start_ns)))
+
     def send_goal(self, stamp_ns: int) -> None:
         """Send the goal."""
         self._send("goal_pose", goal_pose(self._task, self._options, Time.of(stamp_ns)))
@@ -78,12 +86,17 @@ class Outputs:
     def send_observation(self, observation: Observation, stamp_ns: int) -> None:
         """Send the pose, then the sweeps that it places."""
         stamp = Time.of(stamp_ns)
-        self._send("tf", moving_transforms(self._task, observation, self._options, stamp))
+        since_ns, self._moved_ns = self._moved_ns, stamp_ns
+        moved = moving_transforms(self._task, observation, self._options, stamp, since_ns)
+        self._send("tf", moved)
         self._send("odom", odometry(observation, self._options, stamp))
         for sweep in observation.sweeps:
             if (sensor := self._sensors.get(sweep.sensor)) is not None:
                 for topic, message in sensor.messages(sweep, observation.sequence, stamp):
                     self._send(topic, message)
+                ranges = self.publishers.get(sensor.ranges_topic)
+                if ranges is not None and ranges.readers:  # a recorder, seldom another
+                    ranges.publish(ranges_image(sensor.sensor, sweep, stamp))
 
     def send_grids(self, costmap: Costmap, time_ns: int, stamp_ns: int) -> None:
         """Send the referee's map and costmap, where they are due; in the plane alone.

@@ -19,6 +19,7 @@ from wayproof.harness.interface.ros2.messages import (
     PointField,
     Time,
 )
+from wayproof.harness.interface.ros2.options import RANGES
 from wayproof.harness.interface.types import Array, Sensor, Sweep, Task
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
@@ -69,8 +70,17 @@ class Lidar:
 
     def topics(self) -> dict[str, type[Message]]:
         """Topics that it publishes, with their types."""
-        scan: dict[str, type[Message]] = {f"{self.prefix}scan": LaserScan}
-        return {f"{self.prefix}points": PointCloud2, **(scan if self.row is not None else {})}
+        topics: dict[str, type[Message]] = {f"{self.prefix}points": PointCloud2}
+        if self.row is not None:
+            topics[f"{self.prefix}scan"] = LaserScan
+        if has_ranges(self.sensor):
+            topics[self.ranges_topic] = Image
+        return topics
+
+    @property
+    def ranges_topic(self) -> str:
+        """Topic of its sweeps as they were measured."""
+        return f"{self.prefix}points{RANGES}"
 
     def messages(self, sweep: Sweep, sequence: int, stamp: Time) -> list[Named]:
         """A sweep as a cloud, and as a scan where it has one."""
@@ -132,7 +142,16 @@ class DepthCamera:
 
     def topics(self) -> dict[str, type[Message]]:
         """Topics that it publishes, with their types."""
-        return {f"{self.prefix}image": Image, f"{self.prefix}camera_info": CameraInfo}
+        topics: dict[str, type[Message]] = {f"{self.prefix}image": Image}
+        topics[f"{self.prefix}camera_info"] = CameraInfo
+        if has_ranges(self.sensor):
+            topics[self.ranges_topic] = Image
+        return topics
+
+    @property
+    def ranges_topic(self) -> str:
+        """Topic of its sweeps as they were measured."""
+        return f"{self.prefix}image{RANGES}"
 
     def messages(self, sweep: Sweep, sequence: int, stamp: Time) -> list[Named]:
         """A sweep as an image, 32FC1 in metres, and the calibration with its stamp."""
@@ -167,25 +186,71 @@ class DepthCamera:
         )
 
 
-Publication = Lidar | DepthCamera
+@dataclass(frozen=True)
+class Rangefinder:
+    """Ranges of a rangefinder, for recorders.
+
+    Attributes:
+        sensor: The rangefinder.
+        prefix: Of its topics.
+    """
+
+    sensor: Sensor
+    prefix: str
+
+    def topics(self) -> dict[str, type[Message]]:
+        """Topics that it publishes, with their types."""
+        return {self.ranges_topic: Image}
+
+    @property
+    def ranges_topic(self) -> str:
+        """Topic of its sweeps as they were measured."""
+        return f"{self.prefix.rstrip('/')}{RANGES}"
+
+    def messages(self, sweep: Sweep, sequence: int, stamp: Time) -> list[Named]:
+        """Nothing but its ranges."""
+        return []
+
+
+Publication = Lidar | DepthCamera | Rangefinder
 
 
 def publications_of(task: Task) -> dict[str, Publication]:
-    """What is published of each sensor, by its name; of rangefinders nothing."""
+    """What is published of each sensor, by its name."""
     found: dict[str, Publication] = {}
     for name, sensor in task.sensors.items():
         kind: type[Publication] | None = KINDS.get(sensor.info.kind)
         if kind is None:
             continue
         first = not any(isinstance(one, kind) for one in found.values())
-        prefix = FIRST[kind] if first else f"{name}/"
+        prefix = FIRST[kind] if first and kind in FIRST else f"{name}/"
         found[name] = kind(sensor, prefix)
     return found
 
 
-KINDS: dict[str, type[Publication]] = {"lidar": Lidar, "depth_camera": DepthCamera}
+KINDS: dict[str, type[Publication]] = {
+    "lidar": Lidar,
+    "depth_camera": DepthCamera,
+    "rangefinder": Rangefinder,
+}
 FIRST: dict[type[Publication], str] = {Lidar: "", DepthCamera: "depth/"}
 """Prefix of the topics of the first sensor of a kind."""
+
+
+def has_ranges(sensor: Sensor) -> bool:
+    """Whether a sensor's sweeps are images of ranges: of those that fire the same beams always."""
+    return sensor.beams.table.order == "grid"
+
+
+def ranges_image(sensor: Sensor, sweep: Sweep, stamp: Time) -> Image:
+    """A sweep as it was measured, mm, 16UC1: 0 dropped, 65535 no return; rows by columns of beams.
+
+    With the beam tables of the topic `/task` it is all that a map takes of the sweep.
+    """
+    table = sensor.beams.table
+    rows, columns = len(table.rows), len(table.columns)
+    data = np.frombuffer(sweep.ranges_mm.astype("<u2").tobytes(), np.uint8)
+    return Image(Header(stamp, sensor.info.name), rows, columns, "16UC1", 0, 2 * columns, data)
 
 
 def optical_frame(sensor: Sensor) -> str:

@@ -103,6 +103,8 @@ class Ros2Stack:
         self._outputs = Outputs(self._node, self._options, task)
         self._outputs.send_mountings(FIRST_NS)
         self._outputs.send_goal(FIRST_NS)
+        if self._offset_ns is not None:
+            self._outputs.send_task(self._offset_ns)
 
     def show(self, costmap: Costmap) -> None:
         """Publish the referee's map and costmap from now on, whatever it is updated to."""
@@ -120,6 +122,7 @@ class Ros2Stack:
         assert self._outputs is not None
         if self._offset_ns is None:
             self._offset_ns = self._meet(observation, self._outputs)
+            self._outputs.send_task(self._offset_ns)
         stamp_ns = observation.time_ns + self._offset_ns
         if observation.sequence % CHECKED_EACH == 0 and (wrong := self._mismatch()):
             raise StackError(self._who, f"cannot be reached: {wrong}")

@@ -51,19 +51,54 @@ def static_transforms(task: Task, options: Options, stamp: Time) -> TFMessage:
 
 
 def moving_transforms(
-    task: Task, observation: Observation, options: Options, stamp: Time
+    task: Task, observation: Observation, options: Options, stamp: Time, since_ns: int = 0
 ) -> TFMessage:
-    """T_odom_base, the estimated pose, and T_base_footprint of a body on the ground."""
-    header = Header(stamp, options.odom_frame)
-    transform = Transform(_vector(observation.position), quaternion_of(observation.quaternion))
-    moved = TransformStamped(header, options.base_frame, transform)
+    """T_odom_base, the estimated pose, and T_base_footprint of a body on the ground.
+
+    Args:
+        task: With the body.
+        observation: With the pose.
+        options: Names of the frames.
+        stamp: ROS time of the observation.
+        since_ns: Stamp of the transforms that were sent last, ns. After a sweep of a rolling
+            shutter the poses since then go before that of now.
+    """
+    moved = [
+        *_trail(observation, options, stamp.ns, since_ns),
+        _moved(stamp, options, observation.position, observation.quaternion),
+    ]
     if not task.mission.planar or options.base_frame == FOOTPRINT:
-        return TFMessage((moved,))
+        return TFMessage(tuple(moved))
     R_base_world = observation.rotation.T
     below = R_base_world @ np.array([0.0, 0.0, -observation.position[2]])
     R_base_footprint = R_base_world @ _heading_alone(observation.rotation)
     frames = options.base_frame, FOOTPRINT
-    return TFMessage((moved, _transform(stamp, frames, below, R_base_footprint)))
+    return TFMessage((*moved, _transform(stamp, frames, below, R_base_footprint)))
+
+
+def _trail(
+    observation: Observation, options: Options, stamp_ns: int, since_ns: int
+) -> list[TransformStamped]:
+    """The poses while the sweeps were taken, oldest first, without that of now."""
+    trail = observation.trail
+    if trail is None:
+        return []
+    period_ns, count = round(trail.period * 1e9), len(trail.positions)
+    stamps = [stamp_ns - (count - 1 - k) * period_ns for k in range(count - 1)]
+    return [
+        _moved(Time.of(at_ns), options, position, quaternion)
+        for at_ns, position, quaternion in zip(
+            stamps, trail.positions[:-1], trail.quaternions[:-1], strict=True
+        )
+        if at_ns > since_ns
+    ]
+
+
+def _moved(stamp: Time, options: Options, position: Array, wxyz: Array) -> TransformStamped:
+    """T_odom_base at a time."""
+    header = Header(stamp, options.odom_frame)
+    transform = Transform(_vector(position), quaternion_of(wxyz))
+    return TransformStamped(header, options.base_frame, transform)
 
 
 def odometry(observation: Observation, options: Options, stamp: Time) -> Odometry:

@@ -8,6 +8,7 @@ import re
 MESSAGES = (
     "builtin_interfaces/msg/Time",
     "std_msgs/msg/Header",
+    "std_msgs/msg/String",
     "rosgraph_msgs/msg/Clock",
     "geometry_msgs/msg/Vector3",
     "geometry_msgs/msg/Point",

@@ -25,6 +25,14 @@ def test_a_namespace_holds_all_topics_but_the_clock(monkeypatch):
     assert options.topic("map") == ""
 
 
+def test_ranges_stay_beside_their_points():
+    options = parse("ros2:namespace=/robot1,points=front/points,depth/image=")
+    assert options.topic("points/ranges") == "/robot1/front/points/ranges"
+    assert options.topic("depth/image/ranges") == ""
+    assert options.topic("altimeter/ranges") == "/robot1/altimeter/ranges"
+    assert parse("ros2:points/ranges=").topic("points/ranges") == ""
+
+
 def test_numbers_and_the_pace():
     options = parse("ros2:domain=5,pace=lockstep,controller_frequency=50,silence=0.5")
     assert options.domain == 5

@@ -127,7 +127,13 @@ def test_two_lidars_have_topics_of_their_own(quadruped):
         for one in publications_of(type(task)(**{**vars(task), "sensors": rear})).values()
         for topic in one.topics()
     ]
-    assert topics == ["points", "scan", "rear/points", "rear/scan"]
+    first = ["points", "scan", "points/ranges"]
+    assert topics == [*first, *(f"rear/{topic}" for topic in first)]
+
+
+def test_lidars_that_never_repeat_a_sweep_have_no_ranges():
+    solid = Robot("quadruped", "sensors.lidar=livox-mid360")
+    assert list(solid.publications["lidar"].topics()) == ["points"]
 
 
 def test_the_mountings_are_a_tree_below_the_map(drone):
