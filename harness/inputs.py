@@ -19,8 +19,10 @@ from wayproof.harness.listed_beams import (
     CODEC,
     WIDE_CODEC,
     ListedBeams,
+    Mount,
     check_count,
     read_list,
+    read_mount,
     read_ranges,
 )
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -176,7 +178,7 @@ class Beams:
         if self.table.non_repetitive:
             self._directions = directions(self.table, sequence)
         several = self.table.scan_poses > 1
-        origins, rotations = self._poses(pose, self._ages if several else None)
+        origins, rotations = self._poses(pose, self._ages if several else None, *sweep.mount)
         one = len(rotations) == 1
         beams = rotate(rotations[0] if one else rotations[self._moments], self._directions)
         ranges = ray_ranges(self.table, self._directions, sweep.ranges_mm)
@@ -245,12 +247,14 @@ class SweepInput:
         ranges_mm: (n,) mm.
         classes: (n,) uint8 class of what each beam hit, if there are any.
         beams: Beams of a sweep that lists them; else those of the sensor's tables.
+        mount: T_base_sensor of a sweep by tables, if it is not that of the sensor.
     """
 
     sensor: str
     ranges_mm: Ranges
     classes: NDArray[np.uint8] | None = None
     beams: ListedBeams | None = None
+    mount: Mount = (None, None)
 
 
 @dataclass(frozen=True)
@@ -301,7 +305,13 @@ def inputs_from_messages(
         sequence=pose.sequence,
         pose=_pose(pose),
         sweeps=tuple(
-            SweepInput(sweep.sensor, decode_ranges(sweep), decode_classes(sweep), read_list(sweep))
+            SweepInput(
+                sweep.sensor,
+                decode_ranges(sweep),
+                decode_classes(sweep),
+                read_list(sweep),
+                read_mount(sweep),
+            )
             for sweep in sweeps
         ),
         digest=inputs_digest(written),

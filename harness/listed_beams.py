@@ -27,6 +27,9 @@ MOST_POSES = 256
 OLDEST_S = 10.0
 """Maximum age of such a pose, s."""
 
+Mount = tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]
+"""T_base_sensor: position (3,), m, and rotation (3, 3); or none."""
+
 LONGEST_MM = round(LONGEST_LISTED_RANGE * 1e3)
 
 
@@ -96,7 +99,7 @@ def read_list(message: pb.Sweep) -> ListedBeams | None:
             raise InputError(
                 f"sweep: got poses of {len(poses)} beams, expected {count} below {len(ages)}"
             )
-    return ListedBeams(directions, poses, ages, *_mount(message))
+    return ListedBeams(directions, poses, ages, *read_mount(message))
 
 
 def read_ranges(message: pb.Sweep) -> NDArray[np.uint32]:  # (rows * columns,)
@@ -128,10 +131,12 @@ def check_count(message: pb.Sweep) -> int:
     return count
 
 
-def _mount(
-    message: pb.Sweep,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]:
-    """T_base_sensor of this sweep: position (3,), m, and rotation (3, 3)."""
+def read_mount(message: pb.Sweep) -> Mount:
+    """T_base_sensor of this sweep; none if it is that of the sensor.
+
+    Raises:
+        InputError: The numbers are no mount.
+    """
     if not message.mount:
         return None, None
     numbers = np.array(message.mount)

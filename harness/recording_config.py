@@ -31,7 +31,8 @@ class RecordingConfig:
         decision_period: Least time between two decisions, s; 0 decides at every sweep. Sweeps in
             between are integrated at the next decision, each from the pose that it was taken at.
         area_margin: Distance from the recorded way to the border of the operating area, m. Nothing
-            is mapped beyond it.
+            is mapped beyond it. Not used where the recording states the area, as the topics of an
+            episode do.
         origin: Point of the recording's world frame that is the origin of the log's, m; set by the
             run from the first pose and `body_height`.
         body_height: Height of the body's origin above the floor at the first pose, m; where the
@@ -41,7 +42,8 @@ class RecordingConfig:
             `map.min_obstacle_height` and `map.max_obstacle_height`.
         position_sigma: Standard deviation of the recorded position, m. Twice it is added to
             `costmap.localization_margin`.
-        footprint_clearing: Whether the space of the bare body is marked free wherever it stands.
+        footprint_clearing: Whether the space of the bare body is marked free wherever it stands; of
+            a recording of an episode's topics, which states its task, the default is false.
         horizon: Time ahead for which the recorded way is judged, s.
 
     Raises:

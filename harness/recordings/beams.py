@@ -55,6 +55,7 @@ class Beams(NamedTuple):
         times_ns: (n,) after the stamp, ns; None if all were taken at once.
         grid: Angles of a planar laser.
         points: (k, 3) m, ends of the beams with a return.
+        measured: (b,) mm as of `RecordedSweep`.
     """
 
     directions: NDArray[np.float32]
@@ -62,6 +63,7 @@ class Beams(NamedTuple):
     times_ns: NDArray[np.int64] | None = None
     grid: ScanGrid | None = None
     points: NDArray[np.float32] | None = None
+    measured: NDArray[np.uint16] | None = None
 
 
 def from_first_beam(beams: Beams) -> tuple[int, NDArray[np.int64] | None]:

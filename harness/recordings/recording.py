@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 
+from wayproof.harness.mission import Mission
 from wayproof.harness.recordings.track import RecordedTrack
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
 
@@ -74,7 +75,7 @@ class Recording:
         format: Name of its format.
         sha256: Hash of the bytes of all files that are read, hexadecimal.
         start_ns: Stamp of the first pose, ns since the epoch of the recording's clock.
-        sensors: In the order of their names.
+        sensors: In the order of their names, or of an episode's sensors.
         track: Poses of the body.
         chosen: The topics and frames that were chosen, in words.
         opening: Faults met while the recording was opened.
@@ -82,6 +83,8 @@ class Recording:
         body_height: Height of the body's origin above the floor at the first pose, m; None where
             the recording does not say.
         options: What it was opened with.
+        mission: Of the episode that was recorded, in its world frame, which is the recording's;
+            None where the recording does not say.
     """
 
     name: str
@@ -95,6 +98,7 @@ class Recording:
     read: Callable[[Faults], Iterator[RecordedSweep]]
     body_height: float | None = None
     options: RecordingOptions = field(default_factory=RecordingOptions)
+    mission: Mission | None = None
     _met: Faults = field(default_factory=Counter, init=False)
 
     def sweeps(self) -> Iterator[RecordedSweep]:

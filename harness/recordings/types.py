@@ -8,6 +8,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.schema import wayproof_pb2 as pb
+
 SensorKind = Literal["laser", "points", "depth"]
 """A planar laser scanner, point clouds, or a depth camera."""
 
@@ -59,6 +61,8 @@ class RecordedSensor:
         missing_returns_known: Whether a range of inf says that the beam was free up to
             `range_max`. Where it is false, no return may have been a fault as well, and space
             without a return is not known to be free.
+        declared: Beam tables, mounting and range as in the log of the episode that was recorded, of
+            a sensor that fires the same beams in every sweep; None for others.
     """
 
     name: str
@@ -67,6 +71,7 @@ class RecordedSensor:
     range_min: float
     range_max: float
     missing_returns_known: bool
+    declared: pb.SensorInfo | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +89,8 @@ class RecordedSweep:
         grid: Angles of a planar laser; None for others.
         points: (k, 3) float32 m, ends of the beams with a return, which come first, as they were
             recorded; None for a planar laser.
+        measured: (beams,) uint16 mm of all beams of the tables that the sensor `declared`, as it
+            measured them: 0 dropped, 65535 no return; None without tables.
     """
 
     time_ns: int
@@ -94,3 +101,4 @@ class RecordedSweep:
     T_body_sensor: Transform
     grid: ScanGrid | None = None
     points: NDArray[np.float32] | None = None
+    measured: NDArray[np.uint16] | None = None

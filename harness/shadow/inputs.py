@@ -57,13 +57,15 @@ class InputWriter:
         return Given(sweeps, pose, goal, motion)
 
     def _sweeps(self, batch: Batch, sequence: int) -> list[pb.Sweep]:
-        prepared = self._prepared
+        prepared, places = self._prepared, list(self._prepared.writers)
+        sweeps = [sweep for sweep in batch.sweeps if sweep.sensor in prepared.writers]
+        if all(sweep.measured is not None for sweep in sweeps):
+            sweeps.sort(key=lambda sweep: places.index(sweep.sensor))  # as the episode's were
         return [
             prepared.writers[sweep.sensor].write(
                 sweep, lifted(sweep.T_body_sensor, prepared.lift), batch.time_ns, sequence
             )
-            for sweep in batch.sweeps
-            if sweep.sensor in prepared.writers
+            for sweep in sweeps
         ]
 
     def _motion(self, time_ns: int, sequence: int) -> pb.RecordedMotion:
@@ -99,17 +101,20 @@ class InputWriter:
             position_sigma=self._prepared.recorded.position_sigma,
         )
         message.timestamp.FromNanoseconds(time_ns)
-        if (age := greatest_age(sweeps)) > 0:
-            trail = self._trail(time_ns, age)
+        of_tables = [writer.age_ns for writer in self._prepared.writers.values()]
+        if (age := max([greatest_age(sweeps), *of_tables])) > 0:
+            # As far apart as they are known, so that an episode's are those that it had.
+            step_ns = self._prepared.way.step_ns if any(of_tables) else TRAIL_PERIOD_NS
+            trail = self._trail(time_ns, age, step_ns)
             message.history_positions.extend(trail.positions.ravel().tolist())
             message.history_quaternions.extend(trail.quaternions.ravel().tolist())
             message.history_period_s = trail.period
         self._perturbation.pose(message, motion, time_ns)
         return message
 
-    def _trail(self, time_ns: int, age_ns: int) -> Trail:
-        """Poses up to a time, from at least an age before it on."""
-        period_ns = max(TRAIL_PERIOD_NS, -(-age_ns // (MOST_TRAIL - 1)))
+    def _trail(self, time_ns: int, age_ns: int, step_ns: int) -> Trail:
+        """Poses up to a time, from at least an age before it on, and so far apart if possible."""
+        period_ns = max(step_ns, -(-age_ns // (MOST_TRAIL - 1)))
         steps = np.arange(-(-age_ns // period_ns), -1, -1, dtype=np.int64)
         times = np.maximum(time_ns - steps * period_ns, 0)
         return Trail(*self._prepared.way.at(times), period_ns * 1e-9)

@@ -15,7 +15,7 @@ import numpy as np
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.geometry import polyline_length
-from wayproof.harness.inputs import decode_ranges
+from wayproof.harness.inputs import beams_from_info, decode_ranges
 from wayproof.harness.listed_beams import read_list, write_list
 from wayproof.harness.perturbations import UNPERTURBED, Displacement, Report
 from wayproof.harness.perturbations.perturbation import ListedDirections, Ranges
@@ -24,6 +24,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.way import Array
 from wayproof.models.pose_model import PoseError, estimated_trail
 from wayproof.models.poses import Trail, rotation_matrices
+from wayproof.models.sensors import range_codec
 from wayproof.models.sensors.beams import NO_RETURN, BeamTable
 
 NO_TABLE = BeamTable(np.empty((0, 2)), np.empty((0, 2)), 0, order="list")
@@ -137,7 +138,9 @@ class RecordedPerturbation:
             _displace(sweep, info, self._displacement)
             return
         beams, ranges = read_list(sweep), decode_ranges(sweep).astype(np.uint32)
-        assert beams is not None
+        if beams is None:
+            self._change_measured(sweep, info, sequence)
+            return
         first = self._first.setdefault(sweep.sensor, beams.directions)
         device = RecordedDevice(info.range_m, 0.0, no_return_is_free=False)
         listed = ListedDirections(beams.directions, first)
@@ -149,6 +152,15 @@ class RecordedPerturbation:
         directions = sweep.directions  # kept as recorded: coding them again may round anew
         write_list(sweep, beams.directions, perturbed.astype(np.uint32), poses, ages)
         sweep.directions = directions
+
+    def _change_measured(self, sweep: pb.Sweep, info: pb.SensorInfo, sequence: int) -> None:
+        """Change the ranges of a sweep whose sensor has tables."""
+        ranges, table = decode_ranges(sweep), beams_from_info(info).table
+        device = RecordedDevice(info.range_m, 0.0, no_return_is_free=False)
+        report = Report(sweep.sensor, device, table, ranges, self._seed, sequence)
+        perturbed = _without_mark(self._perturbation.report(report), report)
+        self._changed_beams += int((perturbed != ranges).sum())
+        sweep.ranges = range_codec.encode(perturbed.astype(np.uint16), sweep.rows)
 
 
 def _without_mark(perturbed: Ranges, report: Report) -> Ranges:

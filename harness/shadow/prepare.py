@@ -15,10 +15,10 @@ from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.recording_config import RecordingConfig
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.recordings.track import RecordedTrack
-from wayproof.harness.recordings.types import RecordedSweep, Transform
+from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.body import Body
-from wayproof.harness.shadow.sweeps import SweepWriter, sensor_message
+from wayproof.harness.shadow.sweeps import SweepWriter, TableWriter, sensor_message
 from wayproof.harness.shadow.way import Way
 from wayproof.maps.kernels.beams import MAX_BEAM_CELLS
 from wayproof.models.sensors.beams import LONGEST_LISTED_RANGE
@@ -65,7 +65,7 @@ class Prepared:
     config: Config
     mission: Mission
     infos: tuple[pb.SensorInfo, ...]
-    writers: dict[str, SweepWriter]
+    writers: dict[str, SweepWriter | TableWriter]
     lift: float
     way: Way
     assumes_height: bool = False
@@ -118,23 +118,22 @@ def prepare(
         config = replace(config, stack=trial, recording=recorded)
     way = Way(_read_part(recording), recorded, flat=planar)
     start_ns = min(sweeps[0].time_ns for sweeps in first.values())
-    mission = _mission(way, body, config, start_ns)
-    if body.motion == "air":
+    mission = _mission(way, body, config, start_ns, recording.mission)
+    if body.motion == "air" and recording.mission is None:
         config = _within_altitudes(config, mission, settings)
     lift = _lift(config, recorded, first) if planar else 0.0
     infos: list[pb.SensorInfo] = []
-    writers: dict[str, SweepWriter] = {}
+    writers: dict[str, SweepWriter | TableWriter] = {}
     for sensor in recording.sensors:
         sweeps = first.get(sensor.name)
         if sweeps is None:
             continue
-        mount = lifted(sweeps[0].T_body_sensor, lift)
-        longest = min(LONGEST_LISTED_RANGE, (MAX_BEAM_CELLS - 1) * config.map.resolution)
-        info = sensor_message(sensor, mount, min(sensor.range_max, longest), _rate(sweeps))
-        if any(info.name == other.name for other in infos):
-            raise InputError(f"recording '{recording.name}': two sensors of the name {info.name}")
-        infos.append(info)
-        writers[sensor.name] = SweepWriter(sensor, info, mount)
+        writer = _writer(sensor, sweeps, lift, recording, config)
+        if any(writer.info.name == other.name for other in infos):
+            name = writer.info.name
+            raise InputError(f"recording '{recording.name}': two sensors of the name {name}")
+        infos.append(writer.info)
+        writers[sensor.name] = writer
     named = any(one.partition("=")[0].strip() == "recording.body_height" for one in settings)
     stated = named or recording.body_height is not None or recording.options.mount is not None
     return Prepared(
@@ -146,6 +145,25 @@ def prepare(
         way=way,
         assumes_height=body.motion == "ground" and not planar and not stated,
     )
+
+
+def _writer(
+    sensor: RecordedSensor,
+    sweeps: list[RecordedSweep],
+    lift: float,
+    recording: Recording,
+    config: Config,
+) -> SweepWriter | TableWriter:
+    """The writer of a sensor's sweeps: as lists of beams, or by tables if the recording has them.
+
+    Where a mount is given, it is that of the list.
+    """
+    if sensor.declared is not None and recording.options.mount is None:
+        return TableWriter(sensor, sensor.declared)
+    mount = lifted(sweeps[0].T_body_sensor, lift)
+    longest = min(LONGEST_LISTED_RANGE, (MAX_BEAM_CELLS - 1) * config.map.resolution)
+    info = sensor_message(sensor, mount, min(sensor.range_max, longest), _rate(sweeps))
+    return SweepWriter(sensor, info, mount)
 
 
 def _read_part(recording: Recording) -> RecordedTrack:
@@ -185,6 +203,8 @@ def _config(
         ),
     )
     defaults = ["map.kind=grid2d"] if planar else []
+    if recording.mission is not None:  # the episode's own map had only its start declared free
+        defaults.append("recording.footprint_clearing=false")
     if recording.body_height is not None:
         defaults.append(f"recording.body_height={recording.body_height!r}")
     config = override(config, [*defaults, *settings])
@@ -194,6 +214,8 @@ def _config(
             f"--set estimate.kind={config.estimate.kind}: of a simulated episode; a recording has "
             "its own poses, expected none"
         )
+    if recording.mission is not None:
+        return config
     x, y, z = recording.track.positions[0].tolist()
     if max(abs(x), abs(y)) <= FAR:
         x = y = 0.0
@@ -224,7 +246,10 @@ def _rate(sweeps: list[RecordedSweep]) -> float:
     return 1e9 / (sweeps[1].time_ns - sweeps[0].time_ns)
 
 
-def _mission(way: Way, body: Body, config: Config, start_ns: int) -> Mission:
+def _mission(
+    way: Way, body: Body, config: Config, start_ns: int, of_episode: Mission | None
+) -> Mission:
+    """The mission: area and start are those of the episode that was recorded, if one was."""
     assert config.recording is not None
     margin = config.recording.area_margin
     low, high = way.positions.min(axis=0) - margin, way.positions.max(axis=0) + margin
@@ -232,7 +257,11 @@ def _mission(way: Way, body: Body, config: Config, start_ns: int) -> Mission:
         low[2], high[2] = -BELOW, body.height + ABOVE
     else:
         low[2], high[2] = low[2] + margin - AIR_MARGIN, high[2] - margin + AIR_MARGIN
-    start = way.pose(start_ns)
+    first = way.pose(start_ns)
+    start, heading = first.position, float(first.row[3])
+    if of_episode is not None:
+        low, high = np.array(of_episode.low), np.array(of_episode.high)
+        start, heading = np.array(of_episode.start), of_episode.start_heading
     try:
         return Mission(
             motion=body.motion,
@@ -245,8 +274,8 @@ def _mission(way: Way, body: Body, config: Config, start_ns: int) -> Mission:
             max_yaw_rate=body.max_yaw_rate,
             low=_triple(low),
             high=_triple(high),
-            start=_triple(start.position),
-            start_heading=float(start.row[3]),
+            start=_triple(start),
+            start_heading=heading,
             goal=_triple(way.positions[-1]),
             discs=body.discs,
         )

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.listed_beams import MOST_POSES, OLDEST_S, write_list
+from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.listed_beams import CODEC, MOST_POSES, OLDEST_S, write_list
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.poses import rotation_matrices
-from wayproof.models.sensors.beams import DROPPED, MILLIMETRES, NO_RETURN
+from wayproof.models.sensors import range_codec
+from wayproof.models.sensors.beams import DROPPED, MILLIMETRES, NO_RETURN, pose_offsets
 
 POSE_STEP_NS = 5_000_000
 """Time for which beams leave from one pose, ns: at 2 m/s the sensor moves by 1 cm meanwhile."""
@@ -57,8 +59,54 @@ KINDS = {"laser": "lidar", "points": "lidar", "depth": "depth_camera"}
 """Kind of a recorded sensor -> kind in the log."""
 
 
+class TableWriter:
+    """Writes the sweeps of a sensor whose ranges were recorded as it measured them.
+
+    Attributes:
+        info: Its declaration in the log: that of the episode, by its topic's name.
+        age_ns: Age of its oldest beam at the end of a sweep, ns.
+    """
+
+    def __init__(self, sensor: RecordedSensor, declared: pb.SensorInfo) -> None:
+        """Write by the tables of a declaration."""
+        self._sensor = sensor
+        self.info = pb.SensorInfo()
+        self.info.CopyFrom(declared)
+        self.info.name, self.info.source = topic_name(sensor.name), "recording"
+        self.info.range_m = min(declared.range_m, sensor.range_max)
+        beams = beams_from_info(declared)
+        self._rows = beams.table.image_rows
+        self.age_ns = int(-pose_offsets(beams.table, round(1e9 / beams.rate)).min())
+
+    def write(
+        self, sweep: RecordedSweep, mount: Transform, time_ns: int, sequence: int
+    ) -> pb.Sweep:
+        """Write one sweep; arguments as of `SweepWriter.write`, the mount is the declared one."""
+        assert sweep.measured is not None
+        ranges_mm = sweep.measured
+        if not self._sensor.missing_returns_known:
+            ranges_mm = np.where(ranges_mm == NO_RETURN, DROPPED, ranges_mm)
+        message = pb.Sweep(
+            sequence=sequence,
+            sensor=self.info.name,
+            rows=self._rows,
+            columns=len(ranges_mm) // self._rows,
+            codec=CODEC,
+            ranges=range_codec.encode(ranges_mm, self._rows),
+        )
+        message.timestamp.FromNanoseconds(time_ns)
+        return message
+
+
 class SweepWriter:
-    """Writes the sweeps of one sensor."""
+    """Writes the sweeps of one sensor, each with the list of its beams.
+
+    Attributes:
+        info: Its declaration in the log.
+        age_ns: 0: its sweeps list the ages of their beams.
+    """
+
+    age_ns = 0
 
     def __init__(self, sensor: RecordedSensor, info: pb.SensorInfo, mount: Transform) -> None:
         """Write as declared.
@@ -68,7 +116,7 @@ class SweepWriter:
             info: Its declaration in the log.
             mount: T_base_sensor in the declaration.
         """
-        self._sensor, self._info, self._mount = sensor, info, mount
+        self._sensor, self.info, self._mount = sensor, info, mount
 
     @property
     def silence(self) -> int:
@@ -86,7 +134,7 @@ class SweepWriter:
             time_ns: Time of the decision.
             sequence: Number of the decision.
         """
-        message = pb.Sweep(sequence=sequence, sensor=self._info.name)
+        message = pb.Sweep(sequence=sequence, sensor=self.info.name)
         message.timestamp.FromNanoseconds(time_ns)
         poses, ages = _ages(sweep, time_ns)
         write_list(message, sweep.directions, self._millimetres(sweep), poses, ages)
@@ -102,7 +150,7 @@ class SweepWriter:
         silent = np.isinf(ranges)
         counted = np.rint(np.where(silent, 0.0, ranges) * MILLIMETRES)
         counted[counted == NO_RETURN] = NO_RETURN - 1  # 65.535 m has another meaning
-        lost = (ranges < self._sensor.range_min) | (ranges > self._info.range_m) | (counted < 1.0)
+        lost = (ranges < self._sensor.range_min) | (ranges > self.info.range_m) | (counted < 1.0)
         counted[lost] = DROPPED
         counted[silent] = self.silence
         return counted.astype(np.uint32)

@@ -18,6 +18,9 @@ LEAST_STEP = 0.05
 """Least distance that counts as way, m: the poses of a robot at rest wander by less."""
 
 
+SHORTEST_STEP_NS, LONGEST_STEP_NS = 1_000_000, 1_000_000_000
+
+
 @dataclass(frozen=True)
 class RecordedPose:
     """Pose T_world_body at one time, in the log's frame.
@@ -42,6 +45,7 @@ class Way:
     Attributes:
         positions: (n, 3) of the track's own samples, m.
         length_m: Length in steps of at least `LEAST_STEP`, m.
+        step_ns: Least time between two poses, from 1 ms to 1 s, ns.
     """
 
     def __init__(self, track: RecordedTrack, config: RecordingConfig, *, flat: bool) -> None:
@@ -58,6 +62,8 @@ class Way:
         steps = np.diff(self.positions[self._knots], axis=0)
         self._arcs = np.concatenate([[0.0], np.cumsum(np.sqrt(np.square(steps).sum(axis=1)))])
         self.length_m = float(self._arcs[-1])
+        apart = np.diff(track.times_ns).min(initial=LONGEST_STEP_NS)
+        self.step_ns = max(int(apart), SHORTEST_STEP_NS)
 
     def covers(self, time_ns: int) -> bool:
         """Whether there is a pose at a time, ns."""

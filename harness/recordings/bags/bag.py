@@ -21,12 +21,14 @@ from wayproof.harness.recordings.bags.choose import (
     choose_motion,
     choose_mount,
     choose_sensors,
+    declared,
+    order_in_task,
 )
 from wayproof.harness.recordings.bags.clouds import OWN_TIME, read_cloud
 from wayproof.harness.recordings.bags.container import Broken, RawMessage
 from wayproof.harness.recordings.bags.frames import FramePath
 from wayproof.harness.recordings.bags.messages import IMAGE, decode, header_stamp
-from wayproof.harness.recordings.bags.sensors import Reading, Topic, beams_of, first_of
+from wayproof.harness.recordings.bags.sensors import Reading, Topic, beams_of, first_of, measured_by
 from wayproof.harness.recordings.bags.survey import (
     STAMPLESS,
     UNREADABLE,
@@ -74,9 +76,13 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
         raise InputError(f"recording '{path}': not a bag of ROS 1 (.bag) or ROS 2 (.mcap, .db3)")
     found = survey(files, faults)
     names = choose_sensors(path, found, options)
+    names.sort(key=lambda name: order_in_task(name, found))
     topics = [_topic(path, name, found, options) for name in names]
     motion = choose_motion(path, found, topics, options)
-    track, start = track_of(path, motion.poses, motion.source, options, faults)
+    poses, task = motion.poses, found.task
+    if task is not None:  # before its start a node was waited for
+        poses = poses.at(poses.stamps_ns >= task.start_ns)
+    track, start = track_of(path, poses, motion.source, options, faults)
     window = window_of(track, start, options)
     readers = [
         _reader(path, files, name, topic, found, motion, options, window)
@@ -96,6 +102,7 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
         opening=faults,
         read=_Sweeps(readers),
         body_height=body_height(found, motion.body, start),
+        mission=None if task is None else task.mission,
     )
 
 
@@ -151,7 +158,9 @@ class _TopicReader:
                 faults[UNREADABLE] += 1
                 continue
             mount = fixed or self._mount_at(stamp, faults)
-            if mount is None or not self.window.has_pose(stamp, beams.times_ns, faults):
+            # An episode's first sweep began before its first pose: the body stood there.
+            times = None if beams.measured is not None else beams.times_ns
+            if mount is None or not self.window.has_pose(stamp, times, faults):
                 continue
             if len(beams.ranges):
                 yield self._sweep(stamp, beams, mount)
@@ -170,6 +179,7 @@ class _TopicReader:
             T_body_sensor=mount,
             grid=beams.grid,
             points=beams.points,
+            measured=beams.measured,
         )
 
     def _messages(
@@ -230,8 +240,10 @@ _Item = tuple[int, RawMessage, Silent | None]
 
 
 def _topic(path: Path, name: str, found: Survey, options: RecordingOptions) -> Topic:
-    first = found.sensors[name].first
+    first, info = found.sensors[name].first, declared(name, found)
     assert first is not None
+    if info is not None:
+        return measured_by(info)
     camera = choose_camera(path, name, found, options) if first.type == IMAGE else None
     try:
         return first_of(first, camera, found.limits.get(name + LIMITS, (0.0, np.inf)))
@@ -252,13 +264,15 @@ def _reader(
     one: SensorTopic = found.sensors[name]
     cut = min(topic.range_max, float32(options.range_max or np.inf))
     free = options.missing_returns_free
+    silence_known = topic.declared is not None or name + SILENT in found.sensors
     sensor = RecordedSensor(
         name=name.lstrip("/"),
         frame=topic.frame,
         kind=topic.kind,
         range_min=topic.range_min,
         range_max=cut,
-        missing_returns_known=name + SILENT in found.sensors if free is None else free,
+        missing_returns_known=silence_known if free is None else free,
+        declared=topic.declared,
     )
     limits = Limits(topic.range_min, min(topic.range_max, FARTHEST), cut, beyond_is_none=False)
     mount = choose_mount(path, found, motion.body, topic, options)

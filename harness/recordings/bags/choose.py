@@ -11,14 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.interface.ros2.options import RANGES
 from wayproof.harness.recordings.bags.frames import Edge, FramePath
-from wayproof.harness.recordings.bags.messages import ODOMETRY, Camera
+from wayproof.harness.recordings.bags.messages import IMAGE, ODOMETRY, Camera, decode, frame_name
 from wayproof.harness.recordings.bags.sensors import Topic
 from wayproof.harness.recordings.bags.survey import PoseTopic, SensorTopic, Survey
 from wayproof.harness.recordings.matrices import OPTICAL
 from wayproof.harness.recordings.poses import StampedPoses, compose
 from wayproof.harness.recordings.recording import RecordingOptions
 from wayproof.harness.recordings.types import Transform
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 SILENT, UNSURE, LIMITS = "/no_return", "/no_return_unsure", "/limits"
 """Ends of the topics beside a sensor's points that `wayproof convert` writes: the directions of its
@@ -59,8 +61,9 @@ def choose_sensors(path: Path, found: Survey, options: RecordingOptions) -> list
         InputError: None, several of which none was chosen, or unknown ones.
     """
     usable = {name: one for name, one in found.sensors.items() if one.first is not None}
-    main = {name: one for name, one in usable.items() if not name.endswith((SILENT, UNSURE))}
-    named = [name if name in main else f"/{name}" for name in options.sensors]
+    main = {name: one for name, one in usable.items() if not _is_beside(name, found)}
+    exact = {name for name in usable if declared(name, found) is not None}
+    named = [name if name in usable else f"/{name}" for name in options.sensors]
     if not main:
         others = ", ".join(f"{name} ({type_})" for name, type_ in sorted(found.others.items())[:20])
         raise InputError(
@@ -68,14 +71,49 @@ def choose_sensors(path: Path, found: Survey, options: RecordingOptions) -> list
             f" (topics: {others or 'none'})"
         )
     for name, given in zip(named, options.sensors, strict=True):
-        if name not in main:
+        if name not in main and name not in exact:
             raise unknown_name("sensor of the recording", given, main)
     if named:
-        return sorted(set(named))
+        return sorted({measured_topic(name, found) for name in named})
     if len(main) > 1:
         listed = ", ".join(_described(name, one) for name, one in sorted(main.items()))
         raise InputError(f"recording '{path}': several sensors, choose: {listed}")
-    return list(main)
+    return [measured_topic(name, found) for name in main]
+
+
+def _is_beside(name: str, found: Survey) -> bool:
+    """Return whether a topic belongs to the sensor of another."""
+    if name.endswith(RANGES):
+        return name.removesuffix(RANGES) in found.sensors or declared(name, found) is None
+    return name.endswith((SILENT, UNSURE))
+
+
+def declared(name: str, found: Survey) -> pb.SensorInfo | None:
+    """Return the declaration of the sensor whose ranges a topic has as they were measured.
+
+    None where the task of no episode was recorded, or names no such sensor.
+    """
+    topic = found.sensors.get(name)
+    if found.task is None or topic is None or topic.first is None or topic.first.type != IMAGE:
+        return None
+    if not name.endswith(RANGES):
+        return None
+    sensor = found.task.sensors.get(frame_name(decode(topic.first).header.frame_id))
+    if sensor is None or sensor.beams.table.order != "grid":
+        return None
+    return sensor.info
+
+
+def order_in_task(name: str, found: Survey) -> int:
+    """Return the place of a topic's sensor in the task of an episode; 0 without one."""
+    info = declared(name, found)
+    return 0 if info is None or found.task is None else list(found.task.sensors).index(info.name)
+
+
+def measured_topic(name: str, found: Survey) -> str:
+    """Return the topic to read of a sensor: that with its ranges as measured, if it can be read."""
+    ranges = name + RANGES
+    return ranges if declared(ranges, found) is not None else name
 
 
 def _described(name: str, topic: SensorTopic) -> str:

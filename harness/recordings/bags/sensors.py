@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wayproof.harness.inputs import beams_from_info
 from wayproof.harness.recordings.bags.clouds import (
     PointTime,
     finite,
@@ -36,6 +37,15 @@ from wayproof.harness.recordings.beams import (
 from wayproof.harness.recordings.depth import depth_beams
 from wayproof.harness.recordings.recording import Faults, RecordingOptions
 from wayproof.harness.recordings.types import SensorKind
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.sensors.beams import (
+    DROPPED,
+    NO_RETURN,
+    directions,
+    pose_indices,
+    pose_offsets,
+    ray_ranges,
+)
 
 DEPTH_ENCODINGS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 """Encodings of depth images, REP 118: millimetres, and metres."""
@@ -55,6 +65,7 @@ class Topic(NamedTuple):
         range_max: Maximum range, m; inf where it does not say.
         time: Field with the time of a point.
         camera: Geometry of the images.
+        declared: Of a sensor whose ranges are recorded as it measured them.
     """
 
     kind: SensorKind
@@ -63,6 +74,7 @@ class Topic(NamedTuple):
     range_max: float
     time: PointTime | None = None
     camera: Camera | None = None
+    declared: pb.SensorInfo | None = None
 
 
 @dataclass(frozen=True)
@@ -88,6 +100,12 @@ def is_sensor(raw: RawMessage) -> bool:
     """
     message = decode(raw)
     return raw.type != IMAGE or message.encoding in DEPTH_ENCODINGS
+
+
+def measured_by(info: pb.SensorInfo) -> Topic:
+    """Return what is known of a sensor whose ranges are recorded as it measured them."""
+    kind: SensorKind = "depth" if info.kind == "depth_camera" else "points"
+    return Topic(kind, info.name, 0.0, info.range_m, declared=info)
 
 
 def first_of(
@@ -122,6 +140,8 @@ def beams_of(raw: RawMessage, reading: Reading, silent: Silent | None, faults: F
     Raises:
         Broken: It cannot be read.
     """
+    if reading.topic.declared is not None:
+        return _as_measured(decode(raw), reading.topic.declared, reading.limits, faults)
     if reading.topic.kind == "points":
         return _of_cloud(decode(raw), reading, silent, faults)
     read: Callable[[Any, Reading, Faults], Beams]
@@ -157,6 +177,31 @@ def _of_cloud(message: Any, reading: Reading, silent: Silent | None, faults: Fau
         if times is None:
             raise Broken("a cloud of points of other times")
     return point_beams(cloud.points, times, reading.limits, faults, silent)
+
+
+def _as_measured(message: Any, info: pb.SensorInfo, limits: Limits, faults: Faults) -> Beams:
+    """Return the beams of an image of ranges, and the ranges themselves as they count."""
+    beams = beams_from_info(info)
+    table = beams.table
+    rows, columns = len(table.rows), len(table.columns)
+    sizes = int(message.height), int(message.width), int(message.step), len(message.data)
+    if message.encoding != "16UC1" or sizes != (rows, columns, 2 * columns, 2 * rows * columns):
+        raise Broken("an image of other ranges than the sensor's")
+    kind = ">u2" if message.is_bigendian else "<u2"
+    measured = np.asarray(message.data).view(kind).astype(np.uint16)
+    unit = directions(table, 0)
+    along = ray_ranges(table, unit, measured)
+    measured[(along > limits.cut * MILLIMETRES) & (along != NO_RETURN)] = NO_RETURN
+    silent = measured == NO_RETURN
+    met = ~silent & (measured != DROPPED)
+    times = None
+    if table.scan_poses > 1:
+        times = pose_offsets(table, round(1e9 / beams.rate))[pose_indices(table)]
+    points = (unit[met] * (along[met, None] / MILLIMETRES)).astype(np.float32)
+    none = Silent(unit[silent].astype(np.float32), None if times is None else times[silent])
+    met_times = None if times is None else times[met]
+    listed = point_beams(points, met_times, limits._replace(range_max=FARTHEST), faults, none)
+    return listed._replace(measured=measured)
 
 
 def _of_image(message: Any, reading: Reading, faults: Faults) -> Beams:

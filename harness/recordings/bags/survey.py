@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface.ros2.task import Announcement, read_task
 from wayproof.harness.recordings.bags import mcap_container, ros1_container, sqlite_container
 from wayproof.harness.recordings.bags.container import (
     DAMAGED,
@@ -23,6 +24,7 @@ from wayproof.harness.recordings.bags.messages import (
     POSES,
     RANGE,
     SENSORS,
+    TEXT,
     TRANSFORMS,
     Camera,
     camera_of,
@@ -47,7 +49,11 @@ CONTAINERS: dict[bytes, Container] = {
 LEAST_MESSAGES, LEAST_BYTES = 200_000, 4
 """Number of messages allowed in any bag, and beyond it one for so many of its bytes."""
 
+TASK = "/task"
+"""End of the topic with the task of an episode, as a stack of ROS 2 nodes gets it."""
+
 UNREADABLE = "message: cannot be read"
+NO_TASK = "task: cannot be read"
 STAMPLESS = "sweep: without a stamp, taken as recorded"
 
 
@@ -99,6 +105,7 @@ class Survey:
         limits: Minimum and maximum range by the topic of a Range, m.
         others: Types of the topics that are not read.
         tree: Frames and the transforms between them.
+        task: Of the episode whose topics were recorded; None of other robots.
     """
 
     sensors: dict[str, SensorTopic]
@@ -107,6 +114,7 @@ class Survey:
     limits: dict[str, tuple[float, float]]
     others: dict[str, str]
     tree: FrameTree
+    task: Announcement | None = None
 
 
 def files_of(path: Path) -> list[Path]:
@@ -157,7 +165,7 @@ def survey(files: Sequence[Path], faults: Faults) -> Survey:
         except Broken:
             faults[UNREADABLE] += 1
     tree = FrameTree(walk.fixed, walk.moving, faults)
-    return Survey(walk.sensors, walk.poses, walk.cameras, walk.limits, walk.others, tree)
+    return Survey(walk.sensors, walk.poses, walk.cameras, walk.limits, walk.others, tree, walk.task)
 
 
 class _Walk:
@@ -172,6 +180,7 @@ class _Walk:
         self.others: dict[str, str] = {}
         self.fixed: dict[tuple[str, str], Samples] = {}
         self.moving: dict[tuple[str, str], Samples] = {}
+        self.task: Announcement | None = None
 
     def take(self, raw: RawMessage) -> None:
         if raw.type in SENSORS:
@@ -191,6 +200,15 @@ class _Walk:
                 self.limits[raw.topic] = scan_limits(message.min_range, message.max_range)
         else:
             self.others[raw.topic] = raw.type
+            if raw.type == TEXT and raw.topic.endswith(TASK) and self.task is None:
+                self._task(raw)
+
+    def _task(self, raw: RawMessage) -> None:
+        """Take the task of an episode; a text of that name may be anything."""
+        try:
+            self.task = read_task(decode(raw).data)
+        except InputError:
+            self._faults[NO_TASK] += 1
 
     def _sensor(self, raw: RawMessage) -> None:
         stamp = header_stamp(raw)

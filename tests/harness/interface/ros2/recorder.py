@@ -1,6 +1,6 @@
 """A recorder as `ros2 bag record TOPICS`: into a bag of ROS 2, until SIGTERM.
 
-python recorder.py DOMAIN BAG KIND
+python recorder.py DOMAIN BAG KIND TOPIC...
 """
 
 import signal
@@ -12,9 +12,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from wayproof.harness.interface.ros2.cdr import encode
 from wayproof.harness.interface.ros2.messages import (
+    Image,
     LaserScan,
     Odometry,
     PointCloud2,
+    String,
     TFMessage,
     TwistStamped,
 )
@@ -24,24 +26,30 @@ TOPICS = {
     "/tf": TFMessage,
     "/tf_static": TFMessage,
     "/odom": Odometry,
+    "/task": String,
     "/points": PointCloud2,
+    "/points/ranges": Image,
+    "/depth/image": Image,
+    "/depth/image/ranges": Image,
+    "/altimeter/ranges": Image,
     "/scan": LaserScan,
     "/cmd_vel": TwistStamped,
 }
+LATCHED = ("/tf_static", "/task")
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
 class Recorder:
     """Subscribes to the topics, and writes what comes by its time of receipt."""
 
-    def __init__(self, domain, writer):
+    def __init__(self, domain, writer, topics):
         self.node, self.writer = Node(domain), writer
         self.topics = [
             (
-                self.node.subscription(topic, kind, latched=topic == "/tf_static"),
-                writer.add_connection(topic, kind.TYPE, typestore=STORE),
+                self.node.subscription(topic, TOPICS[topic], latched=topic in LATCHED),
+                writer.add_connection(topic, TOPICS[topic].TYPE, typestore=STORE),
             )
-            for topic, kind in TOPICS.items()
+            for topic in topics
         ]
 
     def spin(self):
@@ -58,7 +66,8 @@ def main():
     stopped = []
     signal.signal(signal.SIGTERM, lambda *_: stopped.append(True))
     with Writer(sys.argv[2], version=9, storage_plugin=StoragePlugin[sys.argv[3]]) as writer:
-        recorder = Recorder(int(sys.argv[1]), writer)
+        recorder = Recorder(int(sys.argv[1]), writer, sys.argv[4:])
+        print("subscribed", flush=True)
         while recorder.spin() or not stopped:
             pass
 
