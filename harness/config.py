@@ -159,6 +159,8 @@ class Config:
         threads: That rays, map and costmap share; decisions are the same on any number.
         record: `full` logs all; `decisions` leaves sweeps and states out, which the seed gives
             again; `failures` is full where the episode failed, and decisions where it succeeded.
+        keyframe_period: Simulated time between the maps in the log from which a replay can start,
+            s; 0 for none.
         estimate: Where the pose comes from that the stack and the controller get.
         pose_model: Errors of the pose by `estimate.kind=model`.
         perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
@@ -176,6 +178,7 @@ class Config:
     difficulty: Annotated[float, Bounds(0.0, 1.0)] = 0.5
     world_parameters: WorldParameters = field(default_factory=WorldParameters)
     record: Literal["full", "decisions", "failures"] = "full"
+    keyframe_period: Annotated[float, Bounds(0.0, 3600.0, "s")] = 10.0
     sensors: SensorConfig = field(default_factory=SensorConfig)
     estimate: EstimateConfig = field(default_factory=EstimateConfig)
     pose_model: PoseModelConfig = field(default_factory=PoseModelConfig)
@@ -324,6 +327,8 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
             f"config names the planner '{name}', which is code outside Wayproof; "
             "expected --allow-plugins to load it"
         )
+    if isinstance(document, dict):
+        document.setdefault("keyframe_period", 0.0)  # likewise
     config = from_document(with_current_names(document))
     _check_controller(config, allow_plugins)
     for key, available in NAMED.items():

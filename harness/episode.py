@@ -26,6 +26,7 @@ from wayproof.harness.sim.sensing import Sensors
 from wayproof.harness.sim.simulation import Simulation
 from wayproof.harness.sim.snapshot import Stateful, restore_parts
 from wayproof.harness.sim.termination import TerminationMonitor, first_contact
+from wayproof.harness.stack.keyframe import Schedule, keyframe_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.supervision import bound_memory
 from wayproof.harness.user_code import PASSED_ON, Watchdog, failure_of
@@ -82,6 +83,7 @@ class Episode:
         self._sensed: Sensed
         self._began = time.perf_counter()
         self._sequence = 0
+        self._keyframes = Schedule(scenario.config, 0)
         self._chain = navigator.chain  # of the decisions in the log
         self._following = False  # whether the newest decision is logged, and the body follows it
 
@@ -111,6 +113,9 @@ class Episode:
             InputError: The state belongs to another episode.
         """
         self._sequence = len(decisions)
+        if decisions:
+            newest_ns = decisions[-1].timestamp.ToNanoseconds()
+            self._keyframes = Schedule(self._scenario.config, newest_ns)
         if state is not None:
             restore_parts(self.parts, state)
             if (traffic := self._simulation.traffic) is not None:
@@ -207,6 +212,7 @@ class Episode:
         if (answer := self._navigator.answer) is not None:
             messages.append((answer, serialized(answer)))
         truth = self._recorder.record(messages, decision, time_ns)
+        self._write_keyframe(decision, time_ns)
         if self._observe is not None:
             self._observe(decision, truth)
         self._sequence += 1
@@ -214,6 +220,16 @@ class Episode:
         self._chain, self._following = decision.chain, True
         if self._watchdog.names:  # whatever the user's code does next, this decision is kept
             self._log.flush()
+
+    def _write_keyframe(self, decision: pb.Decision, time_ns: int) -> None:
+        """Log the state of the stack where it is due; a counterfactual's follows from no log."""
+        sensed = sum(len(data) for _, data in self._sensed.messages)
+        if not self._keyframes.is_due(time_ns, sensed) or type(self._navigator) is not Navigator:
+            return
+        keyframe = keyframe_of(self._navigator, decision, self._keyframes.holds_map(time_ns))
+        self._log.write("/keyframe", keyframe, time_ns)
+        if keyframe.HasField("map"):
+            self._keyframes.wrote_map(time_ns, len(keyframe.map.records))
 
     def _follow(self) -> Verdict | None:
         """Simulate up to the next decision, or to a verdict."""

@@ -17,7 +17,7 @@ ALLOWED = {
 
 
 ORDER = (
-    *("errors", "schema", "geometry", "perturbations", "renamed", "behaviour_config"),
+    *("errors", "forked", "schema", "geometry", "perturbations", "renamed", "behaviour_config"),
     *("recording_config", "estimator_config", "config", "mission", "listed_beams", "inputs"),
     *("estimators", "stack", "interface"),
     *("result", "ending", "outputs", "supervision"),

@@ -18,6 +18,7 @@ from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.paths import densely
 from wayproof.harness.log.reader import Log, as_truth
 from wayproof.harness.mission import Mission
+from wayproof.harness.recompute.keyframes import map_before, start_at
 from wayproof.harness.recompute.segments import Segment, SegmentedStack, segments_of
 from wayproof.harness.result import Contact
 from wayproof.harness.scenario.scene_text import safe_scene
@@ -101,6 +102,7 @@ class Case:
         contact: Contact that ended it, if any.
         moments: All decisions.
         space: True geometry.
+        keyframes: States of the stack in the log, which are claims of it.
     """
 
     config: Config
@@ -112,6 +114,7 @@ class Case:
     contact: Contact | None
     moments: tuple[Moment, ...]
     space: TrueSpace
+    keyframes: tuple[pb.Keyframe, ...] = ()
 
     @property
     def axes(self) -> int:
@@ -141,12 +144,30 @@ class Case:
         """Return the beam geometry of a decision, by sensor name."""
         return [one.beams for one in self.segments if one.begin <= number][-1]
 
-    def navigator_at(self, number: int) -> Navigator:
-        """Return a stack with the map and costmap of one decision."""
+    def keyframe_at(self, number: int) -> pb.Keyframe | None:
+        """Return the last keyframe with a map up to a decision, with the same settings."""
+        begin = self.as_of(number).segments[-1].begin
+        keyframe = map_before(self.keyframes, number)
+        return None if keyframe is None or keyframe.sequence < begin else keyframe
+
+    def navigator_at(self, number: int, keyframe: pb.Keyframe | None = None) -> Navigator:
+        """Return a stack with the map and costmap of one decision.
+
+        Args:
+            number: Of the decision.
+            keyframe: State to start from, in place of the start of the log: from `keyframe_at`.
+
+        Raises:
+            InputError: The keyframe holds no map of this stack.
+        """
         stack = SegmentedStack(self.as_of(number).segments)
-        for moment in self.moments[: number + 1]:
+        begin = 0
+        if keyframe is not None:
+            begin = keyframe.sequence + 1
+            start_at(stack, keyframe)
+        for moment in self.moments[begin : number + 1]:
             stack.watch(moment.inputs)
-        navigator = stack.navigator
+        navigator = stack.go_to(number)
         update_as_decided(navigator, self.moments[number].decision)
         return navigator
 
@@ -164,7 +185,8 @@ def read_case(log: Log) -> Case:
         InputError: It has no sweeps or no truth, or its scene cannot be compiled.
     """
     log.check_sweeps()
-    moments = tuple(moments_of(read_messages(log.path)))
+    keyframes: list[pb.Keyframe] = []
+    moments = tuple(moments_of(_without(keyframes, read_messages(log.path))))
     if not moments:
         raise InputError(f"log '{log.path}': no decisions in it")
     try:
@@ -183,7 +205,17 @@ def read_case(log: Log) -> Case:
         contact=Contact.from_text(log.result.get("contact", "")),
         moments=moments,
         space=space,
+        keyframes=tuple(keyframes) if log.config.keyframe_period else (),
     )
+
+
+def _without(keyframes: list[pb.Keyframe], messages: Iterable[Message]) -> Iterator[Message]:
+    """Yield the other messages, and collect the keyframes."""
+    for message in messages:
+        if isinstance(message, pb.Keyframe):
+            keyframes.append(message)
+        else:
+            yield message
 
 
 def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run both robots and replay their logs."""
     from wayproof.harness.config import from_document, override
+    from wayproof.harness.forked import cores
     from wayproof.harness.replay.replay import replay
 
     rows = []
@@ -29,7 +30,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         named = {"world": "warehouse", "robot": robot, "seed": options.seed}
         config = override(from_document(named), options.set)
         result = run_one(config, options.logs / f"{episode_name(config)}.mcap", console)
-        rows.append((robot, result, replay(Path(result.log))))
+        rows.append((robot, result, replay(Path(result.log), jobs=cores())))
     print_demo(console, rows)
     good = all(r.outcome == "success" and again.identical for _, r, again in rows)
     document = {"episodes": [{**asdict(r), "replay": asdict(again)} for _, r, again in rows]}

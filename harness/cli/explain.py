@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from wayproof.harness.counterfactual.verdict import Check, Verdict
     from wayproof.harness.explain import Card
     from wayproof.harness.log.reader import Log
+    from wayproof.harness.stack.pipeline import Navigator
 
 SHOWN_MISSES = 5
 SHOWN_STDERR = 8
@@ -61,11 +62,14 @@ def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -
     case = read_case(log)
     moment_of(case, options.decision)
     case = case.as_of(options.decision)
-    navigator = case.navigator_at(options.decision)
+    keyframe = case.keyframe_at(options.decision)
+    navigator = case.navigator_at(options.decision, keyframe)
     card = make_card(case, options.decision, navigator)
+    if keyframe is not None:
+        card = replace(card, keyframe=keyframe.sequence)
     print_card(console, card)
     if options.png is not None:
-        _draw(case, card, options.png, console)
+        _draw(case, card, navigator, options.png, console)
     return asdict(card)
 
 
@@ -112,7 +116,8 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
             raise InputError(f"log '{log.path}': no sweeps in it, so there is no map")
         last = len(case.moments) - 1
         number = last if finding is None else finding.decision
-        _draw(case.as_of(number), make_card(case, number), options.png, console)
+        case, navigator = case.as_of(number), case.navigator_at(number)
+        _draw(case, make_card(case, number, navigator), navigator, options.png, console)
     if verdict is not None:
         document["check"] = asdict(verdict)
     return document
@@ -168,10 +173,10 @@ def _check(log: Log, finding: Finding | None, stack: str | None) -> Verdict:
     return check(log, finding, stack=stack or "")
 
 
-def _draw(case: Case, card: Card, target: Path, console: Console) -> None:
+def _draw(case: Case, card: Card, navigator: Navigator, target: Path, console: Console) -> None:
     from wayproof.harness.explain.picture import draw
 
-    draw(case, card, case.navigator_at(card.sequence), target)
+    draw(case, card, navigator, target)
     console.print(f"picture: {target}", soft_wrap=True, highlight=False)
 
 
@@ -244,6 +249,8 @@ def _rows(card: Card) -> list[tuple[str, str]]:
     stages = ", ".join(f"{name} {ms:.1f}" for name, ms in card.stages_ms.items())
     missed = ": MISSED" if card.deadline_missed else ""
     held = "" if card.version_holds else " (the replayed map differs)"
+    if card.keyframe is not None:
+        held += f", from the log's map after decision {card.keyframe}"
     place = ", ".join(f"{value:.2f}" for value in card.position)
     search = f"; {card.planner}, {card.iterations} iterations" if card.planner else "; path kept"
     search = "" if card.stack else search  # it did its own

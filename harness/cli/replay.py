@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 SHOWN_DIFFERENCES = 8
 SHOWN_CHANGES = 5
+MOST_JOBS = 1024
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -73,14 +74,18 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(f"--threads: got {options.threads}, expected 1 to 64")
     if options.threads is not None and (options.closed_loop or single or options.set):
         raise InputError("--threads: goes with a plain replay, otherwise --set threads=N")
+    if options.jobs is not None and not 1 <= options.jobs <= MOST_JOBS:
+        raise InputError(f"--jobs: got {options.jobs}, expected 1 to {MOST_JOBS}")
     if options.at is not None and options.at < 0:
         raise InputError(f"--from: got {options.at}, expected a decision's number, 0 or more")
 
 
 def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
+    from wayproof.harness.forked import cores
     from wayproof.harness.replay.replay import replay
 
-    replayed = replay(path, options.allow_plugins, options.threads)
+    jobs = options.jobs or cores()
+    replayed = replay(path, options.allow_plugins, options.threads, jobs=jobs)
     print_replay(console, replayed)
     return replayed.identical, asdict(replayed)
 
@@ -360,6 +365,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         type=int,
         metavar="N",
         help="fork: continue the simulation from decision N with these settings, in a new log",
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="most processes of a plain replay, each from a state in the log (default: all cores)",
     )
     parser.add_argument(
         "--threads", type=int, metavar="N", help="number of threads (default: the log's)"

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from wayproof.harness.cli.replay import print_differences, print_elsewhere, print_scope
 from wayproof.harness.cli.verb import Document, Verb, add_log_paths, one_or_all
+from wayproof.harness.forked import cores
 
 if TYPE_CHECKING:
     from wayproof.harness.replay.verify import Verification
@@ -25,7 +26,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     key = None if options.key is None else read_public_key(options.key)
     verifications = []
     for path in options.log:
-        one = verify(path, options.allow_plugins, options.simulation, key)
+        one = verify(path, options.allow_plugins, options.simulation, key, jobs=cores())
         print_verification(console, one)
         if key is None and signature_path(path).exists():
             console.print("  it has a signature, which was not checked: --key FILE checks it")

@@ -99,6 +99,8 @@ class Card:
         planned_m: Length of the stack's own planned path, m; 0 without one.
         planned_admitted_m: Length of it up to the first cell that the policy does not let the body
             enter in the referee's map, m.
+        keyframe: Number of the decision after whose map in the log this map was made again; None
+            from the start.
     """
 
     sequence: int
@@ -143,6 +145,7 @@ class Card:
     answer: str = ""
     planned_m: float = 0.0
     planned_admitted_m: float = 0.0
+    keyframe: int | None = None
 
 
 def moment_of(case: Case, number: int) -> Moment:

@@ -23,6 +23,7 @@ TOPICS: dict[type[Message], str] = {
     pb.Latency: "/latency",
     pb.StackCommand: "/command",
     pb.State: "/state",
+    pb.Keyframe: "/keyframe",
     pb.Decision: "/decision",
     pb.Truth: "/truth",
     pb.Streams: "/streams",

@@ -98,12 +98,12 @@ class FollowedLog(Log):
         """Whether it is still being written, and may break off."""
         return True
 
-    def messages(self) -> Iterator[Message]:
-        """Yield every message up to the end of the log, or of its writer."""
+    def messages(self, after_ns: int = -1) -> Iterator[Message]:
+        """Yield every message after a time up to the end of the log, or of its writer."""
         growing = Growing(self.descriptor, self.path, self.stop)
         with contextlib.suppress(Cut):
             for item in walk_in(self.path, growing):
-                if isinstance(item, Packet) and is_ours(item):
+                if isinstance(item, Packet) and item.time_ns > after_ns and is_ours(item):
                     yield decode(item, self.path)
 
     def finished(self, allow_plugins: bool = False) -> Log:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -22,7 +23,7 @@ from wayproof.harness.log.codec.container import (
     Packet,
     walk,
 )
-from wayproof.harness.log.codec.messages import decode, read_messages
+from wayproof.harness.log.codec.messages import decode, read_keyframes, read_messages
 from wayproof.harness.log.writer import (
     PACKED_SCENE,
     PLUGINS,
@@ -156,19 +157,40 @@ class Log:
         )
         return replace(self, config=replace(self.config, threads=threads), forks=forks)
 
-    def messages(self) -> Iterator[Message]:
-        """Yield every message in file order.
+    def messages(self, after_ns: int = -1) -> Iterator[Message]:
+        """Yield every message after a simulated time in file order.
 
         Raises:
             InputError: The file breaks off or a checksum does not hold.
         """
-        return read_messages(self.path)
+        return read_messages(self.path, after_ns)
 
-    def records(self) -> Iterator[Record]:
-        """Yield every decision with its inputs, in file order."""
-        for item in self._records_and_rest():
+    def records(self, after: pb.Keyframe | None = None) -> Iterator[Record]:
+        """Yield every decision with its inputs, in file order.
+
+        Args:
+            after: Keyframe after whose decision the first of them is; None for all.
+        """
+        for item in self._records_and_rest(after):
             if isinstance(item, Record):
                 yield item
+
+    def keyframes(self) -> list[pb.Keyframe]:
+        """Return the keyframes in file order; none where the settings have none.
+
+        Raises:
+            InputError: The file breaks off, a checksum does not hold, or they are out of order.
+        """
+        if not any(one.keyframe_period for one in (self.config, *(f.config for f in self.forks))):
+            return []
+        keyframes = list(read_keyframes(self.path))
+        for before, one in itertools.pairwise(keyframes):
+            if one.sequence <= before.sequence:
+                raise InputError(
+                    f"log '{self.path}': keyframe after decision {one.sequence}, expected one "
+                    f"after {before.sequence}"
+                )
+        return keyframes
 
     def records_with_truth(self) -> Iterator[tuple[Record, pb.Truth]]:
         """Yield every decision with its inputs and the ground truth that follows it in the log.
@@ -203,14 +225,16 @@ class Log:
                 "wayproof replay --closed-loop --log FILE writes them again"
             )
 
-    def _records_and_rest(self) -> Iterator[Record | Message]:
+    def _records_and_rest(self, after: pb.Keyframe | None = None) -> Iterator[Record | Message]:
         """Yield the records, and the messages that belong to none, in file order."""
         self.check_sweeps()
         sweeps: list[pb.Sweep] = []
         pose, latency, state, answer = pb.Pose(), pb.Latency(), None, None
         goal, motion = None, None
         count, time_ns = 0, -1
-        for message in self.messages():
+        if after is not None:
+            count, time_ns = after.sequence + 1, after.timestamp.ToNanoseconds()
+        for message in self.messages(time_ns):
             if isinstance(message, pb.Sweep):
                 sweeps.append(message)
             elif isinstance(message, pb.Pose):

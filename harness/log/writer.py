@@ -6,7 +6,7 @@ through the file.
 
 Topics: `/sensor/<name>/info`, `/sensor/<name>`, `/pose` and `/latency` are inputs, and `/goal` of a
 recording; a replay compares `/decision`; `/truth`, or `/recorded` of a recording, is for scoring,
-and `/state` for forks.
+`/state` for forks, and `/keyframe` to replay from there.
 """
 
 from __future__ import annotations
@@ -225,11 +225,13 @@ class LogWriter:
 
 
 def is_regenerated(topic: str) -> bool:
-    """Return whether the seed reproduces the messages of a topic: sweeps and states.
+    """Return whether the seed reproduces the messages of a topic: sweeps, states and keyframes.
 
     Poses are kept, because decisions refer to them and they are small.
     """
-    return topic == "/state" or (topic.startswith("/sensor/") and not topic.endswith("/info"))
+    return topic in ("/state", "/keyframe") or (
+        topic.startswith("/sensor/") and not topic.endswith("/info")
+    )
 
 
 def check_folder(folder: Path) -> None:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import functools
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.log.reader import Log, Record, open_log
+from wayproof.harness.forked import ForkFailed, beside
+from wayproof.harness.log.reader import Log, open_log
+from wayproof.harness.recompute.keyframes import WHOLE, Piece, pieces_of, stack_at, startable
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.replay.scope import Scope, scope_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, differences
+from wayproof.harness.stack.keyframe import has_keyframes, keyframe_differences
 
 
 @dataclass(frozen=True)
@@ -52,15 +57,23 @@ class Replay:
 
 
 def replay(
-    path: Path, allow_plugins: bool = False, threads: int | None = None, with_cause: bool = True
+    path: Path,
+    allow_plugins: bool = False,
+    threads: int | None = None,
+    with_cause: bool = True,
+    jobs: int = 1,
 ) -> Replay:
     """Recompute the decisions of a log, and all else that follows from its content.
+
+    With several processes each starts at a keyframe of the log, and every keyframe is computed
+    again by the process that arrives at it. If one differs, all is recomputed from the start.
 
     Args:
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
         threads: Number of threads, on which no decision depends; by default that of the log.
         with_cause: Whether to attribute the cause of a failure again, too.
+        jobs: Maximum number of processes.
 
     Raises:
         InputError: The file is no finished log, or has no decisions or no sweeps.
@@ -69,32 +82,24 @@ def replay(
     if threads is not None:
         log = log.on_threads(threads)
     began = time.perf_counter()
-    first: tuple[int, list[Difference]] | None = None
-    decisions = differing = 0
-    chain = ""
-    for record, recomputed in recomputations(log):
-        found = differences(record.decision, recomputed, log.not_compared)
-        if found:
-            differing += 1
-            first = first or (record.decision.sequence, found)
-        decisions += 1
-        chain = recomputed.chain
-    if decisions == 0:
+    recomputed, others = _recomputed(log, jobs)
+    if recomputed.decisions == 0:
         raise InputError(f"log '{path}': no decisions in it")
-    others = contradictions(log)
+    others += recomputed.keyframe_differences
+    differing = recomputed.differing
     cause = None if others or differing or not with_cause else cause_differences(log)
     others += cause or []
     return Replay(
         log=str(path),
         identical=not differing
-        and (bool(log.not_compared) or chain == log.result["chain"])
+        and (bool(log.not_compared) or recomputed.chain == log.result["chain"])
         and not others,
-        decisions=decisions,
+        decisions=recomputed.decisions,
         differing=differing,
-        first_difference=None if first is None else first[0],
-        differences=() if first is None else tuple(first[1]),
+        first_difference=recomputed.first_difference,
+        differences=recomputed.differences,
         contradictions=tuple(others),
-        chain=chain,
+        chain=recomputed.chain,
         outcome=log.result["outcome"],
         scope=scope_of(log, with_cause=cause is not None),
         not_compared=log.not_compared,
@@ -102,15 +107,119 @@ def replay(
     )
 
 
-def recomputations(log: Log) -> Iterator[tuple[Record, pb.Decision]]:
-    """Yield each record with the recomputed decision, each segment with its own settings.
+@dataclass(frozen=True)
+class Recomputed:
+    """Decisions recomputed and compared.
+
+    Attributes:
+        decisions: Their number.
+        differing: Number of those that differ.
+        first_difference: Number of the first of these; None without any.
+        differences: Differences in it, value by value.
+        keyframe_differences: Differences of the keyframes, of each the first.
+        chain: Chain after the last decision.
+    """
+
+    decisions: int = 0
+    differing: int = 0
+    first_difference: int | None = None
+    differences: tuple[Difference, ...] = ()
+    keyframe_differences: tuple[Difference, ...] = ()
+    chain: str = ""
+
+    def then(self, later: Recomputed) -> Recomputed:
+        """Return this and the decisions after it as one."""
+        own = self.first_difference is not None
+        return Recomputed(
+            decisions=self.decisions + later.decisions,
+            differing=self.differing + later.differing,
+            first_difference=self.first_difference if own else later.first_difference,
+            differences=self.differences if own else later.differences,
+            keyframe_differences=(*self.keyframe_differences, *later.keyframe_differences),
+            chain=later.chain,
+        )
+
+
+def _recomputed(log: Log, jobs: int) -> tuple[Recomputed, list[Difference]]:
+    """Recompute all decisions; return them, and what else contradicts itself in the log."""
+    log.check_sweeps()
+    keyframes = log.keyframes()
+    pieces = [WHOLE]
+    if jobs > 1 and keyframes:
+        count = log.result.get("decisions", "")
+        decisions = int(count) if count.isdecimal() and len(count) < 9 else 0
+        pieces = pieces_of(startable(log, keyframes), decisions, jobs)
+    if len(pieces) > 1:
+        later = [partial(recompute_piece, log, keyframes, one) for one in pieces[1:]]
+        try:
+            (others, first), rest = beside(
+                later, lambda: (contradictions(log), recompute_piece(log, keyframes, pieces[0]))
+            )
+        except ForkFailed:  # a keyframe that is none, or a log that no piece can read
+            pass
+        else:
+            whole = functools.reduce(Recomputed.then, rest, first)
+            if not whole.keyframe_differences:
+                return whole, others
+    return recompute_piece(log, keyframes, WHOLE), contradictions(log)
+
+
+def recompute_piece(log: Log, keyframes: Sequence[pb.Keyframe], piece: Piece) -> Recomputed:
+    """Recompute the decisions of one piece, and compare them and the keyframes after them.
+
+    Args:
+        log: The log.
+        keyframes: All of it.
+        piece: The piece.
 
     Raises:
-        InputError: The log is damaged, or cannot be recomputed.
+        InputError: The log is damaged, or cannot be recomputed, or a keyframe that the piece starts
+            from holds no state of such a stack.
     """
-    stack = SegmentedStack(segments_of(log))
-    for record in log.records():
-        yield record, stack.step(record)
+    start = piece.keyframe
+    if start is None:
+        stack = SegmentedStack(segments_of(log))
+    else:
+        stack = stack_at(log, startable(log, keyframes), start)
+    first: tuple[int, list[Difference]] | None = None
+    decisions = differing = 0
+    held = {one.sequence: one for one in keyframes if piece.holds(one.sequence)}
+    others: list[Difference] = []
+    for record in log.records(start):
+        recomputed = stack.step(record)
+        found = differences(record.decision, recomputed, log.not_compared)
+        if found:
+            differing += 1
+            first = first or (record.decision.sequence, found)
+        decisions += 1
+        if keyframe := held.pop(recomputed.sequence, None):
+            others += _keyframe_difference(keyframe, stack, recomputed)
+        if recomputed.sequence + 1 == piece.end:
+            break
+    others += [Difference(_place(number), "a state", "no such decision") for number in held]
+    return Recomputed(
+        decisions=decisions,
+        differing=differing,
+        first_difference=None if first is None else first[0],
+        differences=() if first is None else tuple(first[1]),
+        keyframe_differences=tuple(others),
+        chain=stack.navigator.chain,
+    )
+
+
+def _place(sequence: int) -> str:
+    return f"/keyframe[{sequence}]"
+
+
+def _keyframe_difference(
+    keyframe: pb.Keyframe, stack: SegmentedStack, decision: pb.Decision
+) -> list[Difference]:
+    """Return the first difference of a keyframe from the stack after its decision."""
+    place = _place(decision.sequence)
+    if not has_keyframes(stack.segment.config):
+        return [Difference(place, "a state", "none with these settings")]
+    found = keyframe_differences(keyframe, stack.navigator, decision)
+    return [replace(one, field=f"{place}.{one.field}") for one in found[:1]]
 
 
 def cause_differences(log: Log) -> list[Difference] | None:

@@ -9,6 +9,7 @@ from wayproof.harness.ending import BETWEEN_DECISIONS
 from wayproof.harness.log.reader import Log
 from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.result import ends_in_error, is_recovered
+from wayproof.harness.stack.keyframe import has_keyframes
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,16 @@ def scope_of(log: Log, with_cause: bool) -> Scope:
             simulation=("decisions", "rest of the chain", *inputs, *physics),
             claims=_claims(log),
         )
+    keyframes = ("keyframes",) if has_keyframes(log.config) else ()
     return Scope(
-        recomputed=("decisions", "chain", "input digests", "streams of inputs", *result),
+        recomputed=(
+            "decisions",
+            *keyframes,
+            "chain",
+            "input digests",
+            "streams of inputs",
+            *result,
+        ),
         simulation=("sweeps", "states", *inputs, *physics),
         claims=_claims(log),
     )

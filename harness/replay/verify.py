@@ -77,6 +77,7 @@ def verify(
     allow_plugins: bool = False,
     simulate: bool = True,
     key: Ed25519PublicKey | None = None,
+    jobs: int = 1,
 ) -> Verification:
     """Recompute everything in a log that can be recomputed.
 
@@ -85,6 +86,7 @@ def verify(
         allow_plugins: Whether code that its config names may be imported.
         simulate: Whether to simulate the episode again; without it truth and outcome may be claims.
         key: Key that must have signed the log.
+        jobs: Maximum number of processes that replay it.
 
     Raises:
         InputError: The file is no finished log, is damaged, or holds no decision.
@@ -93,7 +95,7 @@ def verify(
     log = open_log(path, allow_plugins)
     if next(log.decisions(), None) is None:
         raise InputError(f"log '{path}': no decisions in it")
-    trial = _Trial(log, allow_plugins, simulate, key)
+    trial = _Trial(log, allow_plugins, simulate, key, jobs)
     failed, findings = trial.run()
     return Verification(
         log=str(path),
@@ -117,12 +119,18 @@ class _Trial:
     """Steps of the verification of one log, and their findings."""
 
     def __init__(
-        self, log: Log, allow_plugins: bool, simulate: bool, key: Ed25519PublicKey | None
+        self,
+        log: Log,
+        allow_plugins: bool,
+        simulate: bool,
+        key: Ed25519PublicKey | None,
+        jobs: int,
     ) -> None:
         self._log = log
         self._plugins = allow_plugins
         self._simulate = simulate
         self._key = key
+        self._jobs = jobs
         self.steps: list[Step] = []
         self.elsewhere: tuple[Difference, ...] = ()
         self.violations: int | None = None
@@ -175,7 +183,8 @@ class _Trial:
 
     def _replay(self) -> list[Difference]:
         # A new simulation attributes the cause again, too.
-        replayed = replay(self._log.path, self._plugins, with_cause=not self._simulate)
+        with_cause = not self._simulate
+        replayed = replay(self._log.path, self._plugins, with_cause=with_cause, jobs=self._jobs)
         self._with_cause = "cause" in replayed.scope.recomputed
         number = replayed.first_difference
         found = [

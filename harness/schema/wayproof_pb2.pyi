@@ -452,3 +452,111 @@ class State(_message.Message):
     sequence: int
     arrays: _containers.RepeatedCompositeFieldContainer[Array]
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., arrays: _Optional[_Iterable[_Union[Array, _Mapping]]] = ...) -> None: ...
+
+class Profile(_message.Message):
+    __slots__ = ("times", "states", "jerks", "duration", "end")
+    TIMES_FIELD_NUMBER: _ClassVar[int]
+    STATES_FIELD_NUMBER: _ClassVar[int]
+    JERKS_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
+    END_FIELD_NUMBER: _ClassVar[int]
+    times: _containers.RepeatedScalarFieldContainer[float]
+    states: _containers.RepeatedScalarFieldContainer[float]
+    jerks: _containers.RepeatedScalarFieldContainer[float]
+    duration: float
+    end: float
+    def __init__(self, times: _Optional[_Iterable[float]] = ..., states: _Optional[_Iterable[float]] = ..., jerks: _Optional[_Iterable[float]] = ..., duration: _Optional[float] = ..., end: _Optional[float] = ...) -> None: ...
+
+class CommittedTrajectory(_message.Message):
+    __slots__ = ("start_ns", "path", "motion", "turning", "overshoot_m")
+    START_NS_FIELD_NUMBER: _ClassVar[int]
+    PATH_FIELD_NUMBER: _ClassVar[int]
+    MOTION_FIELD_NUMBER: _ClassVar[int]
+    TURNING_FIELD_NUMBER: _ClassVar[int]
+    OVERSHOOT_M_FIELD_NUMBER: _ClassVar[int]
+    start_ns: int
+    path: _containers.RepeatedScalarFieldContainer[float]
+    motion: Profile
+    turning: Profile
+    overshoot_m: float
+    def __init__(self, start_ns: _Optional[int] = ..., path: _Optional[_Iterable[float]] = ..., motion: _Optional[_Union[Profile, _Mapping]] = ..., turning: _Optional[_Union[Profile, _Mapping]] = ..., overshoot_m: _Optional[float] = ...) -> None: ...
+
+class Points(_message.Message):
+    __slots__ = ("coordinates",)
+    COORDINATES_FIELD_NUMBER: _ClassVar[int]
+    coordinates: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, coordinates: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Exploration(_message.Message):
+    __slots__ = ("since", "backtracking", "returning")
+    SINCE_FIELD_NUMBER: _ClassVar[int]
+    BACKTRACKING_FIELD_NUMBER: _ClassVar[int]
+    RETURNING_FIELD_NUMBER: _ClassVar[int]
+    since: int
+    backtracking: bool
+    returning: bool
+    def __init__(self, since: _Optional[int] = ..., backtracking: _Optional[bool] = ..., returning: _Optional[bool] = ...) -> None: ...
+
+class PathLoss(_message.Message):
+    __slots__ = ("sequence", "kind", "label")
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    LABEL_FIELD_NUMBER: _ClassVar[int]
+    sequence: int
+    kind: str
+    label: str
+    def __init__(self, sequence: _Optional[int] = ..., kind: _Optional[str] = ..., label: _Optional[str] = ...) -> None: ...
+
+class PlannerState(_message.Message):
+    __slots__ = ("trajectory", "earlier", "global_path", "exploration", "path_loss", "rest_since_ns", "improved_ns", "viewpoints", "breadcrumbs", "backtracks", "oriented", "unheld_trail", "returns")
+    TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
+    EARLIER_FIELD_NUMBER: _ClassVar[int]
+    GLOBAL_PATH_FIELD_NUMBER: _ClassVar[int]
+    EXPLORATION_FIELD_NUMBER: _ClassVar[int]
+    PATH_LOSS_FIELD_NUMBER: _ClassVar[int]
+    REST_SINCE_NS_FIELD_NUMBER: _ClassVar[int]
+    IMPROVED_NS_FIELD_NUMBER: _ClassVar[int]
+    VIEWPOINTS_FIELD_NUMBER: _ClassVar[int]
+    BREADCRUMBS_FIELD_NUMBER: _ClassVar[int]
+    BACKTRACKS_FIELD_NUMBER: _ClassVar[int]
+    ORIENTED_FIELD_NUMBER: _ClassVar[int]
+    UNHELD_TRAIL_FIELD_NUMBER: _ClassVar[int]
+    RETURNS_FIELD_NUMBER: _ClassVar[int]
+    trajectory: CommittedTrajectory
+    earlier: _containers.RepeatedCompositeFieldContainer[CommittedTrajectory]
+    global_path: Points
+    exploration: Exploration
+    path_loss: PathLoss
+    rest_since_ns: int
+    improved_ns: int
+    viewpoints: Points
+    breadcrumbs: Points
+    backtracks: int
+    oriented: bool
+    unheld_trail: Points
+    returns: int
+    def __init__(self, trajectory: _Optional[_Union[CommittedTrajectory, _Mapping]] = ..., earlier: _Optional[_Iterable[_Union[CommittedTrajectory, _Mapping]]] = ..., global_path: _Optional[_Union[Points, _Mapping]] = ..., exploration: _Optional[_Union[Exploration, _Mapping]] = ..., path_loss: _Optional[_Union[PathLoss, _Mapping]] = ..., rest_since_ns: _Optional[int] = ..., improved_ns: _Optional[int] = ..., viewpoints: _Optional[_Union[Points, _Mapping]] = ..., breadcrumbs: _Optional[_Union[Points, _Mapping]] = ..., backtracks: _Optional[int] = ..., oriented: _Optional[bool] = ..., unheld_trail: _Optional[_Union[Points, _Mapping]] = ..., returns: _Optional[int] = ...) -> None: ...
+
+class MapContent(_message.Message):
+    __slots__ = ("ticks", "bricks", "records")
+    TICKS_FIELD_NUMBER: _ClassVar[int]
+    BRICKS_FIELD_NUMBER: _ClassVar[int]
+    RECORDS_FIELD_NUMBER: _ClassVar[int]
+    ticks: int
+    bricks: int
+    records: bytes
+    def __init__(self, ticks: _Optional[int] = ..., bricks: _Optional[int] = ..., records: _Optional[bytes] = ...) -> None: ...
+
+class Keyframe(_message.Message):
+    __slots__ = ("timestamp", "sequence", "chain", "state", "map")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    CHAIN_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    MAP_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    chain: str
+    state: PlannerState
+    map: MapContent
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., chain: _Optional[str] = ..., state: _Optional[_Union[PlannerState, _Mapping]] = ..., map: _Optional[_Union[MapContent, _Mapping]] = ...) -> None: ...

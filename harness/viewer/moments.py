@@ -17,6 +17,7 @@ from wayproof.harness.explain.stack_costmap import Newest
 from wayproof.harness.inputs import Beams
 from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
+from wayproof.harness.recompute.keyframes import map_before, start_at, startable
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.recompute.side_by_side import as_input_error
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -97,10 +98,15 @@ class Moment:
         return np.concatenate(ends)
 
 
-def moments(log: Log) -> Iterator[Moment]:
+def moments(log: Log, shown: int = 0) -> Iterator[Moment]:
     """Yield every decision of a log in order, with its map rebuilt from the sweeps.
 
     The decisions are the logged ones, so this is faster than a replay.
+
+    Args:
+        log: The log.
+        shown: Number of the first decision whose map is needed; the maps before it may be empty,
+            because it can be made from a keyframe.
 
     Raises:
         InputError: The log is damaged, or its sweeps were left out.
@@ -108,8 +114,13 @@ def moments(log: Log) -> Iterator[Moment]:
     with closing(Ahead(log.records_with_truth(), RECORDS_AHEAD)) as records:
         stack = SegmentedStack(segments_of(log.on_threads(max(log.config.threads, THREADS))))
         followed: pb.Trajectory | None = None
+        keyframe = map_before(startable(log, log.keyframes()), shown) if shown else None
         for record, truth in records:
-            navigator, now = stack.watch(record.inputs), stack.segment
+            if keyframe is None or record.decision.sequence > keyframe.sequence:
+                stack.watch(record.inputs)
+            elif record.decision.sequence == keyframe.sequence:
+                start_at(stack, keyframe)
+            navigator, now = stack.go_to(record.decision.sequence), stack.segment
             answer, decision = record.answer, record.decision
             command = commanded(answer, decision, followed, now.config, now.mission)
             yield Moment(record, truth, now.beams, navigator, command)

@@ -190,7 +190,7 @@ def draw_picture(path: Path, sequence: int, out: Path, allow_plugins: bool = Fal
     log = open_log(path, allow_plugins)
     count, own = 0, None
     with Stage(log, SIZE) as stage:
-        for moment in moments(log):
+        for moment in moments(log, shown=sequence):
             stage.follow(moment)
             count += 1
             own = moment.stack_costmap or own

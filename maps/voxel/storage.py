@@ -1,4 +1,4 @@
-"""The file of a voxel map: one header, one record for each brick, one checksum."""
+"""The content of a voxel map as records, one for each brick, and its file."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ import struct
 from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps.config import DynamicConfig, MapConfig
 from wayproof.maps.kernels import bricks as kernels
+from wayproof.maps.kernels.decay import NEVER
 from wayproof.maps.voxel.bricks import Bricks
 
 MAGIC = b"wayproof voxels 1\n"
@@ -32,6 +34,75 @@ RECORD = np.dtype(
     ]
 )
 
+FIELDS = ("key", "observed_ns", "ticks", "dues", "fresh", "cells")
+"""Fields of a record, in the order of `VoxelContent`."""
+
+
+class VoxelContent(NamedTuple):
+    """All that a voxel map holds besides its settings; bricks by ascending key.
+
+    Attributes:
+        ticks: Ticks of decay that the map has seen.
+        keys: (k, 3) int32 index of each brick.
+        observed_ns: (k,) time of its last observation, ns.
+        seen: (k,) ticks of decay that its cells have seen.
+        dues: (k,) tick at which it has to be looked at.
+        fresh: (k, 256) uint64, cells that were updated since the last tick.
+        cells: (k, 256, 64) int8, log-odds in units.
+    """
+
+    ticks: int
+    keys: NDArray[np.int32]
+    observed_ns: NDArray[np.int64]
+    seen: NDArray[np.int64]
+    dues: NDArray[np.int64]
+    fresh: NDArray[np.uint64]
+    cells: NDArray[np.int8]
+
+    def check(self, ticks: int, time_ns: int, low: int, high: int) -> None:
+        """Check that a map can have this content.
+
+        Args:
+            ticks: Ticks of decay until then.
+            time_ns: Time of the map.
+            low: Lower clamp of the log-odds, units.
+            high: Upper clamp.
+
+        Raises:
+            ValueError: Bricks out of order, or numbers out of range.
+        """
+        x, y, z = self.keys.astype(np.int64).T
+        order = (x * MOST_KEYS + y) * MOST_KEYS + z
+        if (np.abs(self.keys) >= MOST_KEYS // 2).any() or (np.diff(order) <= 0).any():
+            raise ValueError("bricks out of order")
+        if self.ticks != ticks or not ((self.seen >= 0) & (self.seen <= ticks)).all():
+            raise ValueError(f"ticks of decay other than {ticks}")
+        if not ((self.observed_ns >= -1) & (self.observed_ns <= time_ns)).all():
+            raise ValueError("observed in the future")
+        if not ((self.dues > ticks) & (self.dues <= NEVER)).all():
+            raise ValueError("overdue ticks of decay")
+        if self.cells.size and not low <= self.cells.min() <= self.cells.max() <= high:
+            raise ValueError(f"log-odds out of {low} to {high}")
+
+
+MOST_KEYS = 1 << 20
+"""Keys of bricks along an axis that a content may have, from -MOST_KEYS / 2."""
+
+
+def content_of(bricks: Bricks, ticks: int) -> VoxelContent:
+    """Copy all bricks in use."""
+    live = bricks.live()
+    live = live[np.lexsort(bricks.keys[live].T[::-1])]
+    return VoxelContent(
+        ticks=ticks,
+        keys=bricks.keys[live],
+        observed_ns=bricks.observed_ns[live],
+        seen=bricks.ticks[live],
+        dues=bricks.dues[live],
+        fresh=bricks.fresh[live],
+        cells=bricks.cells[live],
+    )
+
 
 def write(path: str | PathLike[str], config: MapConfig, ticks: int, bricks: Bricks) -> None:
     """Write a map; equal maps give equal files.
@@ -41,29 +112,28 @@ def write(path: str | PathLike[str], config: MapConfig, ticks: int, bricks: Bric
     Raises:
         OSError: The file cannot be written.
     """
-    live = bricks.live()
-    live = live[np.lexsort(bricks.keys[live].T[::-1])]
+    content = content_of(bricks, ticks)
+    records = np.empty(len(content.keys), RECORD)
+    for name, values in zip(FIELDS, content[1:], strict=True):
+        records[name] = values
     settings = json.dumps(asdict(config), sort_keys=True).encode()
     final = Path(path)
     temporary = final.with_name(f".{final.name}.{os.getpid()}")
     checksum = hashlib.blake2b(digest_size=CHECKSUM)
     try:
         with temporary.open("wb") as file:
-            for part in (MAGIC, HEAD.pack(len(settings), ticks, len(live)), settings):
+            head = HEAD.pack(len(settings), ticks, len(records))
+            for part in (MAGIC, head, settings, records.tobytes()):
                 checksum.update(part)
                 file.write(part)
-            for slot in live:
-                record = _record(bricks, slot).tobytes()
-                checksum.update(record)
-                file.write(record)
             file.write(checksum.digest())
         temporary.replace(final)
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def read(path: str | PathLike[str]) -> tuple[MapConfig, int, NDArray[np.void]]:
-    """Read the settings, the number of ticks and the records (k,) of a map.
+def read(path: str | PathLike[str]) -> tuple[MapConfig, VoxelContent]:
+    """Read the settings and the content of a map.
 
     Raises:
         ValueError: The file is no map, was cut or changed, or holds more than its memory bound.
@@ -88,33 +158,33 @@ def read(path: str | PathLike[str]) -> tuple[MapConfig, int, NDArray[np.void]]:
         config = MapConfig(**settings | {"dynamic": DynamicConfig(**settings["dynamic"])})
     except (TypeError, KeyError) as error:
         raise ValueError(f"{path}: settings of another version: {error}") from None
-    return config, ticks, np.frombuffer(rest, RECORD, count, length)
+    records = np.frombuffer(rest, RECORD, count, length)
+    return config, VoxelContent(ticks, *(records[name] for name in FIELDS))
 
 
-def restore(records: NDArray[np.void], bricks: Bricks, stamp: int) -> None:
-    """Put records into a pool that holds no bricks yet.
+def restore(content: VoxelContent, bricks: Bricks, stamp: int, low: int) -> None:
+    """Put a content into a pool in place of all that it holds.
+
+    Args:
+        content: With keys that differ.
+        bricks: The pool.
+        stamp: Of the change.
+        low: Lower clamp of the log-odds, units.
 
     Raises:
-        ValueError: The pool does not hold that many.
+        ValueError: The pool does not hold that many bricks.
     """
-    if len(records) > bricks.capacity:
-        raise ValueError(f"map: got {len(records)} bricks, expected at most {bricks.capacity}")
-    slots = bricks.obtain(np.ascontiguousarray(records["key"], np.int32), 0, stamp)
-    bricks.observed_ns[slots] = records["observed_ns"]
-    bricks.ticks[slots] = records["ticks"]
-    bricks.dues[slots] = records["dues"]
-    bricks.fresh[slots] = records["fresh"]
-    bricks.cells[slots] = records["cells"]
+    count = len(content.keys)
+    if count > bricks.capacity:
+        raise ValueError(f"map: got {count} bricks, expected at most {bricks.capacity}")
+    bricks.release(bricks.live(), stamp)
+    slots = bricks.obtain(np.ascontiguousarray(content.keys, np.int32), 0, stamp)
+    bricks.observed_ns[slots] = content.observed_ns
+    bricks.ticks[slots] = content.seen
+    bricks.dues[slots] = content.dues
+    bricks.fresh[slots] = content.fresh
+    bricks.cells[slots] = content.cells
+    settled = np.packbits(content.cells == low, axis=-1, bitorder="little")
+    bricks.settled[slots] = settled.view(np.uint64)[..., 0]
     bricks.dirty[slots] = True
     bricks.stamps[slots] = stamp
-
-
-def _record(bricks: Bricks, slot: int) -> NDArray[np.void]:
-    record = np.zeros(1, RECORD)
-    record["key"] = bricks.keys[slot]
-    record["observed_ns"] = bricks.observed_ns[slot]
-    record["ticks"] = bricks.ticks[slot]
-    record["dues"] = bricks.dues[slot]
-    record["fresh"] = bricks.fresh[slot]
-    record["cells"] = bricks.cells[slot]
-    return record

@@ -380,11 +380,42 @@ class VoxelMap(Representation):
                 a new map.
             OSError: The file cannot be read.
         """
-        config, ticks, records = storage.read(path)
+        config, content = storage.read(path)
         loaded = cls(config, threads, low, high)
-        loaded._ticks = ticks
-        storage.restore(records, loaded._bricks, loaded._stamp)
+        loaded.restore(content)
         return loaded
+
+    def content(self) -> storage.VoxelContent:
+        """Copy all that the map holds; equal maps have equal contents."""
+        return storage.content_of(self._bricks, self._ticks)
+
+    def restore(self, content: storage.VoxelContent) -> None:
+        """Hold a content in place of the own one, and go on from it bit by bit.
+
+        Args:
+            content: Of a map with the same settings.
+
+        Raises:
+            ValueError: It is more than the memory of this map holds.
+        """
+        self._stamp += 1
+        storage.restore(content, self._bricks, self._stamp, self.evidence.low)
+        self._ticks = content.ticks
+        self._looked = -1  # all bricks are looked at again, and none is due
+
+    def check(self, content: storage.VoxelContent, time_ns: int) -> None:
+        """Check that a content of unknown origin is one that this map can have at a time, ns.
+
+        Raises:
+            ValueError: It is not.
+        """
+        ticks = time_ns // self._tick_ns if self.config.half_life > 0.0 else 0
+        content.check(ticks, time_ns, self.evidence.low, self.evidence.high)
+
+    @property
+    def most_bricks(self) -> int:
+        """Number of bricks that its memory holds."""
+        return self._bricks.capacity
 
     def _values_at(self, points: ArrayLike) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
         """Log-odds at points (n, 3) as their bricks hold them, and the slots of these."""

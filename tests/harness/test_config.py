@@ -131,10 +131,9 @@ def test_every_former_name_stands_for_a_setting_and_is_none_itself():
 def test_logs_of_former_formats_open_with_the_settings_of_a_new_one(version):
     former = open_log(LOGS / f"format-{version}.mcap").config
     current = open_log(LOGS / "format-6.mcap").config
-    assert (
-        override(former, ["planner.name=astar", f"planner.grain={current.planner.grain}"])
-        == current
-    )
+    later = [f"planner.grain={current.planner.grain}"]
+    later.append(f"keyframe_period={current.keyframe_period}")
+    assert override(former, ["planner.name=astar", *later]) == current
 
 
 def test_a_log_recorded_by_the_planners_former_name_replays_bit_by_bit(capsys):

@@ -52,7 +52,16 @@ MOST_DECLARED = 10_000
 
 ONCE = frozenset(
     f"wayproof.{name}"
-    for name in ("Pose", "Goal", "Latency", "State", "Truth", "RecordedMotion", "Streams")
+    for name in (
+        "Pose",
+        "Goal",
+        "Latency",
+        "State",
+        "Truth",
+        "RecordedMotion",
+        "Streams",
+        "Keyframe",
+    )
 )
 """Schemas with one message per decision."""
 

@@ -20,15 +20,32 @@ LONGEST_DELAY_S = 1e9
 """Longest delay of a decision that a log can hold, s."""
 
 
-def read_messages(path: Path) -> Iterator[Message]:
+def read_messages(path: Path, after_ns: int = -1) -> Iterator[Message]:
     """Yield every message of a log in file order, decoded.
+
+    Args:
+        path: The log.
+        after_ns: Simulated time up to which they are passed over, ns.
 
     Raises:
         InputError: The file breaks off or a checksum does not hold.
     """
     for item in walk(path):
-        if isinstance(item, Packet) and is_ours(item):
+        if isinstance(item, Packet) and item.time_ns > after_ns and is_ours(item):
             yield decode(item, path)
+
+
+def read_keyframes(path: Path) -> Iterator[pb.Keyframe]:
+    """Yield the keyframes of a log.
+
+    Raises:
+        InputError: The file breaks off or a checksum does not hold.
+    """
+    for item in walk(path):
+        if isinstance(item, Packet) and item.schema == pb.Keyframe.DESCRIPTOR.full_name:
+            message = decode(item, path)
+            assert isinstance(message, pb.Keyframe)
+            yield message
 
 
 def read_unfinished(path: Path) -> Iterator[Message]:
@@ -55,6 +72,7 @@ _MESSAGES: dict[str, type[Message]] = {
         pb.Streams,
         pb.Perturbation,
         pb.State,
+        pb.Keyframe,
     )
 }
 

@@ -1,0 +1,218 @@
+"""Keyframes: the state of the stack after a decision, from which a replay can start.
+
+That is the planner state, the chain, and in some keyframes the map; costmap and distances follow
+from the map. A keyframe is a claim of the log until a replay arrives at it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import zstandard
+from numpy.typing import NDArray
+
+from wayproof.harness.config import BUILTIN, PLUGIN, Config
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import Difference, message_differences
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.planner_state_messages import read_state, state_message
+from wayproof.maps import VoxelMap
+from wayproof.maps.voxel.brick_index import BRICK_SHAPE
+from wayproof.maps.voxel.storage import VoxelContent
+
+LEVEL = 1
+"""Level of zstd: higher ones save a tenth of the bytes and take several times as long."""
+
+GREATEST_RATIO = 4096
+"""Maximum ratio of the bricks to their compressed bytes, beyond `LEAST_BYTES`."""
+
+LEAST_BYTES = 2**20
+
+COLUMNS = BRICK_SHAPE[0] * BRICK_SHAPE[1]
+
+FIELDS: tuple[tuple[str, tuple[int, ...]], ...] = (
+    ("<i4", (3,)),
+    ("<i8", ()),
+    ("<i8", ()),
+    ("<i8", ()),
+    ("<u8", (COLUMNS,)),
+    ("|i1", (BRICK_SHAPE[2], COLUMNS)),
+)
+"""Type and shape of each field of a brick, in the order of `VoxelContent`."""
+
+BRICK_BYTES = np.dtype([(f"field {n}", *field) for n, field in enumerate(FIELDS)]).itemsize
+
+STATES_IN_PERIOD = 4
+"""Keyframes in one period, of which the last holds the map: a planner state takes few bytes, and
+the map before it is soon integrated again."""
+
+
+MAP_SHARE = 0.036
+"""Maximum size of a map in units of that of the sweeps since the one before, uncompressed. Sweeps
+compress to 0.28 to 0.36 of it, so that maps take up to an eighth of a log."""
+
+
+def has_keyframes(config: Config) -> bool:
+    """Whether the stack of these settings writes keyframes.
+
+    A stack on trial, a planner of the user's own and a recording are replayed from the start.
+    """
+    return (
+        config.keyframe_period > 0.0
+        and config.record != "decisions"
+        and config.stack.name == BUILTIN
+        and PLUGIN not in config.planner.name
+        and config.recording is None
+    )
+
+
+def has_maps(config: Config) -> bool:
+    """Whether keyframes of these settings hold maps: voxel maps without classes."""
+    return has_keyframes(config) and config.map.kind == "voxel" and not config.sensors.semantics
+
+
+class Schedule:
+    """When keyframes are due in an episode: by time, and maps by a share of the log as well."""
+
+    def __init__(self, config: Config, begun_ns: int) -> None:
+        """Begin at a time, ns, with the settings of the episode."""
+        self._writes, self._with_maps = has_keyframes(config), has_maps(config)
+        self._period_ns = round(config.keyframe_period * 1e9)
+        self._newest = self._map_quarter = self._quarter(begun_ns)
+        self._sensed_bytes = self._map_bytes = 0
+
+    def is_due(self, now_ns: int, sensed_bytes: int) -> bool:
+        """Whether a keyframe is due after a decision.
+
+        Args:
+            now_ns: Time of the decision, ns.
+            sensed_bytes: Size of its sweeps as messages.
+        """
+        self._sensed_bytes += sensed_bytes
+        before, self._newest = self._newest, self._quarter(now_ns)
+        return self._writes and self._newest > before
+
+    def holds_map(self, now_ns: int) -> bool:
+        """Whether a keyframe that is due holds the map."""
+        passed = self._quarter(now_ns) - self._map_quarter >= STATES_IN_PERIOD
+        return self._with_maps and passed and self._map_bytes <= MAP_SHARE * self._sensed_bytes
+
+    def wrote_map(self, now_ns: int, map_bytes: int) -> None:
+        """Note that a map was written: after the decision of a time, ns, and its size."""
+        self._sensed_bytes, self._map_bytes = 0, map_bytes
+        self._map_quarter = self._quarter(now_ns)
+
+    def _quarter(self, time_ns: int) -> int:
+        return time_ns * STATES_IN_PERIOD // self._period_ns if self._writes else 0
+
+
+def keyframe_of(navigator: Navigator, decision: pb.Decision, with_map: bool) -> pb.Keyframe:
+    """The state of a stack after a decision that it committed."""
+    keyframe = pb.Keyframe(
+        timestamp=decision.timestamp,
+        sequence=decision.sequence,
+        chain=decision.chain,
+        state=state_message(navigator.state),
+    )
+    if with_map:
+        content = _voxel_map(navigator).content()
+        keyframe.map.ticks, keyframe.map.bricks = content.ticks, len(content.keys)
+        keyframe.map.records = zstandard.compress(_bytes_of(content), LEVEL)
+    return keyframe
+
+
+def restore_state(navigator: Navigator, keyframe: pb.Keyframe) -> None:
+    """Take over the planner state and the chain of a keyframe.
+
+    Raises:
+        ValueError: The state is none.
+    """
+    navigator.load_state(read_state(keyframe.state), keyframe.chain)
+
+
+def restore_map(navigator: Navigator, keyframe: pb.Keyframe) -> None:
+    """Take over the map of a keyframe.
+
+    Raises:
+        ValueError: It is none of such a stack.
+    """
+    voxel_map = _voxel_map(navigator)
+    content = _read_content(keyframe.map, voxel_map.most_bricks)
+    voxel_map.check(content, keyframe.timestamp.ToNanoseconds())
+    voxel_map.restore(content)
+
+
+def keyframe_differences(
+    recorded: pb.Keyframe, navigator: Navigator, decision: pb.Decision
+) -> list[Difference]:
+    """Every value of a keyframe that differs from the state of a stack after its decision."""
+    frame = pb.Keyframe()
+    frame.CopyFrom(recorded)
+    frame.ClearField("map")
+    found = message_differences(frame, keyframe_of(navigator, decision, with_map=False))
+    if not recorded.HasField("map"):
+        return found
+    try:
+        voxel_map = _voxel_map(navigator)
+        other = _read_content(recorded.map, voxel_map.most_bricks)
+    except ValueError as error:
+        return [*found, Difference("map", str(error), "that of the inputs")]
+    return [
+        *found,
+        *(
+            Difference(f"map.{name}", "others", "those of the inputs")
+            for name, one, own in zip(other._fields, *_arrays(other, voxel_map), strict=True)
+            if not np.array_equal(one, own)
+        ),
+    ]
+
+
+def _arrays(content: VoxelContent, voxel_map: VoxelMap) -> list[list[NDArray[np.generic]]]:
+    """The fields of a content and those of a map."""
+    return [[np.asarray(field) for field in one] for one in (content, voxel_map.content())]
+
+
+def _voxel_map(navigator: Navigator) -> VoxelMap:
+    """The map of a stack whose keyframes hold it.
+
+    Raises:
+        ValueError: Its map is of another kind.
+    """
+    if type(navigator.map) is not VoxelMap:
+        raise ValueError(f"a map of bricks, but map.kind is {navigator.map.config.kind!r}")
+    return navigator.map
+
+
+def _bytes_of(content: VoxelContent) -> bytes:
+    """Field by field; cells layer by layer, as neighbours in a layer are more alike."""
+    numbers = content.keys, content.observed_ns, content.seen, content.dues, content.fresh
+    layers = np.ascontiguousarray(content.cells.transpose(0, 2, 1))
+    return b"".join([*(array.tobytes() for array in numbers), layers.tobytes()])
+
+
+def _read_content(message: pb.MapContent, most_bricks: int) -> VoxelContent:
+    """Unpack the bricks of a keyframe.
+
+    Raises:
+        ValueError: They are more than `most_bricks`, or the bytes are not theirs.
+    """
+    count, packed = message.bricks, message.records
+    size = count * BRICK_BYTES
+    if count > most_bricks or size > LEAST_BYTES + GREATEST_RATIO * len(packed):
+        raise ValueError(f"{count} bricks in {len(packed)} bytes")
+    try:
+        declared = zstandard.get_frame_parameters(packed).content_size
+        if declared != size:
+            raise ValueError(f"{declared} bytes of bricks, expected {size}")
+        data = zstandard.ZstdDecompressor().decompress(packed)
+    except zstandard.ZstdError as error:
+        raise ValueError(f"bricks cannot be unpacked: {error}") from None
+    arrays: list[NDArray[np.generic]] = []
+    place = 0
+    for kind, shape in FIELDS:
+        array = np.frombuffer(data, kind, count * math.prod(shape), place)
+        arrays.append(array.reshape(count, *shape))
+        place += array.nbytes
+    arrays[-1] = arrays[-1].transpose(0, 2, 1)
+    return VoxelContent(message.ticks, *arrays)  # type: ignore[arg-type]

@@ -1,0 +1,191 @@
+"""Keyframes: where a replay can start, and what it finds of those that are false."""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+
+from tests.harness.replay.episodes import altered
+from wayproof.harness.attribution import read_case
+from wayproof.harness.cli.main import main
+from wayproof.harness.explain import make_card
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.recompute import keyframes as pieces
+from wayproof.harness.recompute.keyframes import pieces_of, stack_at, startable
+from wayproof.harness.replay.closed_loop import simulate_again
+from wayproof.harness.replay.fork import fork
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.replay.verify import verify
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+OFTEN = ("episode.time_limit=3", "keyframe_period=1")
+EPISODES = {
+    "quadruped": ("corridor", "quadruped", 1, *OFTEN),
+    "drone": ("forest", "drone", 4, *OFTEN),
+    "half-life": ("corridor", "quadruped", 2, *OFTEN, "map.half_life=0"),
+    "rrtconnect": ("forest", "drone", 3, *OFTEN, "planner.name=rrtconnect"),
+    "lidar pose": ("corridor", "quadruped", 3, *OFTEN, "estimate.kind=lidar"),
+    "tsdf": ("corridor", "quadruped", 1, *OFTEN, "map.kind=tsdf", "map.half_life=0"),
+    "classes": ("corridor", "quadruped", 1, *OFTEN, "sensors.semantics=true"),
+}
+
+
+@pytest.fixture(autouse=True)
+def short_pieces(monkeypatch):
+    monkeypatch.setattr(pieces, "LEAST_DECISIONS", 4)
+
+
+def in_parts(log, parts):
+    keyframes = startable(log, log.keyframes())
+    return pieces_of(keyframes, int(log.result["decisions"]), parts)
+
+
+@pytest.mark.parametrize("name", EPISODES)
+def test_pieces_from_keyframes_decide_what_the_whole_does(recorded, name):
+    path = Path(recorded(*EPISODES[name]).log)
+    log = open_log(path)
+    assert len(in_parts(log, 3)) == 3
+    whole = replay(path)
+    assert whole.identical
+    in_three = replay(path, jobs=3)
+    assert replace(in_three, wall_time_s=0.0) == replace(whole, wall_time_s=0.0)
+
+
+@pytest.mark.parametrize("name", EPISODES)
+def test_a_stack_goes_on_from_each_keyframe_bit_by_bit(recorded, name):
+    log = open_log(Path(recorded(*EPISODES[name]).log))
+    keyframes = log.keyframes()
+    maps = sum(one.HasField("map") for one in keyframes)
+    assert len(keyframes) > 5
+    assert (maps > 0) == (name not in ("tsdf", "classes"))
+    for keyframe in keyframes[::3]:
+        stack = stack_at(log, keyframes, keyframe)
+        for record, _ in zip(log.records(keyframe), range(5), strict=False):
+            assert stack.step(record).chain == record.decision.chain
+
+
+def move_a_wall(keyframe):
+    """Another map with the sizes of the right one: that of the keyframe before."""
+    keyframe.map.ticks += 1
+
+
+def hurry(keyframe):
+    keyframe.state.trajectory.start_ns += 1
+
+
+def forget(keyframe):
+    keyframe.state.backtracks += 1
+
+
+def rename(keyframe):
+    keyframe.chain = "0" * 32
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+@pytest.mark.parametrize("change", [move_a_wall, hurry, forget, rename])
+def test_a_false_keyframe_is_found_and_no_decision_is_blamed(recorded, tmp_path, change, jobs):
+    log = open_log(Path(recorded(*EPISODES["quadruped"]).log))
+    number = next(one.sequence for one in log.keyframes() if one.HasField("map"))
+
+    def falsify(message):
+        if isinstance(message, pb.Keyframe) and message.sequence == number:
+            change(message)
+
+    again = replay(altered(log.path, tmp_path / "false.mcap", falsify), jobs=jobs)
+    assert not again.identical
+    assert again.differing == 0
+    assert any(one.field.startswith(f"/keyframe[{number}].") for one in again.contradictions)
+
+
+def cut(keyframe):
+    keyframe.map.records = keyframe.map.records[:-9]
+
+
+def inflate(keyframe):
+    keyframe.map.bricks = 2**31
+
+
+def garble(keyframe):
+    keyframe.map.records = bytes(reversed(keyframe.map.records))
+
+
+def lose(keyframe):
+    keyframe.state.trajectory.path[:] = keyframe.state.trajectory.path[:-1]
+
+
+def leave(keyframe):
+    keyframe.state.trajectory.path[0] = float("nan")
+
+
+@pytest.mark.parametrize("jobs", [1, 3])
+@pytest.mark.parametrize("change", [cut, inflate, garble, lose, leave])
+def test_a_broken_keyframe_is_a_difference_of_the_log(recorded, tmp_path, capsys, change, jobs):
+    log = open_log(Path(recorded(*EPISODES["quadruped"]).log))
+
+    def damage(message):
+        if isinstance(message, pb.Keyframe) and message.HasField("map"):
+            change(message)
+
+    path = altered(log.path, tmp_path / "broken.mcap", damage)
+    again = replay(path, jobs=jobs)
+    assert not again.identical
+    assert again.differing == 0
+    assert any(one.field.startswith("/keyframe[") for one in again.contradictions)
+    assert not verify(path, simulate=False, jobs=jobs).verified
+    if change not in (lose, leave):  # of the map alone, which a card is made of
+        assert main(["explain", str(path), "25", "--unchecked"]) == 2
+        assert "wayproof: keyframe after decision" in capsys.readouterr().err
+
+
+def test_a_keyframe_where_the_settings_have_none_is_a_difference(recorded, tmp_path):
+    path = Path(recorded(*EPISODES["quadruped"]).log)
+
+    def misplace(message):
+        if isinstance(message, pb.Keyframe):
+            message.sequence += 1000
+
+    again = replay(altered(path, tmp_path / "misplaced.mcap", misplace))
+    assert {one.recomputed for one in again.contradictions} >= {"no such decision"}
+
+
+def test_a_card_is_the_same_from_a_keyframe_as_from_the_start(recorded, capsys):
+    path = Path(recorded(*EPISODES["drone"]).log)
+    log = open_log(path)
+    case = read_case(log)
+    assert case.keyframe_at(3) is None
+    number = len(case.moments) - 1
+    assert main(["explain", str(path), str(number), "--json"]) == 0
+    card = json.loads(capsys.readouterr().out)
+    assert card.pop("keyframe") == case.keyframe_at(number).sequence > 0
+    whole = json.loads(json.dumps(asdict(make_card(case, number))))
+    assert whole.pop("keyframe") is None
+    assert card == whole
+
+
+def test_keyframes_before_a_fork_are_compared_but_not_started_from(recorded, tmp_path):
+    path = Path(recorded(*EPISODES["quadruped"]).log)
+    target = tmp_path / "fork.mcap"
+    fork(path, 12, ["costmap.localization_margin=0.06"], target)
+    log = open_log(target)
+    assert startable(log, log.keyframes())[0].sequence >= 12 > log.keyframes()[0].sequence
+    assert replay(target, jobs=3).identical
+    assert simulate_again(target).identical
+
+
+def test_no_keyframes_are_written_without_a_period_or_with_decisions_alone(recorded):
+    for setting in ("keyframe_period=0", "record=decisions"):
+        path = Path(recorded("empty", "drone", 1, "episode.time_limit=1", setting).log)
+        messages = open_log(path).messages()
+        assert not any(isinstance(message, pb.Keyframe) for message in messages)
+
+
+def test_pieces_take_about_the_same_time():
+    frames = [
+        pb.Keyframe(sequence=n * 25, map=pb.MapContent() if n % 4 == 0 else None)
+        for n in range(1, 24)
+    ]
+    two = pieces_of(frames, 600, 2)
+    assert [one.end for one in two] == [276, None]
+    assert len(pieces_of(frames, 600, 64)) > 8
+    assert len(pieces_of([], 600, 2)) == 1
