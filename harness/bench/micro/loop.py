@@ -1,17 +1,20 @@
-"""`wayproof bench loop`: real-time factor of whole episodes, and time of each stage."""
+"""`wayproof bench loop`: speed of whole episodes beside their bare physics, and of each stage."""
 
 from __future__ import annotations
 
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from wayproof.harness.bench.micro.bare_physics import Followed, bare_seconds, setpoints_of
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import from_document, override
-from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario.scenario import build
+from wayproof.harness.result import Result
+from wayproof.harness.runner import open_episode
+from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.warm_up import warm_up
 
@@ -35,8 +38,13 @@ class LoopRow:
         threads: Number of threads for rays, map and costmap.
         episodes: Number of episodes in the warehouse, of seeds from the given one on.
         reached: Number of episodes that ended in success.
+        share_of_physics: Processor time of the bare physics over that of the whole loop: the same
+            steps of MuJoCo with the same controller and setpoints, timed after each episode. On one
+            thread that is the loop's share of the speed of bare physics, whatever the host's load.
         realtime_factor: Simulated seconds a second of wall time: sensing, map, costmap, decision,
             physics and log together.
+        physics_realtime_factor: Simulated seconds a second of processor time of the bare physics
+            with control.
         stage_ms: Median time of each stage of a decision.
         map_costmap_ms_p99: 99th percentile of map and costmap together.
         decision_ms_p50: Median time from a sweep's cast to its decision.
@@ -49,7 +57,9 @@ class LoopRow:
     threads: int
     episodes: int
     reached: int
+    share_of_physics: float
     realtime_factor: float
+    physics_realtime_factor: float
     stage_ms: dict[str, float]
     map_costmap_ms_p99: float
     decision_ms_p50: float
@@ -76,12 +86,9 @@ def bench_loop(
 
 
 def _measure(robot: str, settings: tuple[str, ...], seeds: range, progress: Progress) -> LoopRow:
-    simulated = wall = 0.0
+    simulated = wall = loop = bare = 0.0
     reached = rays = 0
     stages: list[list[float]] = []  # (decisions, stages) ms
-
-    def note(decision: pb.Decision, _: pb.Truth) -> None:
-        stages.append([getattr(decision.stages, f"{stage}_ms") for stage in STAGES])
 
     with tempfile.TemporaryDirectory() as folder:
         for seed in seeds:
@@ -91,7 +98,10 @@ def _measure(robot: str, settings: tuple[str, ...], seeds: range, progress: Prog
             warm_up(config)
             scenario = build(config)
             rays = sum(caster.table.beams for caster in scenario.scene.casters)
-            result = run_episode(scenario, Path(folder) / "episode.mcap", note)
+            result, followed, seconds = _run(scenario, Path(folder) / "episode.mcap", stages)
+            loop += seconds
+            setpoints, position = setpoints_of(scenario, followed, round(result.sim_time_s * 1e9))
+            bare += bare_seconds(scenario, setpoints, position.tolist())
             simulated += result.sim_time_s
             wall += result.wall_time_s
             reached += result.outcome == "success"
@@ -104,9 +114,31 @@ def _measure(robot: str, settings: tuple[str, ...], seeds: range, progress: Prog
         threads=scenario.config.threads,
         episodes=len(seeds),
         reached=reached,
+        share_of_physics=bare / loop,
         realtime_factor=simulated / wall,
+        physics_realtime_factor=simulated / bare,
         stage_ms=dict(zip(STAGES, np.median(table, axis=0).round(3).tolist(), strict=True)),
         map_costmap_ms_p99=float(np.percentile(table[:, 1] + table[:, 2], 99)),
         decision_ms_p50=float(np.median(decision)),
         decision_ms_p99=float(np.percentile(decision, 99)),
     )
+
+
+def _run(
+    scenario: Scenario, path: Path, stages: list[list[float]]
+) -> tuple[Result, Followed, float]:
+    """Run an episode; append the times of the stages of each decision.
+
+    Returns:
+        Its result, what the robot followed, and the processor time of the loop, s.
+    """
+
+    def note(decision: pb.Decision, _: pb.Truth) -> None:
+        stages.append([getattr(decision.stages, f"{stage}_ms") for stage in STAGES])
+        followed.add(decision)
+
+    with open_episode(scenario, path, note) as opened:
+        followed = Followed(opened)
+        began = time.process_time()
+        opened.episode.run()
+        return opened.end(), followed, time.process_time() - began

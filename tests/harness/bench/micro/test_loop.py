@@ -37,6 +37,8 @@ def test_whole_episodes_under_one_load(capsys):
         assert (row["episodes"], row["reached"]) == (1, 1)
         assert set(row["stage_ms"]) == {"sense", "map", "costmap", "plan"}
         assert 0.0 < row["decision_ms_p50"] <= row["decision_ms_p99"]
+        assert 0.02 < row["share_of_physics"] < 1.0
+        assert row["physics_realtime_factor"] > row["realtime_factor"]
         # What a decision takes is part of what an episode of ten decisions a second takes.
         assert 0.0 < row["realtime_factor"] < 100.0 / sum(row["stage_ms"].values())
     for robot in loop.ROBOTS:
