@@ -1,9 +1,14 @@
-"""Outlines in the plane: triangulation by ear clipping, and prisms over them.
+"""Outlines in the plane: convex pieces that fill them, and prisms over these.
 
-Source: Meisters, "Polygons Have Ears", American Mathematical Monthly 82(6), 1975.
+Sources: Meisters, "Polygons Have Ears", American Mathematical Monthly 82(6), 1975; of outlines with
+holes the trapezoids between the heights of all corners (de Berg et al., "Computational Geometry",
+chapter 6).
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,17 +28,79 @@ def prisms(outline: NDArray[np.float64], height: float) -> list[Mesh]:
     Raises:
         ValueError: Fewer than three corners, too many, or an outline that crosses itself.
     """
+    corners = _ring(outline)
+    return [_prism(corners[triangle], height) for triangle in triangulate(corners)]
+
+
+def prisms_with_holes(outlines: Sequence[NDArray[np.float64]], height: float) -> list[Mesh]:
+    """Return convex prisms that fill what an odd number of outlines is around; as of `prisms`."""
+    rings = [_ring(outline) for outline in outlines]
+    if (count := sum(map(len, rings))) > MAX_CORNERS:
+        raise ValueError(f"got {count} corners, expected at most {MAX_CORNERS}")
+    return [_prism(piece, height) for piece in trapezoids(rings)]
+
+
+def _ring(outline: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners of an outline without the repeated first one."""
     corners = outline[:-1] if len(outline) > 1 and (outline[0] == outline[-1]).all() else outline
     if not 3 <= len(corners) <= MAX_CORNERS:
         raise ValueError(f"got {len(corners)} corners, expected 3 to {MAX_CORNERS}")
+    return corners
+
+
+def _prism(corners: NDArray[np.float64], height: float) -> Mesh:
+    """Return the prism over a convex piece, counter-clockwise."""
+    count = len(corners)
+    low = np.column_stack([corners, np.zeros(count)])
+    vertices = np.vstack([low, low + np.array([0.0, 0.0, height])])
+    faces = []
+    for n in range(1, count - 1):
+        faces += [(0, n + 1, n), (count, count + n, count + n + 1)]
+    for n in range(count):
+        m = (n + 1) % count
+        faces += [(n, m, count + m), (n, count + m, count + n)]
+    return Mesh(vertices, np.array(faces, np.int64))
+
+
+def trapezoids(rings: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
+    """Return convex pieces (3 or 4, 2), counter-clockwise, of what rings (n, 2) enclose.
+
+    A point is enclosed if an odd number of rings is around it: a ring in another is a hole.
+
+    Raises:
+        ValueError: Edges cross each other.
+    """
+    begins = np.concatenate(rings)
+    ends = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
+    upward = begins[:, 1] < ends[:, 1]
+    low = np.where(upward[:, None], begins, ends)
+    high = np.where(upward[:, None], ends, begins)
+    heights = np.unique(begins[:, 1])
+    pieces = []
+    for bottom, top in pairwise(heights.tolist()):
+        spans = (low[:, 1] <= bottom) & (high[:, 1] >= top)
+        lefts = _crossings(low[spans], high[spans], bottom, top)
+        if (np.diff(lefts, axis=0) < 0.0).any():
+            raise ValueError("outlines that cross, expected each around or beside the others")
+        for (a, d), (b, c) in zip(lefts[::2], lefts[1::2], strict=True):
+            corners = [(a, bottom), (b, bottom), (c, top), (d, top)]
+            piece = list(dict.fromkeys(corners))  # a triangle where two are one
+            if len(piece) > 2:
+                pieces.append(np.array(piece))
+    return pieces
+
+
+def _crossings(
+    low: NDArray[np.float64], high: NDArray[np.float64], bottom: float, top: float
+) -> NDArray[np.float64]:  # (n, 2)
+    """Return where edges (n, 2) pass two heights, from left to right; at a corner exactly there."""
+    rise = (high - low)[:, 1]
     found = []
-    for triangle in triangulate(corners):
-        low = np.column_stack([corners[triangle], np.zeros(3)])
-        vertices = np.vstack([low, low + np.array([0.0, 0.0, height])])
-        faces = [(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3),
-                 (2, 3, 5)]  # fmt: skip
-        found.append(Mesh(vertices, np.array(faces, np.int64)))
-    return found
+    for level in (bottom, top):
+        passed = low[:, 0] + (level - low[:, 1]) / rise * (high - low)[:, 0]
+        found.append(np.where(level == high[:, 1], high[:, 0], passed))
+    both = np.column_stack(found)
+    return both[np.argsort(both.sum(axis=1), kind="stable")]
 
 
 def triangulate(corners: NDArray[np.float64]) -> list[list[int]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from wayproof.models.world_files.locating import Locator
 from wayproof.models.world_files.meshes import Cuts, mesh_parts
 from wayproof.models.world_files.options import Found, ImportOptions, Plane
 from wayproof.models.world_files.parts import Mesh, Part, axes_of
-from wayproof.models.world_files.polygons import holds, prisms
+from wayproof.models.world_files.polygons import holds, prisms, prisms_with_holes
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.sdf_frames import Placement, numbers
 from wayproof.models.world_files.xml_tree import Element
@@ -64,9 +64,11 @@ class Shapes:
         outlines = [child for child in children if child.tag == "polyline"]
         if not children or (len(children) > 1 and len(outlines) < len(children)):
             raise WorldFileError(path, f"<{shape.tag}>: expected one geometry", shape.line)
-        _check_apart(path, outlines)
         if shape.tag == "collision" and (why := _untouchable(shape)):
             self._untouched[why] += 1
+            return
+        if _have_holes(path, outlines):
+            yield from _polyline_with_holes(path, outlines, scale)
             return
         for child in children:
             yield from self.geometry(path, child, placed, model, scale)
@@ -192,16 +194,14 @@ class Shapes:
         yield height_part(file, heights[::-1], (x, y), centre)
 
 
-def _check_apart(path: Path, outlines: list[Element]) -> None:
-    """Refuse an outline that begins within another one: that would be a hole."""
-    rings = [
-        np.array([numbers(path, point, 2) for point in outline.all("point")]).reshape(-1, 2)
-        for outline in outlines
-    ]
-    for outline, ring in zip(outlines, rings, strict=True):
-        if any(len(ring) and other is not ring and holds(other, ring[0]) for other in rings):
-            what = "<polyline>: a hole in another outline, expected outlines without holes"
-            raise WorldFileError(path, what, outline.line)
+def _have_holes(path: Path, outlines: list[Element]) -> bool:
+    """Return whether an outline begins within another one: that is a hole, as Gazebo has it."""
+    rings = [_outline(path, outline) for outline in outlines]
+    return any(
+        len(ring) and other is not ring and holds(other, ring[0])
+        for ring in rings
+        for other in rings
+    )
 
 
 def _untouchable(shape: Element) -> str:
@@ -274,16 +274,39 @@ def _cone(path: Path, shape: Element, scale: NDArray[np.float64]) -> list[Part]:
 
 def _polyline(path: Path, shape: Element, scale: NDArray[np.float64]) -> list[Part]:
     """Return the prisms of outlines that rise from z = 0 to `<height>`."""
+    meshes = prisms(_outline(path, shape) * scale[:2], _rise(path, shape) * float(scale[2]))
+    return [Part("mesh", (), (0.0, 0.0, 0.0), mesh=mesh) for mesh in meshes]
+
+
+def _polyline_with_holes(
+    path: Path, shapes: Sequence[Element], scale: NDArray[np.float64]
+) -> list[Part]:
+    """Return the prisms of outlines of one geometry, of which some are holes."""
+    rises = {_rise(path, shape) for shape in shapes}
+    if len(rises) > 1:
+        what = (
+            f"<polyline>: outlines of {len(rises)} heights, expected one height where one is a hole"
+        )
+        raise WorldFileError(path, what, shapes[0].line)
+    outlines = [_outline(path, shape) * scale[:2] for shape in shapes]
+    try:
+        meshes = prisms_with_holes(outlines, rises.pop() * float(scale[2]))
+    except ValueError as error:
+        raise WorldFileError(path, f"<polyline>: {error}", shapes[0].line) from None
+    return [Part("mesh", (), (0.0, 0.0, 0.0), mesh=mesh) for mesh in meshes]
+
+
+def _outline(path: Path, shape: Element) -> NDArray[np.float64]:  # (n, 2)
+    points = [numbers(path, point, 2) for point in shape.all("point")]
+    return np.array(points, np.float64).reshape(-1, 2)
+
+
+def _rise(path: Path, shape: Element) -> float:
     height = shape.first("height")
     rise = 1.0 if height is None else numbers(path, height, 1)[0]
-    points = [numbers(path, point, 2) for point in shape.all("point")]
-    outline = np.array(points, np.float64).reshape(-1, 2) * scale[:2]
     if not rise > 0.0:
         raise WorldFileError(path, "<height>: expected a positive number", shape.line)
-    return [
-        Part("mesh", (), (0.0, 0.0, 0.0), mesh=mesh)
-        for mesh in prisms(outline, rise * float(scale[2]))
-    ]
+    return rise
 
 
 SHAPES: dict[str, Callable[[Path, Element, NDArray[np.float64]], list[Part]]] = {

@@ -5,7 +5,7 @@ import pytest
 
 from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
 from wayproof.models.world_files.meshes import Cuts, mesh_parts
-from wayproof.models.world_files.polygons import triangulate
+from wayproof.models.world_files.polygons import trapezoids, triangulate
 from wayproof.models.world_files.solids import solid_of
 
 ENDS = {"start": (0.0, 0.0, 0.0), "goal": (3.0, 0.0, 0.0)}
@@ -334,6 +334,63 @@ def test_polylines_fill_their_outline(tmp_path):
     np.testing.assert_allclose(near, (0.0, 0.0, 1.0), atol=1e-12)
     with pytest.raises(ValueError, match="crosses itself"):
         triangulate(np.array([(0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 2.0), (1.0, 3.0)]))
+
+
+FRAME = [[(0, 0), (6, 0), (6, 4), (0, 4)], [(1, 1), (5, 1), (5, 3), (3, 2), (1, 3)]]
+"""A frame about a hole with a corner that points into it."""
+
+
+def polylines(*rings, heights=(2, 2, 2)):
+    texts = []
+    for ring, height in zip(rings, heights, strict=False):
+        points = "".join(f"<point>{x} {y}</point>" for x, y in ring)
+        texts.append(f"<polyline>{points}<height>{height}</height></polyline>")
+    return box().replace("<box><size>1 1 1</size></box>", "".join(texts))
+
+
+def test_an_outline_in_another_is_a_hole_and_one_in_that_stands(tmp_path):
+    island = [(3, 1.2), (3.4, 1.2), (3.2, 1.4)]
+    found, _ = read(write(tmp_path / "a.world", world(ground(), polylines(*FRAME, island))))
+    points = {(0.5, 2.0): True, (1.5, 2.0): False, (3.0, 2.5): True, (3.2, 1.25): True,
+              (3.2, 1.6): False, (5.5, 3.9): True, (2.0, 2.4): False}  # fmt: skip
+    for (x, y), solid in points.items():
+        nearest = min(float(one.distance([[x, y, 1.0]])[0]) for one in found.solids)
+        assert (nearest == 0.0) == solid, (x, y)
+
+
+def test_the_pieces_of_outlines_with_holes_are_convex_and_have_their_area():
+    rng = np.random.default_rng(1)
+    square = np.array([(-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0)])
+    triangle = np.array([(-5.0, -3.0), (3.0, -5.0), (4.0, 8.0)])
+    for count in range(50):
+        turns, away = np.sort(rng.uniform(0.0, 2.0 * np.pi, 9)), rng.uniform(0.1, 0.8, (9, 1))
+        inner = away * np.column_stack([np.cos(turns), np.sin(turns)])
+        outer = (square, triangle)[count % 2]
+        pieces = trapezoids([outer, inner])
+        assert sum(map(area, pieces)) == pytest.approx(area(outer) - abs(area(inner)), abs=1e-9)
+        for piece in pieces:
+            edges = np.roll(piece, -1, axis=0) - piece
+            after = np.roll(edges, -1, axis=0)
+            assert (edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0] > -1e-12).all()
+
+
+def area(corners):
+    x, y = corners.T
+    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) / 2.0
+
+
+@pytest.mark.parametrize(
+    ("rings", "heights", "said"),
+    [
+        (FRAME, (2, 1), "outlines of 2 heights"),
+        ([FRAME[0], [(5, 1), (9, 1), (9, 2)]], (2, 2), "outlines that cross"),
+        ([FRAME[0], [(1, 1), (2, 1)]], (2, 2), "got 2 corners, expected 3"),
+    ],
+)
+def test_holes_that_are_none_are_refused(tmp_path, rings, heights, said):
+    path = write(tmp_path / "a.world", world(ground(), polylines(*rings, heights=heights)))
+    with pytest.raises(WorldFileError, match=f"<polyline>: {said}"):
+        read(path)
 
 
 def test_planes_at_any_height_and_tilt(tmp_path):
