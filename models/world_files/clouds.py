@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models._jit import kernel
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import vector
 from wayproof.models.world_files.reading import MAX_CELLS, WorldFileError, check_file
@@ -20,6 +21,9 @@ TYPES = {"F4": "<f4", "F8": "<f8"} | {
     f"{kind}{size}": f"<{kind.lower()}{size}" for kind in "IU" for size in (1, 2, 4, 8)
 }
 """NumPy's types by TYPE and SIZE of a PCD."""
+
+MOST_RATIO = 100
+"""Bytes that one of LZF can stand for: 264 of three."""
 
 MOST_VALUES = 1000
 """Maximum number of values of a point."""
@@ -59,7 +63,7 @@ def cells_of_points(path: Path, points: NDArray[np.float64], options: ImportOpti
 
 
 def read_pcd(path: Path, options: ImportOptions) -> Found:
-    """Read a PCD of the Point Cloud Library (version 0.7, ASCII or binary).
+    """Read a PCD of the Point Cloud Library (version 0.7; ASCII, binary or compressed).
 
     Raises:
         WorldFileError: Naming what of its header cannot be read.
@@ -93,11 +97,77 @@ def read_pcd(path: Path, options: ImportOptions) -> Found:
             raise WorldFileError(path, f"POINTS {number}, but {there} are there")
         rows = np.frombuffer(data, record, number, start)
         columns = [rows[str(names.index(axis))][:, 0] for axis in "xyz"]
+    elif kind == "binary_compressed":
+        widths = [np.dtype(TYPES[t]).itemsize * c for t, c in zip(types, counts, strict=True)]
+        raw = _decompressed(path, data[start:], number * sum(widths))
+        begins = number * np.cumsum([0, *widths[:-1]])  # field by field, each of all points
+        columns = []
+        for place in (names.index(axis) for axis in "xyz"):
+            shape = number, counts[place]
+            values = np.frombuffer(raw, TYPES[types[place]], number * shape[1], begins[place])
+            columns.append(values.reshape(shape)[:, 0])
     else:
-        raise WorldFileError(
-            path, f"DATA {kind[:40]}, expected ascii or binary: pcl_convert_pcd_ascii_binary"
-        )
+        raise WorldFileError(path, f"DATA {kind[:40]}, expected ascii, binary or binary_compressed")
     return cells_of_points(path, np.column_stack(columns).astype(np.float64), options)
+
+
+def _decompressed(path: Path, data: bytes, size: int) -> bytes:
+    """Return the bytes of compressed data: two sizes, of 32 bits each, then LZF.
+
+    Raises:
+        WorldFileError: The sizes are not those of the header, or the data are damaged.
+    """
+    packed, whole = np.frombuffer(data[:8].ljust(8, b"\0"), "<u4").tolist()
+    if whole != size or len(data) < 8 + packed:
+        raise WorldFileError(
+            path,
+            f"DATA binary_compressed: {whole} bytes of {packed}, of which {max(len(data) - 8, 0)} "
+            f"are there; expected {size} by the header",
+        )
+    if size > MOST_RATIO * packed:
+        raise WorldFileError(path, f"DATA binary_compressed: {size} bytes of {packed} are none")
+    out = np.empty(size, np.uint8)
+    if decompress_lzf(np.frombuffer(data, np.uint8, packed, 8).copy(), out) != size:
+        raise WorldFileError(path, "DATA binary_compressed: damaged")
+    return out.tobytes()
+
+
+@kernel
+def decompress_lzf(data: NDArray[np.uint8], out: NDArray[np.uint8]) -> int:
+    """Write what data of LibLZF's format (n,) hold, and return its length; -1 if they are damaged.
+
+    A byte below 32 is followed by so many bytes and one. Any other holds a length, in its upper 3
+    bits (7: the next byte is added), and the upper 5 bits of a distance back, whose lower 8 follow.
+    """
+    read, written = 0, 0
+    while read < len(data):
+        control = int(data[read])
+        read += 1
+        if control < 32:
+            count = control + 1
+            if read + count > len(data) or written + count > len(out):
+                return -1
+            for _ in range(count):
+                out[written] = data[read]
+                read += 1
+                written += 1
+            continue
+        count = control >> 5
+        if count == 7 and read < len(data):
+            count += int(data[read])
+            read += 1
+        if read >= len(data):
+            return -1
+        source = written - ((control & 31) << 8) - int(data[read]) - 1
+        read += 1
+        count += 2
+        if source < 0 or written + count > len(out):
+            return -1
+        for _ in range(count):  # byte by byte, as what is copied may reach into itself
+            out[written] = out[source]
+            source += 1
+            written += 1
+    return written
 
 
 def _header(path: Path, data: bytes) -> tuple[dict[str, list[str]], int]:
