@@ -117,6 +117,7 @@ def mirrored(world: World, flip_x: bool, flip_y: bool) -> World:
         start=place(world.start),
         start_heading=round(-heading if flip_y else heading, 3),
         goal=place(world.goal),
+        aisle=tuple(map(place, world.aisle)),
     )
 
 
@@ -153,7 +154,7 @@ def first_passable(
         if is_solvable(world, radius, *GROUND_BAND, *ends) and is_solvable_in_any(
             world, radius, AIR_BANDS, *ends
         ):
-            return replace(world, difficulty=difficulty)
+            return replace(world, difficulty=difficulty, passage_radius=radius)
     raise RuntimeError(
         f"world {name!r}, seed {seed}: none of {ATTEMPTS} drafts lets a disc of {radius:g} m "
         "through"

@@ -10,6 +10,7 @@ import numpy as np
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import Office
+from wayproof.models.worlds.aisle import inspected
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     WALL_HEIGHT,
@@ -100,6 +101,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: O
         start=start,
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
+        aisle=inspected(((LOW[0] + WALL_THICKNESS, middle), (high[0] - WALL_THICKNESS, middle))),
     )
     few, many = FURNITURE_COUNTS
     count = given_or(parameters.furniture, round(few + difficulty * (many - few)))

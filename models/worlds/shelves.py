@@ -11,9 +11,11 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.worlds.aisle import Place, widest_gap
 from wayproof.models.worlds.solids import Box
 
 Range = tuple[float, float]
+CentreLine = tuple[Place, Place]
 
 WIDEST_CROSS_AISLE = 2.4
 DEPTHS = (0.8, 1.0)
@@ -34,8 +36,10 @@ BEAM_TOP = 1.3
 
 def shelf_rows(
     rng: np.random.Generator, along: Range, across: Range, *, walled: bool, aisle: float
-) -> list[Box]:
+) -> tuple[list[Box], CentreLine | None]:
     """Two to four rows of shelves, broken by cross-aisles, with beams over one or two aisles.
+
+    The centre line of the widest aisle between two rows comes with them, m.
 
     Args:
         rng: Draws everything.
@@ -51,7 +55,10 @@ def shelf_rows(
         cross_aisles = 1 if walled else int(rng.integers(1, 3))
         for shelf in _shelves(rng, along, cross_aisles, aisle):
             boxes += _shelf(rng, shelf, row)
-    return boxes + _beams(rng, along, rows)
+    gap = widest_gap(rows)
+    middle = None if gap is None else 0.5 * (gap[0] + gap[1])
+    line = None if middle is None else ((along[0], middle), (along[1], middle))
+    return boxes + _beams(rng, along, rows), line
 
 
 def _rows(rng: np.random.Generator, across: Range, walled: bool, aisle: float) -> list[Range]:

@@ -141,7 +141,7 @@ def first_solvable(
         if is_solvable(world, radius, *GROUND_BAND, *ends) and is_solvable_in_any(
             world, radius, AIR_BANDS, *ends
         ):
-            return replace(world, difficulty=difficulty)
+            return replace(world, difficulty=difficulty, passage_radius=radius)
     raise RuntimeError(f"world {name!r}, seed {seed}: none of {ATTEMPTS} drafts was solvable")
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import Warehouse
+from wayproof.models.worlds.aisle import inspected
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
@@ -18,7 +19,7 @@ from wayproof.models.worlds.layout import (
     room_walls,
     with_crates,
 )
-from wayproof.models.worlds.shelves import shelf_rows
+from wayproof.models.worlds.shelves import CentreLine, shelf_rows
 from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.world import World
 
@@ -64,6 +65,8 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: W
     partition_x = rng.uniform(4.6, 6.0)
     high = (parameters.length, parameters.width, HEIGHT)
     start, goal = _ends(rng, high)
+    partition = _partition(rng, partition_x, parameters)
+    shelves, line = _storage(rng, partition_x + parameters.aisle_width + 0.2, parameters)
     hall = World(
         name="warehouse",
         seed=seed,
@@ -71,12 +74,13 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: W
         high=high,
         solids=(
             *room_walls(LOW, high),
-            *_partition(rng, partition_x, parameters),
-            *_storage(rng, partition_x + parameters.aisle_width + 0.2, parameters),
+            *partition,
+            *shelves,
         ),
         start=start,
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
+        aisle=() if line is None else inspected(line),
     )
     count = given_or(parameters.crates, round(2 * difficulty * int(rng.integers(6, 13))))
     furnished = with_crates(rng, hall, count, longest=0.8, radius=parameters.passage_radius)
@@ -110,15 +114,21 @@ def _partition(rng: np.random.Generator, x: float, parameters: Warehouse) -> lis
     ]
 
 
-def _storage(rng: np.random.Generator, begin: float, parameters: Warehouse) -> list[Box]:
-    """Draw shelves from `begin` on, their rows along the hall or across it."""
+def _storage(
+    rng: np.random.Generator, begin: float, parameters: Warehouse
+) -> tuple[list[Box], CentreLine | None]:
+    """Draw shelves from `begin` on, their rows along the hall or across it, and name an aisle."""
     x = (begin, parameters.length - GOAL_END)
     y = (LOW[1] + WALL_THICKNESS, parameters.width - WALL_THICKNESS)
     aisle = parameters.aisle_width
     if rng.integers(2):
         return shelf_rows(rng, along=x, across=y, walled=True, aisle=aisle)
-    rows = shelf_rows(rng, along=y, across=x, walled=False, aisle=aisle)
-    return [_transposed(box) for box in rows]
+    rows, line = shelf_rows(rng, along=y, across=x, walled=False, aisle=aisle)
+    boxes = [_transposed(box) for box in rows]
+    if line is None:
+        return boxes, None
+    (a, b), (c, d) = line
+    return boxes, ((b, a), (d, c))
 
 
 def _transposed(box: Box) -> Box:

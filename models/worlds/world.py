@@ -51,6 +51,8 @@ class World:
             where there are none.
         movers: Things that move, appear or vanish.
         route_length: Length of the shortest way if it is known from elsewhere, m.
+        aisle: Places along the centre line of an aisle, on the floor, m; empty without one.
+        passage_radius: Radius of the disc that its generator lets through, m; None if unknown.
     """
 
     name: str
@@ -65,6 +67,8 @@ class World:
     floor: tuple[Box, ...] | None = None
     movers: tuple[Mover, ...] = ()
     route_length: float | None = None
+    aisle: tuple[Vector3, ...] = ()
+    passage_radius: float | None = None
 
     def __post_init__(self) -> None:
         """Refuse a start or goal outside the operating area, and movers of one name.
