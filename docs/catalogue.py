@@ -24,6 +24,7 @@ from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.scenario.robots import EXAMPLES
 from wayproof.harness.study.file import PACKAGED
 from wayproof.maps import MAPS
+from wayproof.models.places import PLACES
 from wayproof.models.robots import ROBOTS
 from wayproof.models.sensors.devices import DEVICES, Device
 from wayproof.models.worlds import WORLDS
@@ -48,6 +49,7 @@ def catalogue() -> Catalogue:
     benches = {**BENCHMARKS, **STAGES}
     by_name = {
         "worlds": {name: Entry(description(make), _file(make)) for name, make in WORLDS.items()},
+        "places": {name: Entry(meaning, "models/places.py") for name, meaning in PLACES.items()},
         "robots": {name: _documented(_package_of(one)) for name, one in ROBOTS.items()},
         "robot examples": {path.stem: _commented(path) for path in EXAMPLES.glob("*.toml")},
         "sensors": {name: _device(device) for name, device in DEVICES.items()},

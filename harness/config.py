@@ -20,12 +20,14 @@ from wayproof.harness.renamed import current_value, renamed, with_current_names
 from wayproof.maps import MAPS, CostmapConfig, MapConfig
 from wayproof.maps.bounds import Bounds, check_fields
 from wayproof.models.classes import CLASSES
+from wayproof.models.places import PLACES
 from wayproof.models.pose_model import PoseModelConfig
 from wayproof.models.sensors.devices import DEVICES, OWN, SensorConfig
 from wayproof.models.world_parameters import WorldParameters
 from wayproof.planners import FORMER_NAMES, PLANNERS, PlannerConfig
 
 MOST_THREADS = 64
+MOST_WAYPOINTS = 100
 
 BUILTIN = "builtin"
 """Name of the stack in `harness/stack`, whose map is the referee's."""
@@ -154,8 +156,10 @@ class Config:
         seed: Seed of the world and of every random stream; never random itself.
         difficulty: Of the world, 0 to 1, as its generator understands it.
         world_parameters: Parameters of the generated worlds; `--set world.NAME.PARAMETER`.
-        goal: (x, y) or (x, y, z) in place of the world's own goal, m.
-        start: Likewise.
+        goal: (x, y) or (x, y, z) in place of the world's own goal, m; or the name of a place, as in
+            `models.places.PLACES`.
+        start: Likewise, (x, y) or (x, y, z).
+        waypoints: Goals before that one, in their order; the robot comes to rest at each.
         threads: That rays, map and costmap share; decisions are the same on any number.
         record: `full` logs all; `decisions` leaves sweeps and states out, which the seed gives
             again; `failures` is full where the episode failed, and decisions where it succeeded.
@@ -172,8 +176,9 @@ class Config:
     world: str
     robot: str
     seed: int
-    goal: tuple[float, ...] | None = None
+    goal: tuple[float, ...] | str | None = None
     start: tuple[float, ...] | None = None
+    waypoints: tuple[tuple[float, ...] | str, ...] = ()
     threads: Annotated[int, Bounds(1, MOST_THREADS)] = 1
     difficulty: Annotated[float, Bounds(0.0, 1.0)] = 0.5
     world_parameters: WorldParameters = field(default_factory=WorldParameters)
@@ -197,10 +202,7 @@ class Config:
 
     def __post_init__(self) -> None:
         """Refuse points that are not 2 or 3 numbers and seeds that a generator would refuse."""
-        for name in ("goal", "start"):
-            point = getattr(self, name)
-            if point is not None and len(point) not in (2, 3):
-                raise ValueError(f"{name}: got {len(point)} numbers, expected x,y or x,y,z in m")
+        _check_places(self)
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"seed: got {self.seed}, expected 0 to 2^63 - 1")
         check_fields(self, "")
@@ -210,6 +212,27 @@ class Config:
                 "the model; expected 'model' or a perturbation of the sensors"
             )
         _check_class_margins(self.costmap.class_margins, self.sensors.semantics)
+
+
+def _check_places(config: Config) -> None:
+    """Raise a ValueError unless start and goals are 2 or 3 numbers, or goals names of places."""
+    count = len(config.waypoints)
+    if count > MOST_WAYPOINTS:
+        raise ValueError(f"waypoints: got {count}, expected at most {MOST_WAYPOINTS}")
+    if count and config.recording is not None:
+        raise ValueError(f"waypoints: got {count} for a recording, expected none")
+    waypoints = [("waypoints", point) for point in config.waypoints]
+    for name, point in (("start", config.start), ("goal", config.goal), *waypoints):
+        if isinstance(point, str):
+            if point not in PLACES:
+                raise ValueError(f"{name}: got '{point}', expected x,y, x,y,z or {_places()}")
+        elif point is not None and len(point) not in (2, 3):
+            raise ValueError(f"{name}: got {len(point)} numbers, expected x,y or x,y,z in m")
+
+
+def _places() -> str:
+    *names, last = PLACES
+    return f"{', '.join(names)} or {last}"
 
 
 NAMED: dict[str, Iterable[str]] = {
@@ -299,8 +322,11 @@ def from_document(document: Any) -> Config:
 
 
 def to_json(config: Config) -> bytes:
-    """The resolved config as JSON, fields in their declared order."""
-    return msgspec.json.format(msgspec.json.encode(config), indent=1)
+    """The resolved config as JSON, fields in their declared order; no waypoints are left out."""
+    document = msgspec.to_builtins(config)
+    if not config.waypoints:
+        document.pop("waypoints", None)
+    return msgspec.json.format(msgspec.json.encode(document), indent=1)
 
 
 def from_json(data: bytes, allow_plugins: bool = False) -> Config:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import EpisodeConfig
+from wayproof.harness.goals import distance, goal_name
 from wayproof.harness.mission import Mission
 from wayproof.harness.result import Outcome
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -38,7 +39,7 @@ class Limits:
 
     Attributes:
         episode: Times and tolerances.
-        mission: Mission with the goal.
+        mission: Mission with all goals.
         period_s: Time from one decision to the next, s.
     """
 
@@ -46,23 +47,31 @@ class Limits:
     mission: Mission
     period_s: float
 
-    def ending_at(self, decision: pb.Decision, positions: Sequence[Array]) -> Verdict | None:
-        """The verdict of a decision; a claim of the goal is checked against the truth.
+    def ending_at(
+        self, decision: pb.Decision, positions: Sequence[Array], reached: int = 0
+    ) -> Verdict | None:
+        """The verdict of a decision; a claim of a goal is checked against the truth.
 
         Args:
             decision: The newest.
             positions: True positions (3,) of the base at every decision so far, m.
+            reached: Number of goals reached before it.
         """
-        config = self.episode
+        config, mission = self.episode, self.mission
         if decision.action == "abort":
             return "aborted", decision.reason
-        distance = goal_distance(self.mission, positions[-1])
+        away = goal_distance(mission, positions[-1], reached)
         if decision.action == "goal":
-            if distance <= config.goal_tolerance:
+            if away > config.goal_tolerance:
+                name = goal_name(mission, reached)
+                return "aborted", f"claimed {name} from {away:.2f} m away"
+            if reached + 1 >= len(mission.goals):
                 return "success", decision.reason
-            return "aborted", f"claimed the goal from {distance:.2f} m away"
+            reached += 1
+            away = goal_distance(mission, positions[-1], reached)
         if decision.timestamp.ToNanoseconds() * 1e-9 >= config.time_limit:
-            return "timeout", f"{distance:.2f} m from the goal after {config.time_limit:g} s"
+            name = goal_name(mission, reached)
+            return "timeout", f"{away:.2f} m from {name} after {config.time_limit:g} s"
         window = round(config.stuck_after / self.period_s)
         recent = positions[-window:]
         if len(recent) == window and _spread(recent) < STUCK_RADIUS:
@@ -70,17 +79,13 @@ class Limits:
         return None
 
 
-def goal_distance(mission: Mission, position: Array) -> float:
-    """Distance of a true position (3,) from the goal, m; in the plane for a ground robot."""
-    axes = mission.axes
-    return _distance(position[:axes], np.array(mission.goal[:axes]))
+def goal_distance(mission: Mission, position: Array, reached: int = 0) -> float:
+    """Distance of a true position (3,) from the next goal, m; in the plane for a ground robot."""
+    axes, goals = mission.axes, mission.goals
+    goal = goals[min(reached, len(goals) - 1)]
+    return distance(position[:axes], np.array(goal[:axes]))
 
 
 def _spread(positions: Sequence[Array]) -> float:
     points = np.array(positions)
-    return _distance(points.max(axis=0), points.min(axis=0))
-
-
-def _distance(a: Array, b: Array) -> float:
-    """Without `math.dist`, whose last bit follows the version of Python."""
-    return float(np.sqrt(np.square(a - b).sum()))
+    return distance(points.max(axis=0), points.min(axis=0))

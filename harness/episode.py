@@ -14,6 +14,7 @@ from google.protobuf.message import Message
 from wayproof.harness.config import LatencyConfig
 from wayproof.harness.ending import Verdict
 from wayproof.harness.errors import NeverReturned
+from wayproof.harness.goals import goal_message, goals_claimed
 from wayproof.harness.inputs import Inputs, inputs_from_messages, serialized
 from wayproof.harness.interface.errors import StackError
 from wayproof.harness.log.writer import TRACEBACK, LogWriter
@@ -39,7 +40,7 @@ class Sensed(NamedTuple):
     """What was sensed at one instant, as it is logged.
 
     Attributes:
-        messages: Sweeps and pose, with their bytes.
+        messages: Sweeps, pose and the goal of a mission with several, with their bytes.
         sense_ms: Wall time of casting the sweeps, ms.
     """
 
@@ -84,6 +85,7 @@ class Episode:
         self._began = time.perf_counter()
         self._sequence = 0
         self._keyframes = Schedule(scenario.config, 0)
+        self._reached = 0  # goals before the next decision
         self._chain = navigator.chain  # of the decisions in the log
         self._following = False  # whether the newest decision is logged, and the body follows it
 
@@ -112,7 +114,7 @@ class Episode:
         Raises:
             InputError: The state belongs to another episode.
         """
-        self._sequence = len(decisions)
+        self._sequence, self._reached = len(decisions), goals_claimed(decisions)
         if decisions:
             newest_ns = decisions[-1].timestamp.ToNanoseconds()
             self._keyframes = Schedule(self._scenario.config, newest_ns)
@@ -138,11 +140,15 @@ class Episode:
             self._following = False
             time_ns = self._simulation.now_ns
             self._recorder.hash_control(self._simulation.drain_setpoints())
+            if self.decision is not None and self.decision.action == "goal":
+                self._reached += 1  # a false claim, and that of the last goal, end the episode
             sweeps, pose, sense_ms = self._sensors.sense(self._sequence, time_ns)
-            written = [serialized(message) for message in (*sweeps, pose)]
-            self.inputs = inputs_from_messages(pose, sweeps, written)
+            goal = goal_message(self._scenario.mission, self._reached, self._sequence, time_ns)
+            messages = (*sweeps, pose) if goal is None else (*sweeps, pose, goal)
+            written = [serialized(message) for message in messages]
+            self.inputs = inputs_from_messages(pose, sweeps, written, goal)
             self._simulation.estimate.integrate(self.inputs)
-            self._sensed = Sensed((*zip((*sweeps, pose), written, strict=True),), sense_ms)
+            self._sensed = Sensed((*zip(messages, written, strict=True),), sense_ms)
 
     def step(self, answer: pb.StackCommand | None = None) -> None:
         """Decide on what was sensed, simulate up to the next decision, and sense there.
@@ -153,7 +159,9 @@ class Episode:
         verdict: Verdict | None = None
         with self._ending_if_it_fails():
             decision = self._decide(answer)
-            verdict = self._termination.check_decision(decision, self._recorder.positions)
+            verdict = self._termination.check_decision(
+                decision, self._recorder.positions, self._reached
+            )
             if verdict is None:
                 with self._watchdog.watching():
                     verdict = self._follow()
@@ -171,8 +179,8 @@ class Episode:
         return self._recorder.truth(self._sequence, self._simulation.now_ns)
 
     def goal_distance(self) -> float:
-        """True distance from the goal, m; in the plane for a ground robot."""
-        return self._termination.goal_distance()
+        """True straight distance to the next goal and on through the others, m."""
+        return self._termination.distance_left(self._reached)
 
     @contextlib.contextmanager
     def _ending_if_it_fails(self) -> Iterator[None]:
@@ -279,7 +287,7 @@ class Episode:
         return Result(
             outcome=outcome,
             reason=reason,
-            goal_distance_m=self._termination.goal_distance(),
+            goal_distance_m=self.goal_distance(),
             sim_time_s=self._simulation.now_ns * 1e-9,
             wall_time_s=time.perf_counter() - self._began,
             decisions=self._sequence,

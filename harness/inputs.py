@@ -268,6 +268,7 @@ class Inputs:
         sweeps: In the order in which they are integrated.
         digest: Hash of the messages that these were read from.
         goal: (3,) m, goal of this decision; None if it is the mission's.
+        goals_reached: Number of goals reached before; 0 of a recording.
     """
 
     time_ns: int
@@ -276,6 +277,7 @@ class Inputs:
     sweeps: tuple[SweepInput, ...]
     digest: str
     goal: NDArray[np.float64] | None = None
+    goals_reached: int = 0
 
 
 def inputs_from_messages(
@@ -292,7 +294,7 @@ def inputs_from_messages(
         pose: The estimated pose.
         sweeps: In the order in which they are integrated.
         written: Sweeps, pose and goal serialized, if that is done already.
-        goal: Goal of this decision; of recordings alone.
+        goal: Goal of this decision; of recordings, and of missions with several goals.
 
     Raises:
         InputError: A sweep's codec is unknown, or its size is wrong.
@@ -316,6 +318,7 @@ def inputs_from_messages(
         ),
         digest=inputs_digest(written),
         goal=None if goal is None else _goal(goal),
+        goals_reached=0 if goal is None else goal.index,
     )
 
 

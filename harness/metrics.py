@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness import trajectory_error
-from wayproof.harness.ending import goal_distance
 from wayproof.harness.errors import InputError
+from wayproof.harness.goals import distance_left, goals_before_last, goals_reached
 from wayproof.harness.inputs import covariance_of
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import Log
@@ -60,8 +60,10 @@ class Trace:
         outcome: Outcome in the log's result.
         duration: Simulated time to the end, s.
         collisions: Times that the robot began to touch an obstacle.
-        goal_distance: True distance from the goal at the end, m.
-        route_length: Length of the shortest path for this body, m; none if unknown.
+        goal_distance: True distance from the goal at the end, m; of several goals to the next and
+            on through the others.
+        route_length: Length of the shortest path for this body through all goals, m; none if
+            unknown.
         times: (n,) s.
         positions: (n, 3) true, of the base, m.
         velocities: (n, 3) true, m/s.
@@ -70,6 +72,8 @@ class Trace:
         latencies: (n,) wall time of a decision's stages together, ms.
         missed: (n,) whether it was past its deadline.
         start_distance: Distance of the start from the goal, measured as `goal_distance` is, m.
+        goals: Number of goals of the mission.
+        goals_reached: Number of them that were reached, by the truth.
         verdicts: The referee's on each command of a stack on trial that came in time; none of the
             built-in one.
         cuts: (n,) whether the guard braked in the stack's place; none likewise.
@@ -93,6 +97,8 @@ class Trace:
     latencies: Array
     missed: NDArray[np.bool_]
     start_distance: float
+    goals: int = 1
+    goals_reached: int = 0
     verdicts: tuple[str, ...] | None = None
     cuts: NDArray[np.bool_] | None = None
     tracks: tuple[Track, Track] | None = None
@@ -136,10 +142,9 @@ def trace_of(
         return _recorded_trace(log, decisions, motions)
     if not truths:
         raise InputError(f"log '{log.path}': no decisions in it")
-    known = _known_without_result(log, truths[-1])  # older recovered logs state less
+    known = _known_without_result(log, decisions, truths[-1])  # older recovered logs state less
     result = {**known, **log.result}
     route = result.get("route_length_m")
-    axes = log.mission.axes
     verdicts = [one.verdict for one in decisions if one.HasField("verdict")]
     return Trace(
         outcome=result["outcome"],
@@ -154,7 +159,9 @@ def trace_of(
         actions=None if log.not_compared else tuple(one.action for one in decisions),
         latencies=_latencies(decisions),
         missed=np.array([decision.deadline_missed for decision in decisions], bool),
-        start_distance=math.dist(log.mission.start[:axes], log.mission.goal[:axes]),
+        start_distance=distance_left(log.mission, 0, np.array(log.mission.start)),
+        goals=len(log.mission.goals),
+        goals_reached=goals_reached(decisions, result["outcome"]),
         verdicts=tuple(one.verdict for one in verdicts) if verdicts else None,
         cuts=np.array([one.cut for one in verdicts], bool) if verdicts else None,
         tracks=_tracks(decisions, truths),
@@ -230,12 +237,15 @@ def _latencies(decisions: Sequence[pb.Decision]) -> Array:
     return np.array([s.sense_ms + s.map_ms + s.costmap_ms + s.plan_ms for s in stages])
 
 
-def _known_without_result(log: Log, last: pb.Truth) -> dict[str, str]:
+def _known_without_result(
+    log: Log, decisions: Sequence[pb.Decision], last: pb.Truth
+) -> dict[str, str]:
     """Figures of an episode's end as its last truth has them."""
+    left = distance_left(log.mission, goals_before_last(decisions), np.array(last.position))
     return {
         "sim_time_s": str(last.timestamp.ToNanoseconds() * 1e-9),
         "collisions": str(last.collisions),
-        "goal_distance_m": str(goal_distance(log.mission, np.array(last.position))),
+        "goal_distance_m": str(left),
     }
 
 
@@ -260,13 +270,24 @@ def success(trace: Trace) -> float:
     return float(trace.success)
 
 
+def progress(trace: Trace) -> float | None:
+    """Share of the mission's goals that were reached (MultiON, Wani et al. 2020, NeurIPS)."""
+    return trace.goals_reached / trace.goals
+
+
 def spl(trace: Trace) -> float | None:
-    """S l / max(p, l): success weighted by path length (Anderson et al. 2018, equation 1)."""
+    """S l / max(p, l): success weighted by path length (Anderson et al. 2018, equation 1).
+
+    Of several goals, l is the sum of the shortest ways from each to the next.
+    """
     return None if trace.route_length is None else success(trace) * _efficiency(trace)
 
 
 def soft_spl(trace: Trace) -> float | None:
-    """(1 - d_end / d_start) l / max(p, l), progress clipped to [0, 1] (Habitat-Lab, nav.py)."""
+    """(1 - d_end / d_start) l / max(p, l), progress clipped to [0, 1] (Habitat-Lab, nav.py).
+
+    Of several goals, d leads to the next goal and on through the others.
+    """
     if trace.route_length is None:
         return None
     started = trace.start_distance
@@ -485,6 +506,7 @@ BARN = Support("share", 0.0, 1.0 / BARN_CLIP[0])
 
 METRICS: dict[str, Metric] = {
     "success": Metric(success, "", True, RATE),
+    "progress": Metric(progress, "", True, SHARE),
     "spl": Metric(spl, "", True, SHARE),
     "soft_spl": Metric(soft_spl, "", True, SHARE),
     "barn_score": Metric(barn_score, "", True, BARN),
@@ -514,7 +536,7 @@ METRICS: dict[str, Metric] = {
 
 
 OF_TRUTH = (
-    *("success", "spl", "soft_spl", "barn_score", "collisions", "least_clearance"),
+    *("success", "progress", "spl", "soft_spl", "barn_score", "collisions", "least_clearance"),
     *("path_ratio", "time_to_goal"),
     *("nees", "coverage_x", "coverage_y", "coverage_z"),
 )

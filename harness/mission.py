@@ -33,6 +33,7 @@ class Mission:
         goal: Base origin at the goal, m.
         discs: Offset along the body's x axis and radius of each disc of an elongated body, m;
             none for a body that is one disc or ball of the radius.
+        waypoints: Goals before the last one, in their order, m; at each the robot comes to rest.
     """
 
     motion: Literal["ground", "air"]
@@ -49,6 +50,7 @@ class Mission:
     start_heading: float
     goal: tuple[float, float, float]
     discs: tuple[tuple[float, float], ...] = ()
+    waypoints: tuple[tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse bodies and areas that no robot has, before a map of that size is allocated."""
@@ -66,9 +68,9 @@ class Mission:
             raise ValueError(f"start_heading: got {self.start_heading:g} rad")
         if not all(-1e4 <= a < b <= 1e4 for a, b in zip(self.low, self.high, strict=True)):
             raise ValueError(f"low, high: got {self.low} and {self.high}, expected low below high")
-        for name in ("start", "goal"):
-            if not all(abs(value) <= 1e4 for value in getattr(self, name)):
-                raise ValueError(f"{name}: got {getattr(self, name)}, expected within 1e4 m")
+        for name, point in (("start", self.start), *(("goal", goal) for goal in self.goals)):
+            if not all(abs(value) <= 1e4 for value in point):
+                raise ValueError(f"{name}: got {point}, expected within 1e4 m")
 
     @property
     def planar(self) -> bool:
@@ -80,9 +82,17 @@ class Mission:
         """Number of axes of a position that count: x and y in the plane, else x, y and z."""
         return 2 if self.planar else 3
 
+    @property
+    def goals(self) -> tuple[tuple[float, float, float], ...]:
+        """All goals in their order, m; the last one is `goal`."""
+        return (*self.waypoints, self.goal)
+
     def to_json(self) -> bytes:
-        """Encode for the log; floats come back bit by bit."""
-        return msgspec.json.format(msgspec.json.encode(self), indent=1)
+        """Encode for the log; floats come back bit by bit. Without waypoints there is no field."""
+        document = msgspec.to_builtins(self)
+        if not self.waypoints:
+            document.pop("waypoints", None)
+        return msgspec.json.format(msgspec.json.encode(document), indent=1)
 
     @classmethod
     def from_json(cls, data: bytes) -> Mission:

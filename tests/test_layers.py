@@ -18,7 +18,8 @@ ALLOWED = {
 
 ORDER = (
     *("errors", "forked", "schema", "geometry", "perturbations", "renamed", "behaviour_config"),
-    *("recording_config", "estimator_config", "config", "mission", "listed_beams", "inputs"),
+    *("recording_config", "estimator_config", "config", "mission", "goals"),
+    *("listed_beams", "inputs"),
     *("estimators", "stack", "interface"),
     *("result", "ending", "outputs", "supervision"),
     *("user_code", "log", "recordings", "scenario", "recompute", "attribution"),

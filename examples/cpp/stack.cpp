@@ -25,7 +25,7 @@ class Reactive : public wayproof::Stack {
   void start(const wayproof::Task& task) override { task_ = task; }
 
   wayproof::Command step(const wayproof::Observation& observation) override {
-    const wayproof::Vector to_goal = task_.goal - observation.reference_position;
+    const wayproof::Vector to_goal = observation.goal - observation.reference_position;
     const double away = std::hypot(to_goal.x, to_goal.y);
     const double climb = task_.motion == "air" ? std::clamp(to_goal.z, -0.5, 0.5) : 0.0;
     wayproof::Command command;

@@ -81,7 +81,8 @@ struct Task {
   Vector low, high;                  // corners of the operating area, m
   Vector start;                      // m
   double start_heading = 0.0;        // rad
-  Vector goal;                       // m
+  Vector goal;                       // the last one, m; see Observation::goal
+  std::vector<Vector> waypoints;     // goals before it, of a mission with several, m
   double goal_tolerance = 0.0;       // m
   double period_s = 0.0;             // from one observation to the next
   double delay_s = 0.0;              // from an observation to the effect of its command
@@ -131,6 +132,8 @@ struct Observation {
   double trail_period_s = 0.0;
   std::vector<double> covariance;  // 4 x 4: x, y, z, m, and heading, rad; empty if none is stated
   std::vector<double> unheld;      // directions that the sweeps do not hold, 3 each, world
+  Vector goal;                     // where to go now, m; it changes when a goal was reached
+  std::uint32_t goals_reached = 0; // goals of the mission that were
 };
 
 // A velocity in the body's frame, held for a time; then the body brakes to rest.
@@ -377,6 +380,7 @@ inline Task read_task(Reader in) {
       case 20: one.deadline_s = in.real(); break;
       case 21: one.sensors.push_back(read_sensor(in.message())); break;
       case 22: one.settings = in.text(); break;
+      case 23: one.waypoints.push_back(read_vector(in.message())); break;
       default: in.skip();
     }
   return one;
@@ -434,6 +438,8 @@ inline Observation read_observation(Reader in) {
       case 19: one.trail_period_s = in.real(); break;
       case 20: in.reals(one.covariance); break;
       case 21: in.reals(one.unheld); break;
+      case 22: one.goal = read_vector(in.message()); break;
+      case 23: one.goals_reached = static_cast<std::uint32_t>(in.integer()); break;
       default: in.skip();
     }
   if (one.quaternion.size() != 4) throw std::runtime_error("an observation without a pose");

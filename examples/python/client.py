@@ -42,8 +42,8 @@ class Careful:
 
     def step(self, observation):
         """Answer an observation (`sb.Observation`) with a command (`sb.Command`)."""
-        task, at = self.task, observation.reference_position
-        dx, dy, dz = task.goal.x - at.x, task.goal.y - at.y, task.goal.z - at.z
+        task, at, goal = self.task, observation.reference_position, observation.goal
+        dx, dy, dz = goal.x - at.x, goal.y - at.y, goal.z - at.z
         away = math.hypot(dx, dy)
         error = math.remainder(math.atan2(dy, dx) - observation.reference_heading, 2.0 * math.pi)
         room = self.room(observation)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -161,6 +161,7 @@ def run(
     *,
     robot: str,
     seed: int,
+    goals: Sequence[Sequence[float] | str] = (),
     settings: Mapping[str, object] | None = None,
     perturb: str | None = None,
     stack: str | None = None,
@@ -172,6 +173,8 @@ def run(
         world: Name of a world, or path of a world file.
         robot: Name of a robot, or path of a spec file.
         seed: Seed of the world and of all randomness.
+        goals: Goals one after the other: x, y or x, y, z, m, or names of places such as `home`; the
+            world's own if none.
         settings: Name of a setting, such as `map.resolution` -> value.
         perturb: `KIND:SEVERITY` or `KIND:SEVERITY:MODE`.
         stack: Stack on trial, as `--stack` takes it; the built-in one if none.
@@ -188,6 +191,9 @@ def run(
     pairs = [f"{name}={_text(value)}" for name, value in (settings or {}).items()]
     config = override(from_document(given), pairs)
     refuse_other_worlds(world, pairs)
+    if goals:
+        *waypoints, goal = (one if isinstance(one, str) else tuple(one) for one in goals)
+        config = override(config, [f"waypoints={_text(waypoints)}", f"goal={_text(goal)}"])
     if perturb is not None:
         config = replace(config, perturbation=perturbation_from(perturb))
     if stack is not None:

@@ -89,9 +89,9 @@ def plot_track(episode: RecordedEpisode) -> Figure:
         axes.grid(visible=False)
         axes.plot(poses["x"], poses["y"], color=BELIEVED, label="estimated track")
         axes.plot(poses["true_x"], poses["true_y"], color=TRUE, ls="--", label="true track")
-        start, goal = episode.log.mission.start, episode.log.mission.goal
+        start, goals = episode.log.mission.start, np.array(episode.log.mission.goals)
         axes.plot(start[0], start[1], "o", color=TRUE, label="start")
-        axes.plot(goal[0], goal[1], "*", color=LIMIT, ms=10, label="goal")
+        axes.plot(goals[:, 0], goals[:, 1], "*", color=LIMIT, ms=10, label="goal")
         names = ("unknown", "free", "occupied")
         cells = [
             Patch(fc=CELLS[state], ec="#888888", label=name) for state, name in enumerate(names)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from wayproof.harness.attribution.case import Case, moments_of
 from wayproof.harness.attribution.procedure import find_cause
 from wayproof.harness.attribution.true_space import TrueSpace
+from wayproof.harness.goals import leg_towards
 from wayproof.harness.log.codec.messages import read_unfinished
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.recompute.rebuild import segment_of
@@ -36,7 +37,7 @@ def with_cause(result: Result, scenario: Scenario, log: LogWriter) -> Result:
         )
     case = Case(
         config=scenario.config,
-        mission=scenario.mission,
+        mission=leg_towards(scenario.mission, moments[-1].goal),
         segments=(segment_of(scenario),),
         outcome=result.outcome,
         reason=result.reason,

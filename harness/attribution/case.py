@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from wayproof.harness.attribution.true_space import TrueSpace
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
+from wayproof.harness.goals import leg_towards
 from wayproof.harness.inputs import Beams, Inputs, inputs_from_messages
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.paths import densely
@@ -134,10 +135,8 @@ class Case:
         """Return the case with the settings and the mission of a decision."""
         segments = tuple(one for one in self.segments if one.begin <= number)
         last = segments[-1]
-        mission, goal = last.mission, self.moments[number].goal if self.moments else None
-        if goal is not None:
-            x, y, z = goal.position
-            mission = replace(mission, goal=(x, y, z))
+        goal = self.moments[number].goal if self.moments else None
+        mission = leg_towards(last.mission, goal)
         return replace(self, config=last.config, mission=mission, segments=segments)
 
     def beams_at(self, number: int) -> Mapping[str, Beams]:
@@ -197,7 +196,7 @@ def read_case(log: Log) -> Case:
         raise InputError(f"log '{log.path}': its scene: {text}") from None
     return Case(
         config=log.config,
-        mission=log.mission,
+        mission=leg_towards(log.mission, moments[-1].goal),
         segments=tuple(segments_of(log)),
         outcome=log.result["outcome"],
         reason=log.result.get("reason", ""),
@@ -249,8 +248,8 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
                 sweeps, answer, motion, goal = [], None, None, None
         elif isinstance(message, pb.Truth):
             held = tuple(sweeps)
-            yield Moment(pose, held, latency, decision, message, answer, None, added_s)
-            sweeps, answer, added_s = [], None, 0.0
+            yield Moment(pose, held, latency, decision, message, answer, goal, added_s)
+            sweeps, answer, goal, added_s = [], None, None, 0.0
 
 
 def yaw_of(quaternion: Sequence[float]) -> float:

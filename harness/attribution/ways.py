@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from wayproof.harness.attribution.ghosts import ghosts, goal_of, without_movers
 from wayproof.harness.attribution.grids import (
     DETOUR,
     Array,
+    Cells,
     cell_of,
     clearances,
     distances_from,
@@ -43,7 +45,8 @@ class TrueWays:
         exists: Whether a path exists for this body and margin.
         open_at_end: Whether one exists with the movers as they are at the end.
         at_start: Distance from the start to the nearest obstacle, m.
-        shortest_s: Least time along the shortest path from rest to rest, s; 0 unless time ran out.
+        shortest_s: Least time along the shortest path from rest to rest, through all goals of the
+            mission, s; 0 unless time ran out.
         left_m: Remaining path length when time ran out, m; inf without a path.
         gained_m: Path length covered over the last decisions, m.
     """
@@ -116,9 +119,24 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
         exists=exists,
         open_at_end=joined(gaps > radius, here, goal, reach),
         at_start=float(still[start]),
-        shortest_s=rest_to_rest(_nearby(lengths, start, reach), case.mission) if exists else 0.0,
+        shortest_s=_least_time(case, navigator, still > radius, reach)
+        if exists and case.outcome == "timeout"
+        else 0.0,
         left_m=left,
         gained_m=before - left if math.isfinite(before) and math.isfinite(left) else 0.0,
+    )
+
+
+def _least_time(case: Case, navigator: Navigator, free: Cells, reach: int) -> float:
+    """Return the least time for the whole mission through free cells, s; see `rest_to_rest`."""
+    mission, size = case.segments[-1].mission, navigator.costmap.resolution
+    cells = [cell_of(navigator, np.array(place)) for place in (mission.start, *mission.goals)]
+    return sum(
+        rest_to_rest(
+            _nearby(distances_from(free, end, reach, size) / DETOUR[case.axes], begin, reach),
+            mission,
+        )
+        for begin, end in pairwise(cells)
     )
 
 

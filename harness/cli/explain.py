@@ -308,17 +308,18 @@ def _way(card: Card) -> str:
     """Return where the path leads and how far the goal is, in words."""
     if card.stack:
         return _planned(card)
-    straight = f"the goal is {card.goal_distance_m:.2f} m away"
+    straight = f"{card.goal} is {card.goal_distance_m:.2f} m away"
     if not card.path_leads_to:
         return f"none; {straight}"
-    path = f"{card.path_length_m:.2f} m to {card.path_leads_to}"
-    return path if card.path_leads_to == "the goal" else f"{path}; {straight}"
+    to_goal = card.path_leads_to == "the goal"
+    path = f"{card.path_length_m:.2f} m to {card.goal if to_goal else card.path_leads_to}"
+    return path if to_goal else f"{path}; {straight}"
 
 
 def _planned(card: Card) -> str:
     """Return how long the path is that a stack planned, and what the referee admits of it."""
     if not card.planned_m:
-        return f"the stack gave no planned path; the goal is {card.goal_distance_m:.2f} m away"
+        return f"the stack gave no planned path; {card.goal} is {card.goal_distance_m:.2f} m away"
     return (
         f"{card.planned_m:.2f} m planned by the stack, the referee's map admits "
         f"{card.planned_admitted_m:.2f} m of it"

@@ -52,7 +52,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     refuse_unused(config, [one.partition("=")[0] for one in options.set])
     refuse_other_worlds(config.world, options.set)
     if options.goal is not None:
-        config = replace(config, goal=_point("goal", options.goal))
+        *waypoints, goal = (_goal(text) for text in options.goal)
+        config = replace(config, goal=goal, waypoints=tuple(waypoints))
     if options.start is not None:
         config = replace(config, start=_point("start", options.start))
     if options.perturb is not None:
@@ -112,6 +113,18 @@ def _point(name: str, text: str) -> tuple[float, ...]:
     if len(point) not in (2, 3) or not all(map(math.isfinite, point)):
         raise InputError(f"--{name} {text}: expected X,Y or X,Y,Z, finite numbers in m")
     return point
+
+
+def _goal(text: str) -> tuple[float, ...] | str:
+    """Read `X,Y`, `X,Y,Z` or the name of a place."""
+    from wayproof.harness.errors import unknown_name
+    from wayproof.models.places import PLACES
+
+    if text in PLACES:
+        return text
+    if text.replace("_", "").isalpha():
+        raise unknown_name("--goal", text, PLACES)
+    return _point("goal", text)
 
 
 def episode_name(config: Config) -> str:
@@ -253,7 +266,13 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", required=True, type=int, help="seed of the world and of all randomness"
     )
-    parser.add_argument("--goal", metavar="X,Y[,Z]", help="goal, m (default: the world's)")
+    parser.add_argument(
+        "--goal",
+        metavar="X,Y[,Z]",
+        action="append",
+        help="goal, m, or a place: home, world or aisle (default: world, the world's own); given "
+        "several times, one after the other",
+    )
     parser.add_argument("--start", metavar="X,Y[,Z]", help="start, m (default: the world's)")
     add_settings(parser)
     parser.add_argument(

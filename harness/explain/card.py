@@ -16,6 +16,7 @@ from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.clearance import map_clearance_is_bound, true_clearance_is_bound
 from wayproof.harness.errors import InputError
 from wayproof.harness.explain.commanded import Commanded, command_in_words, commanded
+from wayproof.harness.goals import goal_name
 from wayproof.harness.log.paths import arc_lengths, densely, length
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -83,6 +84,7 @@ class Card:
         deadline_missed: Whether the decision was late and discarded.
         planner: Planner of the search; empty if the path was kept.
         iterations: Its iterations.
+        goal: The goal that it leads to, in words.
         goal_distance_m: Straight distance from the estimated position to the goal, m; in the plane
             on the ground.
         path_leads_to: `the goal`, `a viewpoint`, `admitted space`, or empty without a path.
@@ -131,6 +133,7 @@ class Card:
     deadline_missed: bool
     planner: str
     iterations: int
+    goal: str
     goal_distance_m: float
     path_leads_to: str
     path_length_m: float
@@ -214,6 +217,7 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         deadline_missed=decision.deadline_missed,
         planner=decision.planner,
         iterations=decision.planner_iterations,
+        goal=goal_name(case.segments[-1].mission, 0 if moment.goal is None else moment.goal.index),
         goal_distance_m=math.dist(decision.position[: case.axes], case.mission.goal[: case.axes]),
         path_leads_to=_leads_to(decision),
         path_length_m=decision.path_length_m,

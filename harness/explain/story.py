@@ -89,6 +89,8 @@ def _smoothed(actions: list[str]) -> list[str]:
     """Return the actions with brief runs replaced by the action on both sides."""
     runs = [(action, len(list(run))) for action, run in itertools.groupby(actions)]
     for k in range(1, len(runs) - 1):
+        if runs[k][0] == "goal":
+            continue  # of a mission with several goals it takes one decision
         if runs[k][1] < BRIEF and runs[k - 1][0] == runs[k + 1][0]:
             runs[k] = runs[k - 1][0], runs[k][1]
     return [action for action, count in runs for _ in range(count)]

@@ -58,6 +58,7 @@ def task_message(task: Task) -> sb.Task:
         delay_s=task.delay_s,
         deadline_s=task.deadline_s,
         settings=task.settings,
+        waypoints=map(_vector, mission.waypoints),
     )
     for sensor in task.sensors.values():
         info = sensor.info
@@ -93,6 +94,7 @@ def task_from(message: sb.Task) -> Task:
         start_heading=message.start_heading,
         goal=_triple(message.goal),
         discs=tuple((disc.offset, disc.radius) for disc in message.discs),
+        waypoints=tuple(map(_triple, message.waypoints)),
     )
     sensors = [Sensor(pb.SensorInfo.FromString(sensor.info)) for sensor in message.sensors]
     return Task(
@@ -126,6 +128,8 @@ def observation_message(observation: Observation, task: Task) -> sb.Observation:
         reference_heading=reference.heading,
         reference_yaw_rate=reference.yaw_rate,
         at_rest=reference.at_rest,
+        goal=_vector(observation.goal),
+        goals_reached=observation.goals_reached,
     )
     if last is not None:
         message.last.CopyFrom(sb.Fate(sequence=last.sequence, fate=last.fate, verdict=last.verdict))

@@ -113,6 +113,8 @@ class ObservationBuilder:
             trail=_read_only_trail(inputs.pose.trail),
             covariance=None if covariance is None else read_only(covariance),
             unheld=read_only(inputs.pose.unheld),
+            goal=read_only(np.array(self._mission.goal) if inputs.goal is None else inputs.goal),
+            goals_reached=inputs.goals_reached,
         )
 
     def _sweep(self, sweep: SweepInput, inputs: Inputs) -> Sweep:

@@ -87,7 +87,7 @@ class PolicyObserver:
         reference = observation.reference
         values = {
             "scan": self._scan(observation, heading),
-            "goal": in_body(np.array(self._mission.goal) - observation.position, heading),
+            "goal": in_body(observation.goal - observation.position, heading),
             "velocity": np.append(in_body(observation.velocity, heading), observation.yaw_rate),
             "reference": np.append(
                 in_body(reference.velocity, reference.heading), reference.yaw_rate

@@ -160,6 +160,8 @@ def observation_from(message: sb.Observation, task: Task) -> Observation:
         trail=pose.trail,
         covariance=pose.covariance,
         unheld=pose.unheld,
+        goal=np.array([message.goal.x, message.goal.y, message.goal.z]),
+        goals_reached=message.goals_reached,
     )
 
 

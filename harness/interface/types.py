@@ -78,8 +78,9 @@ class Task:
     Attributes:
         robot: Name of the robot.
         seed: Seed for the stack's own random numbers.
-        mission: Body, motion limits, operating area, start and goal.
-        goal_tolerance: Distance from the goal within which the base has to come to rest, m.
+        mission: Body, motion limits, operating area, start and goals; `Observation.goal` is the one
+            to go to now.
+        goal_tolerance: Distance from a goal within which the base has to come to rest, m.
         period_s: Time from one observation to the next, s.
         delay_s: Time from an observation to the effect of its command, s.
         deadline_s: A command with a longer delay is discarded, s.
@@ -186,11 +187,14 @@ class Observation:
         sweeps: In the order of the sensors; a sensor that was too slow has none.
         effect_ns: Time when the command takes effect, ns.
         reference: Commanded state at that time; a trajectory has to start there.
+        goal: (3,) where to go now, base origin, m; of a mission with several goals it changes when
+            one was reached.
         last: What became of the previous command; none at the first.
         trail: Estimated poses while the sweeps were taken, for a rolling shutter; else none.
         covariance: (4, 4) stated covariance of x, y, z, m, and heading, rad, in the world frame;
             none if the estimator states standard deviations alone.
         unheld: (k, 3) unit directions along which the sweeps do not hold the position.
+        goals_reached: Number of the mission's goals that were reached before.
     """
 
     time_ns: int
@@ -204,10 +208,12 @@ class Observation:
     sweeps: tuple[Sweep, ...]
     effect_ns: int
     reference: Reference
+    goal: Array
     last: Fate | None = None
     trail: Trail | None = None
     covariance: Array | None = None
     unheld: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    goals_reached: int = 0
 
     @property
     def rotation(self) -> Array:

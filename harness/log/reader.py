@@ -250,9 +250,7 @@ class Log:
             elif isinstance(message, pb.StackCommand):
                 answer = message
             elif isinstance(message, pb.Decision):
-                inputs = inputs_from_messages(
-                    pose, sweeps, goal=None if self.config.recording is None else goal
-                )
+                inputs = inputs_from_messages(pose, sweeps, goal=goal if self.has_goals else None)
                 self._check_order(inputs, count, time_ns)
                 if answer is not None and answer.sequence != count:
                     answer = None  # of another decision: this one has none
@@ -261,6 +259,11 @@ class Log:
                 count, time_ns = count + 1, inputs.time_ns
             else:
                 yield message
+
+    @property
+    def has_goals(self) -> bool:
+        """Whether each decision has a goal of its own: of a recording, or of several goals."""
+        return self.config.recording is not None or bool(self.mission.waypoints)
 
     @property
     def not_compared(self) -> tuple[str, ...]:
@@ -286,7 +289,7 @@ class Log:
                 f"log '{self.path}': decision {inputs.sequence} at {inputs.time_ns} ns, expected "
                 f"{count} after {before_ns} ns"
             )
-        if (self.config.recording is not None) and inputs.goal is None:
+        if self.has_goals and inputs.goal is None:
             raise InputError(f"log '{self.path}': decision {inputs.sequence} without its goal")
         for sweep in inputs.sweeps:
             if sweep.sensor not in self.beams:

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from google.protobuf.message import Message
 
-from wayproof.harness.ending import goal_distance
 from wayproof.harness.errors import InputError, printable
+from wayproof.harness.goals import distance_left, goals_before_last
 from wayproof.harness.log.codec.container import Attachment, Metadata, Packet, walk
 from wayproof.harness.log.codec.messages import decode, is_ours
 from wayproof.harness.log.copy import write_copy
@@ -95,7 +95,9 @@ def _result_of(reading: _Reading, mission: Mission, reason: str) -> dict[str, st
         return {name: str(value) for name, value in result.items()}
     last = truths[-1]
     result |= {
-        "goal_distance_m": goal_distance(mission, np.array(last.position)),
+        "goal_distance_m": distance_left(
+            mission, goals_before_last(decisions), np.array(last.position)
+        ),
         "sim_time_s": decisions[-1].timestamp.ToNanoseconds() * 1e-9,
         "collisions": last.collisions,
         "struck": last.hit_by_mover,

@@ -23,7 +23,7 @@ from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 GOAL = "goal"
-"""The stream of the goals of a recording."""
+"""The stream of the goals of decisions: of a recording, or of a mission with several."""
 
 COMMAND = "command"
 """The stream of the answers of a stack on trial: inputs that follow from the other streams."""
@@ -39,8 +39,8 @@ DIGEST_SIZE = 8
 def own_streams(config: Config) -> list[str]:
     """Input streams besides those of the sensors."""
     on_trial = [COMMAND] if config.stack.name != BUILTIN else []
-    recorded = [GOAL] if config.recording is not None else []
-    return ["pose", *recorded, "latency", *on_trial]
+    several = [GOAL] if config.recording is not None or config.waypoints else []
+    return ["pose", *several, "latency", *on_trial]
 
 
 class StreamHashes:
@@ -108,6 +108,8 @@ def compare_hashes(
     for sequence, one, other in pairs:
         differing = {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
         differing.discard(COMMAND)
+        if CONTROL in one:  # of an episode, whose goals follow from its decisions
+            differing.discard(GOAL)
         if differing and first_change is None:
             first_change = sequence
         if CONTROL in differing:

@@ -5,8 +5,9 @@ complete it gets its own name by an atomic rename. `log_time` is simulated time;
 through the file.
 
 Topics: `/sensor/<name>/info`, `/sensor/<name>`, `/pose` and `/latency` are inputs, and `/goal` of a
-recording; a replay compares `/decision`; `/truth`, or `/recorded` of a recording, is for scoring,
-`/state` for forks, and `/keyframe` to replay from there.
+recording or of a mission with several goals; a replay compares `/decision`; `/truth`, or
+`/recorded` of a recording, is for scoring, `/state` for forks, and `/keyframe` to replay from
+there.
 """
 
 from __future__ import annotations

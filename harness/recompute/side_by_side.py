@@ -23,6 +23,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.types import PlannerState
 from wayproof.harness.user_code import USER_CODE_ERRORS
+from wayproof.models.arrays import Vector3
 from wayproof.planners import Trajectory
 
 T = TypeVar("T")
@@ -57,6 +58,8 @@ class SideBySide:
             InputError: A stack cannot be built with these settings.
         """
         mission = changed_mission(log.mission, recorded, changed)
+        self._goals = None if mission.goals == log.mission.goals else mission.goals
+        self._reached = 0  # goals of the recorded decisions
         self.recorded = as_input_error(
             "the recorded stack", lambda: navigator_for(recorded, log.mission, log.beams)
         )
@@ -76,6 +79,10 @@ class SideBySide:
         if self._delay is not None:
             latency = pb.Latency(sequence=record.latency.sequence, delay_s=self._delay)
             record = replace(record, latency=latency)
+        if self._goals is not None:
+            goal = np.array(self._goals[min(self._reached, len(self._goals) - 1)])
+            record = replace(record, inputs=replace(record.inputs, goal=goal))
+        self._reached += record.decision.action == "goal"
         return recorded, recompute(self.changed, record)
 
 
@@ -98,11 +105,28 @@ def shift_height(state: PlannerState, height: float) -> PlannerState:
 
 
 def changed_mission(mission: Mission, recorded: Config, changed: Config) -> Mission:
-    """Return the mission with the goal of the changed settings."""
-    if changed.goal is None or changed.goal == recorded.goal:
-        return mission
-    x, y, *z = changed.goal
-    return replace(mission, goal=(x, y, z[0] if z else mission.goal[2]))
+    """Return the mission with the goals of the changed settings.
+
+    Raises:
+        InputError: A goal is the name of a place that a log does not hold.
+    """
+    waypoints = mission.waypoints
+    if changed.waypoints != recorded.waypoints:
+        waypoints = tuple(_place("waypoints", one, mission) for one in changed.waypoints)
+    goal = mission.goal
+    if changed.goal is not None and changed.goal != recorded.goal:
+        goal = _place("goal", changed.goal, mission)
+    return replace(mission, goal=goal, waypoints=waypoints)
+
+
+def _place(name: str, given: tuple[float, ...] | str, mission: Mission) -> Vector3:
+    """Return a goal as a point, without z at the height of the mission's goal."""
+    if given == "home":
+        return mission.start
+    if isinstance(given, str):
+        raise InputError(f"--set {name}: got '{given}', expected a point or home")
+    x, y, *z = given
+    return x, y, z[0] if z else mission.goal[2]
 
 
 def _changed_delay(recorded: Config, changed: Config) -> float | None:

@@ -32,7 +32,9 @@ from wayproof.harness.stack.decision import Difference, differences, message_dif
 SAME = 1e-9
 """Relative difference up to which two figures of a result are equal."""
 
-INPUTS: tuple[type[Message], ...] = (pb.SensorInfo, pb.Sweep, pb.Pose, pb.Latency, pb.StackCommand)
+INPUTS: tuple[type[Message], ...] = (
+    *(pb.SensorInfo, pb.Sweep, pb.Pose, pb.Goal, pb.Latency, pb.StackCommand),
+)
 
 BEFORE_ALL = -1
 """Number of the step that holds the beam tables."""

@@ -16,8 +16,9 @@ from typing import get_args
 import numpy as np
 
 from wayproof.harness.config import BUILTIN
-from wayproof.harness.ending import BETWEEN_DECISIONS, Limits, goal_distance
+from wayproof.harness.ending import BETWEEN_DECISIONS, Limits
 from wayproof.harness.errors import InputError
+from wayproof.harness.goals import distance_left, goals_before_last
 from wayproof.harness.inputs import unit_quaternion
 from wayproof.harness.interface.errors import StackCause
 from wayproof.harness.log.digest import CONTENT
@@ -45,6 +46,9 @@ HALF_STEP_S = 0.005
 
 NUMBERED = ("poses", "latencies", "truths", "streams")
 """Kinds of messages with one message per decision."""
+
+NUMBERED_OF_GOALS = ("poses", "goals", "latencies", "truths", "streams")
+"""The same of a mission with several goals."""
 
 NUMBERED_OF_RECORDING = ("poses", "goals", "latencies", "motions", "streams")
 """The same of a recording, which has no truth."""
@@ -142,12 +146,18 @@ def _numbering(subject: Subject) -> Iterator[Difference]:
             yield Difference(f"{name}.timestamp", f"{now_ns} ns", f"more than {last_ns} ns")
         last_ns = now_ns
     stamps = [(one.sequence, one.timestamp.ToNanoseconds()) for one in content.decisions]
-    recorded = subject.log.config.recording is not None
-    for kind in NUMBERED_OF_RECORDING if recorded else NUMBERED:
+    for kind in _numbered(subject.log):
         messages: Sequence[pb.Truth] = getattr(content, kind)
         if kind in INPUTS and not messages and not content.inputs:
             continue  # not read for a row of a study
         yield from _stamps(kind, messages, stamps, subject.incomplete)
+
+
+def _numbered(log: Log) -> tuple[str, ...]:
+    """Return the kinds of messages with one message per decision."""
+    if log.config.recording is not None:
+        return NUMBERED_OF_RECORDING
+    return NUMBERED_OF_GOALS if log.has_goals else NUMBERED
 
 
 def _stamps(
@@ -202,8 +212,8 @@ def _figures(subject: Subject) -> Iterator[Difference]:
     }
     if _ends_at_decision(subject):
         last = content.truths[-1]
-        mission = subject.segments[-1].mission
-        expected["goal_distance_m"] = goal_distance(mission, np.array(last.position))
+        mission, reached = subject.segments[-1].mission, goals_before_last(content.decisions)
+        expected["goal_distance_m"] = distance_left(mission, reached, np.array(last.position))
     for name, value in expected.items():
         recorded = result.get(name)
         if recorded is None and subject.incomplete:
@@ -230,9 +240,10 @@ def _outcome(subject: Subject) -> Iterator[Difference]:
     """Only the last decision may end the episode, with the recorded outcome."""
     content, result = subject.content, subject.log.result
     positions = [np.array(one.position) for one in content.truths]
-    last = len(content.decisions) - 1
+    last, reached = len(content.decisions) - 1, 0
     for number, decision in enumerate(content.decisions):
-        verdict = _limits(subject, number).ending_at(decision, positions[: number + 1])
+        verdict = _limits(subject, number).ending_at(decision, positions[: number + 1], reached)
+        reached += decision.action == "goal"
         if number < last and verdict is not None:
             yield Difference(
                 "number of decisions", str(last + 1), f"{number + 1}: {verdict[0]}, {verdict[1]}"
@@ -371,15 +382,35 @@ def _perturbation(subject: Subject) -> Iterator[Difference]:
 
 
 def _places(subject: Subject) -> Iterator[Difference]:
-    """Start and goal of the mission are those of the resolved config."""
+    """Start and goals of the mission are those of the resolved config."""
     for segment in subject.segments:
-        for name in ("start", "goal"):
-            placed, mission = getattr(segment.config, name), getattr(segment.mission, name)
-            if placed is not None and tuple(placed) != tuple(mission)[: len(placed)]:
-                yield Difference(f"config.{name}", str(placed), str(mission))
+        config, mission = segment.config, segment.mission
+        both = (config.waypoints, mission.waypoints)
+        if len(both[0]) != len(both[1]):
+            yield Difference("config.waypoints", f"{both[0]}", f"{both[1]}")
+        pairs = [("start", config.start, mission.start), ("goal", config.goal, mission.goal)]
+        pairs += [("waypoints", *points) for points in zip(*both, strict=False)]
+        for name, placed, point in pairs:
+            if placed is not None and tuple(placed) != point[: len(placed)]:
+                yield Difference(f"config.{name}", str(placed), str(point))
+
+
+def _goals(subject: Subject) -> Iterator[Difference]:
+    """The goal of each decision is the next one of the mission, by the goals reached before."""
+    content, reached = subject.content, 0
+    for decision, goal in zip(content.decisions, content.goals, strict=False):
+        number = decision.sequence
+        goals = subject.segment_of(number).mission.goals
+        expected = (min(reached, len(goals) - 1), list(goals[min(reached, len(goals) - 1)]))
+        if (goal.index, list(goal.position)) != expected:
+            got = f"goal {goal.index}, {list(goal.position)}"
+            yield Difference(f"/goal[{number}]", got, "goal {}, {}".format(*expected))
+            return
+        reached += decision.action == "goal"
 
 
 CHECKS: tuple[Callable[[Subject], Iterator[Difference]], ...] = (
+    _goals,
     _outcome,
     _contacts,
     _end_time,

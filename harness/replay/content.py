@@ -44,7 +44,7 @@ class Content:
         perturbations: Records of perturbations.
         poses: Estimated poses.
         latencies: Delays.
-        goals: Goals of a recording's decisions.
+        goals: Goals of the decisions of a recording, or of a mission with several.
         motions: Motion of a recording's robot.
         inputs: Hashes of the inputs of each decision; empty if the sweeps were not read.
         digest: Digest of the whole file; empty if it was not computed.
@@ -130,8 +130,10 @@ class _Running:
         elif isinstance(message, pb.Pose):
             self._pose = data
         elif isinstance(message, pb.Goal):
-            if not self._log.config.recording:
-                raise InputError(f"log '{self._log.path}': a goal in it, but no recording")
+            if not self._log.has_goals:
+                raise InputError(
+                    f"log '{self._log.path}': a goal in it, but no recording or waypoints"
+                )
             self._goal = [data]
         self._streams.update(topic_of(message)[1:], data)
 

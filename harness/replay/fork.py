@@ -9,6 +9,7 @@ from pathlib import Path
 from wayproof.harness.config import BUILTIN, Config, override, to_json
 from wayproof.harness.episode import Episode, Observer, arrival_ns
 from wayproof.harness.errors import InputError
+from wayproof.harness.goals import goals_claimed
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.observations import task_of
@@ -141,6 +142,7 @@ def fork_with(
             "expected --stack STACK after a stack on trial, and no other after the built-in one"
         )
     scenario = rebuild(log, config)
+    _check_goals(log, scenario, at)
     if asked is not None:
         refuse_other_task(log, scenario)
     with hold_log(target) as draft:
@@ -161,6 +163,28 @@ def fork_with(
                     writer.attach(STDERR, bounded(text))
                 result = finish(episode, writer, ended)
         return settle_log(draft, result, record or config.record)
+
+
+def _check_goals(log: Log, scenario: Scenario, at: int) -> None:
+    """Raise an InputError unless the mission of a fork goes on with that of the log.
+
+    Either both have one goal, or both several, as only these have goals as inputs; and one has to
+    be left after those reached.
+    """
+    goals, old = scenario.mission.goals, log.mission.goals
+    if goals == old:
+        return
+    if (len(goals) > 1) != (len(old) > 1):
+        raise InputError(
+            f"--set waypoints: got a mission of {len(goals)} goals, expected "
+            f"{'several' if len(old) > 1 else 'one'}, as the episode began with {len(old)}"
+        )
+    reached = goals_claimed(one for one in log.decisions() if one.sequence < at)
+    if reached >= len(goals):
+        raise InputError(
+            f"--set waypoints: got a mission of {len(goals)} goals, of which {reached} are reached "
+            f"at decision {at}; expected at least {reached + 1}"
+        )
 
 
 def refuse_other_task(log: Log, scenario: Scenario) -> None:

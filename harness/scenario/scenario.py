@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
+from wayproof.harness.scenario.places import goals_of, refuse_no_way
 from wayproof.harness.scenario.robots import find_robot, log_robot_identity
 from wayproof.harness.scenario.worlds import (
     apply_world_perturbation,
@@ -55,17 +57,26 @@ class Scenario:
     def route_length(self) -> float | None:
         """Length of the shortest way for this body by the truth without movers, m; None if none.
 
-        For a robot that flies, in the plane, at one of two altitudes. SPL (Anderson et al. 2018)
-        compares the way travelled with it.
+        Of several goals the sum over the ways from each to the next. For a robot that flies, in the
+        plane, at one of two altitudes. SPL (Anderson et al. 2018) compares the way travelled with
+        it.
         """
-        if self.world.route_length is not None:
+        if self.world.route_length is not None and not self.mission.waypoints:
             return self.world.route_length
-        spec, mission = self.spec, self.mission
+        mission = self.mission
+        total = 0.0
+        for begin, end in pairwise((mission.start, *mission.goals)):
+            length = self._leg_length(begin, end)
+            if length is None:
+                return None
+            total += length
+        return total
+
+    def _leg_length(self, begin: Point, end: Point) -> float | None:
+        """Length of the shortest way between two places, m; None if there is none."""
+        spec = self.spec
         bands = AIR_BANDS if spec.motion == "air" else ((spec.step_height, spec.height),)
-        ways = [
-            shortest_path_length(self.world, spec.radius, *band, mission.start, mission.goal)
-            for band in bands
-        ]
+        ways = [shortest_path_length(self.world, spec.radius, *band, begin, end) for band in bands]
         return min((way for way in ways if way is not None), default=None)
 
 
@@ -78,27 +89,33 @@ def build(config: Config, world: World | None = None) -> Scenario:
 
     Raises:
         InputError: Unknown world or robot; a start or goal outside the geofence or inside an
-            obstacle; a scene that cannot be compiled or cast, or whose sensors would see wrongly.
+            obstacle; several goals without a way from one to the next; a scene that cannot be
+            compiled or cast, or whose sensors would see wrongly.
     """
     robot = find_robot(config)
     spec = robot.spec
     world = apply_world_perturbation(find_world(config) if world is None else world, config)
-    start = _place(config.start, world.start, world, spec)
-    goal = _place(config.goal, world.goal, world, spec)
-    for name, point in (("start", start), ("goal", goal)):
+    start = _place(world.start[:2] if config.start is None else config.start, world, spec)
+    *waypoints, goal = (_place(one, world, spec) for one in goals_of(config, world))
+    for name, point in (
+        ("start", start),
+        *(("waypoints", one) for one in waypoints),
+        ("goal", goal),
+    ):
         _check_point(name, point, world, spec, config)
+    refuse_no_way(world, spec, start, (*waypoints, goal))
     try:
         sensors = resolve(spec.mounts, config.sensors)
     except ValueError as error:
         raise InputError(f"robot '{config.robot}': {error}") from None
-    config = replace(config, start=start, goal=goal, sensors=sensors)
+    config = replace(config, start=start, goal=goal, waypoints=tuple(waypoints), sensors=sensors)
     config = log_robot_identity(robot, log_world_identity(world, config))
     scene = _compose(world, robot, config)
     return Scenario(
         config=config,
         world=world,
         scene=scene,
-        mission=_mission(world, spec, start, goal),
+        mission=_mission(world, spec, start, goal, tuple(waypoints)),
         spec=spec,
         warnings=_inspect(scene, world, config),
     )
@@ -173,9 +190,8 @@ def sensor_info(caster: Caster) -> pb.SensorInfo:
     )
 
 
-def _place(given: tuple[float, ...] | None, own: Point, world: World, spec: RobotSpec) -> Point:
+def _place(point: tuple[float, ...], world: World, spec: RobotSpec) -> Point:
     """Base origin for a point given as x,y or x,y,z; without z at rest on the floor there."""
-    point = own[:2] if given is None else given
     if len(point) == 3:
         z = float(point[2])
     else:
@@ -216,7 +232,9 @@ def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config:
         )
 
 
-def _mission(world: World, spec: RobotSpec, start: Point, goal: Point) -> Mission:
+def _mission(
+    world: World, spec: RobotSpec, start: Point, goal: Point, waypoints: tuple[Point, ...]
+) -> Mission:
     return Mission(
         motion=spec.motion,
         radius=spec.radius,
@@ -232,6 +250,7 @@ def _mission(world: World, spec: RobotSpec, start: Point, goal: Point) -> Missio
         start_heading=world.start_heading,
         goal=goal,
         discs=spec.discs,
+        waypoints=waypoints,
     )
 
 

@@ -69,7 +69,7 @@ class Disc(_message.Message):
     def __init__(self, offset: _Optional[float] = ..., radius: _Optional[float] = ...) -> None: ...
 
 class Task(_message.Message):
-    __slots__ = ("robot", "seed", "motion", "radius", "height", "step_height", "max_speed", "max_acceleration", "max_jerk", "max_yaw_rate", "discs", "low", "high", "start", "start_heading", "goal", "goal_tolerance", "period_s", "delay_s", "deadline_s", "sensors", "settings")
+    __slots__ = ("robot", "seed", "motion", "radius", "height", "step_height", "max_speed", "max_acceleration", "max_jerk", "max_yaw_rate", "discs", "low", "high", "start", "start_heading", "goal", "goal_tolerance", "period_s", "delay_s", "deadline_s", "sensors", "settings", "waypoints")
     ROBOT_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
@@ -92,6 +92,7 @@ class Task(_message.Message):
     DEADLINE_S_FIELD_NUMBER: _ClassVar[int]
     SENSORS_FIELD_NUMBER: _ClassVar[int]
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
+    WAYPOINTS_FIELD_NUMBER: _ClassVar[int]
     robot: str
     seed: int
     motion: str
@@ -114,7 +115,8 @@ class Task(_message.Message):
     deadline_s: float
     sensors: _containers.RepeatedCompositeFieldContainer[Sensor]
     settings: str
-    def __init__(self, robot: _Optional[str] = ..., seed: _Optional[int] = ..., motion: _Optional[str] = ..., radius: _Optional[float] = ..., height: _Optional[float] = ..., step_height: _Optional[float] = ..., max_speed: _Optional[float] = ..., max_acceleration: _Optional[float] = ..., max_jerk: _Optional[float] = ..., max_yaw_rate: _Optional[float] = ..., discs: _Optional[_Iterable[_Union[Disc, _Mapping]]] = ..., low: _Optional[_Union[Vector, _Mapping]] = ..., high: _Optional[_Union[Vector, _Mapping]] = ..., start: _Optional[_Union[Vector, _Mapping]] = ..., start_heading: _Optional[float] = ..., goal: _Optional[_Union[Vector, _Mapping]] = ..., goal_tolerance: _Optional[float] = ..., period_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., sensors: _Optional[_Iterable[_Union[Sensor, _Mapping]]] = ..., settings: _Optional[str] = ...) -> None: ...
+    waypoints: _containers.RepeatedCompositeFieldContainer[Vector]
+    def __init__(self, robot: _Optional[str] = ..., seed: _Optional[int] = ..., motion: _Optional[str] = ..., radius: _Optional[float] = ..., height: _Optional[float] = ..., step_height: _Optional[float] = ..., max_speed: _Optional[float] = ..., max_acceleration: _Optional[float] = ..., max_jerk: _Optional[float] = ..., max_yaw_rate: _Optional[float] = ..., discs: _Optional[_Iterable[_Union[Disc, _Mapping]]] = ..., low: _Optional[_Union[Vector, _Mapping]] = ..., high: _Optional[_Union[Vector, _Mapping]] = ..., start: _Optional[_Union[Vector, _Mapping]] = ..., start_heading: _Optional[float] = ..., goal: _Optional[_Union[Vector, _Mapping]] = ..., goal_tolerance: _Optional[float] = ..., period_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., sensors: _Optional[_Iterable[_Union[Sensor, _Mapping]]] = ..., settings: _Optional[str] = ..., waypoints: _Optional[_Iterable[_Union[Vector, _Mapping]]] = ...) -> None: ...
 
 class Sensor(_message.Message):
     __slots__ = ("name", "kind", "range_m", "rate_hz", "position_base_sensor", "rotation_base_sensor", "directions", "beams", "info", "measures")
@@ -153,7 +155,7 @@ class Sweep(_message.Message):
     def __init__(self, sensor: _Optional[str] = ..., ranges_mm: _Optional[bytes] = ..., classes: _Optional[bytes] = ..., directions: _Optional[bytes] = ...) -> None: ...
 
 class Observation(_message.Message):
-    __slots__ = ("time_ns", "sequence", "position", "quaternion", "position_sigma", "heading_sigma", "velocity", "yaw_rate", "sweeps", "effect_ns", "reference_position", "reference_velocity", "reference_heading", "reference_yaw_rate", "at_rest", "last", "trail_positions", "trail_quaternions", "trail_period_s", "covariance", "unheld")
+    __slots__ = ("time_ns", "sequence", "position", "quaternion", "position_sigma", "heading_sigma", "velocity", "yaw_rate", "sweeps", "effect_ns", "reference_position", "reference_velocity", "reference_heading", "reference_yaw_rate", "at_rest", "last", "trail_positions", "trail_quaternions", "trail_period_s", "covariance", "unheld", "goal", "goals_reached")
     TIME_NS_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
@@ -175,6 +177,8 @@ class Observation(_message.Message):
     TRAIL_PERIOD_S_FIELD_NUMBER: _ClassVar[int]
     COVARIANCE_FIELD_NUMBER: _ClassVar[int]
     UNHELD_FIELD_NUMBER: _ClassVar[int]
+    GOAL_FIELD_NUMBER: _ClassVar[int]
+    GOALS_REACHED_FIELD_NUMBER: _ClassVar[int]
     time_ns: int
     sequence: int
     position: Vector
@@ -196,7 +200,9 @@ class Observation(_message.Message):
     trail_period_s: float
     covariance: _containers.RepeatedScalarFieldContainer[float]
     unheld: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, time_ns: _Optional[int] = ..., sequence: _Optional[int] = ..., position: _Optional[_Union[Vector, _Mapping]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., heading_sigma: _Optional[float] = ..., velocity: _Optional[_Union[Vector, _Mapping]] = ..., yaw_rate: _Optional[float] = ..., sweeps: _Optional[_Iterable[_Union[Sweep, _Mapping]]] = ..., effect_ns: _Optional[int] = ..., reference_position: _Optional[_Union[Vector, _Mapping]] = ..., reference_velocity: _Optional[_Union[Vector, _Mapping]] = ..., reference_heading: _Optional[float] = ..., reference_yaw_rate: _Optional[float] = ..., at_rest: _Optional[bool] = ..., last: _Optional[_Union[Fate, _Mapping]] = ..., trail_positions: _Optional[_Iterable[float]] = ..., trail_quaternions: _Optional[_Iterable[float]] = ..., trail_period_s: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., unheld: _Optional[_Iterable[float]] = ...) -> None: ...
+    goal: Vector
+    goals_reached: int
+    def __init__(self, time_ns: _Optional[int] = ..., sequence: _Optional[int] = ..., position: _Optional[_Union[Vector, _Mapping]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., heading_sigma: _Optional[float] = ..., velocity: _Optional[_Union[Vector, _Mapping]] = ..., yaw_rate: _Optional[float] = ..., sweeps: _Optional[_Iterable[_Union[Sweep, _Mapping]]] = ..., effect_ns: _Optional[int] = ..., reference_position: _Optional[_Union[Vector, _Mapping]] = ..., reference_velocity: _Optional[_Union[Vector, _Mapping]] = ..., reference_heading: _Optional[float] = ..., reference_yaw_rate: _Optional[float] = ..., at_rest: _Optional[bool] = ..., last: _Optional[_Union[Fate, _Mapping]] = ..., trail_positions: _Optional[_Iterable[float]] = ..., trail_quaternions: _Optional[_Iterable[float]] = ..., trail_period_s: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., unheld: _Optional[_Iterable[float]] = ..., goal: _Optional[_Union[Vector, _Mapping]] = ..., goals_reached: _Optional[int] = ...) -> None: ...
 
 class Fate(_message.Message):
     __slots__ = ("sequence", "fate", "verdict")

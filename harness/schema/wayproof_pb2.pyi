@@ -106,14 +106,16 @@ class Pose(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., history_positions: _Optional[_Iterable[float]] = ..., history_quaternions: _Optional[_Iterable[float]] = ..., history_period_s: _Optional[float] = ..., heading_sigma: _Optional[float] = ..., estimator: _Optional[str] = ..., covariance: _Optional[_Iterable[float]] = ..., information: _Optional[_Iterable[float]] = ..., unheld: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Goal(_message.Message):
-    __slots__ = ("timestamp", "sequence", "position")
+    __slots__ = ("timestamp", "sequence", "position", "index")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
+    INDEX_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     position: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ...) -> None: ...
+    index: int
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., index: _Optional[int] = ...) -> None: ...
 
 class RecordedMotion(_message.Message):
     __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "way")

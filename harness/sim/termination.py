@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.ending import Limits, Verdict, goal_distance
+from wayproof.harness.ending import Limits, Verdict
+from wayproof.harness.goals import distance_left
 from wayproof.harness.result import Contact, Outcome
 from wayproof.harness.scenario.scenario import Scenario, decision_period
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -35,15 +36,19 @@ class TerminationMonitor:
         self._min_uprightness = math.cos(scenario.spec.max_tilt)
 
     def check_decision(
-        self, decision: pb.Decision, positions: Sequence[NDArray[np.float64]]
+        self,
+        decision: pb.Decision,
+        positions: Sequence[NDArray[np.float64]],
+        reached: int = 0,
     ) -> Verdict | None:
         """The verdict of the newest decision, if it ends the episode.
 
         Args:
             decision: The newest.
             positions: True positions (3,) of the base at each decision so far, m.
+            reached: Number of goals reached before it.
         """
-        return self._limits.ending_at(decision, positions)
+        return self._limits.ending_at(decision, positions, reached)
 
     def check_physics(self) -> Verdict | None:
         """The verdict of a physics step; called outside `safe_limits` or after a contact."""
@@ -65,9 +70,9 @@ class TerminationMonitor:
             return outcome, f"left the geofence at {self._place()}"
         return None
 
-    def goal_distance(self) -> float:
-        """True distance from the goal, m; in the plane for a ground robot."""
-        return goal_distance(self._limits.mission, self._position)
+    def distance_left(self, reached: int) -> float:
+        """True straight distance to the next goal and on through the others, m; see `goals`."""
+        return distance_left(self._limits.mission, reached, self._position)
 
     def _place(self) -> str:
         return "(" + ", ".join(f"{value:.2f}" for value in self._position) + ")"

@@ -21,7 +21,7 @@ from wayproof.harness.stack.footprint_mode import FootprintDecision, decide_with
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder, PlannerInputBuilder
 from wayproof.harness.stack.record import StageClock, record, record_missed_deadline
-from wayproof.harness.stack.types import PlannerInput, PlannerState
+from wayproof.harness.stack.types import PlannerInput, PlannerState, for_next_goal
 from wayproof.planners import Trajectory, hold
 
 
@@ -40,7 +40,7 @@ class Navigator:
 
     def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
         """Start at rest, with an unknown map but for the start area."""
-        self._config = config
+        self._config, self._several = config, bool(mission.waypoints)
         self.mapper = Mapper(config, mission, beams)
         self.map, self.labels = self.mapper.map, self.mapper.labels
         self.costmap = self.mapper.costmap
@@ -107,6 +107,8 @@ class Navigator:
             record_missed_deadline(decision, self.state.trajectory)
         else:
             self.state = self._draft
+            if decision.action == "goal" and self._several:
+                self.state = for_next_goal(self._draft)
         self.chain = decision.chain = chain_hash(decision, self.chain)
         return decision
 

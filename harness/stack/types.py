@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -185,6 +185,11 @@ class PlannerState:
         """The global path (n, 3), where there must be one."""
         assert self.global_path is not None
         return self.global_path
+
+
+def for_next_goal(state: PlannerState) -> PlannerState:
+    """The state after a goal was reached: what the robot may try is all before it again."""
+    return replace(state, rest_since_ns=-1, viewpoints=np.empty((0, 3)), backtracks=0, returns=0)
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ and stack, and the version of Wayproof must give the key of the episode.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import msgspec
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
+from wayproof.harness.scenario.places import Given, goals_of
 from wayproof.harness.scenario.worlds import generate
 from wayproof.harness.study.contents import class_identity
 from wayproof.harness.study.file import Planned
@@ -32,7 +33,8 @@ from wayproof.models.worlds import WORLDS
 CLOSE = 1e-6
 """Tolerance of start and goal, m: the last bits of a world depend on the machine."""
 
-Points = tuple[tuple[float, ...], tuple[float, ...]]
+Goal = Given | str
+"""A goal as a config has it: a point, or the name of a place."""
 
 
 class ForeignLog(InputError):
@@ -73,6 +75,7 @@ def mismatch(log: Log, planned: Planned) -> str:
         log.config,
         start=expected.start,
         goal=expected.goal,
+        waypoints=expected.waypoints,
         sensors=expected.sensors,
         robot_file="",
     )
@@ -80,10 +83,17 @@ def mismatch(log: Log, planned: Planned) -> str:
         return _difference(log, open_again, expected)
     if log.config.sensors not in (expected.sensors, _sensors(log, expected)):
         return "sensors: others than the robot's with the settings planned"
-    for name, own in zip(("start", "goal"), _points(log, expected), strict=True):
-        got = getattr(log.config, name)
-        if got is not None and own is not None and not _alike(got, own):
-            return f"{name}: got {_point(got)}, expected {_point(own)}"
+    start, goals = _points(log, expected)
+    pairs: list[tuple[str, Goal | None, Given | None]] = [("start", log.config.start, start)]
+    if goals is not None:
+        got = (*log.config.waypoints, log.config.goal)
+        if len(got) != len(goals):
+            return f"waypoints: got {len(got) - 1}, expected {len(goals) - 1}"
+        names = (*["waypoints"] * (len(goals) - 1), "goal")
+        pairs += zip(names, got, goals, strict=True)
+    for name, placed, own in pairs:
+        if placed is not None and own is not None and not _alike(placed, own):
+            return f"{name}: got {_point(placed)}, expected {_point(own)}"
     return ""
 
 
@@ -116,30 +126,49 @@ def _sensors(log: Log, expected: Config) -> object:
         return None  # which no episode was run with
 
 
-def _points(log: Log, expected: Config) -> Sequence[tuple[float, ...] | None]:
-    """Return start and goal as given or of the world; None if only a file defines them."""
-    own: Sequence[tuple[float, ...] | None] = (None, None)
-    if expected.world in WORLDS and (expected.start is None or expected.goal is None):
-        own = _world_points(
-            expected.world, expected.seed, expected.difficulty, expected.world_parameters
+def _points(log: Log, expected: Config) -> tuple[Given | None, tuple[Given, ...] | None]:
+    """Return start and goals as given or of the world; None if only a file defines them."""
+    goals = (*expected.waypoints, expected.goal)
+    if expected.world in WORLDS and (expected.start is None or not all(map(_is_point, goals))):
+        return _world_points(
+            expected.world,
+            expected.seed,
+            expected.difficulty,
+            expected.world_parameters,
+            (expected.start, expected.waypoints, expected.goal),
         )
-    given = (expected.start, expected.goal)
-    return [one if one is not None else other for one, other in zip(given, own, strict=True)]
+    given = tuple(one for one in goals if _is_point(one))
+    return expected.start, given if len(given) == len(goals) else None
+
+
+def _is_point(goal: Goal | None) -> TypeGuard[Given]:
+    return goal is not None and not isinstance(goal, str)
 
 
 @functools.lru_cache(256)
-def _world_points(world: str, seed: int, difficulty: float, parameters: WorldParameters) -> Points:
-    """Return start and goal of a generated world, which the arms of a study share."""
-    made = generate(Config(world, "", seed, difficulty=difficulty, world_parameters=parameters))
-    return made.start[:2], made.goal[:2]
+def _world_points(
+    world: str,
+    seed: int,
+    difficulty: float,
+    parameters: WorldParameters,
+    given: tuple[Given | None, tuple[Goal, ...], Goal | None],
+) -> tuple[Given, tuple[Given, ...]]:
+    """Return start and goals in a generated world, which the arms of a study share."""
+    start, waypoints, goal = given
+    config = Config(world, "", seed, difficulty=difficulty, world_parameters=parameters)
+    config = replace(config, start=start, waypoints=waypoints, goal=goal)
+    made = generate(config)
+    return made.start[:2] if start is None else start, goals_of(config, made)
 
 
-def _alike(got: Sequence[float], own: Sequence[float]) -> bool:
+def _alike(got: Given | str, own: Given) -> bool:
     """Return whether points agree; the run fills in the height."""
-    return bool(np.allclose(got[: len(own)], own, rtol=0.0, atol=CLOSE))
+    return _is_point(got) and bool(np.allclose(got[: len(own)], own, rtol=0.0, atol=CLOSE))
 
 
-def _point(values: Sequence[float]) -> str:
+def _point(values: Given | str) -> str:
+    if isinstance(values, str):
+        return values
     return "(" + ", ".join(f"{value:g}" for value in values) + ")"
 
 

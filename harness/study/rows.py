@@ -139,7 +139,7 @@ def _metrics(log: Log, content: Content, way: Judged | None) -> dict[str, float 
 
 def _without_decisions() -> dict[str, float | None]:
     """Return the metrics of an episode that ended before its first decision: no success."""
-    return {**dict.fromkeys(METRICS), "success": 0.0}
+    return {**dict.fromkeys(METRICS), "success": 0.0, "progress": 0.0}
 
 
 def _read(path: Path) -> Content:

@@ -16,6 +16,7 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from wayproof.harness.explain.stack_costmap import shades
+from wayproof.harness.goals import mission_towards
 from wayproof.harness.interface.types import Grid
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.writer import check_folder, file_descriptor_set
@@ -178,7 +179,8 @@ class _Artist:
         return coloured_grid(palette[layer_kinds.T], x, y, side, moment.decision.timestamp)
 
     def _plan(self, moment: Moment) -> fox.SceneUpdate:
-        decision, mission = moment.decision, self._log.mission
+        decision = moment.decision
+        mission = mission_towards(self._log.mission, moment.record.inputs.goal)
         stamp = decision.timestamp
         plan = fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id="plan")
         command = moment.commanded

@@ -141,9 +141,9 @@ class Stage:
         mujoco.mj_forward(self._model, self._data)
 
     def _camera(self, moment: Moment) -> mujoco.MjvCamera:
-        """Return a camera behind the robot along the line from start to goal; it does not sway."""
-        mission = self._log.mission
-        along = math.atan2(mission.goal[1] - mission.start[1], mission.goal[0] - mission.start[0])
+        """Return a camera behind the robot along the line to the first goal; it does not sway."""
+        (x0, y0, _), (x1, y1, _) = self._log.mission.start, self._log.mission.goals[0]
+        along = math.atan2(y1 - y0, x1 - x0)
         camera = mujoco.MjvCamera()
         camera.lookat[:] = moment.truth.position
         camera.azimuth, camera.elevation = math.degrees(along), ELEVATION

@@ -84,11 +84,23 @@ def words_at(place: Sequence[float], words: str) -> rr.Points3D:
     return rr.Points3D([list(place)], radii=0.02, colors=(255, 255, 255), labels=[words])
 
 
+def _goal_words(mission: Mission) -> rr.Points3D:
+    """Return the labels of the goals: the numbers of those at one place in one label."""
+    if not mission.waypoints:
+        return words_at(mission.goal, "goal")
+    numbers: dict[tuple[float, float, float], list[str]] = {}
+    for number, goal in enumerate(mission.goals, 1):
+        numbers.setdefault(goal, []).append(str(number))
+    labels = [f"goal {', '.join(some)}" for some in numbers.values()]
+    return rr.Points3D(list(numbers), radii=0.02, colors=(255, 255, 255), labels=labels)
+
+
 def _show_bodies(stream: rr.RecordingStream, mission: Mission, world: str) -> None:
-    """Show goal, estimated body and true body."""
-    goal = rr.Points3D([mission.goal], radii=0.12, colors=COMMITTED)
-    stream.log(f"{world}/goal", goal, static=True)
-    stream.log(f"{world}/goal/words", words_at(mission.goal, "goal"), static=True)
+    """Show goals, estimated body and true body."""
+    stream.log(
+        f"{world}/goal", rr.Points3D(mission.goals, radii=0.12, colors=COMMITTED), static=True
+    )
+    stream.log(f"{world}/goal/words", _goal_words(mission), static=True)
     ahead = rr.Arrows3D(vectors=[[1.6 * mission.radius, 0.0, 0.0]], radii=0.03, colors=BELIEVED)
     stream.log(f"{world}/robot/ahead", ahead, static=True)
     name = words_at([0.0, 0.0, mission.height], "robot")

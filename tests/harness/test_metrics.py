@@ -41,6 +41,8 @@ def trace(**changes: object) -> Trace:
         latencies=np.array([10.0, 20.0, 30.0, 40.0]),
         missed=np.array([False, True, False, False]),
         start_distance=2.0,
+        goals=4,
+        goals_reached=3,
         verdicts=("admitted", "unknown", "blocked", "admitted"),
         cuts=np.array([False, False, True, False]),
         admitted_share=0.9,
@@ -60,6 +62,7 @@ def test_every_metric_by_hand() -> None:
     assert score(trace()) == pytest.approx(
         {
             "success": 1.0,
+            "progress": 0.75,
             "spl": 2.0 / 2.5,
             "soft_spl": 0.95 * 2.0 / 2.5,
             "barn_score": 0.25,  # OT = 1 s, 4 s lie within [2, 8]

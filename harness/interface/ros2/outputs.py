@@ -75,9 +75,10 @@ class Outputs:
         """Send the task, of which simulated time 0 is a ROS time, ns."""
         self._send("task", String(write_task(self._task, start_ns)))
 
-    def send_goal(self, stamp_ns: int) -> None:
-        """Send the goal."""
-        self._send("goal_pose", goal_pose(self._task, self._options, Time.of(stamp_ns)))
+    def send_goal(self, stamp_ns: int, reached: int = 0) -> None:
+        """Send the next goal after those reached."""
+        stamp = Time.of(stamp_ns)
+        self._send("goal_pose", goal_pose(self._task, self._options, stamp, reached))
 
     def send_clock(self, time_ns: int) -> None:
         """Send simulated time."""

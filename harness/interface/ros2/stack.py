@@ -80,6 +80,7 @@ class Ros2Stack:
         self._source: int | None = None  # handle of the publisher of the commands
         self._outputs: Outputs | None = None
         self._costmap: Costmap | None = None
+        self._reached = 0  # goals before the one that was sent
         try:
             self._await_publisher(starting_s)
         except InputError:
@@ -126,6 +127,9 @@ class Ros2Stack:
         stamp_ns = observation.time_ns + self._offset_ns
         if observation.sequence % CHECKED_EACH == 0 and (wrong := self._mismatch()):
             raise StackError(self._who, f"cannot be reached: {wrong}")
+        if observation.goals_reached > self._reached:
+            self._reached = observation.goals_reached
+            self._outputs.send_goal(stamp_ns, self._reached)
         if self._costmap is not None:
             self._outputs.send_grids(self._costmap, observation.time_ns, stamp_ns)
         ask = self._in_lockstep if self._lockstep else self._in_controller_periods

@@ -115,12 +115,12 @@ def odometry(observation: Observation, options: Options, stamp: Time) -> Odometr
     )
 
 
-def goal_pose(task: Task, options: Options, stamp: Time) -> PoseStamped:
-    """The goal, headed from the start to it: any heading is as good."""
-    mission = task.mission
-    heading = math.atan2(mission.goal[1] - mission.start[1], mission.goal[0] - mission.start[0])
+def goal_pose(task: Task, options: Options, stamp: Time, reached: int = 0) -> PoseStamped:
+    """The next goal, headed to it from the one before, or the start: any heading is as good."""
+    before, goal = (task.mission.start, *task.mission.goals)[reached : reached + 2]
+    heading = math.atan2(goal[1] - before[1], goal[0] - before[0])
     turned = Quaternion(0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
-    return PoseStamped(Header(stamp, options.map_frame), Pose(Point(*mission.goal), turned))
+    return PoseStamped(Header(stamp, options.map_frame), Pose(Point(*goal), turned))
 
 
 def quaternion_of(wxyz: Array) -> Quaternion:

@@ -18,14 +18,14 @@ class Blind:
     """Drives straight at the goal."""
 
     def start(self, task: Task) -> None:
-        """Keep the goal and the limits."""
+        """Keep the limits."""
         self._task = task
 
     def step(self, observation: Observation) -> Command:
         """A velocity towards the goal."""
         mission = self._task.mission
         reference = observation.reference
-        dx, dy, dz = (mission.goal - reference.position).tolist()
+        dx, dy, dz = (observation.goal - reference.position).tolist()
         away = math.hypot(dx, dy) if mission.motion == "ground" else math.hypot(dx, dy, dz)
         if away <= 0.5 * self._task.goal_tolerance:
             return Command(Velocity(0.0))

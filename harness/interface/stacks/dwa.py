@@ -188,7 +188,7 @@ class Dwa:
     def step(self, observation: Observation) -> Command:
         """The velocity of greatest objective in the search space V_r."""
         mission, reference = self._task.mission, observation.reference
-        goal = np.array(mission.goal)
+        goal = observation.goal
         offset = (goal - reference.position)[: mission.axes]
         away = math.sqrt(float(np.square(offset).sum()))
         returns = self._returns(observation)

@@ -45,7 +45,7 @@ class Gap:
     def step(self, observation: Observation) -> Command:
         """A velocity into the best gap."""
         mission, reference = self._task.mission, observation.reference
-        dx, dy, dz = (np.array(mission.goal) - reference.position).tolist()
+        dx, dy, dz = (observation.goal - reference.position).tolist()
         away = math.hypot(dx, dy)
         if away <= 0.5 * self._task.goal_tolerance:
             return Command(Velocity(0.0))

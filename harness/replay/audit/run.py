@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import Inputs, Pose
+from wayproof.harness.goals import mission_towards
+from wayproof.harness.inputs import Pose
 from wayproof.harness.log.reader import Log, open_log
-from wayproof.harness.mission import Mission
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.audit.body import Body
 from wayproof.harness.replay.audit.moment import (
@@ -146,14 +146,6 @@ def judge(moment: Moment) -> tuple[str, list[Violation]]:
     return way.kind, [*found, *way.violations]
 
 
-def mission_of(mission: Mission, inputs: Inputs) -> Mission:
-    """Return the mission with the goal of one decision of a recording, which moves on."""
-    if inputs.goal is None:
-        return mission
-    x, y, z = inputs.goal.tolist()
-    return replace(mission, goal=(x, y, z))
-
-
 def _check_reason(moment: Moment, reasons: ReasonCheck) -> list[Violation]:
     if is_malformed(moment):
         return []
@@ -182,7 +174,7 @@ def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
         moment = Moment(
             record=record,
             config=run.config,
-            mission=mission_of(run.mission, record.inputs),
+            mission=mission_towards(run.mission, record.inputs.goal),
             map=navigator.map,
             version=combined_version(navigator.map.version(), navigator.labels),
             body=_widened(bodies[run.begin], record.inputs.pose),

@@ -17,7 +17,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 def looking_elsewhere(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The way leads to a frontier: to admitted space beside what only has not been seen."""
     yield from errand(scene, past, reason)
-    now, before = scene.decision.sequence, [one.predicate for one in past.steps.values()]
+    now, before = scene.decision.sequence, past.for_this_goal()
     if reason.since == now and not _is_frontier(scene, point_of(reason.target)):
         yield "where it goes is no frontier"
     seen = max((one.places for one in before if one.kind == reason.kind), default=0)

@@ -217,7 +217,7 @@ def _overview(
         "reason": gate_reason,
         "side": side_of_drop,
         "name_of": name_of,
-        "metrics": _measured(result),
+        "metrics": _measured(material),
         "heading": heading,
         "stacks": stack_table(material.samples, limit),
         "conditions": conditions_of(material.samples),
@@ -232,11 +232,12 @@ def _overview(
     }
 
 
-def _measured(result: StudyResult) -> list[str]:
-    """Return the shown metrics that an arm has."""
-    return [
-        name for name in SHOWN_METRICS if any(one.metrics[name] is not None for one in result.arms)
-    ]
+def _measured(material: Material) -> list[str]:
+    """Return the shown metrics that an arm has; `progress` of missions with several goals."""
+    several = any(one.config.waypoints for one in material.planned)
+    names = (*(["progress"] if several else []), *SHOWN_METRICS)
+    arms = material.result.arms
+    return [name for name in names if any(one.metrics[name] is not None for one in arms)]
 
 
 def _time_limit(material: Material) -> float:
@@ -256,6 +257,8 @@ def _table(material: Material, paged: set[str]) -> dict[str, Any]:
         "rows": listed,
         "outcomes": sorted({row.outcome for row in material.rows}),
         "columns": TABLE_METRICS,
+        "causes": any(row.cause for row in material.rows),
+        "paired": bool(material.twins),
         "heading": heading,
         "name_of": name_of,
         "site": True,

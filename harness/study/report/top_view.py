@@ -18,6 +18,9 @@ WIDTH = 420
 TALLEST = 420
 """Greatest height of the picture."""
 
+BAND = 20
+"""Height of the band below what is drawn, which holds the scale."""
+
 EDGE = 0.4
 """Space around what is drawn, m."""
 
@@ -28,14 +31,14 @@ class Tracks(NamedTuple):
     Attributes:
         believed: (n, 2) estimated positions.
         true: (n, 2) true positions; empty where nothing knows them.
-        goal: Goal.
+        goals: Goals, in their order.
         failed: Whether the end is marked as a failure.
         chance: True position at the last chance; None without one.
     """
 
     believed: Array
     true: Array
-    goal: tuple[float, float]
+    goals: tuple[tuple[float, float], ...]
     failed: bool
     chance: tuple[float, float] | None = None
 
@@ -47,7 +50,7 @@ def top_view(footprints: Sequence[Array], tracks: Tracks) -> str:
         footprints: (k, 2) outlines of the geometry, m.
         tracks: Tracks and marks.
     """
-    drawn = [*footprints, tracks.believed, tracks.true, np.array([tracks.goal])]
+    drawn = [*footprints, tracks.believed, tracks.true, np.array(tracks.goals)]
     points = np.concatenate([one for one in drawn if len(one)])
     low, high = points.min(axis=0) - EDGE, points.max(axis=0) + EDGE
     scale = min(WIDTH / (high[0] - low[0]), TALLEST / (high[1] - low[1]))
@@ -60,8 +63,8 @@ def top_view(footprints: Sequence[Array], tracks: Tracks) -> str:
     parts.append(_polyline(placed(tracks.believed), BELIEVED, ""))
     if len(tracks.true):
         parts.append(_polyline(placed(tracks.true), TRUE, ' stroke-dasharray="5 3"'))
-    (goal,) = placed(np.array([tracks.goal]))
-    parts.append(_ring(goal, GOAL, 7, "goal"))
+    for number, goal in enumerate(placed(np.array(tracks.goals)), 1):
+        parts.append(_ring(goal, GOAL, 7, f"goal {number}" if len(tracks.goals) > 1 else "goal"))
     ways = tracks.true if len(tracks.true) else tracks.believed
     start, end = placed(ways[[0, -1]])
     parts.append(_ring(start, TRUE, 3, "start"))
@@ -74,10 +77,11 @@ def top_view(footprints: Sequence[Array], tracks: Tracks) -> str:
             f'<path d="M{x - 5:.1f} {y - 5:.1f}l10 10m0 -10l-10 10" stroke="{LIMIT}" '
             'stroke-width="2.5"><title>end</title></path>'
         )
-    bar = f'<path d="M8 {height - 8:.1f}h{scale:.1f}" stroke="#1a202c" stroke-width="2"/>'
-    bar += f'<text x="8" y="{height - 13:.1f}">1 m</text>'
+    y = height + 0.5 * BAND
+    bar = f'<path d="M8 {y:.1f}h{scale:.1f}" stroke="#1a202c" stroke-width="2"/>'
+    bar += f'<text x="{scale + 14:.1f}" y="{y + 4:.1f}">1 m</text>'
     return (
-        f'<svg viewBox="0 0 {scale * (high[0] - low[0]):.0f} {height:.0f}" font-size="11" '
+        f'<svg viewBox="0 0 {scale * (high[0] - low[0]):.0f} {height + BAND:.0f}" font-size="11" '
         f'fill="#4a5568" role="img">{"".join(parts)}{bar}</svg>'
     )
 

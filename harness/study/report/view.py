@@ -136,11 +136,10 @@ def map_picture(view: View) -> str:
     known = np.isfinite(view.true[:, 0])
     chance = view.chance
     place = None if chance is None or not known[chance] else view.true[chance]
-    goal = view.log.mission.goal
     tracks = Tracks(
         believed=view.believed[:, :2],
         true=view.true[known, :2],
-        goal=(goal[0], goal[1]),
+        goals=tuple((x, y) for x, y, _ in view.log.mission.goals),
         failed=view.log.result["outcome"] != "success",
         chance=None if place is None else (float(place[0]), float(place[1])),
     )

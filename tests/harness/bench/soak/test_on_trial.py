@@ -56,7 +56,7 @@ STILL = np.zeros(3)
 OBSERVATION = Observation(
     time_ns=4 * 10**8, sequence=4, position=STILL, quaternion=np.eye(4)[0], position_sigma=0.0,
     heading_sigma=0.0, velocity=STILL, yaw_rate=0.0, sweeps=(), effect_ns=45 * 10**7,
-    reference=Reference(STILL, STILL, 0.0, 0.0, at_rest=True),
+    reference=Reference(STILL, STILL, 0.0, 0.0, at_rest=True), goal=STILL,
 )  # fmt: skip
 
 

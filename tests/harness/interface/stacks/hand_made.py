@@ -63,6 +63,7 @@ def observation(task, points=(), sequence=0, heading=0.0, speed=0.0):
         sweeps=(Sweep("lidar", ranges, None, lambda: placed),),
         effect_ns=sequence * 100_000_000 + 50_000_000,
         reference=Reference(position, velocity, heading, 0.0, at_rest=speed == 0.0),
+        goal=np.array(task.mission.goal),
     )
 
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from wayproof.harness.study.report.charts import Line, Mark, line_chart, nice_ticks, strip
+from wayproof.harness.study.report.charts import WIDTH, Line, Mark, line_chart, nice_ticks, strip
 from wayproof.harness.study.report.top_view import Tracks, top_view
 
 
@@ -65,7 +65,9 @@ def test_a_strip_has_a_block_for_each_run_and_a_bar_for_each_label():
 def test_from_above_y_is_up_and_the_end_of_a_failure_is_marked():
     track = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0]])
     square = np.array([[0.0, 2.0], [1.0, 2.0], [1.0, 3.0], [0.0, 3.0]])
-    svg = top_view([square], Tracks(track, track + np.array([0.0, 0.1]), (2.0, 1.0), failed=True))
+    svg = top_view(
+        [square], Tracks(track, track + np.array([0.0, 0.1]), ((2.0, 1.0),), failed=True)
+    )
     believed, true = points(svg)
     (wall,) = points(svg, "polygon")
     assert believed[2][1] < believed[0][1]
@@ -74,7 +76,18 @@ def test_from_above_y_is_up_and_the_end_of_a_failure_is_marked():
     assert "<title>end</title>" in svg
     assert "last chance" not in svg
     fine = top_view(
-        [], Tracks(track, np.zeros((0, 2)), (2.0, 1.0), failed=False, chance=(2.0, 0.0))
+        [],
+        Tracks(track, np.zeros((0, 2)), ((2.0, 1.0), (0.0, 0.0)), failed=False, chance=(2.0, 0.0)),
     )
     assert len(points(fine)) == 1
     assert "last chance" in fine
+    assert "<title>goal</title>" in svg
+    assert re.findall(r"<title>(goal .*?)</title>", fine) == ["goal 1", "goal 2"]
+    low = max(y for some in points(fine) for _, y in some)
+    scale = re.search(r'<path d="M8 ([0-9.]+)h', fine)
+    assert float(scale[1]) > low + 5.0  # below all that is drawn
+
+
+def test_the_label_of_the_last_time_stays_within_a_chart():
+    svg = strip(np.arange(0.0, 60.1, 0.1), ["follow"] * 601, ["none"] * 601, [False] * 601)
+    assert f'<text x="{WIDTH}" y="42" text-anchor="end">60 s</text>' in svg

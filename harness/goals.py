@@ -1,0 +1,95 @@
+"""Goals of a mission: which one a decision leads to, as a message, and what is left of the way.
+
+The robot claims each goal by a decision of its own, at rest and near enough by the truth; the next
+decision leads to the next goal. So the decisions in a log say how many were reached. In a mission
+with several goals the goal of each decision is an input in the log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+Array = NDArray[np.float64]
+
+
+def goals_claimed(decisions: Iterable[pb.Decision]) -> int:
+    """Number of goals that decisions claim."""
+    return sum(one.action == "goal" for one in decisions)
+
+
+def goals_before_last(decisions: Sequence[pb.Decision]) -> int:
+    """Number of goals reached before the last decision: the index of the goal that it leads to."""
+    return goals_claimed(decisions[:-1])
+
+
+def goals_reached(decisions: Sequence[pb.Decision], outcome: str) -> int:
+    """Number of goals reached in an episode; only a false claim ends it as `aborted`."""
+    false = outcome == "aborted" and bool(decisions) and decisions[-1].action == "goal"
+    return goals_claimed(decisions) - false
+
+
+def goal_message(mission: Mission, reached: int, sequence: int, time_ns: int) -> pb.Goal | None:
+    """The goal of a decision as an input; None of a mission with one goal.
+
+    Args:
+        mission: With all goals.
+        reached: Number of goals reached before the decision.
+        sequence: Number of the decision.
+        time_ns: Its simulated time, ns.
+    """
+    if not mission.waypoints:
+        return None
+    message = pb.Goal(sequence=sequence, position=mission.goals[reached], index=reached)
+    message.timestamp.FromNanoseconds(time_ns)
+    return message
+
+
+def mission_towards(mission: Mission, goal: ArrayLike | None) -> Mission:
+    """The mission with the goal of one decision, (3,) m, as its only one; itself without one."""
+    if goal is None:
+        return mission
+    x, y, z = (float(value) for value in np.asarray(goal))
+    return replace(mission, goal=(x, y, z), waypoints=())
+
+
+def leg_towards(mission: Mission, goal: pb.Goal | None) -> Mission:
+    """The mission from the goal before, or the start, to the goal of one decision."""
+    if goal is None:
+        return mission
+    leg = mission_towards(mission, goal.position)
+    before = mission.goals[: goal.index]
+    return replace(leg, start=before[-1]) if before else leg
+
+
+def distance_left(mission: Mission, reached: int, position: Array) -> float:
+    """Straight distance from a position (3,) to the next goal and on through the others, m.
+
+    In the plane for a ground robot.
+
+    Args:
+        mission: With all goals.
+        reached: Number of goals reached.
+        position: Of the base, m.
+    """
+    axes = mission.axes
+    left = [np.array(goal[:axes]) for goal in mission.goals[reached:]]
+    return sum(distance(a, b) for a, b in pairwise([position[:axes], *left]))
+
+
+def distance(a: Array, b: Array) -> float:
+    """Distance of two points without `math.dist`, whose last bit follows the version of Python."""
+    return float(np.sqrt(np.square(a - b).sum()))
+
+
+def goal_name(mission: Mission, reached: int) -> str:
+    """The next goal in words: `the goal`, or `goal 2 of 3`."""
+    count = len(mission.goals)
+    return "the goal" if count == 1 else f"goal {min(reached + 1, count)} of {count}"
