@@ -22,6 +22,9 @@ LEFT, RIGHT, TOP, BOTTOM = 42, 8, 8, 20
 
 STRIP_HEIGHT = 46
 
+HALF_LABEL = 16
+"""Half the width of the label of a time."""
+
 
 class Line(NamedTuple):
     """A line of a chart.
@@ -179,6 +182,9 @@ def _y_tick(value: float, y: float) -> str:
 
 
 def _x_tick(value: float, x: float, height: int = HEIGHT) -> str:
+    """Return the label of a time; one at the right edge ends there."""
+    if x > WIDTH - HALF_LABEL:
+        return f'<text x="{WIDTH}" y="{height - 4}" text-anchor="end">{value:g} s</text>'
     return f'<text x="{x:.1f}" y="{height - 4}" text-anchor="middle">{value:g} s</text>'
 
 
