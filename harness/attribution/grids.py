@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import itertools
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
-from scipy.sparse import csgraph
 
 from wayproof.harness.attribution.case import Case
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import FREE, states_in
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
@@ -29,6 +31,8 @@ STEPS = 8
 
 def clearances(occupied: Cells, size: float) -> Array:
     """Return the distance of each cell to the nearest occupied or outer cell, m."""
+    from scipy import ndimage  # slow to load
+
     walls = tuple((1, 1) if cells > 1 else (0, 0) for cells in occupied.shape)
     padded = np.pad(occupied, walls, constant_values=True)
     inner = tuple(slice(a, -b if b else None) for a, b in walls)
@@ -38,6 +42,8 @@ def clearances(occupied: Cells, size: float) -> Array:
 
 def joined(free: Cells, start: tuple[int, ...], goal: tuple[int, ...], reach: int) -> bool:
     """Return whether free cells connect the surroundings, `reach` cells wide, of two cells."""
+    from scipy import ndimage
+
     labels, _ = ndimage.label(free, np.ones((3,) * free.ndim))
     near = [set(np.unique(labels[_about(cell, reach)])) - {0} for cell in (start, goal)]
     return bool(near[0] & near[1])
@@ -68,6 +74,8 @@ def distances_from(free: Cells, goal: tuple[int, ...], reach: int, size: float) 
     lengths = np.full(free.shape, np.inf)
     if not len(ends):
         return lengths
+    from scipy.sparse import csgraph
+
     graph = _graph(free, nodes, size)
     found = csgraph.dijkstra(graph, directed=False, indices=ends, min_only=True)
     lengths[free] = found
@@ -76,6 +84,8 @@ def distances_from(free: Cells, goal: tuple[int, ...], reach: int, size: float) 
 
 def _graph(free: Cells, nodes: NDArray[np.int64], size: float) -> sparse.csr_matrix:
     """Return the graph of neighbouring free cells; weights in m."""
+    from scipy import sparse
+
     tails, heads, lengths = [], [], []
     for step in HALF_OF_THE_NEIGHBOURS:
         pairs = zip(step, free.shape, strict=True)

@@ -6,6 +6,7 @@ import argparse
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,31 +47,73 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         raise InputError("--check: goes with the whole episode, expected no decision's number")
     if options.stack is not None and not options.check:
         raise InputError("--stack: goes with --check, which asks the stack to go on")
+    if options.decision is not None:
+        return 0, _explain_decision(options, console)
     check_log(options.log, options)
     log = open_log(options.log, options.allow_plugins)
     if options.allow_plugins:
         warn_of_changed_plugins(log)
-    if options.decision is not None:
-        return 0, _explain_decision(log, options, console)
     return 0, _explain_episode(log, options, console)
 
 
-def _explain_decision(log: Log, options: argparse.Namespace, console: Console) -> Document:
-    from wayproof.harness.attribution import read_case
-    from wayproof.harness.explain.card import make_card, moment_of
+def _explain_decision(options: argparse.Namespace, console: Console) -> Document:
+    """Explain a decision; the log is checked in another process meanwhile, where there is a core.
 
-    case = read_case(log)
-    moment_of(case, options.decision)
-    case = case.as_of(options.decision)
-    keyframe = case.keyframe_at(options.decision)
-    navigator = case.navigator_at(options.decision, keyframe)
-    card = make_card(case, options.decision, navigator)
-    if keyframe is not None:
-        card = replace(card, keyframe=keyframe.sequence)
+    Nothing is printed of a log that contradicts itself.
+    """
+    from wayproof.harness.forked import beside, cores
+    from wayproof.harness.log.reader import open_log
+
+    log = open_log(options.log, options.allow_plugins)
+    if options.allow_plugins:
+        warn_of_changed_plugins(log)
+    if options.unchecked or cores() == 1:
+        check_log(options.log, options)
+        case, card, navigator = _card(log, options.decision)
+    else:
+        check = partial(_refusal, options.log, options)
+        made, (refusal,) = beside([check], partial(_card_or_error, log, options.decision))
+        if refusal:
+            raise InputError(refusal)
+        if isinstance(made, InputError):
+            raise made
+        case, card, navigator = made
     print_card(console, card)
     if options.png is not None:
         _draw(case, card, navigator, options.png, console)
     return asdict(card)
+
+
+def _refusal(path: Path, options: argparse.Namespace) -> str:
+    """Why a log is not read; empty if it is."""
+    try:
+        check_log(path, options)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _card_or_error(log: Log, number: int) -> tuple[Case, Card, Navigator] | InputError:
+    try:
+        return _card(log, number)
+    except InputError as error:
+        return error
+
+
+def _card(log: Log, number: int) -> tuple[Case, Card, Navigator]:
+    """The case of a decision, its card, and a stack with its map."""
+    from wayproof.harness.attribution import read_case
+    from wayproof.harness.explain.card import make_card, moment_of
+
+    case = read_case(log)
+    moment_of(case, number)
+    case = case.as_of(number)
+    keyframe = case.keyframe_at(number)
+    navigator = case.navigator_at(number, keyframe)
+    card = make_card(case, number, navigator)
+    if keyframe is not None:
+        card = replace(card, keyframe=keyframe.sequence)
+    return case, card, navigator
 
 
 def _explain_episode(log: Log, options: argparse.Namespace, console: Console) -> Document:

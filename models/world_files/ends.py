@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from math import sqrt
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
-from scipy.sparse import csgraph
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.free_space import (
@@ -21,6 +19,9 @@ from wayproof.models.world_files.free_space import (
 )
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.solids import solid_of
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 GENEROUS = 0.3
 """Clearance beyond the robot's radius that is tried first, m: a margin and two cells of 10 cm."""
@@ -156,6 +157,8 @@ def _pair(
 
     None without such a region.
     """
+    from scipy import ndimage
+
     slope = slope_of(grid, heights)
     labels = ndimage.label(free & (slope <= MAX_WALK_SLOPE), np.ones((3, 3)))[0]
     standing = (labels > 0) & (slope <= MAX_TILT) & within
@@ -190,6 +193,8 @@ def _farthest_from(
     *, swap: bool,
 ) -> _Ends | None:  # fmt: skip
     """Return a cell and the place in the region that is farthest from it on foot."""
+    from scipy.sparse import csgraph
+
     number = np.full(region.shape, -1)
     number[region] = np.arange(int(region.sum()))
     ways = csgraph.dijkstra(_graph(region, number, grid.cell), indices=int(number[cell]))
@@ -206,6 +211,8 @@ def _farthest_from(
 
 def _graph(region: NDArray[np.bool_], number: NDArray[np.int64], cell: float) -> sparse.csr_matrix:
     """Return the ways between neighbouring cells of a region, m."""
+    from scipy import sparse
+
     tails, heads, lengths = [], [], []
     for tail, head, length in (
         (np.s_[:-1, :], np.s_[1:, :], cell),

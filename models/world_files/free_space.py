@@ -7,7 +7,6 @@ from math import ceil, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.options import Found
@@ -83,6 +82,8 @@ class Grid:
 
 def slope_of(grid: Grid, heights: NDArray[np.float64]) -> NDArray[np.float64]:  # (nx, ny)
     """Return the steepest slope of the floor near each cell, rad."""
+    from scipy import ndimage
+
     if min(heights.shape) < 2 or not np.ptp(heights):
         return np.zeros(heights.shape)
     slopes = np.arctan(np.hypot(*np.gradient(heights, grid.cell)))
@@ -94,6 +95,8 @@ def to_edges(
     found: Found, ground: Ground, grid: Grid, reach: float
 ) -> NDArray[np.float64]:  # (nx, ny)
     """Return distances to where no floor is, and to the border of the area, up to a reach, m."""
+    from scipy import ndimage
+
     borne = np.ones(grid.shape, np.bool_)
     if ground.floors and not found.plane:
         borne[:] = False

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from wayproof.models.world_files.parts import Mesh
 from wayproof.models.worlds.solids.triangles import distance_to_triangles
@@ -24,6 +23,8 @@ NEAREST = 8
 
 def hull(points: NDArray[np.float64]) -> Mesh | None:
     """Return the convex hull of points (n, 3); None where they lie in a plane."""
+    from scipy.spatial import ConvexHull, QhullError
+
     try:
         found = ConvexHull(points)
     except (QhullError, ValueError):
@@ -69,6 +70,8 @@ def surface_error(mesh: Mesh, pieces: list[Mesh]) -> float:
     Measured at points spread over the mesh: how far outside of every piece they lie; and at points
     on pieces that lie in no other piece: how far from the mesh they are.
     """
+    from scipy.spatial import cKDTree
+
     on_mesh, triangle = _samples(mesh)
     planes = [_planes(piece) for piece in pieces]
     missing = float(np.maximum(_outside(on_mesh, planes), 0.0).max())
@@ -125,6 +128,8 @@ def _samples(
 
 def _planes(piece: Mesh) -> NDArray[np.float64]:  # (m, 4)
     """Return the outward unit normal and offset of each face of a convex piece."""
+    from scipy.spatial import ConvexHull
+
     return np.unique(np.asarray(ConvexHull(piece.vertices).equations), axis=0)
 
 

@@ -12,8 +12,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.sparse import csgraph
 
 from wayproof.models.world_files.clouds import cells_of_points
 from wayproof.models.world_files.decomposition import decompose
@@ -271,6 +269,9 @@ def _rim(faces: NDArray[np.int64]) -> NDArray[np.int64]:  # (k, 2)
 
 def _pieces(faces: NDArray[np.int64], count: int) -> list[NDArray[np.int64]]:
     """Return the triangles (k, 3) of each connected piece."""
+    from scipy import sparse
+    from scipy.sparse import csgraph
+
     tails, heads = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     edges = sparse.csr_matrix((np.ones(len(tails), np.bool_), (tails, heads)), (count, count))
     labels = csgraph.connected_components(edges, directed=False)[1][faces[:, 0]]

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.free_space import (
@@ -74,6 +73,8 @@ def free_space(found: Found, low: Vector3, high: Vector3, options: ImportOptions
         high: Upper corner, m.
         options: The robot's radius.
     """
+    from scipy import ndimage
+
     grid, ground = Grid(low, high), Ground(found.parts)
     i, j = np.indices(grid.shape).reshape(2, -1)
     heights = ground.height(grid.centres(i, j)).reshape(grid.shape)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import Cylinders
@@ -97,6 +96,8 @@ def _filled_cells(
     rng: np.random.Generator, share: float, high: Vector3
 ) -> NDArray[np.float64]:  # (n, 2)
     """Return centres of the cells that are filled after smoothing, m."""
+    from scipy import ndimage  # slow to load
+
     inside = np.subtract(high[:2], LOW[:2]) - 2 * WALL_THICKNESS
     filled = rng.uniform(size=tuple((inside / CELL).astype(int))) < share
     around = np.ones((3, 3), np.int64)

@@ -9,15 +9,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import ceil, floor
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage, sparse
-from scipy.sparse import csgraph
 
 from wayproof.models._jit import kernel
 from wayproof.models.worlds.solids import Band, Solid
 from wayproof.models.worlds.world import World
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 RESOLUTION = 0.05
 """Side of a cell, m."""
@@ -206,12 +208,16 @@ def _far_from_holes(
         clear_around(hole, world, slab, 0.0)
     if not hole.any():
         return np.ones(shape, np.bool_)
+    from scipy import ndimage  # slow to load
+
     distance = ndimage.distance_transform_edt(~hole, sampling=RESOLUTION)
     return np.asarray(distance > radius + RESOLUTION / 2)  # a hole ends between two centres
 
 
 def label_regions(free: NDArray[np.bool_]) -> NDArray[np.int32]:  # (nx, ny)
     """Return number the 8-connected regions of free cells from 1; 0 is not free."""
+    from scipy import ndimage
+
     labels: NDArray[np.int32] = ndimage.label(free, _EIGHT_CONNECTED)[0]
     return labels
 
@@ -232,6 +238,8 @@ def _grid_path(
     free: NDArray[np.bool_], start: tuple[int, int], goal: tuple[int, int]
 ) -> NDArray[np.int64] | None:  # (n, 2)
     """Return cells of a shortest 8-connected path, both ends included."""
+    from scipy.sparse import csgraph
+
     if not (free[start] and free[goal]):
         return None
     first = int(np.ravel_multi_index(start, free.shape))
@@ -250,6 +258,8 @@ def _grid_path(
 
 def _grid_graph(free: NDArray[np.bool_]) -> sparse.csr_matrix:
     """Return edges between neighbouring free cells, in metres."""
+    from scipy import sparse
+
     nodes = np.arange(free.size).reshape(free.shape)
     pairs = [
         (np.s_[:-1, :], np.s_[1:, :], 1.0),

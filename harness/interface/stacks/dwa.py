@@ -16,9 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.interface.types import Array, Command, Observation, Reference, Task, Velocity
@@ -86,6 +83,8 @@ class Surroundings:
 
     def distances_at(self, points: Array) -> Array:
         """Distances (...) of points (..., 2) to the nearest occupied cell, between cells, m."""
+        from scipy.ndimage import map_coordinates  # scipy is slow to load
+
         places = np.moveaxis((points - self.corner) / CELL_M - 0.5, -1, 0)
         at: Array = map_coordinates(self.distances, places, order=1, mode="nearest")
         return at
@@ -100,6 +99,8 @@ class LocalGrid:
 
     def update(self, position: Array, returns: Array, now_s: float) -> Surroundings:
         """Add returns (k, 3) at height of the body, and forget old ones."""
+        from scipy.ndimage import distance_transform_edt
+
         cells = np.unique(np.floor(returns[:, :2] / CELL_M).astype(np.int64), axis=0)
         self._last_return.update(dict.fromkeys(map(tuple, cells.tolist()), now_s))
         low: NDArray[np.int64] = np.floor(position[:2] / CELL_M).astype(np.int64) - CELLS // 2
@@ -163,6 +164,9 @@ class NavigationFunction:
         far = np.sqrt(np.square(away).sum(axis=1)) + 1e-6
         one = np.concatenate([self._one, joined])
         other = np.concatenate([self._other, np.full(len(joined), CELLS**2)])
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import dijkstra
+
         graph = coo_matrix(
             (np.concatenate([weights, far]), (one, other)), shape=(CELLS**2 + 1,) * 2
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
@@ -152,6 +152,11 @@ def _check_motion(message: pb.RecordedMotion) -> None:
 
 def _check_texts(message: Message) -> None:
     """Raise a ValueError if a text has control characters that a terminal would obey."""
+    texts_of = _singular_texts(message.DESCRIPTOR)
+    if texts_of is not None:
+        if not texts_of(message).isprintable():
+            raise ValueError(message.DESCRIPTOR.name)
+        return
     for field in _fields_with_texts(message.DESCRIPTOR):
         value = getattr(message, field.name)
         for one in value if field.is_repeated else (value,):
@@ -159,6 +164,19 @@ def _check_texts(message: Message) -> None:
                 _check_texts(one)
             elif not one.isprintable():
                 raise ValueError(field.name)
+
+
+@functools.cache
+def _singular_texts(descriptor: Descriptor) -> Callable[[Message], str] | None:
+    """Return a function that joins all texts of a message, if each is a field of one text.
+
+    A state has some twenty arrays with such texts, and their checks took half of its decoding.
+    """
+    fields = _fields_with_texts(descriptor)
+    if any(field.is_repeated or field.message_type for field in fields):
+        return None
+    names = [field.name for field in fields]
+    return lambda message: "".join([getattr(message, name) for name in names])
 
 
 @functools.cache

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from wayproof.models.arrays import Array
 from wayproof.models.robots.custom.legged_parameters import legged_parameters
@@ -139,6 +138,8 @@ def walked(mjcf: str, spec: SpecFile) -> Stride:
             left = np.array([-ahead[1], ahead[0]])
             points.append(np.column_stack([offset @ ahead, offset @ left]))
             fell |= bool(R[2, 2] < np.cos(spec.limits.tilt))
+    from scipy.spatial import ConvexHull  # slow to load, and few robots are measured
+
     cloud = np.concatenate([one[ConvexHull(one).vertices] for one in points])
     return Stride(cloud[ConvexHull(cloud).vertices], height, fell, sag)
 

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from wayproof.models.worlds.solids.solid import Band
 from wayproof.models.worlds.solids.surfaces import TriangleMesh
@@ -21,6 +20,8 @@ class ConvexMesh(TriangleMesh):
     @cached_property
     def _hull(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Outward planes (m, 4) and triangles (m, 3, 3) of the hull."""
+        from scipy.spatial import ConvexHull  # slow to load, and few worlds have one
+
         points = np.array(self.vertices, np.float64)
         hull = ConvexHull(points)
         return np.asarray(hull.equations), np.asarray(points[hull.simplices])
@@ -70,6 +71,8 @@ class ConvexMesh(TriangleMesh):
         flat = np.concatenate(found)[:, :2]
         if not len(flat):
             return None
+        from scipy.spatial import ConvexHull, QhullError
+
         try:
             return np.asarray(flat[ConvexHull(flat).vertices])
         except (QhullError, ValueError):  # all on one line
