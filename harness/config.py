@@ -321,6 +321,12 @@ def from_document(document: Any) -> Config:
         raise InputError(_one_line(error)) from None
 
 
+def _section(document: Any, name: str) -> dict[str, Any]:
+    """A section of settings; an empty one of its own if the document has none."""
+    section = document.get(name) if isinstance(document, dict) else None
+    return section if isinstance(section, dict) else {}
+
+
 def to_json(config: Config) -> bytes:
     """The resolved config as JSON, fields in their declared order; no waypoints are left out."""
     document = msgspec.to_builtins(config)
@@ -344,10 +350,10 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
         document = msgspec.json.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"config: {error}") from None
-    planner = document.get("planner") if isinstance(document, dict) else None
-    if isinstance(planner, dict):
-        planner.setdefault("grain", 0.0)  # recorded before there was one
-    name = planner.get("name") if isinstance(planner, dict) else None
+    planner, mapped = _section(document, "planner"), _section(document, "map")
+    planner.setdefault("grain", 0.0)  # recorded before there was one
+    mapped.setdefault("ground_fit", False)  # likewise
+    name = planner.get("name")
     if not allow_plugins and isinstance(name, str) and PLUGIN in name:
         raise InputError(
             f"config names the planner '{name}', which is code outside Wayproof; "

@@ -16,6 +16,7 @@ from wayproof import maps, planners
 from wayproof.harness.config import Config
 from wayproof.harness.estimators import surface_map
 from wayproof.harness.scenario.robots import find_robot, warm_up_robot
+from wayproof.maps import ground_fit
 from wayproof.models import rays, step_kernels, truth
 from wayproof.models.robots import ROBOTS
 from wayproof.models.sensors import measure, range_codec
@@ -37,6 +38,7 @@ def warm_up(config: Config) -> None:
 def compile_perception(config: Config) -> None:
     """Compile the kernels of ray casting and mapping."""
     maps.warm_up(config.map.kind, config.costmap.max_slope, config.sensors.semantics)
+    ground_fit.warm_up()
     measure.warm_up()
     range_codec.warm_up()
     rays.warm_up()

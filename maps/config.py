@@ -74,6 +74,9 @@ class MapConfig:
             second leaves ghosts where only open space is behind.
         floor_grazing_filter: Whether a beam that ends in the floor's layer clears no cell of that
             layer, which it would cross at a grazing angle.
+        ground_fit: Whether the plane of the floor is fitted to each sweep of a robot that walks on
+            a flat one, which levels a sensor whose mounting is off, keeps the floor's noise from
+            standing on it, and tells a lost echo of the floor from a hole.
         min_obstacle_height: Lower end of the heights that a flat grid takes in, m above the floor;
             above the noise of the floor's own returns. As in Nav2's obstacle layer.
         max_obstacle_height: Upper end, m; Nav2's default.
@@ -98,6 +101,7 @@ class MapConfig:
     minimum_range: Annotated[float, Bounds(0.0, 60.0, "m")] = 0.3
     no_return: NoReturn = "free"
     floor_grazing_filter: bool = True
+    ground_fit: bool = True
     min_obstacle_height: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.05
     max_obstacle_height: Annotated[float, Bounds(0.01, 100.0, "m")] = 2.0
     memory_mib: Annotated[int, Bounds(1, 65536, "MiB")] = 512

@@ -13,6 +13,7 @@ from wayproof.harness.shadow.batches import batches
 from wayproof.harness.shadow.inputs import InputWriter
 from wayproof.harness.shadow.perturb import RecordedPerturbation
 from wayproof.harness.shadow.prepare import Prepared
+from wayproof.harness.stack.ground import on_level_ground
 from wayproof.maps import MapConfig
 
 Corner = tuple[float, float, float]
@@ -66,6 +67,7 @@ def of_log(path: Path, most: int) -> Source:
             for sweep in inputs.sweeps:
                 beams = log.beams[sweep.sensor]
                 world = beams.place(sweep, inputs.pose, inputs.sequence)
+                world = on_level_ground(world, beams.range, log.config, log.mission)
                 yield PlacedSweep(inputs.time_ns, world, beams.range)
 
     return Source(
@@ -79,6 +81,7 @@ def of_recording(recording: Recording, prepared: Prepared, most: int) -> Source:
     Raises:
         InputError: It is damaged.
     """
+    mission = prepared.mission
     beams = {info.name: beams_from_info(info) for info in prepared.infos}
     writer = InputWriter(prepared, RecordedPerturbation(prepared.config, prepared.infos))
 
@@ -89,9 +92,9 @@ def of_recording(recording: Recording, prepared: Prepared, most: int) -> Source:
             for sweep in inputs.sweeps:
                 own = beams[sweep.sensor]
                 world = own.place(sweep, inputs.pose, sequence)
+                world = on_level_ground(world, own.range, prepared.config, mission)
                 yield PlacedSweep(inputs.time_ns, world, own.range)
 
-    mission = prepared.mission
     sweeps = first(placed(), most)
     return Source(recording.name, prepared.config.map, mission.low, mission.high, sweeps)
 

@@ -16,6 +16,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.stack.decision import MOST_WIDENING
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
 from wayproof.harness.stack.footprint_clearing import clear_footprint
+from wayproof.harness.stack.ground import on_level_ground
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.maps import MAPS, Costmap
 from wayproof.maps.costmap.widening import NOT_WIDENED
@@ -88,6 +89,7 @@ class Mapper:
             placed = beams.place(sweep, inputs.pose, inputs.sequence)
             if self._config.map.no_return == "ignored":
                 placed = placed.without_no_returns()
+            placed = on_level_ground(placed, beams.range, self._config, self._mission)
             self.map.integrate(
                 placed.origins,
                 placed.directions,

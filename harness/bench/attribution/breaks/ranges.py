@@ -6,16 +6,19 @@ from wayproof.harness.bench.attribution.breaks.broken import Broken, Kind, Rng
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.scenario import Scenario
 
+UNFITTED = ("map.ground_fit=false",)
+"""The floor as each beam has it: a fitted one bears most of these faults."""
+
 
 def _dropout(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """Returns are lost."""
     mode = ("ray", "patch", "sweep")[int(rng.integers(3))]
-    return Broken(perturbation=f"depth_dropout:{rng.uniform(2.0, 5.0):.2f}:{mode}")
+    return Broken(UNFITTED, f"depth_dropout:{rng.uniform(2.0, 5.0):.2f}:{mode}")
 
 
 def _noise(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """Ranges are noisier than the device states."""
-    return Broken(perturbation=f"depth_noise:{rng.uniform(2.5, 5.0):.2f}")
+    return Broken(UNFITTED, f"depth_noise:{rng.uniform(2.5, 5.0):.2f}")
 
 
 def _occlusion(sound: Scenario, result: Result, rng: Rng) -> Broken:
@@ -25,7 +28,7 @@ def _occlusion(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 def _calibration(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """The sensor is rotated against its stated mount."""
-    return Broken(perturbation=f"calibration:{rng.uniform(3.0, 5.0):.2f}:rotation")
+    return Broken(UNFITTED, f"calibration:{rng.uniform(3.0, 5.0):.2f}:rotation")
 
 
 def _blind(sound: Scenario, result: Result, rng: Rng) -> Broken:

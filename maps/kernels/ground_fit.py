@@ -1,0 +1,258 @@
+"""Kernels that fit a plane to the returns of a floor, and level a sweep by it.
+
+A plane is five numbers, (5,): height at the anchor, m; slope along x and along y, m/m; the anchor's
+x and y, m, world. Sums go over the beams in their order, so that a repeat has the same bits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.maps._jit import kernel
+
+DROPPED_MM = 0
+NO_RETURN_MM = 65535
+
+FARTHEST = 8.0
+"""Horizontal distance up to which returns are fitted, m: farther ones meet the floor at less than
+a tenth of a radian from the heights of usual sensors."""
+
+TILT = 0.06
+"""Steepest plane that is looked for, rad: what a sensor's mounting is off, not a ramp."""
+
+HEIGHT = 0.15
+"""Highest plane that is looked for, m at the sensor."""
+
+BANDS = np.array([0.3, 0.15, 0.075, 0.0375, 0.0375, 0.0375])
+"""Half widths of the bands around the plane that the rounds of the fit take returns from, m; never
+below three deviations of the round before."""
+
+TOLERANCE = 4.0
+"""Deviations by which a return of the floor may be off it: one of 16,000 is off by more."""
+
+SIGNIFICANT = 4.0
+"""Deviations of its mean by which a tile is above the floor for no chance."""
+
+
+@kernel
+def returns_near_floor(
+    origins: NDArray[np.float64],  # (m, 3) m, world; the last is the sensor's place
+    moments: NDArray[np.int32],  # (n,) origin of each beam
+    directions: NDArray[np.float64],  # (n, 3) unit vectors
+    ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
+    stride: int,  # of the beams, one is taken
+    near: NDArray[np.float64],  # (n // stride + 1, 3) out: m from below the sensor, and height
+) -> int:
+    """List the returns near z = 0 and the sensor; return their number."""
+    count = 0
+    x0, y0 = origins[-1, 0], origins[-1, 1]
+    for i in range(0, ranges_mm.shape[0], stride):
+        if ranges_mm[i] == DROPPED_MM or ranges_mm[i] == NO_RETURN_MM:
+            continue
+        k, r = moments[i], ranges_mm[i] * 1e-3
+        z = origins[k, 2] + r * directions[i, 2]
+        x, y = origins[k, 0] + r * directions[i, 0] - x0, origins[k, 1] + r * directions[i, 1] - y0
+        squared = x * x + y * y
+        if squared <= FARTHEST * FARTHEST and abs(z) <= BANDS[0] + TILT * np.sqrt(squared):
+            near[count, 0], near[count, 1], near[count, 2] = x, y, z
+            count += 1
+    return count
+
+
+@kernel
+def fit_plane(
+    near: NDArray[np.float64],  # (n, 3) x and y from below the sensor, and height, m
+    sensor: tuple[float, float, float],  # m, world
+    plane: NDArray[np.float64],  # (5,) out
+    figures: NDArray[np.float64],  # (3,) out, m: rms residual; least deviation of x and y; rms
+    # error of the ranges that gives such residuals
+) -> int:
+    """Fit a plane to points by least squares, trimmed in rounds to those near the last plane.
+
+    Returns:
+        Number of points of the last round; 0 if they hold no plane.
+    """
+    plane[:] = 0.0
+    plane[3], plane[4] = sensor[0], sensor[1]
+    figures[:] = 0.0
+    count = 0
+    for k in range(BANDS.shape[0]):
+        band = max(BANDS[k], 3.0 * figures[0])
+        n = sx = sy = sz = xx = xy = yy = xz = yz = 0.0
+        for i in range(near.shape[0]):
+            x, y, z = near[i]
+            wide = band + (TILT * np.sqrt(x * x + y * y) if k == 0 else 0.0)
+            if abs(z - (plane[0] + plane[1] * x + plane[2] * y)) > wide:
+                continue
+            n += 1.0
+            sx, sy, sz = sx + x, sy + y, sz + z
+            xx, xy, yy = xx + x * x, xy + x * y, yy + y * y
+            xz, yz = xz + x * z, yz + y * z
+        if n < 3.0:
+            return 0
+        mx, my, mz = sx / n, sy / n, sz / n
+        a, b, c = xx / n - mx * mx, xy / n - mx * my, yy / n - my * my
+        determinant = a * c - b * b
+        least = 0.5 * (a + c) - np.sqrt(0.25 * (a - c) * (a - c) + b * b)
+        if not (least > 0.0 and determinant > 0.0):
+            return 0
+        u, v = xz / n - mx * mz, yz / n - my * mz
+        plane[1], plane[2] = (c * u - b * v) / determinant, (a * v - b * u) / determinant
+        plane[0] = mz - plane[1] * mx - plane[2] * my
+        rest = shares = 0.0
+        for i in range(near.shape[0]):
+            x, y, z = near[i]
+            off = z - (plane[0] + plane[1] * x + plane[2] * y)
+            if abs(off) <= band:
+                below = sensor[2] - z
+                rest += off * off
+                shares += below * below / (x * x + y * y + below * below)
+        figures[0], figures[1] = np.sqrt(rest / n), np.sqrt(least)
+        figures[2] = np.sqrt(rest / shares) if shares > 0.0 else 0.0
+        count = int(n)
+    return count
+
+
+@kernel
+def tile_of(x: float, y: float, centre: tuple[float, float], edge: float, size: int) -> int:
+    """Index of the tile that holds a point, row by row; -1 outside the `size` x `size` tiles."""
+    i = int(np.floor((x - centre[0]) / edge)) + size // 2
+    j = int(np.floor((y - centre[1]) / edge)) + size // 2
+    return i * size + j if 0 <= i < size and 0 <= j < size else -1
+
+
+@kernel
+def tilt_back(
+    origins: NDArray[np.float64],  # (m, 3) m, world
+    moments: NDArray[np.int32],  # (n,) origin of each beam
+    directions: NDArray[np.float64],  # (n, 3) unit vectors
+    ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
+    plane: NDArray[np.float64],  # (5,)
+    level_origins: NDArray[np.float64],  # (m, 3) out
+    ends: NDArray[np.float64],  # (n, 3) out: returns from their origin, m; else a direction
+) -> None:
+    """Shear a sweep along z so that the plane is z = 0."""
+    height, along_x, along_y, anchor_x, anchor_y = plane
+    for k in range(origins.shape[0]):
+        lever = along_x * (origins[k, 0] - anchor_x) + along_y * (origins[k, 1] - anchor_y)
+        level_origins[k, 0], level_origins[k, 1] = origins[k, 0], origins[k, 1]
+        level_origins[k, 2] = origins[k, 2] - height - lever
+    for i in range(ranges_mm.shape[0]):
+        returned = ranges_mm[i] != DROPPED_MM and ranges_mm[i] != NO_RETURN_MM
+        r = ranges_mm[i] * 1e-3 if returned else 1.0
+        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        ends[i, 0], ends[i, 1] = r * dx, r * dy
+        ends[i, 2] = r * (dz - along_x * dx - along_y * dy)
+
+
+@kernel
+def put_on_floor(
+    origins: NDArray[np.float64],  # (m, 3) m, the plane at z = 0
+    moments: NDArray[np.int32],  # (n,)
+    ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
+    deviations: tuple[float, float, float],  # of a range, of the rest, greatest tolerance, m
+    tiling: tuple[float, int],  # edge of a tile, m, and tiles along an axis
+    ends: NDArray[np.float64],  # (n, 3) in, out, m from the origins
+    on_floor: NDArray[np.bool_],  # (n,) out
+) -> None:
+    """Put returns near z = 0 on it, but in tiles whose mean is above it by more than chance."""
+    edge, size = tiling
+    along, rest, most = deviations
+    centre = origins[0, 0], origins[0, 1]
+    sums, squares, counts = np.zeros(size * size), np.zeros(size * size), np.zeros(size * size)
+    tiles = np.empty(ranges_mm.shape[0], np.int64)
+    for i in range(ranges_mm.shape[0]):
+        k = moments[i]
+        on_floor[i] = False
+        if ranges_mm[i] == DROPPED_MM or ranges_mm[i] == NO_RETURN_MM:
+            continue
+        z = origins[k, 2] + ends[i, 2]
+        share = abs(ends[i, 2]) / max(ranges_mm[i] * 1e-3, 1e-3)  # of the range's error in height
+        deviation = np.sqrt(along * along * share * share + rest * rest)
+        if not abs(z) <= min(TOLERANCE * deviation, most):
+            continue
+        on_floor[i] = True
+        tile = tile_of(origins[k, 0] + ends[i, 0], origins[k, 1] + ends[i, 1], centre, edge, size)
+        tiles[i] = tile
+        if tile >= 0:
+            sums[tile] += z
+            squares[tile] += deviation * deviation
+            counts[tile] += 1.0
+    for i in range(ranges_mm.shape[0]):
+        if not on_floor[i]:
+            continue
+        tile = tiles[i]
+        if tile >= 0:
+            n = counts[tile]
+            chance = SIGNIFICANT * np.sqrt(squares[tile]) / n + rest
+            if sums[tile] / n > chance:
+                on_floor[i] = False
+                continue
+        ends[i, 2] = -origins[moments[i], 2]
+
+
+@kernel
+def beams_of(
+    ends: NDArray[np.float64],  # (n, 3) m from the origins
+    ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
+    directions: NDArray[np.float64],  # (n, 3) out: unit vectors
+    new_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,) out
+) -> None:
+    """Make beams of ends again; those without a return keep what they report."""
+    for i in range(ranges_mm.shape[0]):
+        x, y, z = ends[i, 0], ends[i, 1], ends[i, 2]
+        length = np.sqrt(x * x + y * y + z * z)
+        new_mm[i] = ranges_mm[i]
+        if ranges_mm[i] != DROPPED_MM and ranges_mm[i] != NO_RETURN_MM:
+            mm = int(np.rint(length * 1e3))
+            if mm != DROPPED_MM and mm < NO_RETURN_MM:
+                new_mm[i] = mm
+        directions[i, 0], directions[i, 1], directions[i, 2] = x / length, y / length, z / length
+
+
+@kernel
+def near(marked: NDArray[np.bool_], i: int, j: int) -> bool:
+    """Whether a tile or one beside it is marked."""
+    for p in range(max(i - 1, 0), min(i + 2, marked.shape[0])):
+        for q in range(max(j - 1, 0), min(j + 2, marked.shape[1])):
+            if marked[p, q]:
+                return True
+    return False
+
+
+@kernel
+def find_lost(
+    origins: NDArray[np.float64],  # (m, 3) m, the plane at z = 0
+    moments: NDArray[np.int32],  # (n,)
+    directions: NDArray[np.float64],  # (n, 3)
+    range_m: float,  # of the sensor
+    tiling: tuple[float, int],  # edge of a tile, m, and tiles along an axis
+    ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
+    lost: NDArray[np.bool_],  # (n,) out
+) -> None:
+    """Find the beams without return that head for floor z = 0 from where others came back.
+
+    Those came back from the floor, or from what stands before it; over a hole none does.
+    """
+    edge, size = tiling
+    centre = origins[0, 0], origins[0, 1]
+    answered = np.zeros((size, size), np.bool_)
+    tiles = np.empty(ranges_mm.shape[0], np.int64)
+    for i in range(ranges_mm.shape[0]):
+        tiles[i] = -1
+        k = moments[i]
+        if ranges_mm[i] == DROPPED_MM or directions[i, 2] >= 0.0 or origins[k, 2] <= 0.0:
+            continue
+        r = -origins[k, 2] / directions[i, 2]
+        if r > range_m:
+            continue
+        x, y = origins[k, 0] + r * directions[i, 0], origins[k, 1] + r * directions[i, 1]
+        tile = tile_of(x, y, centre, edge, size)
+        tiles[i] = tile
+        back = ranges_mm[i] != NO_RETURN_MM and ranges_mm[i] * 1e-3 <= r + edge
+        if tile >= 0 and back:
+            answered[tile // size, tile % size] = True
+    for i in range(ranges_mm.shape[0]):
+        silent = ranges_mm[i] == NO_RETURN_MM and tiles[i] >= 0
+        lost[i] = silent and near(answered, tiles[i] // size, tiles[i] % size)

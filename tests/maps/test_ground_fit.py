@@ -1,0 +1,204 @@
+"""The plane of a floor in a sweep: found among what stands on it, levelled, lost echoes told."""
+
+import math
+
+import numpy as np
+import pytest
+
+from wayproof.maps.ground_fit import TILE, fit_ground, level
+from wayproof.maps.kernels import ground_fit as kernels
+
+SENSOR = np.array([[0.4, -0.3, 0.5]])
+NO_RETURN, DROPPED = 65535, 0
+RANGE_M = 15.0
+
+
+def beams(rows=40, columns=120):
+    """Directions of a scanner, from 60 degrees down to 10 up."""
+    elevation = np.radians(np.linspace(-60.0, 10.0, rows))[:, None]
+    azimuth = np.linspace(-math.pi, math.pi, columns, endpoint=False)[None]
+    shape = rows, columns
+    x, y = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)
+    z = np.broadcast_to(np.sin(elevation), shape)
+    return np.stack([x, y, z], axis=-1).reshape(-1, 3).copy()
+
+
+def cast(directions, slopes=(0.0, 0.0), height=0.0, wall_x=4.0, noise=0.0, seed=0):
+    """Ranges to a plane, and to a wall on one side, mm."""
+    plane_normal = np.array([-slopes[0], -slopes[1], 1.0])
+    down = directions @ plane_normal
+    floor = np.where(down < 0.0, -(SENSOR[0, 2] - height) / np.minimum(down, -1e-9), np.inf)
+    ahead = directions[:, 0]
+    wall = np.where(ahead > 0.0, (wall_x - SENSOR[0, 0]) / np.maximum(ahead, 1e-9), np.inf)
+    ranges = np.minimum(floor, wall)
+    met = ranges < RANGE_M
+    error = noise * np.random.default_rng(seed).standard_normal(len(ranges))
+    return np.where(met, np.rint((np.where(met, ranges, 0) + error) * 1e3), NO_RETURN).astype(
+        np.uint16
+    )
+
+
+def moments_of(ranges_mm):
+    return np.zeros(len(ranges_mm), np.int32)
+
+
+def heights(sweep, of):
+    returned = (sweep.ranges_mm != NO_RETURN) & (sweep.ranges_mm != DROPPED) & of
+    return sweep.origins[0, 2] + sweep.ranges_mm[returned] * 1e-3 * sweep.directions[returned, 2]
+
+
+@pytest.mark.parametrize("slopes", [(0.0, 0.0), (0.0175, 0.0), (-0.01, 0.02)])
+@pytest.mark.parametrize(("noise", "within"), [(0.0, 0.0005), (0.03, 0.003)])
+def test_the_plane_is_found_beside_a_wall(slopes, noise, within):
+    directions = beams()
+    ranges_mm = cast(directions, slopes, 0.02, noise=noise)
+    plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
+    assert np.abs(plane.numbers[:3] - [0.02, *slopes]).max() < within
+    assert plane.range_deviation == pytest.approx(noise, rel=0.15, abs=0.005)
+    expected = slopes == (0.0, 0.0) and noise == 0.0
+    low = cast(directions, slopes, noise=noise)
+    assert fit_ground(SENSOR, moments_of(low), directions, low).as_expected == expected
+
+
+def test_a_sweep_is_levelled_and_what_stands_on_the_floor_stays():
+    directions = beams(80, 360)
+    slopes = (0.0175, -0.01)
+    ranges_mm = cast(directions, slopes, noise=0.02)
+    box = (np.abs(directions[:, 1]) < 0.1) & (directions[:, 0] < 0.0)  # 0.2 m high, 1.5 m behind
+    reach = np.where(box, 1.5 / np.maximum(-directions[:, 0], 1e-9), np.inf)
+    top = SENSOR[0, 2] + reach * directions[:, 2]
+    hit = box & (top > 0.0) & (top < 0.2)
+    ranges_mm[hit] = np.rint(reach[hit] * 1e3)
+    plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
+    found = level(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M, plane)
+    assert np.abs(heights(found, found.on_floor)).max() < 0.0011  # millimetres of range
+    np.testing.assert_allclose(np.linalg.norm(found.directions, axis=1), 1.0, atol=1e-12)
+    assert not found.on_floor[hit & (top > 0.1)].any()
+    ends = SENSOR[0] + ranges_mm[:, None] * 1e-3 * directions
+    floor = (ranges_mm != NO_RETURN) & ~hit & (ends[:, 0] < 3.5) & (directions[:, 2] < -0.1)
+    assert found.on_floor[floor].mean() > 0.99
+
+
+def test_a_low_step_is_no_noise_of_the_floor():
+    directions = beams(200, 720)
+    ranges_mm = cast(directions, noise=0.02)
+    down = directions[:, 2] < -0.1
+    reach = np.where(down, (SENSOR[0, 2] - 0.05) / -np.minimum(directions[:, 2], -0.1), 0.0)
+    ends = SENSOR[0] + reach[:, None] * directions
+    step = down & (np.abs(ends[:, 0] + 1.0) < 0.25) & (np.abs(ends[:, 1]) < 0.5)
+    error = 0.02 * np.random.default_rng(1).standard_normal(len(reach))
+    ranges_mm[step] = np.rint((reach[step] + error[step]) * 1e3)
+    plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
+    found = level(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M, plane)
+    inner = step & (np.abs(ends[:, 0] + 1.0) < 0.25 - TILE / 2)
+    assert inner.sum() > 100
+    assert found.on_floor[inner].mean() < 0.02
+    floor = ~step & (directions[:, 0] < 0) & (directions[:, 2] < -0.2)
+    assert found.on_floor[floor].mean() > 0.9
+
+
+def test_a_lost_echo_of_the_floor_is_told_from_a_hole():
+    directions = beams(80, 360)
+    ranges_mm = cast(directions)
+    down = SENSOR[0] + ranges_mm[:, None] * 1e-3 * directions
+    floor = (np.abs(down[:, 2]) < 0.01) & (ranges_mm != NO_RETURN)
+    hole = floor & (np.abs(down[:, 0] + 2.5) < 1.0) & (np.abs(down[:, 1]) < 1.0)
+    lost = floor & ~hole & (np.random.default_rng(2).random(len(floor)) < 0.2)
+    ranges_mm[hole | lost] = NO_RETURN
+    plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
+    assert plane.as_expected
+    found = level(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M, plane)
+    near = lost & (np.hypot(*(down - SENSOR[0])[:, :2].T) < 10.0)
+    assert near.sum() > 500
+    assert found.lost[near].mean() > 0.99
+    inner = hole & (np.abs(down[:, 0] + 2.5) < 0.5) & (np.abs(down[:, 1]) < 0.5)
+    assert inner.sum() > 20
+    assert not found.lost[inner].any()
+    assert not found.lost[directions[:, 2] >= 0.0].any()
+    assert not found.lost[ranges_mm != NO_RETURN].any()
+
+
+def test_an_echo_lost_behind_an_obstacle_is_no_hole():
+    directions = beams(80, 360)
+    ranges_mm = cast(directions)
+    wall = (ranges_mm != NO_RETURN) & (SENSOR[0, 0] + ranges_mm * 1e-3 * directions[:, 0] > 3.99)
+    lost = wall & (np.random.default_rng(3).random(len(wall)) < 0.3) & (directions[:, 2] < -0.1)
+    ranges_mm[lost] = NO_RETURN
+    plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
+    found = level(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M, plane)
+    assert lost.sum() > 50
+    assert found.lost[lost].mean() > 0.98
+
+
+@pytest.mark.parametrize(
+    "kind", ["none", "dropped", "walls", "ramp", "high", "few", "line", "under the floor"]
+)
+def test_no_floor_is_made_up(kind):
+    directions = beams()
+    ranges_mm = {
+        "none": lambda: np.full(len(directions), NO_RETURN, np.uint16),
+        "dropped": lambda: np.full(len(directions), DROPPED, np.uint16),
+        "walls": lambda: np.where(directions[:, 2] < -0.05, DROPPED, cast(directions)),
+        "ramp": lambda: cast(directions, (0.15, 0.0), wall_x=50.0),
+        "high": lambda: cast(directions, height=0.3, wall_x=50.0),
+        "few": lambda: np.where(np.arange(len(directions)) % 97, DROPPED, cast(directions)),
+        "line": lambda: np.where(np.abs(directions[:, 1]) > 1e-6, DROPPED, cast(directions)),
+        "under the floor": lambda: np.full(len(directions), 1, np.uint16),
+    }[kind]().astype(np.uint16)
+    assert fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm) is None
+
+
+def test_an_empty_sweep_has_no_floor():
+    nothing = np.empty((0, 3)), np.empty(0, np.uint16)
+    assert fit_ground(SENSOR, np.empty(0, np.int32), *nothing) is None
+
+
+def test_kernels_compiled_and_interpreted_agree_bit_by_bit():
+    directions = beams(20, 40)
+    ranges_mm = cast(directions, (0.01, -0.01), 0.03, noise=0.03)
+    ranges_mm[::7] = NO_RETURN
+    origins = np.array([[0.4, -0.3, 0.5], [0.45, -0.3, 0.51]])
+    moments = (np.arange(len(ranges_mm)) >= 400).astype(np.int32)
+    runs = []
+    for run in (lambda kernel: kernel, lambda kernel: kernel.py_func):
+        near, plane, figures = np.zeros((len(ranges_mm), 3)), np.zeros(5), np.zeros(3)
+        count = run(kernels.returns_near_floor)(origins, moments, directions, ranges_mm, 1, near)
+        used = run(kernels.fit_plane)(near[:count], (0.45, -0.3, 0.51), plane, figures)
+        levelled, ends = np.zeros_like(origins), np.zeros_like(directions)
+        run(kernels.tilt_back)(origins, moments, directions, ranges_mm, plane, levelled, ends)
+        on_floor, lost = np.zeros((2, len(ranges_mm)), np.bool_)
+        deviations, tiling = (float(figures[2]), 0.01, 0.1), (0.25, 97)
+        run(kernels.put_on_floor)(levelled, moments, ranges_mm, deviations, tiling, ends, on_floor)
+        new, new_mm = np.zeros_like(directions), np.zeros_like(ranges_mm)
+        run(kernels.beams_of)(ends, ranges_mm, new, new_mm)
+        arguments = levelled, moments, new, RANGE_M, tiling, new_mm, lost
+        run(kernels.find_lost)(*arguments)
+        runs.append((count, used, near, plane, figures, levelled, new, new_mm, on_floor, lost))
+    assert runs[0][1] > 100
+    assert runs[0][-1].any()
+    for one, other in zip(*runs, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_the_fit_is_that_of_least_squares_in_rounds():
+    directions = beams()
+    ranges_mm = cast(directions, (0.01, -0.01), 0.03, noise=0.01)
+    plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
+    points = ranges_mm[ranges_mm != NO_RETURN, None] * 1e-3 * directions[ranges_mm != NO_RETURN]
+    x, y, z = points.T
+    z = z + SENSOR[0, 2]
+    near = (np.hypot(x, y) <= kernels.FARTHEST) & (np.abs(z) <= 0.3 + kernels.TILT * np.hypot(x, y))
+    x, y, z = x[near], y[near], z[near]
+    kept, deviation, fitted = np.ones(len(x), bool), 0.0, np.zeros(3)
+    for k, band in enumerate(kernels.BANDS):
+        if k:
+            off = z - np.column_stack([np.ones_like(x), x, y]) @ fitted
+            kept = np.abs(off) <= max(band, 3.0 * deviation)
+        design = np.column_stack([np.ones_like(x), x, y])[kept]
+        fitted = np.linalg.lstsq(design, z[kept], rcond=None)[0]
+        off = z - np.column_stack([np.ones_like(x), x, y]) @ fitted
+        within = np.abs(off) <= max(band, 3.0 * deviation)
+        deviation = math.sqrt(float(np.square(off[within]).sum()) / kept.sum())
+    np.testing.assert_allclose(plane.numbers[:3], fitted, atol=1e-9)
+    assert plane.deviation == pytest.approx(deviation, rel=1e-9)
+    assert plane.points == kept.sum()
