@@ -1,5 +1,6 @@
 """Missions of several goals: order, endings, figures, and the log of each."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -151,7 +152,7 @@ def test_a_collision_between_goals(recorded):
     assert simulate_again(Path(result.log)).identical
 
 
-@pytest.mark.parametrize("stack", ["dwa", "gap"])
+@pytest.mark.parametrize("stack", ["dwa", f"exec:{sys.executable} -m wayproof serve gap"])
 def test_a_stack_on_trial_is_led_from_goal_to_goal(recorded, stack):
     result = recorded("empty", "quadruped", 1, f"stack.name={stack}", *THERE_AND_BACK)
     assert result.outcome == "success", result.reason

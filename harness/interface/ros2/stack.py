@@ -130,6 +130,8 @@ class Ros2Stack:
         if observation.goals_reached > self._reached:
             self._reached = observation.goals_reached
             self._outputs.send_goal(stamp_ns, self._reached)
+            if topic := self._outputs.not_taken(self._wall_s):  # before the sweeps are sent
+                raise self._hung(f"had not received all of {topic}")
         if self._costmap is not None:
             self._outputs.send_grids(self._costmap, observation.time_ns, stamp_ns)
         ask = self._in_lockstep if self._lockstep else self._in_controller_periods

@@ -24,7 +24,7 @@ class Probe : public wayproof::Stack {
     for (const wayproof::Vector& point : points) sum = sum + point;
     const wayproof::Vector& at = observation.reference_position;
     wayproof::Command command;
-    command.waypoints = wayproof::Waypoints{{at + wayproof::Vector{0.1, 0.0, 0.0}, task_.goal}, 0.4};
+    command.waypoints = wayproof::Waypoints{{at + wayproof::Vector{0.1, 0.0, 0.0}, observation.goal}, 0.4};
     command.action = "follow";
     command.label = "none";
     command.reason = observation.last ? observation.last->fate : "first";

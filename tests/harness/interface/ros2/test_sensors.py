@@ -216,3 +216,16 @@ def test_the_footprint_is_below_a_tilted_body_and_keeps_its_heading(quadruped, d
 def test_the_goal_is_headed_away_from_the_start(quadruped):
     goal, mission = goal_pose(quadruped.task, Options(), STAMP), quadruped.task.mission
     assert (goal.pose.position.x, goal.pose.position.y) == mission.goal[:2]
+
+
+def test_the_next_goal_is_headed_away_from_the_one_before(quadruped):
+    mission = replace(quadruped.task.mission, waypoints=((4.0, 3.0, 0.3), (4.0, 5.0, 0.3)))
+    task = replace(quadruped.task, mission=mission)
+    poses = [goal_pose(task, Options(), STAMP, reached).pose for reached in range(3)]
+    assert [(one.position.x, one.position.y) for one in poses] == [
+        *((4.0, 3.0), (4.0, 5.0)),
+        mission.goal[:2],
+    ]
+    assert (poses[1].orientation.z, poses[1].orientation.w) == pytest.approx(
+        (math.sin(math.pi / 4), math.cos(math.pi / 4))
+    )
