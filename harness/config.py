@@ -206,11 +206,7 @@ class Config:
         if not 0 <= self.seed < 2**63:
             raise ValueError(f"seed: got {self.seed}, expected 0 to 2^63 - 1")
         check_fields(self, "")
-        if self.estimate.kind == "lidar" and getattr(self.perturbation, "changes", "") == "pose":
-            raise ValueError(
-                "estimate.kind: got 'lidar' with a perturbation of the pose, which is an error of "
-                "the model; expected 'model' or a perturbation of the sensors"
-            )
+        _check_estimate(self.estimate.kind, self.perturbation)
         _check_class_margins(self.costmap.class_margins, self.sensors.semantics)
 
 
@@ -233,6 +229,21 @@ def _check_places(config: Config) -> None:
 def _places() -> str:
     *names, last = PLACES
     return f"{', '.join(names)} or {last}"
+
+
+def _check_estimate(kind: str, perturbation: AnyPerturbation | None) -> None:
+    """Refuse a perturbation that acts on what the estimator does not have."""
+    changes = getattr(perturbation, "changes", "")
+    if kind == "lidar" and changes == "pose":
+        raise ValueError(
+            "estimate.kind: got 'lidar' with a perturbation of the pose, which is an error of "
+            "the model; expected 'model' or a perturbation of the sensors"
+        )
+    if kind != "lidar" and changes == "motion_sensors":
+        raise ValueError(
+            f"estimate.kind: got '{kind}' with a perturbation of the inertial sensors, which only "
+            "an odometry reads; expected 'lidar'"
+        )
 
 
 NAMED: dict[str, Iterable[str]] = {
@@ -287,6 +298,19 @@ def override(config: Config, settings: Iterable[str]) -> Config:
         except InputError as error:
             raise InputError(f"--set {setting}: {error}") from None
     return config
+
+
+def with_perturbation(config: Config, perturbation: AnyPerturbation | None) -> Config:
+    """Return a config with a perturbation in place of its own.
+
+    Raises:
+        InputError: It acts on what the config does not have.
+    """
+    try:
+        return dataclasses.replace(config, perturbation=perturbation)
+    except ValueError as error:
+        kind = "none" if perturbation is None else perturbation.kind
+        raise InputError(f"perturbation '{kind}': {error}") from None
 
 
 def value_of(config: Config, key: str) -> Any:

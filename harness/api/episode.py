@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from wayproof.harness.config import Config, from_document, override
+from wayproof.harness.config import Config, from_document, override, with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.metrics import read_trace, score
@@ -195,7 +195,7 @@ def run(
         *waypoints, goal = (one if isinstance(one, str) else tuple(one) for one in goals)
         config = override(config, [f"waypoints={_text(waypoints)}", f"goal={_text(goal)}"])
     if perturb is not None:
-        config = replace(config, perturbation=perturbation_from(perturb))
+        config = with_perturbation(config, perturbation_from(perturb))
     if stack is not None:
         config = replace(config, stack=replace(config.stack, name=stack))
     names = "-".join((Path(world).stem, Path(robot).stem, str(seed)))

@@ -13,7 +13,7 @@ from rich.text import Text
 from wayproof.harness.cli.engine_options import GOES_ON, Watch, add_engine, open_engine
 from wayproof.harness.cli.run import episode_name
 from wayproof.harness.cli.verb import LOGS, Document, Verb, add_settings
-from wayproof.harness.errors import Interrupted
+from wayproof.harness.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
     from wayproof.harness.study.falsify.falsify import Falsification
@@ -23,7 +23,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Task; exit code 1 if a failure was found."""
     from wayproof.harness.clearance import true_clearance_is_bound
     from wayproof.harness.config import from_document, override
-    from wayproof.harness.perturbations import check_kind
+    from wayproof.harness.perturbations import PERTURBATIONS, check_kind
     from wayproof.harness.scenario.worlds import refuse_other_worlds
     from wayproof.harness.study.falsify.falsify import Task, falsify
     from wayproof.harness.study.falsify.search import NO_RATE
@@ -31,6 +31,11 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.worker_pool import Bounds
 
     check_kind(options.perturb, "the search chooses it, up to --greatest")
+    if not PERTURBATIONS[options.perturb.partition(":")[0]].windowed:
+        raise InputError(
+            f"--perturb {options.perturb}: got one that acts all the time, expected "
+            "one that can act within a window"
+        )
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
     config = override(from_document(named), [*options.set, "record=failures"])
     refuse_other_worlds(config.world, options.set)

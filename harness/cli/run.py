@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         from wayproof.harness.viewer.driver import choose_driver
 
         choose_driver()
-    from wayproof.harness.config import from_document, override
+    from wayproof.harness.config import from_document, override, with_perturbation
     from wayproof.harness.perturbations import perturbation_from
     from wayproof.harness.scenario.robots import refuse_unused
     from wayproof.harness.scenario.worlds import refuse_other_worlds
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.start is not None:
         config = replace(config, start=_point("start", options.start))
     if options.perturb is not None:
-        config = replace(config, perturbation=perturbation_from(options.perturb))
+        config = with_perturbation(config, perturbation_from(options.perturb))
     if options.stack is not None:
         config = replace(config, stack=replace(config.stack, name=options.stack))
     if options.guard:

@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.estimator_config import EstimateConfig
+from wayproof.harness.perturbations import UNPERTURBED, Perturbation
+from wayproof.harness.perturbations.inertial_bias import InertialBias
 from wayproof.models.arrays import Array
+from wayproof.models.poses import rotation_matrices
 from wayproof.models.random_streams import stream
 
 DRAW_BLOCK = 128
@@ -34,11 +37,32 @@ class Motion(NamedTuple):
         turn: By the gyroscope, about the vertical, rad.
         foot_velocity: (3,) of the base by the feet that stand, in true world axes, m/s; none if no
             foot does.
+        step: (3,) of the base by an odometry of its own, in true world axes, m; none without one.
     """
 
     velocity_change: Array
     turn: float
     foot_velocity: Array | None
+    step: Array | None = None
+
+
+class MotionSource(Protocol):
+    """What measures the motion of a body.
+
+    Attributes:
+        period: Time between two measurements, s.
+    """
+
+    period: float
+
+    def measure(self, turn: float) -> Motion:
+        """Measure the motion since the last measurement; the true turn is given, rad."""
+
+    def state(self) -> dict[str, Array]:
+        """Return the state kept between measurements."""
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Continue from what `state` returned."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +91,14 @@ class MotionSensors:
         period: Time between two measurements, s.
     """
 
-    def __init__(self, config: EstimateConfig, seed: int, period: float, body: Body) -> None:
+    def __init__(
+        self,
+        config: EstimateConfig,
+        seed: int,
+        period: float,
+        body: Body,
+        perturbation: Perturbation = UNPERTURBED,
+    ) -> None:
         """Draw the biases of an episode.
 
         Args:
@@ -75,14 +106,20 @@ class MotionSensors:
             seed: The episode's.
             period: Time between two measurements, s.
             body: That carries them.
+            perturbation: May add to the biases.
         """
         self._config, self._seed, self.period, self._body = config, seed, period, body
         biases = stream(seed, "estimate/bias", 0).standard_normal(4)
-        self._acceleration_bias = config.accelerometer_bias * biases[:3]
-        self._gyro_bias = config.gyro_bias * float(biases[3])
+        self._own = InertialBias(
+            config.accelerometer_bias * biases[:3], config.gyro_bias * float(biases[3])
+        )
+        self._perturbation, self._added = perturbation, perturbation.inertial_bias(seed)
         self._sequence, self._block = 0, -1
-        address = int(body.model.jnt_dofadr[body.model.body_jntadr[body.base]])
-        self._velocity: Array = body.data.qvel[address : address + 3]  # it stays the same array
+        joint = body.model.body_jntadr[body.base]
+        speeds, places = int(body.model.jnt_dofadr[joint]), int(body.model.jnt_qposadr[joint])
+        # Views of the state: they stay the same arrays.
+        self._velocity: Array = body.data.qvel[speeds : speeds + 3]
+        self._quaternion: Array = body.data.qpos[places + 3 : places + 7]
         self._before = self._velocity.copy()
 
     def state(self) -> dict[str, Array]:
@@ -103,16 +140,30 @@ class MotionSensors:
         noise = self._draws()
         config, period = self._config, self.period
         root = math.sqrt(period)
+        bias = self._bias()
         change = self._velocity - self._before
-        change = change + self._acceleration_bias * period
+        change = change + self._in_world(bias.acceleration) * period
         change = change + config.accelerometer_noise * root * noise[:3]
         self._before = self._velocity.copy()
-        turned = turn + self._gyro_bias * period + config.gyro_noise * root * float(noise[6])
+        turned = turn + bias.turn_rate * period + config.gyro_noise * root * float(noise[6])
         feet = self._foot_velocity() if self._body.legs else None
         if feet is not None:
             feet = feet + config.leg_noise * noise[3:6]
         self._sequence += 1
         return Motion(change, turned, feet)
+
+    def _bias(self) -> InertialBias:
+        """The biases of this instant."""
+        time_ns = round((self._sequence + 1) * self.period * 1e9)
+        if self._added is None or not self._perturbation.is_active(time_ns):
+            return self._own
+        acceleration = self._own.acceleration + self._added.acceleration
+        return InertialBias(acceleration, self._own.turn_rate + self._added.turn_rate)
+
+    def _in_world(self, vector: Array) -> Array:
+        """A vector (3,) of the base in world axes."""
+        turned: Array = (rotation_matrices(self._quaternion[None])[0] * vector).sum(axis=1)
+        return turned
 
     def _foot_velocity(self) -> Array | None:
         """Velocity of the base if the points where the robot touches the world stand still.

@@ -20,7 +20,7 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
-from wayproof.harness.config import Config, StackConfig, from_document, override
+from wayproof.harness.config import Config, StackConfig, from_document, override, with_perturbation
 from wayproof.harness.errors import unknown_name
 from wayproof.harness.gym.agent_episode import AgentEpisode
 from wayproof.harness.gym.reward import TRUNCATIONS, Reward
@@ -221,7 +221,7 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
         if own["difficulty"] is not None:
             config = override(config, [f"difficulty={own['difficulty']}"])
         if own["perturb"] is not None:
-            config = replace(config, perturbation=perturbation_from(own["perturb"]))
+            config = with_perturbation(config, perturbation_from(own["perturb"]))
         guard = self._guard or config.stack.guard
         return replace(config, stack=StackConfig(AGENT, guard=guard))
 

@@ -15,6 +15,7 @@ from wayproof.harness.perturbations.depth_dropout import DepthDropout
 from wayproof.harness.perturbations.depth_noise import DepthNoise
 from wayproof.harness.perturbations.depth_scale import DepthScale
 from wayproof.harness.perturbations.displacement import Displacement
+from wayproof.harness.perturbations.imu_bias import ImuBias
 from wayproof.harness.perturbations.latency import Latency
 from wayproof.harness.perturbations.motion import Motion
 from wayproof.harness.perturbations.occlusion import Occlusion
@@ -27,6 +28,7 @@ from wayproof.harness.perturbations.perturbation import (
 from wayproof.harness.perturbations.pose_drift import PoseDrift
 from wayproof.harness.perturbations.pose_jump import PoseJump
 from wayproof.harness.perturbations.rate import Rate
+from wayproof.harness.perturbations.slip import Slip
 
 AnyPerturbation: TypeAlias = (
     PoseDrift
@@ -39,6 +41,8 @@ AnyPerturbation: TypeAlias = (
     | Latency
     | Rate
     | Motion
+    | ImuBias
+    | Slip
 )
 
 PERTURBATIONS: dict[str, type[Perturbation]] = {

@@ -1,8 +1,8 @@
 """Base of all perturbations: one geometric assumption of the stack made wrong by a stated amount.
 
 A perturbation acts between the simulator and the stack: on the error of the pose, on what a sensor
-reports or where it truly sits, on whether a sweep arrives, or on a decision's delay; `motion` alone
-acts on the world. Its random numbers have streams of their own, so that no sensor's noise is
+reports or where it truly sits, on whether a sweep arrives, or on a decision's delay; `motion` and
+`slip` act on the world. Its random numbers have streams of their own, so that no sensor's noise is
 shifted by it.
 """
 
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.perturbations.displacement import Displacement
+from wayproof.harness.perturbations.inertial_bias import InertialBias
 from wayproof.models.pose_model import PoseError
 from wayproof.models.random_streams import stream
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN, BeamTable, directions
@@ -32,9 +33,9 @@ Severity = Annotated[float, msgspec.Meta(gt=0.0, le=5.0)]
 MAX_SEVERITY = 5.0
 """Severity at which the scale ends."""
 
-Changes = Literal["nothing", "pose", "ranges", "arrivals", "delay", "world"]
-"""What a perturbation changes: the estimated pose, the ranges of sweeps, which sweeps arrive, the
-delay of decisions, or the simulated world."""
+Changes = Literal["nothing", "pose", "motion_sensors", "ranges", "arrivals", "delay", "world"]
+"""What a perturbation changes: the estimated pose, the sensors of motion that a pose is estimated
+by, the ranges of sweeps, which sweeps arrive, the delay of decisions, or the simulated world."""
 
 UNCHANGED = PoseError()
 
@@ -133,6 +134,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         measured_in: Unit of the values.
         values: Amounts at severities 1 to 5, with their sources in docs/perturbations.md.
         nothing: Amount at severity 0, which changes nothing.
+        windowed: Whether it can act for a part of an episode.
     """
 
     severity: Severity = 3
@@ -141,13 +143,16 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
     measured_in: ClassVar[str] = ""
     values: ClassVar[tuple[float, float, float, float, float]] = (0.0, 0.0, 0.0, 0.0, 0.0)
     nothing: ClassVar[float] = 0.0
+    windowed: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        """Write a whole severity as one number alone, and refuse a window without length."""
+        """Write a whole severity as one number alone, and check the window."""
         if float(self.severity).is_integer():
             msgspec.structs.force_setattr(self, "severity", int(self.severity))
         if self.window is not None and not 0.0 <= self.window[0] < self.window[1] < math.inf:
             raise ValueError(f"window: got {self.window}, expected 0 <= begin < end, in s")
+        if self.window is not None and not self.windowed:
+            raise ValueError(f"window: got {self.window}, expected none for '{self.kind}'")
 
     @property
     def kind(self) -> str:
@@ -205,7 +210,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
 
     def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
         """Names of the input streams that it changes; see `harness.log.streams`."""
-        if self.changes == "pose":
+        if self.changes in ("pose", "motion_sensors"):
             return ("pose",)
         if self.changes == "delay":
             return ("latency",)
@@ -238,6 +243,11 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
 
     def displacement(self, seed: int) -> Displacement | None:
         """Displacement of an affected sensor from its stated mounting; none if there is none."""
+        del seed
+        return None
+
+    def inertial_bias(self, seed: int) -> InertialBias | None:
+        """Bias of the inertial sensors that the estimator does not expect, if there is one."""
         del seed
         return None
 

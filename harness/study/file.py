@@ -14,7 +14,15 @@ from typing import Any, Literal, get_args
 
 import msgspec
 
-from wayproof.harness.config import BUILTIN, CODE, PLUGIN, Config, from_document, override
+from wayproof.harness.config import (
+    BUILTIN,
+    CODE,
+    PLUGIN,
+    Config,
+    from_document,
+    override,
+    with_perturbation,
+)
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.interface.connect import is_ros2, is_users
 from wayproof.harness.interface.stacks import STACKS
@@ -345,7 +353,7 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
         settings = [*settings_of(study), *own, *variant]
         config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
         if perturbation != CLEAN:
-            config = replace(config, perturbation=perturbation_at(perturbation, severity))
+            config = with_perturbation(config, perturbation_at(perturbation, severity))
         arm = Arm(world, robot, " ".join(variant), perturbation, severity, stack)
         configs.append((arm, config))
     return [

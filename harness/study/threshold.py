@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
-from wayproof.harness.config import Config
+from wayproof.harness.config import Config, with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
@@ -238,7 +238,7 @@ def _following(bracket: Bracket, query: Query, contents: Contents) -> Planned | 
 
 def _planned(bracket: Bracket, severity: float, contents: Contents) -> Planned:
     perturbation = perturbation_at(bracket.arm.perturbation, severity)
-    return planned_for(bracket.arm, replace(bracket.config, perturbation=perturbation), contents)
+    return planned_for(bracket.arm, with_perturbation(bracket.config, perturbation), contents)
 
 
 def _thresholds(brackets: Sequence[Bracket], query: Query) -> list[Thresholds]:

@@ -53,6 +53,7 @@ class World:
         route_length: Length of the shortest way if it is known from elsewhere, m.
         aisle: Places along the centre line of an aisle, on the floor, m; empty without one.
         passage_radius: Radius of the disc that its generator lets through, m; None if unknown.
+        friction: Coefficient of friction of the floor.
     """
 
     name: str
@@ -69,6 +70,7 @@ class World:
     route_length: float | None = None
     aisle: tuple[Vector3, ...] = ()
     passage_radius: float | None = None
+    friction: float = FRICTION
 
     def __post_init__(self) -> None:
         """Refuse a start or goal outside the operating area, and movers of one name.
@@ -155,12 +157,14 @@ class World:
 
     def _floor(self) -> str:
         if self.floor is not None:
-            return "\n".join(slab.geom(f"floor_{i}") for i, slab in enumerate(self.floor))
+            slabs = "\n".join(slab.geom(f"floor_{i}") for i, slab in enumerate(self.floor))
+            return slabs.replace(f'friction="{FRICTION} ', f'friction="{self.friction} ')
         half = [(b - a) / 2 for a, b in zip(self.low[:2], self.high[:2], strict=True)]
         return (
             f'    <geom name="floor" type="plane" pos="{numbers(self._middle())} 0" '
             f'size="{numbers(half)} 0.05" group="0" contype="1" conaffinity="1" '
-            f'friction="{FRICTION} 0.005 0.0001" rgba="0.9 0.9 0.9 1" user="{class_of("floor")}"/>'
+            f'friction="{self.friction} 0.005 0.0001" rgba="0.9 0.9 0.9 1" '
+            f'user="{class_of("floor")}"/>'
         )
 
 

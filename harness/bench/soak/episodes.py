@@ -18,7 +18,7 @@ from wayproof.harness.bench.soak.fresh import FreshReplays, replay_by_command
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
+from wayproof.harness.perturbations import PERTURBATIONS, AnyPerturbation, perturbation_from
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork
 from wayproof.harness.result import Result
@@ -189,10 +189,15 @@ def random_config(rng: np.random.Generator) -> Config:
         f"episode.time_limit={TIME_LIMIT_S}",
     )
     config = override(Config(world, robot, int(rng.integers(2**31))), settings)
-    perturbation = f"{rng.choice(sorted(PERTURBATIONS))}:{rng.integers(1, 6)}"
+    perturbation = perturbation_from(f"{rng.choice(sorted(PERTURBATIONS))}:{rng.integers(1, 6)}")
     if rng.integers(4) == 0:
         return config
-    return replace(config, perturbation=perturbation_from(perturbation))
+    return replace(override(config, needed_by(perturbation)), perturbation=perturbation)
+
+
+def needed_by(perturbation: AnyPerturbation) -> tuple[str, ...]:
+    """Settings without which a perturbation has nothing to act on."""
+    return ("estimate.kind=lidar",) if perturbation.changes == "motion_sensors" else ()
 
 
 def _draw(rng: np.random.Generator) -> tuple[Scenario, int]:

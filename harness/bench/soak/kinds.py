@@ -8,7 +8,7 @@ from typing import get_args
 
 import numpy as np
 
-from wayproof.harness.bench.soak.episodes import random_config
+from wayproof.harness.bench.soak.episodes import needed_by, random_config
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
@@ -79,8 +79,8 @@ def _device(turn: int, rng: np.random.Generator) -> Config:
 
 
 def _perturbed(turn: int, rng: np.random.Generator) -> Config:
-    kind = f"{_in_turn(PERTURBATIONS, turn)}:{rng.integers(1, 6)}"
-    return replace(_plain(turn, rng), perturbation=perturbation_from(kind))
+    perturbation = perturbation_from(f"{_in_turn(PERTURBATIONS, turn)}:{rng.integers(1, 6)}")
+    return replace(_plain(turn, rng, *needed_by(perturbation)), perturbation=perturbation)
 
 
 def _pose_model(turn: int, rng: np.random.Generator) -> Config:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import msgspec
 
-from wayproof.harness.config import Config
+from wayproof.harness.config import Config, with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import AnyPerturbation
@@ -152,7 +152,7 @@ class _Runs:
         """Return the episode with a perturbation."""
         config = self._task.config
         arm = Arm(config.world, config.robot, "", self._task.name if perturbation else CLEAN, 0)
-        return planned_for(arm, replace(config, perturbation=perturbation), self._contents)
+        return planned_for(arm, with_perturbation(config, perturbation), self._contents)
 
     def duration(self) -> float:
         """Return the simulated time of the unperturbed episode, s.

@@ -211,9 +211,10 @@ def test_a_robot_whose_spec_file_is_here_is_named(capsys, tmp_path):
     [
         (["falsify", *RUN[1:], "--perturb", "pose_jump:5"], "the search chooses it, up to --great"),
         (["threshold", "smoke", "--perturb", "rate:3"], "rate:3: expected no severity: the bisec"),
+        (["falsify", *RUN[1:], "--perturb", "slip"], "slip: got one that acts all the time"),
     ],
 )
-def test_a_severity_that_is_looked_for_is_not_given(capsys, arguments, said):
+def test_what_is_looked_for_is_not_given(capsys, arguments, said):
     assert said in bad_input(capsys, arguments)
 
 

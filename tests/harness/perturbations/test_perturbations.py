@@ -2,11 +2,19 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from msgspec.structs import replace as replace_struct
 
-from wayproof.harness.config import Config, from_document, from_json, override, to_json
+from wayproof.harness.config import (
+    Config,
+    from_document,
+    from_json,
+    override,
+    to_json,
+    with_perturbation,
+)
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
 from wayproof.harness.log.codec.messages import read_messages
@@ -222,6 +230,50 @@ def test_a_pose_jumps_once():
         assert np.linalg.norm(jump.pose_error(seed, at, 5.0).shift) == pytest.approx(0.3, abs=2e-6)
 
 
+def test_inertial_sensors_have_a_bias_of_its_size_in_one_mode_each():
+    accelerometer = perturbation_from("imu_bias:3").inertial_bias(3)
+    assert np.linalg.norm(accelerometer.acceleration) == pytest.approx(0.02 * 9.81)
+    assert accelerometer.turn_rate == 0.0
+    gyroscope = perturbation_from("imu_bias:3:gyroscope").inertial_bias(3)
+    assert abs(gyroscope.turn_rate) == 0.02
+    assert (gyroscope.acceleration == 0.0).all()
+    sides = {perturbation_from("imu_bias:3:gyroscope").inertial_bias(k).turn_rate for k in range(9)}
+    assert sides == {-0.02, 0.02}
+
+
+@pytest.mark.parametrize("world", ["warehouse", "construction"])
+def test_only_the_floor_loses_friction(world):
+    usual = WORLDS[world](3, 0.5)
+    slippery = perturbation_from("slip:4").change_world(usual, 3)
+    for mine, other in zip(geoms_of(slippery), geoms_of(usual), strict=True):
+        floor = other.name.startswith("floor")
+        assert other.friction[0] == 0.8
+        assert mine.friction[0] == (0.3 if floor else 0.8)
+
+
+def geoms_of(world):
+    return mujoco.MjSpec.from_string(world.mjcf()).geoms
+
+
+def test_friction_has_no_window():
+    one = {"kind": "slip", "severity": 1, "window": [1.0, 2.0]}
+    with pytest.raises(InputError, match="expected none for 'slip'"):
+        from_document({"world": "empty", "robot": "drone", "seed": 0, "perturbation": one})
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "said"),
+    [
+        ("model", "imu_bias:3", "'imu_bias': estimate.kind: got 'model'"),
+        ("lidar", "pose_jump:3", "'pose_jump': estimate.kind: got 'lidar'"),
+    ],
+)
+def test_what_the_estimator_does_not_have_cannot_be_off(kind, text, said):
+    config = override(Config("empty", "drone", 0), [f"estimate.kind={kind}"])
+    with pytest.raises(InputError, match=said):
+        with_perturbation(config, perturbation_from(text))
+
+
 def test_every_nth_sweep_arrives():
     arriving = [k for k in range(12) if perturbation_from("rate:3").delivers(k)]
     assert arriving == [0, 5, 10]
@@ -269,7 +321,19 @@ TEXTS = {
     "latency:3": {"latency"},
     "rate:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
     "motion:3": {"world", "sensor/lidar", "sensor/depth", "sensor/altimeter"},
+    "imu_bias:3": {"pose"},
+    "imu_bias:3:gyroscope": {"pose"},
+    "slip:4": {"world", "pose", "sensor/lidar"},
 }
+
+ROBOT = {"slip": "quadruped"}
+"""Robot in place of the drone."""
+
+WORLD = {"motion": "empty"}
+"""World in place of the corridor, which has little room for people."""
+
+SETTING = {"imu_bias": ["estimate.kind=lidar"], "slip": ["map.resolution=0.05"]}
+"""Settings that a perturbation needs, or that its robot does."""
 
 
 SHORT = ["episode.time_limit=2.5", "map.resolution=0.2"]
@@ -281,18 +345,17 @@ def test_every_perturbation_is_paired_below():
 
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory):
-    """An episode's log unperturbed, and with each perturbation; three seconds in a corridor.
-
-    There is little room for people in it, so `motion` is in an empty one.
-    """
+    """An episode's log unperturbed, and with each perturbation; three seconds in a corridor."""
     folder = tmp_path_factory.mktemp("pairs")
     logs = {}
 
     def record(text=None, like=""):
-        world = "empty" if (text or like).startswith("motion") else "corridor"
-        key = (text, world)
+        kind = (text or like).split(":")[0]
+        world, robot = WORLD.get(kind, "corridor"), ROBOT.get(kind, "drone")
+        settings = (*SHORT, *SETTING.get(kind, []))
+        key = (text, world, robot, settings)
         if key not in logs:
-            config = override(Config(world, "drone", JUMPS_AT_2_S), SHORT)
+            config = override(Config(world, robot, JUMPS_AT_2_S), settings)
             if text is not None:
                 config = replace(config, perturbation=perturbation_from(text))
             logs[key] = folder / f"{len(logs)}.mcap"
@@ -309,7 +372,7 @@ def test_only_the_declared_stream_changes_before_the_first_differing_action(pair
     assert found.first_change is not None
     assert found.compared > 0
     # A drift acts between two decisions, through the controller, before any decision sees it.
-    assert found.changed or text.startswith("pose_drift")
+    assert found.changed or text.startswith(("pose_drift", "imu_bias"))
     done = [m for m in read_messages(pair(text)) if isinstance(m, pb.Perturbation)]
     assert {name for message in done for name in message.streams} == TEXTS[text]
     assert {message.kind for message in done} == {text.split(":")[0]}
