@@ -35,12 +35,15 @@ class EstimateConfig:
         registered_share: Least share of a sweep's points near a plane of the map. With less the
             sweep has no say: noise hides the planes, and what is near one is chance. Exact sweeps
             in the worlds have 0.7 and more, an OS1 0.8, a noise of 6 cm 0.36, one of 12 cm 0.11.
-        position_walk: Random walk of the stated covariance on each axis along which the scene
-            holds the pose, m for the root of a metre travelled. Calibrated from logs with truth of
-            a noisy rolling lidar (docs/estimators.md); exact sweeps are better than it states.
-        heading_walk: The same of the heading, rad; assumed from the largest errors of these logs.
-        position_floor: Standard deviation that the position always has, m; likewise.
-        heading_floor: The same of the heading, rad; assumed likewise.
+        sweep_noise_share: Noise of a sweep's registration, against which the prediction is weighed,
+            as if it were by one mean point of it: share of the residuals' standard deviation, which
+            is taken from their median. The smaller, the more a sweep counts.
+        map_error_share: The same of the error that a registration leaves in the map and in the
+            stated covariance. It is greater, as that of one sweep and the next is alike.
+            Calibrated from logs with truth (docs/estimators.md).
+        position_floor: Standard deviation that each registration adds to that of its part of the
+            map, m; likewise.
+        heading_floor: The same of the heading, rad; likewise.
         motion_share: Standard deviation of the predicted motion along directions that the scene
             does not hold, as a share of it. The quadruped's feet roll as it walks, which costs 2.5
             % of the way in `tunnel` and `hall`.
@@ -56,10 +59,10 @@ class EstimateConfig:
     leg_noise: Annotated[float, Bounds(0.0, 1.0, "m/s")] = 0.02
     held: Annotated[float, Bounds(0.0, 0.3)] = 0.04
     registered_share: Annotated[float, Bounds(0.0, 1.0)] = 0.25
-    position_walk: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.0012
-    heading_walk: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0005
-    position_floor: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.005
-    heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.001
+    sweep_noise_share: Annotated[float, Bounds(0.001, 10.0)] = 0.05
+    map_error_share: Annotated[float, Bounds(0.0, 10.0)] = 0.25
+    position_floor: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.0005
+    heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0002
     motion_share: Annotated[float, Bounds(0.0, 1.0)] = 0.03
 
     def __post_init__(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, floor, sin, sqrt
+from math import cos, floor, inf, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -52,9 +52,6 @@ CONVERGED = 1e-5
 FIXED = 1e3
 """Weight, in all points, with which the prediction stays along a direction that is not held."""
 
-HEADING_WEIGHT = 1e-3
-"""The same of the predicted heading, which the scene always turns but for a round one."""
-
 
 class Voxels(NamedTuple):
     """Hash table of voxels by open addressing; slots without one have the key `EMPTY`.
@@ -65,6 +62,7 @@ class Voxels(NamedTuple):
         means: (m, 3) world, m.
         squares: (m, 6) sums of products of deviations from the mean, xx xy xz yy yz zz, m^2.
         planes: (m, 4) unit normal, and 1 if the points make a plane.
+        births: (m,) number of the sweep that met it first.
     """
 
     keys: NDArray[np.int64]
@@ -72,6 +70,7 @@ class Voxels(NamedTuple):
     means: Array
     squares: Array
     planes: Array
+    births: NDArray[np.int64]
 
 
 @kernel
@@ -122,13 +121,14 @@ def first_of_each(
 
 
 @kernel
-def add_points(points: Array, inverse: float, voxels: Voxels) -> int:
+def add_points(points: Array, inverse: float, voxels: Voxels, birth: int) -> int:
     """Add points to the voxels that they lie in, and fit the planes of these again.
 
     Args:
         points: (n, 3) world, m.
         inverse: One by the edge of a voxel, 1/m.
         voxels: With at least n empty slots; written.
+        birth: Number of the sweep.
 
     Returns:
         Number of new voxels.
@@ -140,6 +140,7 @@ def add_points(points: Array, inverse: float, voxels: Voxels) -> int:
         slot = slot_of(voxels.keys, key)
         if voxels.keys[slot] == EMPTY:
             voxels.keys[slot] = key
+            voxels.births[slot] = birth
             new += 1
         if voxels.counts[slot] < MOST_POINTS:
             add_point(voxels, int(slot), x, y, z)
@@ -235,6 +236,7 @@ def align(
     predicted: Array,
     inverse: float,
     held: float,
+    prior: Array,
     voxels: Voxels,
     correction: Array,
     information: Array,
@@ -247,6 +249,8 @@ def align(
         predicted: (3,) that position, m.
         inverse: One by the edge of a voxel, 1/m.
         held: Least information of a direction that the scene holds.
+        prior: (4, 4) by which the prediction counts, in terms of the mean of g g' over the points,
+            g the gradient of the distance by the pose.
         voxels: The map.
         correction: (4,) shift, m, and turn about the vertical through the base, rad; written.
         information: (3,) eigenvalues of the mean of n n'; written.
@@ -275,8 +279,10 @@ def align(
             information[axis] = moment[axis, axis]
             if information[axis] < held:
                 hold_to_prediction(equations, right, correction, axes[:, axis], FIXED * weight)
-        equations[3, 3] += HEADING_WEIGHT * weight
-        right[3] -= HEADING_WEIGHT * weight * correction[3]
+        for i in range(4):
+            for j in range(4):
+                equations[i, j] += prior[i, j] * weight
+                right[i] -= prior[i, j] * weight * correction[j]
         solve(equations, right)
         largest = 0.0
         for row in range(4):
@@ -284,6 +290,72 @@ def align(
             largest = max(largest, abs(right[row]))
         if largest < CONVERGED:
             break
+    return inliers
+
+
+@kernel
+def distance_from_plane(voxels: Voxels, slot: np.int64, x: float, y: float, z: float) -> float:
+    """Signed distance of a point from the plane of a voxel, m; infinite where it has none."""
+    plane = voxels.planes[slot]
+    if voxels.keys[slot] == EMPTY or plane[3] == 0.0:
+        return inf
+    mean = voxels.means[slot]
+    return plane[0] * (x - mean[0]) + plane[1] * (y - mean[1]) + plane[2] * (z - mean[2])
+
+
+@kernel
+def examine(
+    offsets: Array,
+    predicted: Array,
+    correction: Array,
+    inverse: float,
+    voxels: Voxels,
+    distances: Array,
+    moment: Array,
+    shares: Array,
+) -> int:
+    """Measure how an aligned sweep lies on the planes of the map.
+
+    Args:
+        offsets: As of `align`.
+        predicted: As of `align`.
+        correction: (4,) of `align`.
+        inverse: As of `align`.
+        voxels: The map.
+        distances: (n,) of the points near a plane from it, without sign, m; the first ones are
+            written.
+        moment: (4, 4) mean of g g' over these points, g the gradient of the distance by the pose;
+            written.
+        shares: (k, 4) by the birth of their voxels: sum of the squares of g; added to.
+
+    Returns:
+        Number of these points.
+    """
+    moment[:] = 0.0
+    c, s = cos(correction[3]), sin(correction[3])
+    bx, by = predicted[0] + correction[0], predicted[1] + correction[1]
+    bz = predicted[2] + correction[2]
+    row = np.empty(4)
+    inliers = 0
+    for index in range(len(offsets)):
+        ox, oy = offsets[index, 0], offsets[index, 1]
+        rx, ry = c * ox - s * oy, s * ox + c * oy
+        x, y, z = bx + rx, by + ry, bz + offsets[index, 2]
+        slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+        distance = abs(distance_from_plane(voxels, slot, x, y, z))
+        if distance > GATE:
+            continue
+        distances[inliers] = distance
+        inliers += 1
+        plane = voxels.planes[slot]
+        row[0], row[1], row[2] = plane[0], plane[1], plane[2]
+        row[3] = plane[1] * rx - plane[0] * ry
+        birth = voxels.births[slot]
+        for i in range(4):
+            shares[birth, i] += row[i] * row[i]
+            for j in range(4):
+                moment[i, j] += row[i] * row[j]
+    moment /= max(inliers, 1)
     return inliers
 
 
@@ -311,13 +383,10 @@ def sum_up(
         rx, ry = c * ox - s * oy, s * ox + c * oy
         x, y, z = bx + rx, by + ry, bz + offsets[index, 2]
         slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
-        plane = voxels.planes[slot]
-        if voxels.keys[slot] == EMPTY or plane[3] == 0.0:
-            continue
-        mean = voxels.means[slot]
-        distance = plane[0] * (x - mean[0]) + plane[1] * (y - mean[1]) + plane[2] * (z - mean[2])
+        distance = distance_from_plane(voxels, slot, x, y, z)
         if abs(distance) > gate:
             continue
+        plane = voxels.planes[slot]
         weight = 1.0 / (1.0 + (distance / SCALE) ** 2)
         row[0], row[1], row[2] = plane[0], plane[1], plane[2]
         row[3] = plane[1] * rx - plane[0] * ry

@@ -11,19 +11,23 @@ import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.kernels import diagonalize
-from wayproof.harness.estimators.motion_sensors import Motion, MotionSensors
+from wayproof.harness.estimators.matrices import projected
+from wayproof.harness.estimators.motion_filter import MotionFilter
+from wayproof.harness.estimators.motion_sensors import Motion, MotionSource
+from wayproof.harness.estimators.registration import Registration
 from wayproof.harness.estimators.stated_covariance import StatedCovariance
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
+from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.arrays import Array
 from wayproof.models.pose_model import ERROR_STEP, PoseError
 
-VELOCITY_GAIN = 0.5
-"""Share of the correction of a sweep by which the velocity is corrected, where no foot gives it."""
+FIRST_RESIDUAL = 0.01
+"""Standard deviation of the distances of points from planes before the first sweep tells it, m."""
 
 MAP_SPACING = 0.1
 """Distance between the points of a sweep that are mapped, m."""
 
-NAME = "lidar/2"
+NAME = "lidar/3"
 """Name and version of the estimator, as it is logged."""
 
 
@@ -40,7 +44,7 @@ class LidarOdometry:
         config: EstimateConfig,
         position: Array,
         heading: float,
-        sensors: MotionSensors,
+        sensors: MotionSource,
         sweep_period: float,
     ) -> None:
         """Start at a known pose.
@@ -52,12 +56,14 @@ class LidarOdometry:
             sensors: Of motion, read at each estimate.
             sweep_period: Time between two sweeps, s.
         """
-        self._config, self._sensors, self._sweep_period = config, sensors, sweep_period
+        self._config, self._sensors = config, sensors
         self._surfaces = SurfaceMap(config.voxel, config.held, config.registered_share)
+        self._filter = MotionFilter(config, sweep_period)
+        self._residual = FIRST_RESIDUAL
         self._position, self._heading = position.copy(), heading  # estimated
         self._velocity = np.zeros(3)  # estimated, world
         self._true_position, self._true_heading = position.copy(), heading
-        self.covariance = StatedCovariance(config, sweep_period)
+        self.covariance = StatedCovariance(config)
         self._begun = False  # whether the map has its first sweep, taken at the known start
         self.travelled = 0.0
 
@@ -74,10 +80,13 @@ class LidarOdometry:
         before = self._velocity
         self._velocity = self._predicted_velocity(motion)
         step = 0.5 * self._sensors.period * (before + self._velocity)
+        if motion.step is not None:
+            step = self._sensors.period * self._velocity
         self._position = self._position + step
         self.travelled += math.sqrt(float((step * step).sum()))
-        inertial = motion.foot_velocity is None
-        self.covariance.predict(step, self._sensors.period, inertial)
+        inertial = motion.foot_velocity is None and motion.step is None
+        self._filter.predict(step, self._sensors.period, inertial)
+        self.covariance.predict(step, self._sensors.period, inertial, self._filter.velocity_sigma)
 
     def correct(self, points: Array) -> PoseError:
         """Register a sweep; return by how much it moves the estimate: the first one by nothing.
@@ -89,18 +98,31 @@ class LidarOdometry:
             self._begun = True
             return PoseError()
         chosen = thinned(points, self._config.spacing)
-        registration = self._surfaces.register(chosen, self._position)
+        variance = self._config.sweep_noise_share**2 * self._residual**2
+        registration = self._surfaces.register(
+            chosen, self._position, self._filter.weight(variance)
+        )
         shift, turn = registration.correction[:3], float(registration.correction[3])
         self._position = self._position + shift
         self._heading += turn
-        self._velocity = self._velocity + VELOCITY_GAIN / self._sweep_period * shift
-        self.covariance.correct(registration)
+        if math.isfinite(registration.residual):
+            self._residual = registration.residual
+            information = self._information(registration)
+            self._velocity = self._velocity + self._filter.update(information, shift)
+        self.covariance.correct(registration, self._position)
         x, y, z = shift.tolist()
         return PoseError((x, y, z), turn)
 
-    def add_to_map(self, points: Array) -> None:
-        """Map a sweep (n, 3) placed by the estimated poses, world, m."""
+    def add_to_map(self, points: Array, position: Array, covariance: Array) -> None:
+        """Map a sweep.
+
+        Args:
+            points: (n, 3) placed by the estimated poses, world, m.
+            position: (3,) as it was stated with the sweep, m.
+            covariance: (4, 4) likewise.
+        """
         self._surfaces.add(thinned(points, MAP_SPACING))
+        self.covariance.add_to_map(position, covariance)
 
     @property
     def position_sigma(self) -> float:
@@ -133,6 +155,8 @@ class LidarOdometry:
             "travelled": np.array(self.travelled),
             "begun": np.array(self._begun),
             **{f"sensors.{name}": one for name, one in self._sensors.state().items()},
+            "residual": np.array(self._residual),
+            **{f"filter.{name}": one for name, one in self._filter.state().items()},
             **{f"covariance.{name}": one for name, one in self.covariance.state().items()},
         }
 
@@ -140,6 +164,8 @@ class LidarOdometry:
         """Continue from what `state` returned."""
         self._sensors.restore(_part(state, "sensors."))
         self.covariance.restore(_part(state, "covariance."))
+        self._filter.restore(_part(state, "filter."))
+        self._residual = float(state["residual"])
         self._position = np.array(state["position"], np.float64)
         self._heading = float(state["heading"])
         self._velocity = np.array(state["velocity"], np.float64)
@@ -148,12 +174,33 @@ class LidarOdometry:
         self.travelled = float(state["travelled"])
         self._begun = bool(state["begun"])
 
+    def _information(self, registration: Registration) -> Array:
+        """Information (4, 4) of a sweep: none along what it does not hold."""
+        held = np.eye(4)
+        for axis in registration.unheld:
+            held = held - np.append(axis, 0.0)[:, None] * np.append(axis, 0.0)
+        moment = projected(held, registration.moment)
+        information: Array = moment / (self._config.sweep_noise_share * self._residual) ** 2
+        return information
+
     def _predicted_velocity(self, motion: Motion) -> Array:
         """Velocity by the feet that stand, else by the accelerometer, in the estimate's axes."""
         error = self._heading - self._true_heading
+        if motion.step is not None:
+            return _turned(motion.step, error) / self._sensors.period
         if motion.foot_velocity is not None:
             return _turned(motion.foot_velocity, error)
         return self._velocity + _turned(motion.velocity_change, error)
+
+
+def put_estimate(message: pb.Pose, lidar: LidarOdometry) -> None:
+    """Write what an odometry states of its estimate into a pose."""
+    covariance = lidar.covariance
+    message.position_sigma, message.heading_sigma = lidar.position_sigma, lidar.heading_sigma
+    message.estimator = NAME
+    message.covariance.extend(covariance.pose.ravel().tolist())
+    message.information.extend(covariance.information.tolist())
+    message.unheld.extend(covariance.axes.ravel().tolist())
 
 
 def _part(state: dict[str, Array], prefix: str) -> dict[str, Array]:

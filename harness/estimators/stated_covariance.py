@@ -1,10 +1,14 @@
-"""Covariance that a lidar odometry states: a walk, and all motion that the scene did not hold.
+"""Covariance that a lidar odometry states: that of the map it is held by, and what nothing held.
 
-The inverse of the normal equations says nothing of the error: residuals of neighbouring beams are
-one error, and the drift is the map's. So the covariance follows from the way: a random walk whose
-rate is calibrated from logs with truth, and along each direction that the sweeps do not hold a
-share of the whole predicted motion since they last did. Where only an accelerometer predicts, its
-bias and the velocity that it starts from count, too: the estimate of a body at rest drifts.
+An odometry that registers sweeps with a map of its own is off by what the map is off by. So each
+sweep that is mapped keeps the covariance of its pose, and a sweep that is registered has that of
+the sweeps whose voxels hold it, and an error of its own on top. The inverse of the normal
+equations says nothing of the size of that error: residuals of neighbouring beams are one error.
+It is taken as that of few independent distances, with the residuals' standard deviation.
+
+Along each direction that the sweeps do not hold it grows by a share of the whole predicted motion
+since they last did. Where only an accelerometer predicts, its bias and the velocity that it starts
+from count, too: the estimate of a body at rest drifts.
 """
 
 from __future__ import annotations
@@ -14,59 +18,142 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
+from wayproof.harness.estimators.matrices import projected
 from wayproof.harness.estimators.registration import Registration
 from wayproof.models.arrays import Array
 
+HEADING = 3
+"""Row of the heading."""
+
 
 class StatedCovariance:
-    """Covariance of position, (3, 3) m^2, and variance of the heading, rad^2.
+    """Covariance (4, 4) of x, y, z, m, and heading, rad, in world axes.
 
     Attributes:
         axes: (k, 3) unit directions that the last sweep did not hold.
         information: (3,) of the last registration.
     """
 
-    def __init__(self, config: EstimateConfig, sweep_period: float) -> None:
-        """Start at a known pose.
-
-        Args:
-            config: Settings.
-            sweep_period: Time between two sweeps, of whose positions the velocity is made, s.
-        """
+    def __init__(self, config: EstimateConfig) -> None:
+        """Start at a known pose."""
         self._config = config
-        self._velocity_sigma = config.position_floor / sweep_period
-        self._walked = np.zeros((3, 3))  # of the walk, and of unheld motion that has ended
-        self._heading = 0.0
+        self._velocity_sigma = 0.0  # when the sweeps last held all of it
+        self._floor = np.diag([config.position_floor**2] * 3 + [config.heading_floor**2])
+        self._held = self._floor.copy()  # without the motion that nothing holds
         self._moved = np.zeros(3)  # predicted motion since the sweeps held all of it
         self._inertial_s = 0.0  # time since then for which only the accelerometer predicted
         self._lost_s = 0.0  # time since a sweep was registered
+        self._positions: list[Array] = []  # (3,) of the poses of the mapped sweeps, m
+        self._covariances: list[Array] = []  # (4, 4) of these
         self.axes = np.zeros((0, 3))
         self.information = np.zeros(3)
 
-    def predict(self, step: Array, period: float, inertial: bool) -> None:
+    def predict(
+        self, step: Array, period: float, inertial: bool, velocity_sigma: float = 0.0
+    ) -> None:
         """Grow over a predicted step.
 
         Args:
             step: (3,) m.
             period: Its time, s.
             inertial: Whether the accelerometer predicted it, not the feet.
+            velocity_sigma: Standard deviation of the velocity, m/s.
         """
         config = self._config
-        distance = math.sqrt(float((step * step).sum()))
-        self._walked = self._walked + config.position_walk**2 * distance * np.eye(3)
-        self._heading += config.heading_walk**2 * distance
+        self._held = moved_by(self._held, step)
         self._moved = self._moved + self._unheld(step)
+        if self._inertial_s == 0.0:
+            self._velocity_sigma = velocity_sigma
         if inertial and len(self.axes):
             before = self._drift(self._inertial_s)
             self._inertial_s += period
             grown = self._drift(self._inertial_s) ** 2 - before**2
             for axis in self.axes:
-                self._walked = self._walked + grown * axis[:, None] * axis[None, :]
+                self._held[:3, :3] += grown * axis[:, None] * axis[None, :]
         if len(self.axes) == 3:
             before = config.gyro_bias * self._lost_s
             self._lost_s += period
-            self._heading += (config.gyro_bias * self._lost_s) ** 2 - before**2
-            self._heading += config.gyro_noise**2 * period
+            self._held[HEADING, HEADING] += (config.gyro_bias * self._lost_s) ** 2 - before**2
+            self._held[HEADING, HEADING] += config.gyro_noise**2 * period
+
+    def correct(self, registration: Registration, position: Array) -> None:
+        """Take over along what is held that of the map; the unheld motion along it has ended.
+
+        Args:
+            registration: Of a sweep.
+            position: (3,) estimated by it, m.
+        """
+        self.axes, self.information = registration.unheld, registration.information
+        if len(self.axes) == 3:
+            return
+        self._lost_s = 0.0
+        if not len(self.axes):
+            self._inertial_s = 0.0
+        self._moved = self._unheld(self._moved)
+        held, unheld = np.eye(4), np.zeros((4, 4))
+        for axis in self.axes:
+            along = np.append(axis, 0.0)[:, None] * np.append(axis, 0.0)
+            held, unheld = held - along, unheld + along
+        stays = projected(unheld, self._held)
+        self._held = stays + projected(held, self._by_map(registration, position))
+
+    def add_to_map(self, position: Array, covariance: Array) -> None:
+        """Keep the pose of a sweep that is mapped: (3,) m, and its covariance (4, 4)."""
+        self._positions.append(np.array(position, np.float64))
+        self._covariances.append(np.array(covariance, np.float64).reshape(4, 4))
+
+    @property
+    def pose(self) -> Array:
+        """Covariance (4, 4) of the pose."""
+        total = self._held.copy()
+        share = self._config.motion_share**2
+        total[:3, :3] += share * self._moved[:, None] * self._moved[None, :]
+        return total
+
+    @property
+    def position(self) -> Array:
+        """Covariance of the position, (3, 3) m^2."""
+        return self.pose[:3, :3].copy()
+
+    @property
+    def heading(self) -> float:
+        """Variance of the heading, rad^2."""
+        return float(self._held[HEADING, HEADING])
+
+    def state(self) -> dict[str, Array]:
+        """Return all of it but what was kept of the map, which follows from the poses."""
+        return {
+            "held": self._held.copy(),
+            "moved": self._moved.copy(),
+            "without": np.array([self._inertial_s, self._lost_s, self._velocity_sigma]),
+            "axes": self.axes.copy(),
+            "information": self.information.copy(),
+        }
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Continue from what `state` returned."""
+        self._held = np.array(state["held"], np.float64)
+        self._moved = np.array(state["moved"], np.float64)
+        self._inertial_s, self._lost_s, self._velocity_sigma = state["without"].tolist()
+        self.axes = np.array(state["axes"], np.float64)
+        self.information = np.array(state["information"], np.float64)
+
+    def _by_map(self, registration: Registration, position: Array) -> Array:
+        """Covariance (4, 4) of a registered pose: of the sweeps that hold it, and its own error.
+
+        The errors of these sweeps count as one error each in its share: they are drifts of one
+        walk, which averaging does not lessen.
+        """
+        own = self._floor + self._config.map_error_share**2 * (
+            registration.residual**2 * registration.spread
+        )
+        known = np.flatnonzero(registration.anchors.any(axis=1)).tolist()
+        shares = np.sqrt(registration.anchors[known])
+        covariances = np.array([self._covariances[index] for index in known]).reshape(-1, 4, 4)
+        steps = position - np.array([self._positions[index] for index in known]).reshape(-1, 3)
+        weights = shares[:, :, None] * shares[:, None, :]
+        total: Array = own + (weights * moved_by(covariances, steps)).sum(axis=0)
+        return total
 
     def _drift(self, time_s: float) -> float:
         """Standard deviation of a position by the accelerometer alone after a time, m."""
@@ -75,49 +162,6 @@ class StatedCovariance:
         biased = 0.5 * acceleration * time_s**2
         return math.sqrt((self._velocity_sigma * time_s) ** 2 + biased**2 + wandered)
 
-    def correct(self, registration: Registration) -> None:
-        """Take over which directions the sweep held: their unheld motion has ended."""
-        self.axes, self.information = registration.unheld, registration.information
-        ended = self._moved - self._unheld(self._moved)
-        self._walked = self._walked + self._share(ended)
-        self._moved = self._moved - ended
-        if not len(self.axes):
-            self._inertial_s = 0.0
-        if len(self.axes) < 3:
-            self._lost_s = 0.0
-
-    @property
-    def position(self) -> Array:
-        """Covariance of the position, (3, 3) m^2."""
-        floor = self._config.position_floor**2 * np.eye(3)
-        total: Array = floor + self._walked + self._share(self._moved)
-        return total
-
-    @property
-    def heading(self) -> float:
-        """Variance of the heading, rad^2."""
-        return self._config.heading_floor**2 + self._heading
-
-    def state(self) -> dict[str, Array]:
-        """Return all of it."""
-        return {
-            "walked": self._walked.copy(),
-            "heading": np.array(self._heading),
-            "moved": self._moved.copy(),
-            "without": np.array([self._inertial_s, self._lost_s]),
-            "axes": self.axes.copy(),
-            "information": self.information.copy(),
-        }
-
-    def restore(self, state: dict[str, Array]) -> None:
-        """Continue from what `state` returned."""
-        self._walked = np.array(state["walked"], np.float64)
-        self._heading = float(state["heading"])
-        self._moved = np.array(state["moved"], np.float64)
-        self._inertial_s, self._lost_s = state["without"].tolist()
-        self.axes = np.array(state["axes"], np.float64)
-        self.information = np.array(state["information"], np.float64)
-
     def _unheld(self, motion: Array) -> Array:
         """Part of a motion (3,) along directions that the last sweep did not hold."""
         along = np.zeros(3)
@@ -125,6 +169,16 @@ class StatedCovariance:
             along = along + float((axis * motion).sum()) * axis
         return along
 
-    def _share(self, motion: Array) -> Array:  # (3, 3)
-        share: Array = self._config.motion_share**2 * motion[:, None] * motion[None, :]
-        return share
+
+def moved_by(covariance: Array, step: Array) -> Array:
+    """Covariance (..., 4, 4) of a pose after a step (..., 3), m, by a heading that is off.
+
+    F P F' with F = I + f e', f = (-y, x, 0, 0) and e the heading's axis (Thrun, Burgard and Fox,
+    Probabilistic Robotics, 2005, section 3.3).
+    """
+    f = np.zeros((*step.shape[:-1], 4))
+    f[..., 0], f[..., 1] = -step[..., 1], step[..., 0]
+    cross = f[..., :, None] * covariance[..., None, HEADING, :]
+    moved: Array = covariance + cross + np.swapaxes(cross, -1, -2)
+    turned = covariance[..., HEADING, HEADING, None, None]
+    return moved + turned * f[..., :, None] * f[..., None, :]

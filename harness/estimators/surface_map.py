@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.estimators.kernels import (
     EMPTY,
+    FIXED,
     LEAST_INLIERS,
     Voxels,
     add_points,
     align,
+    examine,
     first_of_each,
     slot_of,
 )
+from wayproof.harness.estimators.matrices import inverse, projected
 from wayproof.harness.estimators.registration import Registration
 from wayproof.models.arrays import Array
 
@@ -22,6 +27,21 @@ SLOTS = 1 << 14
 
 FULL = 0.5
 """Share of used slots above which the table doubles."""
+
+LEAST_LEVER = 1e-3
+"""Mean square of the lever by which distances measure the heading, m^2, that is always there."""
+
+SYSTEMATIC = 3.0
+"""Variance of the error that all distances of a sweep have alike, in that of one distance."""
+
+ROUGHNESS = 0.003
+"""Standard deviation of the planes themselves from the surfaces, m."""
+
+NO_PRIOR = np.diag([0.0, 0.0, 0.0, 1e-3])
+"""Prior of the heading, which the scene always turns but for a round one."""
+
+DEVIATIONS_OF_MEDIAN = 1.4826
+"""Standard deviation of a Gaussian by the median of its absolute values."""
 
 
 class SurfaceMap:
@@ -33,6 +53,7 @@ class SurfaceMap:
     Attributes:
         voxels: The table.
         count: Number of voxels in it.
+        sweeps: Number of sweeps that were added.
     """
 
     def __init__(self, voxel: float, held: float, registered_share: float) -> None:
@@ -47,35 +68,58 @@ class SurfaceMap:
         self._inverse, self._held, self._share = 1.0 / voxel, held, registered_share
         self.voxels = _table(SLOTS)
         self.count = 0
+        self.sweeps = 0
 
     def add(self, points: Array) -> None:
-        """Add points (n, 3), world, m."""
+        """Add the points (n, 3) of a sweep, world, m."""
         while self.count + len(points) > FULL * len(self.voxels.keys):
             self._double()
-        self.count += add_points(points, self._inverse, self.voxels)
+        self.count += add_points(points, self._inverse, self.voxels, self.sweeps)
+        self.sweeps += 1
 
-    def register(self, points: Array, predicted: Array) -> Registration:
+    def register(self, points: Array, predicted: Array, prior: Array | None = None) -> Registration:
         """Align points with the map.
 
         Args:
             points: (n, 3) placed by the predicted poses, world, m.
             predicted: (3,) position of the base at the end of the sweep, m.
+            prior: (4, 4) as of `align`; if none, the predicted heading counts a little.
         """
         correction, information, axes = np.empty(4), np.empty(3), np.empty((3, 3))
+        offsets = points - predicted
         inliers = align(
-            points - predicted,
+            offsets,
             predicted,
             self._inverse,
             self._held,
+            NO_PRIOR if prior is None else prior,
             self.voxels,
             correction,
             information,
             axes,
         )
         if inliers < max(LEAST_INLIERS, self._share * len(points)):
-            return Registration(np.zeros(4), np.zeros(3), np.eye(3), inliers)
-        unheld = axes[:, information < self._held]
-        return Registration(correction, information, np.ascontiguousarray(unheld.T), inliers)
+            return unregistered(inliers)
+        unheld = np.ascontiguousarray(axes[:, information < self._held].T)
+        distances, moment = np.empty(len(points)), np.empty((4, 4))
+        shares = np.zeros((self.sweeps, 4))
+        count = examine(
+            offsets, predicted, correction, self._inverse, self.voxels, distances, moment, shares
+        )
+        if count == 0:
+            return unregistered(inliers)
+        return Registration(
+            correction=correction,
+            information=information,
+            unheld=unheld,
+            inliers=inliers,
+            residual=math.hypot(
+                DEVIATIONS_OF_MEDIAN * float(np.median(distances[:count])), ROUGHNESS
+            ),
+            moment=moment,
+            spread=spread_of(moment, unheld),
+            anchors=shares / np.maximum(shares.sum(axis=0), 1e-12),
+        )
 
     def _double(self) -> None:
         old = self.voxels
@@ -102,7 +146,38 @@ def _table(slots: int) -> Voxels:
         means=np.zeros((slots, 3)),
         squares=np.zeros((slots, 6)),
         planes=np.zeros((slots, 4)),
+        births=np.zeros(slots, np.int64),
     )
+
+
+def unregistered(inliers: int = 0) -> Registration:
+    """Return what a sweep says that does not lie in the map: nothing."""
+    return Registration(
+        correction=np.zeros(4),
+        information=np.zeros(3),
+        unheld=np.eye(3),
+        inliers=inliers,
+        residual=math.inf,
+        moment=np.zeros((4, 4)),
+        spread=np.zeros((4, 4)),
+        anchors=np.zeros((0, 4)),
+    )
+
+
+def spread_of(moment: Array, unheld: Array) -> Array:
+    """Covariance (4, 4) of a registration by a moment (4, 4) for residuals of variance 1.
+
+    E^-1 (E + SYSTEMATIC D) E^-1 with E the moment, and D its diagonal if the normals pointed to all
+    sides: an error that each distance has by itself, and one that all have alike. Zero along the
+    axes (k, 3) that are not held.
+    """
+    held, fixed = np.eye(4), moment.copy()
+    fixed[3, 3] += LEAST_LEVER
+    for axis in unheld:
+        along = np.append(axis, 0.0)[:, None] * np.append(axis, 0.0)
+        held, fixed = held - along, fixed + FIXED * along
+    alike = SYSTEMATIC * np.diag([1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, moment[3, 3]])
+    return projected(held, projected(inverse(fixed), moment + alike))
 
 
 def warm_up() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
-from wayproof.harness.estimators.lidar_odometry import NAME, LidarOdometry
+from wayproof.harness.estimators.lidar_odometry import LidarOdometry, put_estimate
 from wayproof.harness.estimators.motion_sensors import Body, MotionSensors
 from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.inputs import Beams, Inputs, Pose, SweepInput
@@ -104,7 +104,7 @@ class PoseEstimate:
         self._lidar: LidarOdometry | None = None
         self._corrected = self._mapped = NONE  # number of the last sweeps
         if config.estimate.kind == "lidar":
-            sensors = MotionSensors(config.estimate, config.seed, period, body)
+            sensors = MotionSensors(config.estimate, config.seed, period, body, self._perturbation)
             self._lidar = LidarOdometry(
                 config.estimate, position, heading, sensors, sweep_period=steps * timestep
             )
@@ -193,7 +193,10 @@ class PoseEstimate:
         if self._lidar is None or inputs.sequence <= self._mapped:
             return
         self._mapped = inputs.sequence
-        self._lidar.add_to_map(self._points(inputs.sweeps, inputs.pose, inputs.sequence))
+        pose = inputs.pose
+        assert pose.covariance is not None
+        points = self._points(inputs.sweeps, pose, inputs.sequence)
+        self._lidar.add_to_map(points, pose.position, pose.covariance)
 
     def pose(self, trail: Trail, rolling: bool) -> pb.Pose:
         """Encode the estimated pose for the log.
@@ -215,7 +218,7 @@ class PoseEstimate:
             message.history_quaternions.extend(believed.quaternions.ravel().tolist())
             message.history_period_s = believed.period
         if self._lidar is not None:
-            _put_covariance(message, self._lidar)
+            put_estimate(message, self._lidar)
         return message
 
     def _believed(self, trail: Trail, rolling: bool) -> Trail:
@@ -242,13 +245,3 @@ class PoseEstimate:
 def _pose_error(row: Array) -> PoseError:
     x, y, z, turn = row.tolist()
     return PoseError((x, y, z), turn)
-
-
-def _put_covariance(message: pb.Pose, lidar: LidarOdometry) -> None:
-    covariance, full = lidar.covariance, np.zeros((4, 4))
-    full[:3, :3] = covariance.position
-    full[3, 3] = covariance.heading
-    message.estimator = NAME
-    message.covariance.extend(full.ravel().tolist())
-    message.information.extend(covariance.information.tolist())
-    message.unheld.extend(covariance.axes.ravel().tolist())

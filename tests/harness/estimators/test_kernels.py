@@ -1,5 +1,7 @@
 """Kernels of lidar odometry: compiled, interpreted and written naively they agree."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -14,7 +16,7 @@ from wayproof.harness.estimators.kernels import (
     solve,
     voxel_key,
 )
-from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
+from wayproof.harness.estimators.surface_map import SYSTEMATIC, SurfaceMap, thinned
 
 
 @pytest.fixture
@@ -142,12 +144,13 @@ def test_compiled_and_interpreted_alignment_give_the_same_bits(python_versions):
     surfaces.add(room(3000))
     predicted = np.array([0.03, 0.02, 0.0])
     sweep = room(300, seed=5) + predicted
+    prior = np.diag([0.1, 0.2, 0.3, 0.4])
     compiled = [np.empty(4), np.empty(3), np.empty((3, 3))]
-    inliers = align(sweep - predicted, predicted, 2.0, 0.04, surfaces.voxels, *compiled)
+    inliers = align(sweep - predicted, predicted, 2.0, 0.04, prior, surfaces.voxels, *compiled)
     python_versions()
     again = [np.empty(4), np.empty(3), np.empty((3, 3))]
     assert inliers == kernels.align(
-        sweep - predicted, predicted, 2.0, 0.04, surfaces.voxels, *again
+        sweep - predicted, predicted, 2.0, 0.04, prior, surfaces.voxels, *again
     )
     for one, other in zip(compiled, again, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -159,10 +162,59 @@ def test_compiled_and_interpreted_maps_hold_the_same_bits(python_versions):
         SurfaceMap(0.5, held=0.04, registered_share=0.0),
     )
     points = room(500)
-    assert add_points(points, 2.0, compiled.voxels) > 0
+    assert add_points(points, 2.0, compiled.voxels, 3) > 0
     python_versions()
-    kernels.add_points(points, 2.0, again.voxels)
+    kernels.add_points(points, 2.0, again.voxels, 3)
     for one, other in zip(compiled.voxels, again.voxels, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_prediction_counts_by_its_information():
+    """About half of a shift remains where the prediction counts as much as the points do."""
+    surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.0)
+    surfaces.add(room(20_000, noise=0.002))
+    moved = room(8000, seed=9, noise=0.002) + np.array([0.01, 0.0, 0.0])
+    free = surfaces.register(moved, np.array([0.01, 0.0, 0.0]))
+    prior = np.diag([free.moment[0, 0], 0.0, 0.0, 1.0])
+    held = surfaces.register(moved, np.array([0.01, 0.0, 0.0]), prior)
+    assert free.correction[0] == pytest.approx(-0.01, abs=5e-4)
+    assert held.correction[0] == pytest.approx(-0.005, rel=0.2)
+
+
+def test_a_registration_states_residual_spread_and_whose_voxels_held_it():
+    """Each sweep has mapped one half of a room, so that it holds what lies in it."""
+    surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.0)
+    points = room(20_000, noise=0.01)
+    left = points[:, 0] < 0.0
+    surfaces.add(points[left])
+    surfaces.add(points[~left])
+    sweep = room(4000, seed=9, noise=0.01)
+    found = surfaces.register(sweep, np.zeros(3))
+    assert found.residual == pytest.approx(math.hypot(0.01, 0.003), rel=0.15)
+    np.testing.assert_allclose(found.anchors.sum(axis=0), 1.0)
+    np.testing.assert_allclose(found.anchors, 0.5, atol=0.1)
+    walls = np.array([0.4, 0.4, 0.2])  # share of points that measure x, y, z
+    np.testing.assert_allclose(np.diag(found.moment)[:3], walls, rtol=0.2)
+    expected = (walls + SYSTEMATIC / 3.0) / walls**2
+    np.testing.assert_allclose(np.diag(found.spread)[:3], expected, rtol=0.4)
+    other = surfaces.register(sweep[sweep[:, 0] > 0.5], np.zeros(3))
+    assert other.anchors[0].max() == 0.0
+
+
+def test_compiled_and_interpreted_examination_give_the_same_bits(python_versions):
+    surfaces = SurfaceMap(0.5, held=0.04, registered_share=0.0)
+    surfaces.add(room(3000))
+    sweep, correction = room(300, seed=5), np.array([0.01, 0.0, -0.01, 0.002])
+
+    def examined(kernel):
+        results = [np.zeros(300), np.empty((4, 4)), np.zeros((1, 4))]
+        count = kernel(sweep, np.zeros(3), correction, 2.0, surfaces.voxels, *results)
+        return count, *results
+
+    compiled = examined(kernels.examine)
+    assert compiled[0] > 100
+    python_versions()
+    for one, other in zip(compiled, examined(kernels.examine), strict=True):
         np.testing.assert_array_equal(one, other)
 
 

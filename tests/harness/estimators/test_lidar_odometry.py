@@ -13,7 +13,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.registration import Registration
 from wayproof.harness.estimators.stated_covariance import StatedCovariance
-from wayproof.harness.estimators.surface_map import SurfaceMap
+from wayproof.harness.estimators.surface_map import SurfaceMap, unregistered
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork
@@ -67,43 +67,72 @@ def test_a_sweep_that_is_noise_holds_nothing():
     assert np.array_equal(found.unheld, np.eye(3))
 
 
-def registered(*axes):
+def registered(*axes, anchors=((1.0, 1.0, 1.0, 1.0),), residual=0.01):
+    """A sweep of which an eighth is along each axis, by voxels of the sweeps `anchors`."""
     unheld = np.array(axes, float).reshape(-1, 3)
-    return Registration(np.zeros(4), np.full(3, 1 / 3), unheld, 1000)
+    held = np.eye(3) - unheld.T @ unheld
+    spread = np.diag([*(8.0 * np.diag(held)), 1.0])
+    information = np.full(3, 1 / 3)
+    anchors = np.array(anchors)
+    moment = np.diag([*(0.125 * np.diag(held)), 1.0])
+    return Registration(np.zeros(4), information, unheld, 1000, residual, moment, spread, anchors)
+
+
+EXACT_MAP = EstimateConfig(
+    map_error_share=0.0, position_floor=0.0, heading_floor=0.0, motion_share=0.1
+)
+"""Registrations without any error."""
 
 
 def test_the_covariance_grows_with_all_motion_that_nothing_held():
-    config = EstimateConfig(
-        position_walk=0.01, position_floor=0.0, motion_share=0.1, heading_walk=0.0
-    )
-    covariance = StatedCovariance(config, sweep_period=0.1)
-    along = np.array([1.0, 0.0, 0.0])
+    covariance = StatedCovariance(EXACT_MAP)
+    covariance.add_to_map(np.zeros(3), np.zeros((4, 4)))
+    along, place = np.array([1.0, 0.0, 0.0]), np.zeros(3)
     for _ in range(100):
         covariance.predict(0.1 * along, 0.1, inertial=False)
-        covariance.correct(registered(along))
-    walked = 0.01**2 * 10.0
-    assert covariance.position[0, 0] == pytest.approx(walked + (0.1 * 9.9) ** 2)
-    assert covariance.position[1, 1] == pytest.approx(walked)
-    covariance.correct(registered())  # held again: what was lost stays lost
-    assert covariance.position[0, 0] == pytest.approx(walked + (0.1 * 9.9) ** 2)
-    covariance.predict(0.1 * along, 0.1, inertial=False)
-    assert covariance.position[0, 0] == pytest.approx(0.01**2 * 10.1 + (0.1 * 9.9) ** 2)
+        place = place + 0.1 * along
+        covariance.correct(registered(along), place)
+    assert covariance.position[0, 0] == pytest.approx((0.1 * 9.9) ** 2)
+    assert covariance.position[1, 1] == 0.0
+    covariance.add_to_map(place, covariance.pose)
+    lost = registered(anchors=[np.zeros(4), np.ones(4)])  # by what was mapped while it was lost
+    covariance.correct(lost, place)
+    assert covariance.position[0, 0] == pytest.approx((0.1 * 9.9) ** 2)
+    covariance.correct(registered(), place)  # by what was mapped at the start
+    assert covariance.position[0, 0] == 0.0
+
+
+def test_a_registration_is_as_uncertain_as_its_part_of_the_map():
+    """By hand: 3 mm of its own beside 4 mm of the map, and a heading that was off over 5 m."""
+    config = EstimateConfig(map_error_share=0.5, position_floor=0.0, heading_floor=0.0)
+    covariance = StatedCovariance(config)
+    covariance.add_to_map(np.zeros(3), np.diag([4e-3, 4e-3, 4e-3, 0.0]) ** 2)
+    residual = 3e-3 / (0.5 * math.sqrt(8.0))
+    covariance.correct(registered(residual=residual), np.array([5.0, 0.0, 0.0]))
+    assert np.sqrt(np.diag(covariance.position)) == pytest.approx([5e-3] * 3)
+    covariance.add_to_map(np.zeros(3), np.diag([0.0, 0.0, 0.0, 1e-3]) ** 2)
+    turned = registered(residual=0.0, anchors=[np.zeros(4), np.ones(4)])
+    covariance.correct(turned, np.array([5.0, 0.0, 0.0]))
+    assert np.sqrt(np.diag(covariance.position)) == pytest.approx([0.0, 5e-3, 0.0])
+    half = registered(residual=0.0, anchors=np.full((2, 4), 0.5))
+    covariance.correct(half, np.zeros(3))
+    assert np.sqrt(np.diag(covariance.position)) == pytest.approx([4e-3 * math.sqrt(0.5)] * 3)
 
 
 def test_a_drone_that_stands_still_without_returns_drifts_by_its_accelerometer():
     """A position that nothing holds is off by half the bias times the square of the time."""
     config = EstimateConfig(accelerometer_bias=0.1, gyro_bias=0.01, gyro_noise=0.0)
-    covariance = StatedCovariance(config, sweep_period=0.1)
-    covariance.correct(registered(*np.eye(3)))
+    covariance = StatedCovariance(config)
+    covariance.add_to_map(np.zeros(3), covariance.pose)
+    covariance.correct(unregistered(), np.zeros(3))
     for _ in range(100):
         covariance.predict(np.zeros(3), 0.1, inertial=True)
     for axis in range(3):
         assert math.sqrt(covariance.position[axis, axis]) > 0.5 * 0.1 * 10.0**2
     assert math.sqrt(covariance.heading) == pytest.approx(0.01 * 10.0, rel=1e-3)
-    covariance.correct(registered())
-    lost = covariance.position
-    covariance.predict(np.zeros(3), 0.1, inertial=True)
-    assert np.array_equal(covariance.position, lost)  # what was lost stays lost, and ends
+    covariance.correct(registered(), np.zeros(3))
+    for axis in range(3):  # held by the map again
+        assert math.sqrt(covariance.position[axis, axis]) < 0.1
 
 
 def test_the_check_of_a_cause_goes_on_from_the_same_map(tmp_path):
@@ -154,7 +183,7 @@ def test_the_estimate_is_millimetres_off_and_says_so(episode):
     assert np.abs(off[-1]).max() < 0.01
     assert np.abs(off).max() > 0.0  # it is no truth
     covariance = np.array(poses[-1].covariance).reshape(4, 4)
-    assert poses[-1].estimator == "lidar/2"
+    assert poses[-1].estimator == "lidar/3"
     assert poses[-1].position_sigma == pytest.approx(
         math.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])
     )

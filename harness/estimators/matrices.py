@@ -1,0 +1,30 @@
+"""Small matrices without BLAS, which orders sums by the machine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wayproof.harness.estimators.kernels import solve
+from wayproof.models.arrays import Array
+
+
+def inverse(matrix: Array) -> Array:
+    """Inverse of a positive definite matrix (n, n), by Cholesky."""
+    columns = []
+    for column in np.eye(len(matrix)):
+        solve(matrix.copy(), column)
+        columns.append(column)
+    result = np.array(columns)
+    symmetric: Array = 0.5 * (result + result.T)
+    return symmetric
+
+
+def product(one: Array, other: Array) -> Array:
+    """Matrix product of (n, n) and (n, n)."""
+    sums: Array = (one[:, :, None] * other[None, :, :]).sum(axis=1)
+    return sums
+
+
+def projected(symmetric: Array, matrix: Array) -> Array:
+    """The product A B A of a symmetric A, both (n, n)."""
+    return product(product(symmetric, matrix), symmetric)
