@@ -9,6 +9,7 @@ import numpy as np
 
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.batches import Batch
+from wayproof.harness.shadow.odometry import RecordedOdometry
 from wayproof.harness.shadow.perturb import RecordedPerturbation
 from wayproof.harness.shadow.prepare import Prepared, lifted
 from wayproof.harness.shadow.sweeps import greatest_age
@@ -44,6 +45,9 @@ class InputWriter:
     def __init__(self, prepared: Prepared, perturbation: RecordedPerturbation) -> None:
         """Start before the first batch."""
         self._prepared, self._perturbation = prepared, perturbation
+        self._odometry: RecordedOdometry | None = None
+        if prepared.config.estimate.kind == "lidar":
+            self._odometry = RecordedOdometry(prepared)
         self._before: RecordedPose | None = None
         self._before_ns = 0
 
@@ -109,6 +113,8 @@ class InputWriter:
             message.history_positions.extend(trail.positions.ravel().tolist())
             message.history_quaternions.extend(trail.quaternions.ravel().tolist())
             message.history_period_s = trail.period
+        if self._odometry is not None:
+            self._odometry.estimate(sweeps, message, time_ns)
         self._perturbation.pose(message, motion, time_ns)
         return message
 

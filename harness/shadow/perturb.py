@@ -52,7 +52,7 @@ class RecordedPerturbation:
         """Find the sensors that it affects.
 
         Raises:
-            InputError: It changes the world.
+            InputError: It changes the world, or sensors that a recording does not have.
         """
         self._perturbation = config.perturbation or UNPERTURBED
         if self._perturbation.changes == "world":
@@ -60,6 +60,12 @@ class RecordedPerturbation:
                 f"perturbation '{self._perturbation.kind}': changes the world, which a recording "
                 "cannot; expected one of the poses, the ranges or the timing"
             )
+        if self._perturbation.changes == "motion_sensors":
+            raise InputError(
+                f"perturbation '{self._perturbation.kind}': changes inertial sensors, which the "
+                "odometry of a recording does not read; expected one of the ranges or the timing"
+            )
+        self._registers = config.estimate.kind == "lidar"
         self._seed = config.seed
         self._infos = {info.name: info for info in infos}
         self._affected = self._perturbation.affected(list(self._infos))
@@ -118,7 +124,7 @@ class RecordedPerturbation:
             exact_severity=perturbation.severity,
             amount=perturbation.amount if active else perturbation.nothing,
             unit=perturbation.unit,
-            streams=perturbation.streams(list(self._infos)),
+            streams=self._streams,
             pose_shift=self._added.shift,
             pose_turn=self._added.turn,
             changed_beams=self._changed_beams,
@@ -130,6 +136,13 @@ class RecordedPerturbation:
             message.displaced_quaternion.extend(self._displacement.quaternion.tolist())
         message.timestamp.FromNanoseconds(time_ns)
         return message
+
+    @property
+    def _streams(self) -> tuple[str, ...]:
+        """Input streams that the perturbation changes; of the lidar's pose with its sweeps."""
+        own = self._perturbation.streams(list(self._infos))
+        sensed = any(name.startswith("sensor/") for name in own)
+        return (*own, "pose") if sensed and self._registers else own
 
     def _change(self, sweep: pb.Sweep, sequence: int) -> None:
         """Change the ranges of a sweep, or the mount that it states."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.config import HASH_SEPARATOR, Config, override
+from wayproof.harness.config import HASH_SEPARATOR, Config, override, with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
 from wayproof.harness.perturbations import AnyPerturbation
@@ -18,7 +18,12 @@ from wayproof.harness.recordings.track import RecordedTrack
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.body import Body
-from wayproof.harness.shadow.sweeps import SweepWriter, TableWriter, sensor_message
+from wayproof.harness.shadow.sweeps import (
+    SweepWriter,
+    TableWriter,
+    sensor_message,
+    topic_name,
+)
 from wayproof.harness.shadow.way import Way
 from wayproof.maps.kernels.beams import MAX_BEAM_CELLS
 from wayproof.models.sensors.beams import LONGEST_LISTED_RANGE
@@ -36,6 +41,10 @@ AIR_MARGIN = 2.0
 
 LEAST_STEP_CELLS = 0.3
 """Least step height, cells: the floor's layer of a map reaches up to a quarter of a cell."""
+
+SCAN_NOISE = 0.2
+"""Default of `estimate.sweep_noise_share` for planar lasers: a scan has a twentieth of a sweep's
+points, so that one says less."""
 
 FIRST_SWEEPS = 50
 """Number of sweeps that are looked at for the rate and the mount of each sensor."""
@@ -58,6 +67,7 @@ class Prepared:
         writers: Writers of their sweeps, by the name in the recording.
         lift: Height that is added to the mounts of planar lasers, m.
         way: Of the robot.
+        planar: Names in the log of the sensors whose beams lie in one level plane.
         assumes_height: Whether nothing says how high the body is above a floor that its sensors
             see.
     """
@@ -68,6 +78,7 @@ class Prepared:
     writers: dict[str, SweepWriter | TableWriter]
     lift: float
     way: Way
+    planar: frozenset[str] = frozenset()
     assumes_height: bool = False
 
     @property
@@ -111,7 +122,7 @@ def prepare(
     config = _config(recording, body, settings, seed, planar)
     recorded = config.recording
     assert recorded is not None
-    config = replace(config, perturbation=perturbation)
+    config = with_perturbation(config, perturbation)
     if stack is not None:
         recorded = replace(recorded, goal="end")  # a stack on trial gets one goal, in its task
         trial = replace(config.stack, name=stack)
@@ -143,6 +154,7 @@ def prepare(
         writers=writers,
         lift=lift,
         way=way,
+        planar=frozenset(topic_name(one.name) for one in recording.sensors if one.kind == "laser"),
         assumes_height=body.motion == "ground" and not planar and not stated,
     )
 
@@ -205,14 +217,16 @@ def _config(
     defaults = ["map.kind=grid2d"] if planar else []
     if recording.mission is not None:  # the episode's own map had only its start declared free
         defaults.append("recording.footprint_clearing=false")
+    if planar and override(config, settings).estimate.kind == "lidar":
+        defaults.append(f"estimate.sweep_noise_share={SCAN_NOISE}")
     if recording.body_height is not None:
         defaults.append(f"recording.body_height={recording.body_height!r}")
     config = override(config, [*defaults, *settings])
     assert config.recording is not None
-    if config.estimate.kind != "model":
+    if config.estimate.kind == "truth":
         raise InputError(
-            f"--set estimate.kind={config.estimate.kind}: of a simulated episode; a recording has "
-            "its own poses, expected none"
+            "--set estimate.kind=truth: of a simulated episode; expected 'model', which here is "
+            "the recorded pose, or 'lidar'"
         )
     if recording.mission is not None:
         return config

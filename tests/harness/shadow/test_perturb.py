@@ -9,7 +9,9 @@ from wayproof.harness.log.streams import _streams
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
 from wayproof.harness.replay.replay import replay
 
-ON_RECORDINGS = [kind for kind in PERTURBATIONS if kind != "motion"]
+ON_RECORDINGS = [
+    kind for kind, one in PERTURBATIONS.items() if one.changes not in ("world", "motion_sensors")
+]
 
 
 @pytest.fixture(scope="module")

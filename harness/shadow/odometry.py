@@ -1,0 +1,143 @@
+"""Pose of a recorded robot by its sweeps: the lidar odometry in place of the recorded poses.
+
+The recorded poses are its prediction from sweep to sweep, as the odometry of wheels or legs is.
+What they add up to does not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.estimators.lidar_odometry import LidarOdometry, put_estimate
+from wayproof.harness.estimators.motion_sensors import Motion
+from wayproof.harness.geometry import yaw_of_quaternion
+from wayproof.harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
+from wayproof.harness.listed_beams import read_list
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.shadow.prepare import Prepared
+from wayproof.models.pose_model import estimated_trail
+from wayproof.models.poses import Trail
+
+Array = NDArray[np.float64]
+
+WALL = 0.25
+"""Height above and below the middle of a voxel at which a point of a planar laser is put, in
+voxels: the laser sees walls, which are upright."""
+
+LEAST_PERIOD = 1e-3
+"""Least time between two decisions that counts, s."""
+
+
+class RecordedMotion:
+    """Motion between two decisions by the recorded poses.
+
+    Attributes:
+        period: Time of it, s.
+        step: (3,) world, m.
+    """
+
+    def __init__(self) -> None:
+        """Start at rest."""
+        self.period = LEAST_PERIOD
+        self.step = np.zeros(3)
+
+    def measure(self, turn: float) -> Motion:
+        """Return the motion; `turn`, rad, is the recorded one."""
+        return Motion(np.zeros(3), turn, None, self.step)
+
+    def state(self) -> dict[str, Array]:
+        """Return nothing: a recording is not continued from a snapshot."""
+        return {}
+
+    def restore(self, state: dict[str, Array]) -> None:
+        """Restore nothing."""
+
+
+class RecordedOdometry:
+    """The odometry of one pass through a recording."""
+
+    def __init__(self, prepared: Prepared) -> None:
+        """Start before the first decision."""
+        self._config = prepared.config.estimate
+        self._period = max(prepared.recorded.decision_period, LEAST_PERIOD)
+        self._beams = {info.name: beams_from_info(info) for info in prepared.infos}
+        self._planar = prepared.planar
+        self._motion = RecordedMotion()
+        self._lidar: LidarOdometry | None = None
+        self._before_ns = 0
+        self._position = np.zeros(3)
+
+    def estimate(self, sweeps: Sequence[pb.Sweep], message: pb.Pose, time_ns: int) -> None:
+        """Put the estimate, with its covariance, in the place of the recorded pose of a message.
+
+        Args:
+            sweeps: Of the decision, as the stack gets them.
+            message: The recorded pose, with its trail; written.
+            time_ns: Time of the decision.
+        """
+        position = np.array(message.position)
+        heading = yaw_of_quaternion(np.array(message.quaternion))
+        if self._lidar is None:
+            self._lidar = LidarOdometry(self._config, position, heading, self._motion, self._period)
+        else:
+            elapsed = 1e-9 * (time_ns - self._before_ns)
+            self._motion.period = max(elapsed, LEAST_PERIOD)
+            self._motion.step = position - self._position
+            self._lidar.advance(position, heading)
+        self._before_ns, self._position = time_ns, position
+        inputs = [
+            SweepInput(one.sensor, decode_ranges(one), None, read_list(one)) for one in sweeps
+        ]
+        self._lidar.correct(self._points(inputs, self._believed(message), message.sequence))
+        believed = self._believed(message)
+        _put_poses(message, believed)
+        put_estimate(message, self._lidar)
+        covariance = np.array(message.covariance).reshape(4, 4)
+        points = self._points(inputs, believed, message.sequence)
+        self._lidar.add_to_map(points, believed.position, covariance)
+
+    def _believed(self, message: pb.Pose) -> Pose:
+        """The recorded pose and trail, moved by the error of the present estimate."""
+        assert self._lidar is not None
+        error = self._lidar.error
+        now = Trail(np.array([message.position]), np.array([message.quaternion]), 1.0)
+        last = estimated_trail(now, [error])
+        trail = None
+        if message.history_period_s:
+            positions = np.array(message.history_positions).reshape(-1, 3)
+            quaternions = np.array(message.history_quaternions).reshape(-1, 4)
+            recorded = Trail(positions, quaternions, message.history_period_s)
+            trail = estimated_trail(recorded, [error] * len(positions))
+        return Pose(last.positions[0], last.quaternions[0], 0.0, trail)
+
+    def _points(self, sweeps: Sequence[SweepInput], pose: Pose, sequence: int) -> Array:
+        """Returns of sweeps, (n, 3) world, m; those of planar lasers as upright walls."""
+        placed = [np.zeros((0, 3))]
+        for sweep in sweeps:
+            points = self._beams[sweep.sensor].place(sweep, pose, sequence).points
+            if sweep.sensor in self._planar:
+                points = self._walls(points)
+            placed.append(points)
+        return np.concatenate(placed)
+
+    def _walls(self, points: Array) -> Array:
+        """Points (n, 3) of a planar laser, each above and below the middle of a voxel."""
+        voxel, walls = self._config.voxel, np.repeat(points, 2, axis=0)
+        middle = (np.floor(walls[:, 2] / voxel) + 0.5) * voxel
+        walls[:, 2] = middle + voxel * np.tile([WALL, -WALL], len(points))
+        return walls
+
+
+def _put_poses(message: pb.Pose, pose: Pose) -> None:
+    """Write an estimate and its trail in the place of the recorded ones."""
+    del message.position[:], message.quaternion[:]
+    message.position.extend(pose.position.tolist())
+    message.quaternion.extend(pose.quaternion.tolist())
+    if pose.trail is None:
+        return
+    del message.history_positions[:], message.history_quaternions[:]
+    message.history_positions.extend(pose.trail.positions.ravel().tolist())
+    message.history_quaternions.extend(pose.trail.quaternions.ravel().tolist())
