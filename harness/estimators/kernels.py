@@ -300,7 +300,7 @@ def distance_from_plane(voxels: Voxels, slot: np.int64, x: float, y: float, z: f
     if voxels.keys[slot] == EMPTY or plane[3] == 0.0:
         return inf
     mean = voxels.means[slot]
-    return plane[0] * (x - mean[0]) + plane[1] * (y - mean[1]) + plane[2] * (z - mean[2])
+    return float(plane[0] * (x - mean[0]) + plane[1] * (y - mean[1]) + plane[2] * (z - mean[2]))
 
 
 @kernel
