@@ -54,11 +54,20 @@ def read_mjcf(path: Path, options: ImportOptions) -> Found:
         else:
             model = mujoco.MjModel.from_xml_path(str(path))
     except NOT_COMPILED as error:
-        raise WorldFileError(path, " ".join(str(error).split())[:300]) from None
+        raise WorldFileError(path, _reason(error)) from None
     found = found_in(model, path)
     _take_hulls(found)
     found.notes += [f"body '{name}': left out" for name in options.without]
     return found
+
+
+def _reason(error: Exception) -> str:
+    """Return why a scene does not compile, in one line; of a file that is missing what would do."""
+    text = " ".join(str(error).split())
+    if missing := re.search(r"[Ee]rror opening file '([^']*)'", text):
+        name = Path(missing[1]).name
+        return f"no file '{name}', which it names; expected it, or --without BODY that needs it"
+    return text[:300]
 
 
 def _take_hulls(found: Found) -> None:
@@ -95,6 +104,10 @@ def _without(path: Path, bodies: tuple[str, ...]) -> mujoco.MjModel:
         spec.delete(body)
     for key in list(spec.keys):
         spec.delete(key)  # it counts the joints that were deleted
+    needed = {geom.meshname for geom in spec.geoms}
+    for mesh in list(spec.meshes):
+        if (mesh.name or Path(mesh.file).stem) not in needed:
+            spec.delete(mesh)  # its file need not be there
     return spec.compile()
 
 

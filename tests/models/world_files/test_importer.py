@@ -528,6 +528,23 @@ def test_broken_clouds_are_refused_by_name(tmp_path, name, text, said):
         imported(write(tmp_path, name, text))
 
 
+ROBOT_SCENE = """<mujoco><compiler meshdir="assets"/><asset><mesh file="rock.obj"/>
+<mesh name="hull" file="robot.obj"/></asset><worldbody><geom type="plane" size="9 9 1"/>
+<geom type="box" size="1 1 1" pos="5 0 1"/><geom type="mesh" mesh="rock" pos="-3 0 1"/>
+<body name="robot"><freejoint/><geom type="mesh" mesh="hull"/></body></worldbody></mujoco>
+"""
+
+
+def test_meshes_of_a_robot_that_is_left_out_need_not_be_there(tmp_path):
+    (tmp_path / "assets").mkdir()
+    write(tmp_path / "assets", "rock.obj", TETRAHEDRON)
+    scene = write(tmp_path, "scene.xml", ROBOT_SCENE)
+    with pytest.raises(WorldFileError, match=r"no file 'robot\.obj', which it names; .*--without"):
+        imported(scene)
+    world = imported(scene, without=("robot",))
+    assert sorted(type(solid).__name__ for solid in world.solids) == ["Box", "ConvexMesh"]
+
+
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
