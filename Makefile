@@ -15,9 +15,11 @@ help:  ## Show this list.
 
 # What running needs.
 $(BASE): requirements.txt pyproject.toml
+	@date +%s > .began
 	$(PYTHON) -m venv .venv
 	$(PIP) --require-hashes --requirement requirements.txt
 	$(PIP) --no-deps --no-build-isolation --editable .
+	@echo "packages: $$(($$(date +%s) - $$(cat .began))) s"; rm .began
 	@touch $@
 
 # The kernels, compiled.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -63,8 +64,10 @@ def for_each_robot(compile_part: Callable[[Config], None]) -> None:
 
 def main() -> None:
     """Fill the cache of compiled kernels."""
+    began = time.perf_counter()
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         list(pool.map(for_each_robot, (compile_perception, compile_control)))
+    print(f"kernels: {time.perf_counter() - began:.0f} s")
 
 
 # Modules are garbage at exit, and OMPL's bindings warn about those that are frozen.

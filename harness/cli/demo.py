@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -25,13 +26,19 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.forked import cores
     from wayproof.harness.replay.replay import replay
 
-    rows = []
+    rows, spent = [], {"episodes": 0.0, "replays": 0.0}
     for robot in ("quadruped", "drone"):
         named = {"world": "warehouse", "robot": robot, "seed": options.seed}
         config = override(from_document(named), options.set)
+        began = time.perf_counter()
         result = run_one(config, options.logs / f"{episode_name(config)}.mcap", console)
+        ended = time.perf_counter()
         rows.append((robot, result, replay(Path(result.log), jobs=cores())))
+        spent["episodes"] += ended - began
+        spent["replays"] += time.perf_counter() - ended
     print_demo(console, rows)
+    parts = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in spent.items())
+    console.print(f"time: {parts}", highlight=False)
     good = all(r.outcome == "success" and again.identical for _, r, again in rows)
     document = {"episodes": [{**asdict(r), "replay": asdict(again)} for _, r, again in rows]}
     return (0 if good else 1), document

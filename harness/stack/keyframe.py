@@ -48,9 +48,9 @@ STATES_IN_PERIOD = 4
 the map before it is soon integrated again."""
 
 
-MAP_SHARE = 0.036
+MAP_SHARE = 0.02
 """Maximum size of a map in units of that of the sweeps since the one before, uncompressed. Sweeps
-compress to 0.28 to 0.36 of it, so that maps take up to an eighth of a log."""
+compress to 0.14 (100,000 beams) to 0.36 of it, so that maps take at most a seventh of a log."""
 
 
 def has_keyframes(config: Config) -> bool:
