@@ -23,8 +23,8 @@ LEAST_POINTS = 100
 MOST_POINTS = 8192
 """Beams that are looked at for a fit: of larger sweeps every second, third or fourth."""
 
-LEAST_SPREAD = 0.5
-"""Least standard deviation of their places on the floor along any axis, m."""
+LEAST_SPREAD = 0.25
+"""Least standard deviation of their places on the floor along any axis, m: of an aisle of 0.9 m."""
 
 LEVEL = math.radians(0.1)
 """Tilt up to which a floor is as expected, rad: 1.7 cm at 10 m."""
@@ -69,6 +69,10 @@ class GroundPlane:
         return flat and self.deviation <= QUIET
 
 
+EXPECTED = GroundPlane(np.zeros(5), 0.0, 0.0, 0)
+"""The plane z = 0."""
+
+
 @dataclass(frozen=True)
 class LevelSweep:
     """A sweep whose floor is z = 0.
@@ -78,7 +82,7 @@ class LevelSweep:
         directions: (n, 3) unit vectors, world.
         ranges_mm: (n,) as `VoxelMap.integrate` takes them.
         on_floor: (n,) whether a return is the floor's.
-        lost: (n,) whether a beam without return heads for floor where others came back.
+        lost: (n,) whether a beam without return heads for floor and is no evidence of a hole.
     """
 
     origins: NDArray[np.float64]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import WorldSweep
 from wayproof.harness.mission import Mission
-from wayproof.maps.ground_fit import fit_ground, level
+from wayproof.maps.ground_fit import EXPECTED, fit_ground, level
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 
@@ -26,8 +26,7 @@ def on_level_ground(
     if not (config.map.ground_fit and flat):
         return placed
     plane = fit_ground(placed.origins, placed.moments, placed.directions, placed.ranges_mm)
-    if plane is None:
-        return placed
+    plane = plane or EXPECTED  # echoes get lost where too few come back for a plane, too
     if plane.as_expected and not (placed.ranges_mm == NO_RETURN).any():
         return placed
     found = level(
