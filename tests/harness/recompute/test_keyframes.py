@@ -1,7 +1,7 @@
 """Keyframes: where a replay can start, and what it finds of those that are false."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import pytest
@@ -18,6 +18,9 @@ from wayproof.harness.replay.fork import fork
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.types import Exploration, PathLoss, PlannerState
+from wayproof.planners import Trajectory
+from wayproof.planners.jerk_limited import Profile
 
 OFTEN = ("episode.time_limit=3", "keyframe_period=1")
 EPISODES = {
@@ -189,3 +192,17 @@ def test_pieces_take_about_the_same_time():
     assert [one.end for one in two] == [276, None]
     assert len(pieces_of(frames, 600, 64)) > 8
     assert len(pieces_of([], 600, 2)) == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        (PlannerState, pb.PlannerState),
+        (Exploration, pb.Exploration),
+        (PathLoss, pb.PathLoss),
+        (Trajectory, pb.CommittedTrajectory),
+        (Profile, pb.Profile),
+    ],
+)
+def test_a_keyframe_holds_every_field_of_the_state(kind, message):
+    assert [one.name for one in fields(kind)] == [one.name for one in message.DESCRIPTOR.fields]
