@@ -133,6 +133,8 @@ def test_logs_of_former_formats_open_with_the_settings_of_a_new_one(version):
     current = open_log(LOGS / "format-6.mcap").config
     later = [f"planner.grain={current.planner.grain}"]
     later.append(f"keyframe_period={current.keyframe_period}")
+    assert (former.map.ground_fit, current.map.ground_fit) == (False, True)
+    later.append("map.ground_fit=true")
     assert override(former, ["planner.name=astar", *later]) == current
 
 
