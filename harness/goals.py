@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 def goals_claimed(decisions: Iterable[pb.Decision]) -> int:
     """Number of goals that decisions claim."""
-    return sum(one.action == "goal" for one in decisions)
+    return len([one for one in decisions if one.action == "goal"])
 
 
 def goals_before_last(decisions: Sequence[pb.Decision]) -> int:
@@ -81,7 +81,10 @@ def distance_left(mission: Mission, reached: int, position: Array) -> float:
     """
     axes = mission.axes
     left = [np.array(goal[:axes]) for goal in mission.goals[reached:]]
-    return sum(distance(a, b) for a, b in pairwise([position[:axes], *left]))
+    way = 0.0
+    for a, b in pairwise([position[:axes], *left]):
+        way += distance(a, b)  # `sum` rounds by the version of Python
+    return way
 
 
 def distance(a: Array, b: Array) -> float:

@@ -65,7 +65,7 @@ class GroundPlane:
     def as_expected(self) -> bool:
         """Whether it is z = 0 but for what changes no cell."""
         height, along_x, along_y = self.numbers[:3].tolist()
-        flat = math.hypot(along_x, along_y) <= LEVEL and abs(height) <= QUIET
+        flat = along_x * along_x + along_y * along_y <= LEVEL * LEVEL and abs(height) <= QUIET
         return flat and self.deviation <= QUIET
 
 
@@ -151,7 +151,8 @@ def fit_ground(
     if count < LEAST_POINTS or spread < LEAST_SPREAD:
         return None
     height, along_x, along_y = numbers[:3].tolist()
-    if math.hypot(along_x, along_y) > kernels.TILT or abs(height) > kernels.HEIGHT:
+    steep = along_x * along_x + along_y * along_y > kernels.TILT * kernels.TILT
+    if steep or abs(height) > kernels.HEIGHT:
         return None
     return GroundPlane(numbers, deviation, range_deviation, count)
 

@@ -117,13 +117,13 @@ def _point(name: str, text: str) -> tuple[float, ...]:
 
 def _goal(text: str) -> tuple[float, ...] | str:
     """Read `X,Y`, `X,Y,Z` or the name of a place."""
-    from wayproof.harness.errors import unknown_name
     from wayproof.models.places import PLACES
 
     if text in PLACES:
         return text
     if text.replace("_", "").isalpha():
-        raise unknown_name("--goal", text, PLACES)
+        places = ", ".join(sorted(PLACES))
+        raise InputError(f"--goal {text}: expected X,Y or X,Y,Z, or a place: {places}")
     return _point("goal", text)
 
 

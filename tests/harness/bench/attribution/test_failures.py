@@ -19,7 +19,12 @@ def test_attempts_take_both_halves_in_turn():
         assert len(set(tried)) == len(tried)
 
 
-TOGETHER = {"retentive": ["settings", "world"]}
+TOGETHER = {
+    "retentive": ["settings", "world"],
+    "dropout": ["settings", "perturbation"],
+    "noise": ["settings", "perturbation"],
+    "calibration": ["settings", "perturbation"],
+}
 """Fields of kinds whose one broken assumption takes two."""
 
 
