@@ -69,10 +69,6 @@ class GroundPlane:
         return flat and self.deviation <= QUIET
 
 
-EXPECTED = GroundPlane(np.zeros(5), 0.0, 0.0, 0)
-"""The plane z = 0."""
-
-
 @dataclass(frozen=True)
 class LevelSweep:
     """A sweep whose floor is z = 0.
@@ -82,14 +78,12 @@ class LevelSweep:
         directions: (n, 3) unit vectors, world.
         ranges_mm: (n,) as `VoxelMap.integrate` takes them.
         on_floor: (n,) whether a return is the floor's.
-        lost: (n,) whether a beam without return heads for floor and is no evidence of a hole.
     """
 
     origins: NDArray[np.float64]
     directions: NDArray[np.float64]
     ranges_mm: Ranges
     on_floor: NDArray[np.bool_]
-    lost: NDArray[np.bool_]
 
 
 def level(
@@ -97,7 +91,6 @@ def level(
     moments: NDArray[np.int32],
     directions: NDArray[np.float64],
     ranges_mm: Ranges,
-    range_limit: float,
     plane: GroundPlane,
 ) -> LevelSweep:
     """Shear a sweep so that a plane is z = 0, and put the floor's returns on it.
@@ -107,7 +100,6 @@ def level(
         moments: (n,) origin of each beam.
         directions: (n, 3) unit vectors, world.
         ranges_mm: (n,) mm.
-        range_limit: Range up to which no return clears, m.
         plane: Of the floor.
     """
     level_origins, ends = np.empty_like(origins), np.empty_like(directions)
@@ -118,9 +110,32 @@ def level(
     kernels.put_on_floor(level_origins, moments, ranges_mm, deviations, tiling, ends, on_floor)
     level_directions, level_mm = np.empty_like(directions), np.empty_like(ranges_mm)
     kernels.beams_of(ends, ranges_mm, level_directions, level_mm)
+    return LevelSweep(level_origins, level_directions, level_mm, on_floor)
+
+
+def lost_echoes(
+    origins: NDArray[np.float64],
+    moments: NDArray[np.int32],
+    directions: NDArray[np.float64],
+    ranges_mm: Ranges,
+    range_limit: float,
+) -> NDArray[np.bool_]:
+    """Find the beams without return that head for floor z = 0 and are no evidence of a hole.
+
+    Args:
+        origins: (m, 3) where beams start, m, world.
+        moments: (n,) origin of each beam.
+        directions: (n, 3) unit vectors, world.
+        ranges_mm: (n,) mm.
+        range_limit: Range up to which no return clears, m.
+
+    Returns:
+        (n,) whether each is one.
+    """
     lost = np.empty(len(ranges_mm), np.bool_)
-    kernels.find_lost(level_origins, moments, level_directions, range_limit, tiling, level_mm, lost)
-    return LevelSweep(level_origins, level_directions, level_mm, on_floor, lost)
+    tiling = TILE, TILES
+    kernels.find_lost(origins, moments, directions, range_limit, tiling, ranges_mm, lost)
+    return lost
 
 
 def fit_ground(
@@ -163,4 +178,5 @@ def warm_up() -> None:
     beams = np.array([[0.0, 0.0, 0.5]]), np.zeros(2, np.int32), directions
     ranges_mm = np.array([500, 65535], np.uint16)
     fit_ground(*beams, ranges_mm)
-    level(*beams, ranges_mm, 1.0, GroundPlane(np.zeros(5), 0.0, 0.0, 1))
+    level(*beams, ranges_mm, GroundPlane(np.zeros(5), 0.0, 0.0, 1))
+    lost_echoes(*beams, ranges_mm, 1.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import WorldSweep
 from wayproof.harness.mission import Mission
-from wayproof.maps.ground_fit import EXPECTED, fit_ground, level
+from wayproof.maps.ground_fit import fit_ground, level, lost_echoes
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 
@@ -26,14 +26,12 @@ def on_level_ground(
     if not (config.map.ground_fit and flat):
         return placed
     plane = fit_ground(placed.origins, placed.moments, placed.directions, placed.ranges_mm)
-    plane = plane or EXPECTED  # echoes get lost where too few come back for a plane, too
-    if plane.as_expected and not (placed.ranges_mm == NO_RETURN).any():
+    if plane is not None and not plane.as_expected:
+        found = level(placed.origins, placed.moments, placed.directions, placed.ranges_mm, plane)
+        placed = WorldSweep(found.origins, found.directions, found.ranges_mm, placed.moments)
+    if not (placed.ranges_mm == NO_RETURN).any():
         return placed
-    found = level(
-        placed.origins, placed.moments, placed.directions, placed.ranges_mm, range_m, plane
-    )
-    ranges_mm = (placed.ranges_mm if plane.as_expected else found.ranges_mm).copy()
-    ranges_mm[found.lost] = DROPPED
-    if plane.as_expected:
-        return replace(placed, ranges_mm=ranges_mm)
-    return WorldSweep(found.origins, found.directions, ranges_mm, placed.moments)
+    lost = lost_echoes(placed.origins, placed.moments, placed.directions, placed.ranges_mm, range_m)
+    ranges_mm = placed.ranges_mm.copy()
+    ranges_mm[lost] = DROPPED
+    return replace(placed, ranges_mm=ranges_mm)

@@ -1,11 +1,11 @@
-"""The plane of a floor in a sweep: found among what stands on it, levelled, lost echoes told."""
+"""The plane of a floor in a sweep: found, levelled; and the echoes that were lost from it."""
 
 import math
 
 import numpy as np
 import pytest
 
-from wayproof.maps.ground_fit import TILE, fit_ground, level
+from wayproof.maps.ground_fit import TILE, fit_ground, level, lost_echoes
 from wayproof.maps.kernels import ground_fit as kernels
 
 SENSOR = np.array([[0.4, -0.3, 0.5]])
@@ -70,7 +70,7 @@ def test_a_sweep_is_levelled_and_what_stands_on_the_floor_stays():
     hit = box & (top > 0.0) & (top < 0.2)
     ranges_mm[hit] = np.rint(reach[hit] * 1e3)
     plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
-    found = level(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M, plane)
+    found = level(SENSOR, moments_of(ranges_mm), directions, ranges_mm, plane)
     assert np.abs(heights(found, found.on_floor)).max() < 0.0011  # millimetres of range
     np.testing.assert_allclose(np.linalg.norm(found.directions, axis=1), 1.0, atol=1e-12)
     assert not found.on_floor[hit & (top > 0.1)].any()
@@ -89,7 +89,7 @@ def test_a_low_step_is_no_noise_of_the_floor():
     error = 0.02 * np.random.default_rng(1).standard_normal(len(reach))
     ranges_mm[step] = np.rint((reach[step] + error[step]) * 1e3)
     plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
-    found = level(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M, plane)
+    found = level(SENSOR, moments_of(ranges_mm), directions, ranges_mm, plane)
     inner = step & (np.abs(ends[:, 0] + 1.0) < 0.25 - TILE / 2)
     assert inner.sum() > 100
     assert found.on_floor[inner].mean() < 0.02
@@ -107,15 +107,15 @@ def test_a_lost_echo_of_the_floor_is_told_from_a_hole():
     ranges_mm[hole | lost] = NO_RETURN
     plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
     assert plane.as_expected
-    found = level(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M, plane)
+    found = lost_echoes(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M)
     near = lost & (np.hypot(*(down - SENSOR[0])[:, :2].T) < 10.0)
     assert near.sum() > 500
-    assert found.lost[near].mean() > 0.99
+    assert found[near].mean() > 0.99
     inner = hole & (np.abs(down[:, 0] + 2.5) < 0.5) & (np.abs(down[:, 1]) < 0.5)
     assert inner.sum() > 20
-    assert not found.lost[inner].any()
-    assert not found.lost[directions[:, 2] >= 0.0].any()
-    assert not found.lost[ranges_mm != NO_RETURN].any()
+    assert not found[inner].any()
+    assert not found[directions[:, 2] >= 0.0].any()
+    assert not found[ranges_mm != NO_RETURN].any()
 
 
 def test_an_echo_lost_behind_an_obstacle_is_no_hole():
@@ -124,10 +124,9 @@ def test_an_echo_lost_behind_an_obstacle_is_no_hole():
     wall = (ranges_mm != NO_RETURN) & (SENSOR[0, 0] + ranges_mm * 1e-3 * directions[:, 0] > 3.99)
     lost = wall & (np.random.default_rng(3).random(len(wall)) < 0.3) & (directions[:, 2] < -0.1)
     ranges_mm[lost] = NO_RETURN
-    plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
-    found = level(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M, plane)
+    found = lost_echoes(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M)
     assert lost.sum() > 50
-    assert found.lost[lost].mean() > 0.98
+    assert found[lost].mean() > 0.98
 
 
 @pytest.mark.parametrize(
