@@ -16,7 +16,7 @@ from docs.docstrings import attributes, description, summary
 from wayproof.harness.bench.published import BENCHMARKS
 from wayproof.harness.bench.stages import STAGES
 from wayproof.harness.cli.catalogue import Catalogue, Entry
-from wayproof.harness.config import BUILTIN, NAMED, RECORDING, Config, section_of
+from wayproof.harness.config import BUILTIN, FILLED_IN, NAMED, RECORDING, Config, section_of
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation, Perturbation
@@ -114,6 +114,8 @@ def _settings(section: type, prefix: str) -> Iterator[tuple[str, Entry]]:
         if name == RECORDING:
             inner.append((RecordingConfig, f"{name}."))
         elif name.partition(".")[0] == RECORDING and entry.name in SET_BY_RUN:
+            continue
+        elif name in FILLED_IN:
             continue
         elif isinstance(entry.default_factory, type) and dataclasses.is_dataclass(
             entry.default_factory

@@ -15,6 +15,7 @@ from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.prior_config import PriorConfig
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.renamed import current_value, renamed, with_current_names
 from wayproof.maps import MAPS, CostmapConfig, MapConfig
@@ -167,8 +168,10 @@ class Config:
             s; 0 for none.
         estimate: Where the pose comes from that the stack and the controller get.
         pose_model: Errors of the pose by `estimate.kind=model`.
+        prior: A prior map, and what it may do.
         perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
         robot_file: Text of the robot's spec file, in a log; set by the run.
+        prior_map: Cells of the prior map, in a log; set by the run.
         recording: The recording that the inputs come from, and how it is judged; none of a
             simulated episode.
     """
@@ -190,6 +193,7 @@ class Config:
     map: MapConfig = field(default_factory=MapConfig)
     costmap: CostmapConfig = field(default_factory=CostmapConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
+    prior: PriorConfig = field(default_factory=PriorConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     behaviour: BehaviourConfig = field(default_factory=BehaviourConfig)
     latency: LatencyConfig = field(default_factory=LatencyConfig)
@@ -198,6 +202,7 @@ class Config:
     stack: StackConfig = field(default_factory=StackConfig)
     perturbation: AnyPerturbation | None = None
     robot_file: str = ""
+    prior_map: bytes = field(default=b"", repr=False)
     recording: RecordingConfig | None = None
 
     def __post_init__(self) -> None:
@@ -253,6 +258,9 @@ NAMED: dict[str, Iterable[str]] = {
     "sensors.depth": (OWN, *DEVICES),
 }
 """Settings whose values are names in a registry."""
+
+FILLED_IN = ("prior_map",)
+"""Fields that only a run sets."""
 
 NUMBERS = ("int", "float")
 """Types of settings that are numbers; a switch is none."""
@@ -351,11 +359,20 @@ def _section(document: Any, name: str) -> dict[str, Any]:
     return section if isinstance(section, dict) else {}
 
 
+def document_of(config: Config) -> dict[str, Any]:
+    """The resolved config as plain JSON values; no waypoints and no prior map are left out."""
+    document: dict[str, Any] = msgspec.to_builtins(config)
+    left_out = {
+        "waypoints": not config.waypoints,
+        "prior": config.prior == PriorConfig(),
+        "prior_map": not config.prior_map,
+    }
+    return {name: value for name, value in document.items() if not left_out.get(name, False)}
+
+
 def to_json(config: Config) -> bytes:
-    """The resolved config as JSON, fields in their declared order; no waypoints are left out."""
-    document = msgspec.to_builtins(config)
-    if not config.waypoints:
-        document.pop("waypoints", None)
+    """The resolved config as JSON, fields in their declared order; see `document_of`."""
+    document = document_of(config)
     return msgspec.json.format(msgspec.json.encode(document), indent=1)
 
 
@@ -427,7 +444,7 @@ def _check_class_margins(margins: Mapping[str, float], semantics: bool) -> None:
 
 def setting_names() -> list[str]:
     """Every `section.field` that `--set` accepts of a simulated episode."""
-    return _names_in(Config)
+    return [name for name in _names_in(Config) if name not in FILLED_IN]
 
 
 def recording_setting_names() -> list[str]:

@@ -82,6 +82,9 @@ class Trace:
             states none, or if not known.
         admitted_share: Share of a recorded way that was admitted when it was entered; none of a
             simulated episode, or if it was not judged.
+        committed_evidence: (n, 4) lengths of committed paths that rest on measurements, the prior
+            map, predictions and nothing, m; none without a prior map.
+        global_evidence: (n, 4) the same of global paths.
     """
 
     outcome: str
@@ -104,6 +107,8 @@ class Trace:
     tracks: tuple[Track, Track] | None = None
     beliefs: Beliefs | None = None
     admitted_share: float | None = None
+    committed_evidence: Array | None = None
+    global_evidence: Array | None = None
 
     @property
     def success(self) -> bool:
@@ -166,6 +171,18 @@ def trace_of(
         cuts=np.array([one.cut for one in verdicts], bool) if verdicts else None,
         tracks=_tracks(decisions, truths),
         beliefs=_beliefs(poses, truths),
+        committed_evidence=_evidence(decisions, "committed_evidence"),
+        global_evidence=_evidence(decisions, "global_evidence"),
+    )
+
+
+def _evidence(decisions: Sequence[pb.Decision], name: str) -> Array | None:
+    """Return the lengths by provenance, (k, 4) m, of decisions that state them; None if none do."""
+    stated = [getattr(one, name) for one in decisions if one.HasField(name)]
+    if not stated:
+        return None
+    return np.array(
+        [(one.measured_m, one.prior_m, one.predicted_m, one.unproven_m) for one in stated]
     )
 
 
@@ -484,6 +501,25 @@ def admitted_share(trace: Trace) -> float | None:
     return trace.admitted_share
 
 
+def unmeasured_share(trace: Trace) -> float | None:
+    """Length of committed paths that rests on a prior map or a prediction over all of it.
+
+    Summed over the decisions. With a prior map alone; 0 unless `prior.policy=admit`.
+    """
+    return _unmeasured(trace.committed_evidence)
+
+
+def guided_share(trace: Trace) -> float | None:
+    """The same of global paths: how much of the way ahead is known from elsewhere."""
+    return _unmeasured(trace.global_evidence)
+
+
+def _unmeasured(lengths: Array | None) -> float | None:
+    if lengths is None or lengths.sum() == 0.0:
+        return None
+    return float(lengths[:, 1:3].sum() / lengths.sum())
+
+
 @dataclass(frozen=True)
 class Metric:
     """A figure of an episode.
@@ -532,6 +568,8 @@ METRICS: dict[str, Metric] = {
     "not_admitted": Metric(not_admitted, "", False, SHARE),
     "guard_cuts": Metric(guard_cuts, "", False, COUNT),
     "admitted_share": Metric(admitted_share, "", True, SHARE),
+    "unmeasured_share": Metric(unmeasured_share, "", False, SHARE),
+    "guided_share": Metric(guided_share, "", None, SHARE),
 }
 
 
@@ -547,6 +585,9 @@ OF_STACKS_ON_TRIAL = ("not_admitted", "guard_cuts")
 
 OF_RECORDINGS = ("admitted_share",)
 """Figures that only recordings have."""
+
+OF_PRIOR_MAPS = ("unmeasured_share", "guided_share")
+"""Figures that only episodes with a prior map have."""
 
 
 def score(trace: Trace) -> dict[str, float | None]:

@@ -18,11 +18,11 @@ ALLOWED = {
 
 ORDER = (
     *("errors", "forked", "schema", "geometry", "perturbations", "renamed", "behaviour_config"),
-    *("recording_config", "estimator_config", "config", "mission", "goals"),
+    *("recording_config", "estimator_config", "prior_config", "config", "mission", "goals"),
     *("listed_beams", "inputs"),
-    *("estimators", "stack", "interface"),
+    *("prior.grid", "prior.cells", "estimators", "stack", "interface"),
     *("result", "ending", "outputs", "supervision"),
-    *("user_code", "log", "recordings", "scenario", "recompute", "attribution"),
+    *("user_code", "log", "recordings", "prior", "scenario", "recompute", "attribution"),
     *("warm_up", "sim", "episode", "runner"),
     *("warm_up", "sim", "episode", "runner"),
     *("replay", "shadow", "lab", "counterfactual", "study.statistics", "trajectory_error"),

@@ -31,7 +31,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     audits = []
     for path in options.log:
         check_log(path, options)
-        audits.append(audit(path, options.policy, options.allow_plugins, options.volumes))
+        given = options.allow_plugins, options.volumes, options.measured_only
+        audits.append(audit(path, options.policy, *given))
         print_audit(console, audits[-1])
     measured = [one.volumes for one in audits if one.volumes is not None]
     if len(measured) > 1:
@@ -57,6 +58,14 @@ def print_audit(console: Console, audited: Audit) -> None:
         f"{audited.recoveries} recoveries, {audited.late} late, {reasons}; {audited.log}",
     )
     console.print(text, soft_wrap=True)
+    if audited.rests is not None:
+        rests = audited.rests
+        console.print(
+            f"  evidence: {rests.unmeasured} of the {rests.cells} cells of these paths admitted "
+            "by what was not measured",
+            soft_wrap=True,
+            highlight=False,
+        )
     if audited.volumes is not None:
         print_volumes(console, "this log", audited.volumes)
     for violation in audited.violations[:SHOWN_VIOLATIONS]:
@@ -86,6 +95,11 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--policy",
         choices=get_args(UnknownPolicy),
         help="check paths under this policy for unknown space (default: the log's)",
+    )
+    parser.add_argument(
+        "--measured-only",
+        action="store_true",
+        help="check paths against what was measured alone, also where prior.policy=admit",
     )
     parser.add_argument(
         "--volumes",

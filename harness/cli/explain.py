@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -335,6 +335,10 @@ def _rows(card: Card) -> list[tuple[str, str]]:
             f"{least}{search}",
         ),
     ]
+    if card.prior:
+        rows.append(("prior map", card.prior))
+        rows.append(("committed rests on", _rests(card.committed_evidence)))
+        rows.append(("global path rests on", _rests(card.global_evidence)))
     if card.stack:
         rows[1:1] = [("stack", f"{card.stack}: {card.answer}"), ("referee", card.verdict)]
     if card.perturbation:
@@ -345,6 +349,12 @@ def _rows(card: Card) -> list[tuple[str, str]]:
         text = f"{cell.state} ({at}), {cell.distance_m:.2f} m away, p {cell.probability:.2f}, {age}"
         rows.append(("blocked by", text))
     return rows
+
+
+def _rests(lengths: Mapping[str, float]) -> str:
+    """Return what a path rests on, in words."""
+    parts = [f"{metres:.2f} m {name}" for name, metres in lengths.items() if metres > 0.0]
+    return ", ".join(parts) or "no path"
 
 
 def _way(card: Card) -> str:

@@ -58,6 +58,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         config = replace(config, start=_point("start", options.start))
     if options.perturb is not None:
         config = with_perturbation(config, perturbation_from(options.perturb))
+    if options.prior is not None:
+        config = override(config, [f"prior.source={options.prior}"])
     if options.stack is not None:
         config = replace(config, stack=replace(config.stack, name=options.stack))
     if options.guard:
@@ -279,6 +281,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
         "--perturb",
         metavar="KIND:SEVERITY[:MODE]",
         help="break one assumption, at a severity of 1 to 5",
+    )
+    parser.add_argument(
+        "--prior",
+        metavar="FILE",
+        help="map of another day that may guide: .yaml, .bt, .ot, .map, .mcap or a world file; or "
+        "truth, the world's own geometry; prior.* says where it lies and what it may do",
     )
     add_stack(parser)
     parser.add_argument(

@@ -6,7 +6,7 @@ The map of the decision is rebuilt from the inputs of the log.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TypedDict
 
 import numpy as np
@@ -19,6 +19,7 @@ from wayproof.harness.explain.commanded import Commanded, command_in_words, comm
 from wayproof.harness.goals import goal_name
 from wayproof.harness.log.paths import arc_lengths, densely, length
 from wayproof.harness.mission import Mission
+from wayproof.harness.prior_config import NO_PRIOR
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of, widened_in_words
 from wayproof.harness.stack.labels import combined_version
@@ -101,6 +102,10 @@ class Card:
         planned_m: Length of the stack's own planned path, m; 0 without one.
         planned_admitted_m: Length of it up to the first cell that the policy does not let the body
             enter in the referee's map, m.
+        prior: Source of the prior map and its policy; empty without one.
+        committed_evidence: Lengths of the committed path by what they rest on, m; empty without
+            a prior map.
+        global_evidence: The same of the global path.
         keyframe: Number of the decision after whose map in the log this map was made again; None
             from the start.
     """
@@ -148,6 +153,9 @@ class Card:
     answer: str = ""
     planned_m: float = 0.0
     planned_admitted_m: float = 0.0
+    prior: str = ""
+    committed_evidence: dict[str, float] = field(default_factory=dict)
+    global_evidence: dict[str, float] = field(default_factory=dict)
     keyframe: int | None = None
 
 
@@ -231,6 +239,7 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         else f"{perturbation.kind} {perturbation.amount:g} {perturbation.unit}",
         stack="" if moment.answer is None else case.config.stack.name,
         verdict=_verdict(decision),
+        **_of_prior(case, decision),
         **_of_stack(case, number, navigator),
     )
 
@@ -245,6 +254,30 @@ def command_at(case: Case, number: int) -> Commanded | None:
     kept = [one.decision.trajectory for one in before if not one.decision.deadline_missed]
     followed = kept[-1] if kept else None
     return commanded(moment.answer, moment.decision, followed, case.config, case.mission)
+
+
+class _OfPrior(TypedDict, total=False):
+    """Fields of a card that only a decision with a prior map has."""
+
+    prior: str
+    committed_evidence: dict[str, float]
+    global_evidence: dict[str, float]
+
+
+def _of_prior(case: Case, decision: pb.Decision) -> _OfPrior:
+    prior = case.config.prior
+    if prior.source == NO_PRIOR:
+        return {}
+    return {
+        "prior": f"{prior.source}, {prior.policy}",
+        "committed_evidence": _lengths(decision.committed_evidence),
+        "global_evidence": _lengths(decision.global_evidence),
+    }
+
+
+def _lengths(evidence: pb.Evidence) -> dict[str, float]:
+    names = [field.name for field in evidence.DESCRIPTOR.fields]
+    return {name.removesuffix("_m"): getattr(evidence, name) for name in names}
 
 
 class _OfStack(TypedDict, total=False):

@@ -28,6 +28,9 @@ GOAL = "goal"
 COMMAND = "command"
 """The stream of the answers of a stack on trial: inputs that follow from the other streams."""
 
+PRIOR = "prior"
+"""The stream of the prior map, which is one from the start on."""
+
 CONTROL = "control"
 """Stream of the setpoints of the body: no input, but the effect of the decisions."""
 
@@ -40,7 +43,8 @@ def own_streams(config: Config) -> list[str]:
     """Input streams besides those of the sensors."""
     on_trial = [COMMAND] if config.stack.name != BUILTIN else []
     several = [GOAL] if config.recording is not None or config.waypoints else []
-    return ["pose", *several, "latency", *on_trial]
+    prior = [PRIOR] if config.prior_map else []
+    return ["pose", *several, "latency", *on_trial, *prior]
 
 
 class StreamHashes:

@@ -29,6 +29,7 @@ from wayproof.harness.perturbations.pose_drift import PoseDrift
 from wayproof.harness.perturbations.pose_jump import PoseJump
 from wayproof.harness.perturbations.rate import Rate
 from wayproof.harness.perturbations.slip import Slip
+from wayproof.harness.perturbations.stale_prior import StalePrior
 
 AnyPerturbation: TypeAlias = (
     PoseDrift
@@ -43,6 +44,7 @@ AnyPerturbation: TypeAlias = (
     | Motion
     | ImuBias
     | Slip
+    | StalePrior
 )
 
 PERTURBATIONS: dict[str, type[Perturbation]] = {

@@ -2,8 +2,8 @@
 
 A perturbation acts between the simulator and the stack: on the error of the pose, on what a sensor
 reports or where it truly sits, on whether a sweep arrives, or on a decision's delay; `motion` and
-`slip` act on the world. Its random numbers have streams of their own, so that no sensor's noise is
-shifted by it.
+`slip` act on the world, `stale_prior` on the prior map. Its random numbers have streams of their
+own, so that no sensor's noise is shifted by it.
 """
 
 from __future__ import annotations
@@ -33,11 +33,28 @@ Severity = Annotated[float, msgspec.Meta(gt=0.0, le=5.0)]
 MAX_SEVERITY = 5.0
 """Severity at which the scale ends."""
 
-Changes = Literal["nothing", "pose", "motion_sensors", "ranges", "arrivals", "delay", "world"]
+Changes = Literal[
+    "nothing", "pose", "motion_sensors", "ranges", "arrivals", "delay", "world", "prior"
+]
 """What a perturbation changes: the estimated pose, the sensors of motion that a pose is estimated
-by, the ranges of sweeps, which sweeps arrive, the delay of decisions, or the simulated world."""
+by, the ranges of sweeps, which sweeps arrive, the delay of decisions, the simulated world, or the
+prior map."""
 
 UNCHANGED = PoseError()
+
+
+class Misplacement(NamedTuple):
+    """Error of the place of a prior map.
+
+    Attributes:
+        x: m.
+        y: m.
+        turn: About the start, rad.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    turn: float = 0.0
 
 
 class RangeLimits(Protocol):
@@ -202,6 +219,20 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         """
         del seed
         return world
+
+    def change_prior(self, world: World, seed: int) -> World:
+        """The world as a prior map of it shows it.
+
+        Raises:
+            ValueError: The world cannot be changed so.
+        """
+        del seed
+        return world
+
+    def misplacement(self, seed: int) -> Misplacement:
+        """The error of the place of the prior map."""
+        del seed
+        return Misplacement()
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
         """The sensors whose sweeps it changes, in the order given."""

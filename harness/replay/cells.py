@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config
 from wayproof.harness.log.paths import Array, densely
 from wayproof.harness.mission import Mission
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Representation, states_in
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, states_in
+from wayproof.maps.columns import ColumnMap
 
 Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -152,7 +153,7 @@ def ball(axes: int, reach: float) -> tuple[Integers, Integers]:
 
 
 def cells_around(
-    voxel_map: Representation,
+    voxel_map: ColumnMap,
     path: Array,
     reach: float,
     config: Config,

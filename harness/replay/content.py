@@ -14,7 +14,7 @@ from wayproof.harness.log.codec.messages import decode, is_ours
 from wayproof.harness.log.copy import topic_of
 from wayproof.harness.log.digest import ContentDigest
 from wayproof.harness.log.reader import Log
-from wayproof.harness.log.streams import StreamHashes, own_streams
+from wayproof.harness.log.streams import PRIOR, StreamHashes, own_streams
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 
@@ -112,6 +112,8 @@ class _Running:
         self._sensors = {name for one in beams for name in one}
         names = [f"sensor/{name}" for name in sorted(self._sensors)]
         self._streams = StreamHashes([*names, *own_streams(log.config)])
+        if log.config.prior_map:
+            self._streams.update(PRIOR, log.config.prior_map)
         self._written: list[bytes] = []
         self._pose = b""
         self._goal: list[bytes] = []

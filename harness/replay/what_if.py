@@ -28,6 +28,9 @@ SPACING = 0.1
 SENSED = ("world", "robot", "start", "sensors", "estimate", "pose_model")
 """Settings that change the sensed data, which the inputs of a log cannot show."""
 
+PLACED = ("source", "x", "y", "z", "yaw", "height", "scale", "up")
+"""Settings of a prior map from which its cells followed, which a log holds."""
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -196,6 +199,12 @@ def refuse_sensed(old: Config, new: Config, advice: str, names: Sequence[str] = 
     for name in names:
         if getattr(old, name) != getattr(new, name):
             raise InputError(f"--set {name}: changes what is sensed; {advice}")
+    for name in PLACED:
+        if getattr(old.prior, name) != getattr(new.prior, name):
+            raise InputError(
+                f"--set prior.{name}: the log holds the cells of the prior map as placed; "
+                "expected prior.policy"
+            )
 
 
 def compare(old: pb.Decision, new: pb.Decision, flat: bool) -> Change | None:

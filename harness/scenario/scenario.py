@@ -12,6 +12,7 @@ import numpy as np
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
+from wayproof.harness.prior.sources import with_prior
 from wayproof.harness.scenario.places import goals_of, refuse_no_way
 from wayproof.harness.scenario.robots import find_robot, log_robot_identity
 from wayproof.harness.scenario.worlds import (
@@ -109,7 +110,7 @@ def build(config: Config, world: World | None = None) -> Scenario:
     except ValueError as error:
         raise InputError(f"robot '{config.robot}': {error}") from None
     config = replace(config, start=start, goal=goal, waypoints=tuple(waypoints), sensors=sensors)
-    config = log_robot_identity(robot, log_world_identity(world, config))
+    config = with_prior(log_robot_identity(robot, log_world_identity(world, config)), world)
     scene = _compose(world, robot, config)
     return Scenario(
         config=config,

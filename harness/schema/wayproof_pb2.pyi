@@ -269,8 +269,20 @@ class Verdict(_message.Message):
     limited: bool
     def __init__(self, verdict: _Optional[str] = ..., free_m: _Optional[float] = ..., cut: _Optional[bool] = ..., limited: _Optional[bool] = ...) -> None: ...
 
+class Evidence(_message.Message):
+    __slots__ = ("measured_m", "prior_m", "predicted_m", "unproven_m")
+    MEASURED_M_FIELD_NUMBER: _ClassVar[int]
+    PRIOR_M_FIELD_NUMBER: _ClassVar[int]
+    PREDICTED_M_FIELD_NUMBER: _ClassVar[int]
+    UNPROVEN_M_FIELD_NUMBER: _ClassVar[int]
+    measured_m: float
+    prior_m: float
+    predicted_m: float
+    unproven_m: float
+    def __init__(self, measured_m: _Optional[float] = ..., prior_m: _Optional[float] = ..., predicted_m: _Optional[float] = ..., unproven_m: _Optional[float] = ...) -> None: ...
+
 class Decision(_message.Message):
-    __slots__ = ("timestamp", "sequence", "trigger", "representation", "map_version", "resolution_m", "unknown_policy", "inflation_radius_m", "localization_margin_m", "widening", "collision_distance_sq", "position", "quaternion", "position_sigma", "input_digest", "evidence_age_s", "planner", "planner_seed", "planner_iterations", "path_cost", "path_length_m", "least_clearance_m", "stages", "delay_s", "deadline_s", "deadline_missed", "action", "reason", "label", "global_path", "trajectory", "committed_length_m", "chain", "packed", "predicate", "verdict")
+    __slots__ = ("timestamp", "sequence", "trigger", "representation", "map_version", "resolution_m", "unknown_policy", "inflation_radius_m", "localization_margin_m", "widening", "collision_distance_sq", "position", "quaternion", "position_sigma", "input_digest", "evidence_age_s", "planner", "planner_seed", "planner_iterations", "path_cost", "path_length_m", "least_clearance_m", "stages", "delay_s", "deadline_s", "deadline_missed", "action", "reason", "label", "global_path", "trajectory", "committed_length_m", "chain", "packed", "predicate", "verdict", "committed_evidence", "global_evidence")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     TRIGGER_FIELD_NUMBER: _ClassVar[int]
@@ -307,6 +319,8 @@ class Decision(_message.Message):
     PACKED_FIELD_NUMBER: _ClassVar[int]
     PREDICATE_FIELD_NUMBER: _ClassVar[int]
     VERDICT_FIELD_NUMBER: _ClassVar[int]
+    COMMITTED_EVIDENCE_FIELD_NUMBER: _ClassVar[int]
+    GLOBAL_EVIDENCE_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     trigger: str
@@ -343,7 +357,9 @@ class Decision(_message.Message):
     packed: PackedDecision
     predicate: Reason
     verdict: Verdict
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., trigger: _Optional[str] = ..., representation: _Optional[str] = ..., map_version: _Optional[str] = ..., resolution_m: _Optional[float] = ..., unknown_policy: _Optional[str] = ..., inflation_radius_m: _Optional[float] = ..., localization_margin_m: _Optional[float] = ..., widening: _Optional[_Iterable[int]] = ..., collision_distance_sq: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., input_digest: _Optional[str] = ..., evidence_age_s: _Optional[float] = ..., planner: _Optional[str] = ..., planner_seed: _Optional[int] = ..., planner_iterations: _Optional[int] = ..., path_cost: _Optional[float] = ..., path_length_m: _Optional[float] = ..., least_clearance_m: _Optional[float] = ..., stages: _Optional[_Union[StageLatency, _Mapping]] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., deadline_missed: _Optional[bool] = ..., action: _Optional[str] = ..., reason: _Optional[str] = ..., label: _Optional[str] = ..., global_path: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., trajectory: _Optional[_Union[Trajectory, _Mapping]] = ..., committed_length_m: _Optional[float] = ..., chain: _Optional[str] = ..., packed: _Optional[_Union[PackedDecision, _Mapping]] = ..., predicate: _Optional[_Union[Reason, _Mapping]] = ..., verdict: _Optional[_Union[Verdict, _Mapping]] = ...) -> None: ...
+    committed_evidence: Evidence
+    global_evidence: Evidence
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., trigger: _Optional[str] = ..., representation: _Optional[str] = ..., map_version: _Optional[str] = ..., resolution_m: _Optional[float] = ..., unknown_policy: _Optional[str] = ..., inflation_radius_m: _Optional[float] = ..., localization_margin_m: _Optional[float] = ..., widening: _Optional[_Iterable[int]] = ..., collision_distance_sq: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., input_digest: _Optional[str] = ..., evidence_age_s: _Optional[float] = ..., planner: _Optional[str] = ..., planner_seed: _Optional[int] = ..., planner_iterations: _Optional[int] = ..., path_cost: _Optional[float] = ..., path_length_m: _Optional[float] = ..., least_clearance_m: _Optional[float] = ..., stages: _Optional[_Union[StageLatency, _Mapping]] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., deadline_missed: _Optional[bool] = ..., action: _Optional[str] = ..., reason: _Optional[str] = ..., label: _Optional[str] = ..., global_path: _Optional[_Iterable[_Union[Point, _Mapping]]] = ..., trajectory: _Optional[_Union[Trajectory, _Mapping]] = ..., committed_length_m: _Optional[float] = ..., chain: _Optional[str] = ..., packed: _Optional[_Union[PackedDecision, _Mapping]] = ..., predicate: _Optional[_Union[Reason, _Mapping]] = ..., verdict: _Optional[_Union[Verdict, _Mapping]] = ..., committed_evidence: _Optional[_Union[Evidence, _Mapping]] = ..., global_evidence: _Optional[_Union[Evidence, _Mapping]] = ...) -> None: ...
 
 class Truth(_message.Message):
     __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "clearance_m", "collisions", "movers", "hit_by_mover")

@@ -9,7 +9,7 @@ from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from wayproof.harness.log.copy import topic_of
-from wayproof.harness.log.streams import CONTROL, StreamHashes, own_streams
+from wayproof.harness.log.streams import CONTROL, PRIOR, StreamHashes, own_streams
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.result import figures
 from wayproof.harness.scenario.scenario import Scenario
@@ -41,6 +41,8 @@ class Recorder:
         sensors = [f"sensor/{caster.mount.name}" for caster in scene.casters]
         self._streams = StreamHashes([*sensors, *own_streams(scenario.config), "world", CONTROL])
         self._streams.update("world", scene.mjcf.encode())
+        if scenario.config.prior_map:
+            self._streams.update(PRIOR, scenario.config.prior_map)
         self._world = np.flatnonzero(scene.model.geom_group != ROBOT_GROUP)
         self.parts: dict[str, Stateful] = {
             "simulation": simulation.physics,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import NamedTuple
+from functools import partial
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,13 @@ from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_a
 from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.ground import on_level_ground
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
+from wayproof.harness.stack.provenance import layers_of, stages_of
 from wayproof.maps import MAPS, Costmap
+from wayproof.maps.columns import ColumnMap
 from wayproof.maps.costmap.widening import NOT_WIDENED
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 ALIKE = 0.02
 """Difference of the margins of two axes up to which both take the greater one, m."""
@@ -39,7 +43,9 @@ class Mapper:
     Attributes:
         map: The map of the mission.
         labels: Classes of its cells, if sweeps have classes.
-        costmap: Inflated for the mission's body.
+        costmap: Inflated for the mission's body: what the stack may enter.
+        stages: The evidence by provenance, each with a costmap; the measured one first.
+        guide: Costmap of all evidence, for the search of a global path; None if `costmap` is it.
         on_integrated: Callback after each integration; only counterfactuals set one.
         on_placed: Callback with each placed sweep, its range, m, and its time, ns; only the
             assessment of a recording sets one.
@@ -56,18 +62,26 @@ class Mapper:
         self.map = MAPS[config.map.kind](config.map, config.threads, mission.low, mission.high)
         self.labels = make_layer(config.map, config.sensors.semantics)
         floor, ceiling = _altitude_window(config, mission)
-        self.costmap = Costmap(
-            replace(config.costmap, cost_range=config.costmap.cost_range + self._extra_radius),
-            with_class_margins(self.map, self.labels, config.costmap.class_margins),
-            mission.low,
-            mission.high,
-            mission.motion,
-            min(self._body.radii),
-            mission.height,
-            mission.step_height,
-            floor,
-            ceiling,
-            threads=config.threads,
+        costs = replace(config.costmap, cost_range=config.costmap.cost_range + self._extra_radius)
+
+        def costmap_of(columns: ColumnMap) -> Costmap:
+            return Costmap(
+                costs,
+                columns,
+                mission.low,
+                mission.high,
+                mission.motion,
+                min(self._body.radii),
+                mission.height,
+                mission.step_height,
+                floor,
+                ceiling,
+                threads=config.threads,
+            )
+
+        measured = with_class_margins(self.map, self.labels, config.costmap.class_margins)
+        self.stages, self.costmap, self.guide = stages_of(
+            measured, layers_of(config, mission), costmap_of
         )
         self.on_integrated: Callable[[Inputs], None] | None = None
         self.on_placed: Callable[[WorldSweep, float, int], None] | None = None
@@ -116,12 +130,27 @@ class Mapper:
         # Computing all distances of a plane is faster than tracking which are read.
         margin = margin_of(inputs.pose, self._config, self._mission)
         widening = margin.widening
-        self.costmap.update(margin.least, whole=self._mission.planar, widening=widening)
+        for stage in self.stages:
+            stage.costmap.update(margin.least, whole=self._mission.planar, widening=widening)
 
     def update(self, inputs: Inputs) -> None:
         """Integrate the inputs and update the costmap, as before a decision."""
         self.integrate(inputs)
         self.update_costmap(inputs)
+
+    def resolve(self, decide: Callable[[], T]) -> T:
+        """Decide on up-to-date distances of all costmaps: see `Costmap.resolve`."""
+        for stage in self.stages:
+            decide = partial(stage.costmap.resolve, decide)
+        return decide()
+
+    @property
+    def distances_s(self) -> float:
+        """Wall time of distances computed since the last update of the costmaps, s."""
+        spent = 0.0
+        for stage in self.stages:
+            spent += stage.costmap.clearances.spent_s
+        return spent
 
     def planning_point(self, position: Array) -> Array:
         """The point (3,) in the costmap's frame: ground robots plan in the plane of its layer."""

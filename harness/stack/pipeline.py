@@ -70,9 +70,6 @@ class Navigator:
         """The last one committed."""
         return self.state.trajectory
 
-    def announce(self) -> None:
-        """Say that the next inputs are on their way; a stack on trial may have to wake."""
-
     def step(
         self, inputs: Inputs, sense_ms: float = 0.0, answer: pb.StackCommand | None = None
     ) -> pb.Decision:
@@ -90,11 +87,11 @@ class Navigator:
         version = self.mapper.version()
         clock.end("costmap")
         planner_input = self._input_builder.circumscribed(inputs)
-        decision = self.costmap.resolve(
+        decision = self.mapper.resolve(
             lambda: self._decide_and_record(inputs, planner_input, version)
         )
         clock.end("plan")
-        clock.write(decision.stages, within_plan_s=self.costmap.clearances.spent_s)
+        clock.write(decision.stages, within_plan_s=self.mapper.distances_s)
         return decision
 
     def commit(self, decision: pb.Decision, delay_s: float) -> pb.Decision:

@@ -13,7 +13,7 @@ from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.footprint import NARROW_COST, body_of, costs
 from wayproof.harness.stack.mapping import Mapper
-from wayproof.harness.stack.types import Localization, PlannerInput, PlanPath
+from wayproof.harness.stack.types import EvidenceSpace, Localization, PlannerInput, PlanPath
 from wayproof.maps import Costmap, Distances, collision_distance_sq
 from wayproof.planners import Disc, FreeSpace, MotionLimits, Plan, PlannerConfig, plan
 
@@ -76,6 +76,14 @@ class FreeSpaceBuilder:
             known_free = self._space(costmap.known_free, circumscribed)
         return FreeSpaces(traversable, known_free, self._optimistic(circumscribed))
 
+    def guided(self, circumscribed: bool) -> FreeSpace:
+        """Optimistic space by all evidence, for the disc about the body or for its discs."""
+        return self._optimistic(circumscribed and self._elongated)
+
+    def known_free(self, circumscribed: bool) -> FreeSpace:
+        """Space known to be free, for the disc about the body or for its discs."""
+        return self._space(self._costmap.known_free, circumscribed and self._elongated)
+
     def _space(
         self, distances: Distances, circumscribed: bool, cost_by_distance: Array | None = None
     ) -> FreeSpace:
@@ -134,6 +142,11 @@ class PlannerInputBuilder:
         self._config, self._mission = config, mission
         self._mapper, self._spaces = mapper, spaces
         self._goal = mapper.planning_point(np.array(mission.goal))
+        guide, stages = mapper.guide, mapper.stages if len(mapper.stages) > 1 else ()
+        self._guide = None if guide is None else FreeSpaceBuilder(config, mission, guide)
+        self._stages = [
+            (stage.provenance, FreeSpaceBuilder(config, mission, stage.costmap)) for stage in stages
+        ]
         spaces.circumscribed()  # allocates its arrays now, so that no decision waits for it
 
     @property
@@ -166,6 +179,8 @@ class PlannerInputBuilder:
             behaviour=config.behaviour,
             plan=memoized_planner(),
             localization=localization_of(inputs.pose, mission.axes),
+            guided=self._guided(circumscribed=True),
+            evidence=self._evidence(circumscribed=True),
         )
 
     def oriented(self, circumscribed: PlannerInput) -> PlannerInput:
@@ -176,6 +191,17 @@ class PlannerInputBuilder:
             traversable=spaces.traversable,
             known_free=spaces.known_free,
             optimistic=spaces.optimistic,
+            guided=self._guided(circumscribed=False),
+            evidence=self._evidence(circumscribed=False),
+        )
+
+    def _guided(self, circumscribed: bool) -> FreeSpace | None:
+        return None if self._guide is None else self._guide.guided(circumscribed)
+
+    def _evidence(self, circumscribed: bool) -> tuple[EvidenceSpace, ...]:
+        return tuple(
+            EvidenceSpace(provenance, spaces.known_free(circumscribed))
+            for provenance, spaces in self._stages
         )
 
 

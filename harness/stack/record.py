@@ -12,6 +12,7 @@ from wayproof.harness.inputs import Inputs
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import add_points, thinned, trajectory_message
 from wayproof.harness.stack.mapping import Mapper
+from wayproof.harness.stack.provenance import evidence_along
 from wayproof.harness.stack.reasons import Reason, reason_message, sentence
 from wayproof.harness.stack.types import Command, PlannerInput
 from wayproof.planners import Trajectory
@@ -68,6 +69,10 @@ def record(
         committed_length_m=_length(path),
     )
     add_points(decision, "global_path", thinned(command.global_path))
+    if planner_input.evidence:
+        spaces = planner_input.evidence
+        decision.committed_evidence.CopyFrom(evidence_along(path, spaces))
+        decision.global_evidence.CopyFrom(evidence_along(command.global_path, spaces))
     decision.timestamp.FromNanoseconds(inputs.time_ns)
     return decision
 
@@ -83,6 +88,8 @@ def record_missed_deadline(decision: pb.Decision, standing: Trajectory) -> None:
     decision.predicate.CopyFrom(reason_message(reason))
     decision.trajectory.CopyFrom(trajectory_message(standing))
     decision.committed_length_m = _length(standing.path)
+    for evidence in ("committed_evidence", "global_evidence"):  # of paths that are discarded
+        decision.ClearField(evidence)
     decision.ClearField("global_path")
     decision.ClearField("verdict")  # of a command that nobody follows
 

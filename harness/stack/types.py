@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,21 @@ class Localization(NamedTuple):
     held: bool
 
 
+Provenance = Literal["measured", "prior", "predicted"]
+
+
+class EvidenceSpace(NamedTuple):
+    """Space known to be free by one stage of the evidence.
+
+    Attributes:
+        provenance: Of what the stage has more than the one before it.
+        known_free: Free by this stage or one before it.
+    """
+
+    provenance: Provenance
+    known_free: FreeSpace
+
+
 @dataclass(frozen=True)
 class PlannerInput:
     """All that one decision depends on besides the planner state; points in the costmap's frame.
@@ -72,6 +87,10 @@ class PlannerInput:
         mission_goal: (3,) the mission's goal where `goal` is its projection to free space, m.
         plan: Path planner: space, start, goal, settings, seed, heading.
         localization: How well the pose is known; none if no covariance is stated.
+        guided: Optimistic space with what was not measured laid under the map: its occupied cells
+            block, and its free ones cost no more than measured ones; none without such evidence.
+        evidence: Space known to be free by each stage of the evidence, the measured one first;
+            empty without any other.
     """
 
     time_ns: int
@@ -95,6 +114,8 @@ class PlannerInput:
     mission_goal: Array | None = None
     plan: PlanPath = plan
     localization: Localization | None = None
+    guided: FreeSpace | None = None
+    evidence: tuple[EvidenceSpace, ...] = ()
 
     @property
     def uncertain(self) -> bool:

@@ -28,6 +28,7 @@ from wayproof.harness.interface.connect import is_ros2, is_users
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import AnyPerturbation, perturbation_from
+from wayproof.harness.prior_config import MADE_OF_WORLD
 from wayproof.harness.scenario.robots import ENDING as ROBOT_FILE
 from wayproof.harness.scenario.robots import controller_of
 from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
@@ -354,6 +355,7 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
         config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
         if perturbation != CLEAN:
             config = with_perturbation(config, perturbation_at(perturbation, severity))
+        _refuse_prior_file(study, config)
         arm = Arm(world, robot, " ".join(variant), perturbation, severity, stack)
         configs.append((arm, config))
     return [
@@ -361,6 +363,15 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
         for seed, own in [(seed, drawn(study.randomise, seed)) for seed in seeds_of(study)]
         for arm, config in configs
     ]
+
+
+def _refuse_prior_file(study: StudyFile, config: Config) -> None:
+    """Refuse a prior map that is a file, whose content is not part of the key of an episode."""
+    if config.prior.source not in MADE_OF_WORLD:
+        raise InputError(
+            f"study '{study.name}': prior.source '{config.prior.source}', expected "
+            f"{', '.join(MADE_OF_WORLD)}: a map that is made of the world of each episode"
+        )
 
 
 def _check_names(study: StudyFile) -> None:

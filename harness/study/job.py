@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from wayproof.harness.config import Config, from_json, to_json
+from wayproof.harness.config import Config, document_of, from_json, to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.machine import installed_version
 from wayproof.harness.study.contents import contents_of, named_by
@@ -65,7 +65,7 @@ def key_of(config: Config, planner: str, version: str) -> str:
     """
     text = to_json(config)
     if planner != config.planner.name:  # which no config takes
-        document = msgspec.to_builtins(config)
+        document = document_of(config)
         document["planner"]["name"] = planner
         text = msgspec.json.encode(document)
     return hashlib.sha256(version.encode() + b"\n" + text).hexdigest()[:24]

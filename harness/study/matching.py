@@ -78,6 +78,7 @@ def mismatch(log: Log, planned: Planned) -> str:
         waypoints=expected.waypoints,
         sensors=expected.sensors,
         robot_file="",
+        prior_map=b"",
     )
     if _key_of(open_again, log) != planned.key:
         return _difference(log, open_again, expected)

@@ -25,6 +25,14 @@ def curves(moment: Snapshot, axes: int) -> dict[str, float]:
         "speed/true_m_s": float(np.linalg.norm(truth.velocity)),
         "path/committed_m": decision.committed_length_m,
     }
+    if decision.HasField("global_evidence"):
+        committed, ahead = decision.committed_evidence, decision.global_evidence
+        found |= {
+            "path/committed_unmeasured_m": committed.prior_m + committed.predicted_m,
+            "path/global_measured_m": ahead.measured_m,
+            "path/global_prior_m": ahead.prior_m,
+            "path/global_unproven_m": ahead.unproven_m,
+        }
     if not math.isnan(truth.clearance_m):  # a recording has no truth
         true, believed = np.array(truth.position), moment.pose.position
         turn = yaw_of(moment.pose.quaternion.tolist()) - yaw_of(truth.quaternion)

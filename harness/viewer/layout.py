@@ -70,7 +70,11 @@ def _column(root: str, log: Log) -> rrb.Vertical:
             _plot(root, "speed"),
             rrb.Tabs(_plot(root, "pose"), _plot(root, "heading")),
         ),
-        rrb.Horizontal(*(_plot(root, name) for name in ("path", "latency", "delay"))),
+        rrb.Horizontal(
+            _plot(root, "path", legend=bool(log.config.prior_map)),
+            _plot(root, "latency"),
+            _plot(root, "delay"),
+        ),
         rrb.StateTimelineView(
             origin=f"/{root}",
             contents=[f"/{root}/{lane}" for lane in lanes],
@@ -96,10 +100,14 @@ LEGENDS = ("clearance", "pose", "latency", "delay")
 """Plots of more than one curve."""
 
 
-def _plot(root: str, name: str) -> rrb.TimeSeriesView:
+def _plot(root: str, name: str, legend: bool = False) -> rrb.TimeSeriesView:
     """Return a plot; the legend stands where curves of things above 0 seldom are."""
-    legend = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=name in LEGENDS)
-    return rrb.TimeSeriesView(origin=f"/{root}/plots/{name}", name=PLOTS[name], plot_legend=legend)
+    visible = legend or name in LEGENDS
+    return rrb.TimeSeriesView(
+        origin=f"/{root}/plots/{name}",
+        name=PLOTS[name],
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=visible),
+    )
 
 
 def gives_costmap(log: Log) -> bool:

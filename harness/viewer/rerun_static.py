@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 
 from wayproof.harness.log.reader import Log
 from wayproof.harness.mission import Mission
+from wayproof.harness.prior.cells import logged_cells
 from wayproof.harness.viewer import events
 from wayproof.harness.viewer.true_scene import GLASS, GROUND, OBSTACLES, true_scene
+from wayproof.maps import OCCUPIED
+from wayproof.maps.grid import FLOOR_LAYER
 
 GLOBAL_PATH, COMMITTED, BELIEVED, TRUE = (
     (60, 110, 235),
@@ -21,6 +24,9 @@ GLOBAL_PATH, COMMITTED, BELIEVED, TRUE = (
 )
 PLANNED, REFUSED = (150, 60, 190), (235, 20, 90)
 """Colours of a stack's own plan, and of its command beyond what the referee admits."""
+
+PRIOR = (200, 120, 0, 90)
+"""Colour of the prior map: red, green, blue and opacity."""
 
 HIT, MOVER, FAILURE = (150, 80, 200), (230, 140, 20), (255, 0, 0)
 LINE = 0.02  # m
@@ -51,6 +57,14 @@ CURVES = {
 }
 """Names and colours of the curves."""
 
+BY_PROVENANCE = {
+    "path/committed_unmeasured_m": ("of it by the prior map", 0xFF4040FF),
+    "path/global_measured_m": ("global path, measured", 0x2E9E4FFF),
+    "path/global_prior_m": ("global path by the prior map", 0xE0A000FF),
+    "path/global_unproven_m": ("global path, by nothing", 0x9696A0FF),
+}
+"""Those of curves that only a log with a prior map has."""
+
 ACTIONS = {
     "follow": 0x2E9E4FFF,
     "slow": 0xE0B000FF,
@@ -75,8 +89,21 @@ def show_static(stream: rr.RecordingStream, log: Log, root: str) -> frozenset[st
     world = f"{root}/world"
     stream.log(world, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _show_bodies(stream, log.mission, world)
-    _show_styles(stream, root)
+    _show_styles(stream, root, layered=bool(log.config.prior_map))
+    _show_prior(stream, log, world)
     return _show_scene(stream, log, world)
+
+
+def _show_prior(stream: rr.RecordingStream, log: Log, world: str) -> None:
+    """Show the occupied cells of the prior map."""
+    cells = logged_cells(log.config)
+    if cells is None:
+        return
+    size, found = cells.resolution, np.argwhere(cells.states == OCCUPIED)
+    above = found[found[:, 2] + cells.first[2] > FLOOR_LAYER]
+    centres = (cells.window.origin + (above + 0.5) * size).astype(np.float32)
+    shown = rr.Points3D(centres, radii=0.3 * size, colors=PRIOR)
+    stream.log(f"{world}/prior", shown, static=True)
 
 
 def words_at(place: Sequence[float], words: str) -> rr.Points3D:
@@ -117,7 +144,7 @@ def _body(mission: Mission, colour: tuple[int, int, int]) -> rr.Cylinders3D | rr
     return rr.Ellipsoids3D(half_sizes=[size], colors=colour, fill_mode=fill)
 
 
-def _show_styles(stream: rr.RecordingStream, root: str) -> None:
+def _show_styles(stream: rr.RecordingStream, root: str, layered: bool) -> None:
     lanes = {"action": ACTIONS, "verdict": VERDICTS}
     lanes["event"] = {kind: _packed(colour) for kind, colour in events.COLOURS.items()}
     for lane, colours in lanes.items():
@@ -147,7 +174,7 @@ def _show_styles(stream: rr.RecordingStream, root: str) -> None:
     for kind, plot in events.PLOTS.items():
         dots = rr.SeriesPoints(colors=events.COLOURS[kind], marker_sizes=4.0, names=kind)
         stream.log(f"{root}/plots/{plot}/{events.name_of(kind)}", dots, static=True)
-    for curve, (name, line) in CURVES.items():
+    for curve, (name, line) in (CURVES | (BY_PROVENANCE if layered else {})).items():
         stream.log(f"{root}/plots/{curve}", rr.SeriesLines(colors=line, names=name), static=True)
     markdown = rr.TextDocument.from_fields(media_type="text/markdown")
     stream.log(f"{root}/decision", markdown, static=True)

@@ -10,13 +10,15 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.images import read_image
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.parts import Part
+from wayproof.models.world_files.parts import Part, vector
 from wayproof.models.world_files.reading import WorldFileError, beside, read_text
 from wayproof.models.world_files.voxel_maps import cell_boxes
 
@@ -25,8 +27,24 @@ MODES = ("trinary", "scale", "raw")
 LARGEST_YAML = 64 * 2**10
 
 
-def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
-    """Occupied cells, extruded from the floor to `options.height`.
+class OccupancyGrid(NamedTuple):
+    """A flat map as its file holds it.
+
+    Attributes:
+        occupied: (nx, ny) cells.
+        free: (nx, ny) cells; what is neither is unknown.
+        resolution: Edge of a cell, m.
+        origin: Corner of the first cell, x and y, m, and turn about it, rad.
+    """
+
+    occupied: NDArray[np.bool_]
+    free: NDArray[np.bool_]
+    resolution: float
+    origin: Vector3
+
+
+def read_occupancy_grid(path: Path) -> OccupancyGrid:
+    """Read the states of an occupancy map.
 
     Raises:
         WorldFileError: Naming the line or the entry.
@@ -44,7 +62,17 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
     occupancy = _occupancies(np.iinfo(image.dtype).max, mode, bool(negate))
     rows = image[::-1]  # upwards
     is_occupied, is_free = occupancy > most, occupancy < least  # a NaN is neither
-    occupied, unknown = is_occupied[rows], ~(is_occupied | is_free)[rows]
+    return OccupancyGrid(is_occupied[rows].T, is_free[rows].T, resolution, vector(origin))
+
+
+def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
+    """Occupied cells, extruded from the floor to `options.height`.
+
+    Raises:
+        WorldFileError: Naming the line or the entry.
+    """
+    occupied, free, resolution, origin = read_occupancy_grid(path)
+    unknown = ~(occupied | free)
     solid = occupied | unknown if options.unknown == "occupied" else occupied
     parts = _walls(path, solid, resolution, origin, options.height)
     found = Found(parts=parts, plane=True, closed=True)
@@ -64,11 +92,11 @@ def _occupancies(most: int, mode: str, negate: bool) -> NDArray[np.float64]:
 
 
 def _walls(
-    path: Path, solid: NDArray[np.bool_], resolution: float, origin: list[float], height: float
+    path: Path, solid: NDArray[np.bool_], resolution: float, origin: Vector3, height: float
 ) -> list[Part]:
-    """Merged cells (ny, nx) as boxes of the whole height, about the map's own low corner."""
+    """Merged cells (nx, ny) as boxes of the whole height, about the map's own low corner."""
     x, y, yaw = origin
-    flat = cell_boxes(path, solid.T[:, :, None], resolution, (x, y, 0.0), yaw)
+    flat = cell_boxes(path, solid[:, :, None], resolution, (x, y, 0.0), yaw)
     return [
         replace(
             part, size=(*part.size[:2], height / 2.0), position=(*part.position[:2], height / 2.0)

@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import vector
 from wayproof.models.world_files.reading import MAX_CELLS, WorldFileError, check_file
@@ -34,8 +36,8 @@ HEADERS = {".bt": b"# Octomap OcTree binary file", ".ot": b"# Octomap OcTree fil
 DEPTH = 16
 """Depth of an OctoMap: its root is 2^16 cells wide, with the world's origin in its middle."""
 
-OCCUPIED, INNER = 2, 3
-"""Two bits of a child in a `.bt`; 1 is free, 0 unknown."""
+FREE, OCCUPIED, INNER = 1, 2, 3
+"""Two bits of a child in a `.bt`; 0 is unknown."""
 
 VALUE_BYTES = {"OcTree": 4, "ColorOcTree": 7}
 """Bytes of a node in an `.ot` before its children's bits: log-odds as float32, and a colour."""
@@ -60,12 +62,59 @@ class Leaf(NamedTuple):
         )
 
 
+class OctomapCells(NamedTuple):
+    """The known cells of an OctoMap within their bounds.
+
+    Attributes:
+        occupied: (nx, ny, nz) cells.
+        free: (nx, ny, nz) cells; what is neither is unknown.
+        resolution: Edge of a cell, m.
+        low: Corner of the first cell, m.
+    """
+
+    occupied: NDArray[np.bool_]
+    free: NDArray[np.bool_]
+    resolution: float
+    low: Vector3
+
+
+def read_octomap_cells(path: Path, occupied_only: bool = False) -> OctomapCells:
+    """Read the leaves of an OctoMap as cells.
+
+    Args:
+        path: Of the file.
+        occupied_only: Whether free leaves are left out, also of the bounds.
+
+    Raises:
+        WorldFileError: No OctoMap, a damaged one, or one of more cells than allowed.
+    """
+    cell, leaves, states = _read_leaves(path, occupied_only)
+    table = np.array(leaves)  # (n, 4)
+    first, sides = table[:, :3], table[:, 3]
+    low, high = first.min(axis=0), (first + sides[:, None]).max(axis=0)
+    if np.prod((high - low).astype(np.float64)) > MAX_CELLS:
+        shape = " x ".join(map(str, (high - low).tolist()))
+        raise WorldFileError(path, f"{shape} cells, expected at most {MAX_CELLS}")
+    grids = np.zeros((2, *(high - low)), np.bool_)
+    for (i, j, k), side, held in zip((first - low).tolist(), sides.tolist(), states, strict=True):
+        grids[int(held), i : i + side, j : j + side, k : k + side] = True
+    free, occupied = grids
+    return OctomapCells(occupied, free, cell, vector(low * cell))
+
+
 def read_octomap(path: Path, options: ImportOptions) -> Found:
     """Read the occupied space of an OctoMap.
 
     Raises:
         WorldFileError: No OctoMap, a damaged one, or one of more cells than allowed.
     """
+    cells = read_octomap_cells(path, occupied_only=True)
+    parts = cell_boxes(path, cells.occupied, cells.resolution, cells.low)
+    return Found(parts=parts, grid=True, closed=True)
+
+
+def _read_leaves(path: Path, occupied_only: bool) -> tuple[float, list[Leaf], list[bool]]:
+    """Read the edge of a cell, m, the known leaves, and whether each is occupied."""
     check_file(path, MAX_OCTOMAP_BYTES)
     data = path.read_bytes()
     ending = path.suffix.lower()
@@ -80,24 +129,20 @@ def read_octomap(path: Path, options: ImportOptions) -> Found:
     if not separator or not 1e-4 <= cell <= 1e3:
         raise WorldFileError(path, "its header has no 'res' of 0.0001 to 1000 m, or no 'data'")
     nodes = data[len(head) + len(separator) :].partition(b"\n")[2]
-    read: Callable[[Path, bytes, str], Iterator[Leaf]] = READERS[ending]
+    kind = fields.get(b"id", b"OcTree").decode(errors="replace").strip()
     leaves: list[Leaf] = []
-    for leaf in read(path, nodes, fields.get(b"id", b"OcTree").decode(errors="replace").strip()):
+    states: list[bool] = []
+    for leaf, occupied in READERS[ending](path, nodes, kind):
+        if occupied_only and not occupied:
+            continue
         if len(leaves) == MOST_LEAVES:
-            raise WorldFileError(path, f"more than {MOST_LEAVES} occupied leaves")
+            what = "occupied" if occupied_only else "known"
+            raise WorldFileError(path, f"more than {MOST_LEAVES} {what} leaves")
         leaves.append(leaf)
-    if not leaves:
+        states.append(occupied)
+    if not any(states):
         raise WorldFileError(path, "no occupied cell")
-    table = np.array(leaves)  # (n, 4)
-    first, sides = table[:, :3], table[:, 3]
-    low, high = first.min(axis=0), (first + sides[:, None]).max(axis=0)
-    if np.prod((high - low).astype(np.float64)) > MAX_CELLS:
-        shape = " x ".join(map(str, (high - low).tolist()))
-        raise WorldFileError(path, f"{shape} cells, expected at most {MAX_CELLS}")
-    occupied = np.zeros(tuple(high - low), np.bool_)
-    for (i, j, k), side in zip((first - low).tolist(), sides.tolist(), strict=True):
-        occupied[i : i + side, j : j + side, k : k + side] = True
-    return Found(parts=cell_boxes(path, occupied, cell, vector(low * cell)), grid=True, closed=True)
+    return cell, leaves, states
 
 
 def _number(text: bytes) -> float:
@@ -112,8 +157,8 @@ def _root() -> Leaf:
     return Leaf(-half, -half, -half, 2 * half)
 
 
-def _binary_leaves(path: Path, nodes: bytes, kind: str) -> Iterator[Leaf]:
-    """Yield the occupied leaves of a `.bt`, whatever the kind of its tree."""
+def _binary_leaves(path: Path, nodes: bytes, kind: str) -> Iterator[tuple[Leaf, bool]]:
+    """Yield the leaves of a `.bt`, whatever the kind of its tree, and whether each is occupied."""
     waiting, place = [_root()], 0
     while waiting:
         node = waiting.pop()
@@ -126,12 +171,12 @@ def _binary_leaves(path: Path, nodes: bytes, kind: str) -> Iterator[Leaf]:
             child = bits >> (2 * number) & 3
             if child == INNER:
                 waiting.append(node.child(number))
-            elif child == OCCUPIED:
-                yield node.child(number)
+            elif child in (OCCUPIED, FREE):
+                yield node.child(number), child == OCCUPIED
 
 
-def _full_leaves(path: Path, nodes: bytes, kind: str) -> Iterator[Leaf]:
-    """Yield the leaves of an `.ot` that are at least as likely occupied as free."""
+def _full_leaves(path: Path, nodes: bytes, kind: str) -> Iterator[tuple[Leaf, bool]]:
+    """Yield the leaves of an `.ot`, and whether each is at least as likely occupied as free."""
     if kind not in VALUE_BYTES:
         known = ", ".join(VALUE_BYTES)
         raise WorldFileError(path, f"a tree of kind '{kind[:40]}' (available: {known})")
@@ -142,13 +187,15 @@ def _full_leaves(path: Path, nodes: bytes, kind: str) -> Iterator[Leaf]:
         children = nodes[place + step - 1]
         if children and node.side == 1:
             raise WorldFileError(path, f"deeper than {DEPTH} levels")
-        if not children and struct.unpack_from("<f", nodes, place)[0] >= 0.0:
-            yield node
+        if not children:
+            yield node, struct.unpack_from("<f", nodes, place)[0] >= 0.0
         place += step
         waiting += [node.child(number) for number in range(7, -1, -1) if children >> number & 1]
 
 
-READERS = {".bt": _binary_leaves, ".ot": _full_leaves}
+Reader = Callable[[Path, bytes, str], Iterator[tuple[Leaf, bool]]]
+
+READERS: dict[str, Reader] = {".bt": _binary_leaves, ".ot": _full_leaves}
 
 
 def _check_node(path: Path, node: Leaf, needed: int, there: int) -> None:

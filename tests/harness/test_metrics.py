@@ -46,6 +46,8 @@ def trace(**changes: object) -> Trace:
         verdicts=("admitted", "unknown", "blocked", "admitted"),
         cuts=np.array([False, False, True, False]),
         admitted_share=0.9,
+        committed_evidence=np.array([[3.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 4.0]]),
+        global_evidence=np.array([[1.0, 2.0, 1.0, 4.0]]),
         beliefs=Beliefs(
             np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.2, 0.9]]),
             np.array([np.diag([0.01, 0.04, 0.09])] * 3),
@@ -91,6 +93,8 @@ def test_every_metric_by_hand() -> None:
             "not_admitted": 0.5,
             "guard_cuts": 1.0,
             "admitted_share": 0.9,
+            "unmeasured_share": 1.0 / 8.0,
+            "guided_share": 3.0 / 8.0,
         }
     )
 

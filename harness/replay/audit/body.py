@@ -14,7 +14,8 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.replay.cells import SPACING, Cells, cells_around
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
-from wayproof.maps import Representation, UnknownPolicy
+from wayproof.maps import UnknownPolicy
+from wayproof.maps.columns import ColumnMap
 
 PARTS = 4
 """Number of parts that the time between two samples is divided into."""
@@ -106,12 +107,12 @@ class Body:
         beyond = path[lengths > arcs[-1] + SAME_PLACE]  # no sample excludes that it is driven
         return np.vstack((poses, np.column_stack((beyond, np.full(len(beyond), headings[-1])))))
 
-    def cells(self, voxel_map: Representation, track: Array, reach: float) -> Cells:
+    def cells(self, voxel_map: ColumnMap, track: Array, reach: float) -> Cells:
         """Return the cells within a reach, m, of a track (n, 3), m."""
         return cells_around(voxel_map, track, reach, self.config, self.mission, self.widening)
 
     def first_blocked(
-        self, voxel_map: Representation, poses: Array, margin: float
+        self, voxel_map: ColumnMap, poses: Array, margin: float
     ) -> tuple[Array, str] | None:
         """Return the first position where the body, or one of its discs, is in collision.
 
@@ -137,7 +138,7 @@ class Body:
         return None
 
     def first_overlap(
-        self, voxel_map: Representation, path: Array, radius: float, slack: float = 0.0
+        self, voxel_map: ColumnMap, path: Array, radius: float, slack: float = 0.0
     ) -> tuple[Array, str] | None:
         """Return the first position on a path where a disc or ball collides, and the cell's state.
 

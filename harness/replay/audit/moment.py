@@ -18,6 +18,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import Representation
+from wayproof.maps.columns import ColumnMap
 
 SIGMAS = 2.0
 """Standard deviations of the estimated position that the margin covers."""
@@ -39,7 +40,7 @@ class Violation:
     Attributes:
         sequence: Number of the decision.
         rule: `form`, `version`, `inputs`, `settings`, `margin`, `deadline`, `figure`, `limits`,
-            `rest`, `joined`, `swept`, `stop`, `recover`, `reason` or `volume`.
+            `rest`, `joined`, `swept`, `stop`, `recover`, `reason`, `evidence` or `volume`.
         text: Found and expected.
     """
 
@@ -56,7 +57,9 @@ class Moment:
         record: Decision, inputs and delay.
         config: Settings of the decision.
         mission: Mission of the decision.
-        map: Map of the decision, rebuilt from the sweeps of the log.
+        map: Map that paths are checked against: the measured one, with the prior map where it is
+            unknown if that admits.
+        measured: Map of the decision, rebuilt from the sweeps of the log.
         version: Version of that map.
         body: Body for collision checks.
         before: The last two trajectories before it; at first a hold.
@@ -65,7 +68,8 @@ class Moment:
     record: Record
     config: Config
     mission: Mission
-    map: Representation
+    map: ColumnMap
+    measured: Representation
     version: str
     body: Body
     before: tuple[pb.Trajectory, ...]

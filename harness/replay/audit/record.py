@@ -110,7 +110,7 @@ def check_figures(moment: Moment) -> list[Violation]:
         found.append(moment.broken("figure", text))
     if moment.late:
         return found
-    observed = max(int(moment.map.observed_ns_at(moment.path).min()), 0)
+    observed = max(int(moment.measured.observed_ns_at(moment.path).min()), 0)
     age = (moment.record.inputs.time_ns - observed) * 1e-9
     if not abs(decision.evidence_age_s - age) <= CELL_ROUNDING:
         text = f"evidence_age_s {decision.evidence_age_s:.3f}, the map's is {age:.3f}"

@@ -11,8 +11,17 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.goals import mission_towards
 from wayproof.harness.inputs import Pose
 from wayproof.harness.log.reader import Log, open_log
+from wayproof.harness.prior.cells import PriorCells
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.audit.body import Body
+from wayproof.harness.replay.audit.evidence import (
+    AdmittedMap,
+    Rests,
+    all_rests,
+    check_evidence,
+    prior_of,
+    rests_of,
+)
 from wayproof.harness.replay.audit.moment import (
     Moment,
     Violation,
@@ -39,7 +48,8 @@ from wayproof.harness.replay.audit.way import judge_way
 from wayproof.harness.replay.reasons import ReasonCheck
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.labels import combined_version
-from wayproof.maps import UnknownPolicy
+from wayproof.maps import Representation, UnknownPolicy
+from wayproof.maps.columns import ColumnMap
 
 CHECKS: tuple[Callable[[Moment], list[Violation]], ...] = (
     check_version,
@@ -51,6 +61,7 @@ CHECKS: tuple[Callable[[Moment], list[Violation]], ...] = (
     check_limits,
     check_joint,
     check_rest,
+    check_evidence,
 )
 """Checks of every decision, except those of its path."""
 
@@ -72,6 +83,7 @@ class Audit:
         rules: Number of violations by rule.
         reasons: Number of reasons that were checked; 0 for a log of a format before 5.
         volumes: Distances of the swept paths from the volumes of cells; None if not measured.
+        rests: Cells of the swept paths by what they rest on; None without a prior map.
     """
 
     log: str
@@ -85,6 +97,7 @@ class Audit:
     rules: dict[str, int]
     reasons: int
     volumes: Volumes | None = None
+    rests: Rests | None = None
 
 
 def audit(
@@ -92,6 +105,7 @@ def audit(
     policy: UnknownPolicy | None = None,
     allow_plugins: bool = False,
     volumes: bool = False,
+    measured_only: bool = False,
 ) -> Audit:
     """Check every decision of a log.
 
@@ -100,6 +114,8 @@ def audit(
         policy: Unknown policy to check paths against; by default that of the log.
         allow_plugins: Whether code that its config names may be imported.
         volumes: Whether to measure the distances of paths from the volumes of cells, too.
+        measured_only: Whether paths are checked against what was measured alone, also where the
+            prior map of the log admits.
 
     Raises:
         InputError: The file is no finished log, or holds no decision.
@@ -109,11 +125,14 @@ def audit(
     counts: Counter[str] = Counter()
     measured: list[Volumes] = []
     reasons = ReasonCheck(required=not log.not_compared)
-    for moment in moments(log, policy):
+    cells: list[Rests] = []
+    for moment in moments(log, policy, measured_only):
         kind, found = judge(moment)
         found += _check_reason(moment, reasons)
         violations += found
         counts[kind] += 1
+        if moment.config.prior_map and kind == "swept":
+            cells.append(rests_of(moment))
         if volumes and kind == "swept" and not any(one.rule == "swept" for one in found):
             measured.append(measure(moment))
             if measured[-1].greatest_m > measured[-1].bound_m:
@@ -134,6 +153,7 @@ def audit(
         rules=dict(Counter(violation.rule for violation in violations)),
         reasons=reasons.checked,
         volumes=together(measured) if volumes else None,
+        rests=all_rests(cells) if log.config.prior_map else None,
     )
 
 
@@ -153,13 +173,16 @@ def _check_reason(moment: Moment, reasons: ReasonCheck) -> list[Violation]:
     return [moment.broken("reason", text) for text in found]
 
 
-def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
+def moments(
+    log: Log, policy: UnknownPolicy | None = None, measured_only: bool = False
+) -> Iterator[Moment]:
     """Yield every decision of a log with its map, without deciding again.
 
     Raises:
         InputError: The log is damaged.
     """
     runs = segments_of(log)
+    priors = {run.begin: None if measured_only else prior_of(run.config) for run in runs}
     stack = SegmentedStack(runs)
     bodies = {
         run.begin: Body(run.config, run.mission, policy or run.config.costmap.unknown_policy)
@@ -175,7 +198,8 @@ def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
             record=record,
             config=run.config,
             mission=mission_towards(run.mission, record.inputs.goal),
-            map=navigator.map,
+            map=_admitted(navigator.map, priors[run.begin]),
+            measured=navigator.map,
             version=combined_version(navigator.map.version(), navigator.labels),
             body=_widened(bodies[run.begin], record.inputs.pose),
             before=before,
@@ -183,6 +207,10 @@ def moments(log: Log, policy: UnknownPolicy | None = None) -> Iterator[Moment]:
         yield moment
         if not is_malformed(moment):
             before = (*before[-1:], record.decision.trajectory)
+
+
+def _admitted(measured: Representation, prior: PriorCells | None) -> ColumnMap:
+    return measured if prior is None else AdmittedMap(measured, prior)
 
 
 def _widened(body: Body, pose: Pose) -> Body:

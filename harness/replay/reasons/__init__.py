@@ -19,7 +19,7 @@ from wayproof.harness.replay.reasons.scene import Scene
 from wayproof.harness.replay.reasons.uncertain import slowed
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.reasons import MEANINGS, logged_reason, sentence
-from wayproof.maps import Representation
+from wayproof.maps.columns import ColumnMap
 
 __all__ = ["PREDICATES", "ReasonCheck"]
 
@@ -56,7 +56,7 @@ class ReasonCheck:
         self.checked = 0
 
     def check(
-        self, decision: pb.Decision, built: Representation, config: Config, mission: Mission
+        self, decision: pb.Decision, built: ColumnMap, config: Config, mission: Mission
     ) -> list[str]:
         """Return the false parts of the reason of the next decision.
 

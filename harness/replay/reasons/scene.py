@@ -14,7 +14,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.replay.cells import NAMES, Cells, cells_around
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
-from wayproof.maps import Representation
+from wayproof.maps.columns import ColumnMap
 
 Point = tuple[float, float, float]
 
@@ -31,7 +31,7 @@ class Scene:
     """
 
     decision: pb.Decision
-    map: Representation
+    map: ColumnMap
     config: Config
     mission: Mission
 

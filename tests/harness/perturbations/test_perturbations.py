@@ -324,6 +324,7 @@ TEXTS = {
     "imu_bias:3": {"pose"},
     "imu_bias:3:gyroscope": {"pose"},
     "slip:4": {"world", "pose", "sensor/lidar"},
+    "stale_prior:3": {"prior"},
 }
 
 ROBOT = {"slip": "quadruped"}
@@ -332,7 +333,11 @@ ROBOT = {"slip": "quadruped"}
 WORLD = {"motion": "empty"}
 """World in place of the corridor, which has little room for people."""
 
-SETTING = {"imu_bias": ["estimate.kind=lidar"], "slip": ["map.resolution=0.05"]}
+SETTING = {
+    "imu_bias": ["estimate.kind=lidar"],
+    "slip": ["map.resolution=0.05"],
+    "stale_prior": ["prior.source=truth"],
+}
 """Settings that a perturbation needs, or that its robot does."""
 
 

@@ -80,7 +80,7 @@ def on_its_way(motion, radius, free, way):
     decision = pb.Decision(action="follow", trajectory=trajectory)
     record = Record(Inputs(0, 1, pose, (), ""), pb.Latency(), decision)
     body = Body(config, mission, "forbid")
-    return Moment(record, config, mission, voxel_map, "", body, ())
+    return Moment(record, config, mission, voxel_map, voxel_map, "", body, ())
 
 
 def test_past_a_wall_in_the_air():

@@ -30,7 +30,8 @@ def in_the_air(way, arcs, action, before=None, mission=AIR):
     pose = Pose(np.array(way[0]), np.array([1.0, 0.0, 0.0, 0.0]), position_sigma=0.0)
     record = Record(Inputs(0, 1, pose, (), ""), pb.Latency(), decision)
     body = Body(config, mission, "forbid")
-    return Moment(record, config, mission, voxel_map, "", body, (before or trajectory(way, arcs),))
+    before = before or trajectory(way, arcs)
+    return Moment(record, config, mission, voxel_map, voxel_map, "", body, (before,))
 
 
 def trajectory(way, arcs):

@@ -1,0 +1,1 @@
+"""Prior maps: evidence that the episode did not measure, read from files or made of a world."""

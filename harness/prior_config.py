@@ -1,0 +1,58 @@
+"""Settings of the section `prior`: a map that the episode did not measure, and what it may do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from wayproof.maps.bounds import Bounds, check_fields
+
+PriorPolicy = Literal["guide", "admit", "ignore"]
+
+NO_PRIOR = "none"
+"""Source of no prior map."""
+
+TRUTH = "truth"
+"""Source of the prior map that is made of the geometry of the world, for studies."""
+
+SPLAT = "splat"
+"""Source of a splat that is made of the geometry of the world, likewise."""
+
+MADE_OF_WORLD = (NO_PRIOR, TRUTH, SPLAT)
+"""Sources that are no files."""
+
+
+@dataclass(frozen=True)
+class PriorConfig:
+    """A prior map, and what its cells may do where nothing was measured.
+
+    Attributes:
+        source: `none`; `truth`, the geometry of the world; `splat`, Gaussians made of it; or a
+            file: an occupancy map (`.yaml`), an OctoMap (`.bt`, `.ot`), our own map (`.map`), the
+            map at the end of a log (`.mcap`), a world file (`.xml`), or a 3D Gaussian splat
+            (`.ply`). A log holds the cells that it became, and the name and hash of the file.
+        policy: `guide`: free cells cost a global path less than unknown ones, and occupied ones are
+            avoided while there is another way; none is admitted. `admit`: they count as measured
+            ones do, until they are measured. `ignore`: nothing.
+        x: Position of the prior map's origin in the world, m.
+        y: Likewise.
+        z: Likewise.
+        yaw: Turn of the prior map about its origin, rad.
+        height: Height of the walls of an occupancy map, which is flat, m.
+        scale: Metres in a unit of a splat.
+        up: Axis of a splat that points up.
+    """
+
+    source: str = NO_PRIOR
+    policy: PriorPolicy = "guide"
+    x: Annotated[float, Bounds(-1e4, 1e4, "m")] = 0.0
+    y: Annotated[float, Bounds(-1e4, 1e4, "m")] = 0.0
+    z: Annotated[float, Bounds(-100.0, 100.0, "m")] = 0.0
+    yaw: Annotated[float, Bounds(-3.1416, 3.1416, "rad")] = 0.0
+    height: Annotated[float, Bounds(0.1, 100.0, "m")] = 3.0
+    scale: Annotated[float, Bounds(1e-3, 1e3, "m")] = 1.0
+    up: Literal["z", "-z", "y", "-y"] = "z"
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        check_fields(self, "prior.")

@@ -1,0 +1,193 @@
+"""Checks of what paths rest on: cells that were measured, and cells of the prior map.
+
+By simple code on arrays of states; of the stack it shares the format of the prior map alone.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wayproof.harness.config import Config
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.paths import Array, densely, length
+from wayproof.harness.prior.cells import PriorCells, logged_cells
+from wayproof.harness.replay.audit.body import track_of
+from wayproof.harness.replay.audit.moment import Moment, Violation
+from wayproof.harness.replay.cells import SPACING, Cells
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Representation
+from wayproof.maps.columns import WORD_BITS, ColumnMap, pack, unpack
+
+SHIFT_CELLS = 2.0
+"""Tolerance of a length by provenance, cells: places are looked up half a cell apart, and a place
+on the border of two cells may count to either."""
+
+SETS_OUT = ("follow", "slow", "explore")
+"""Actions whose paths are free; a stop may follow one that was measured before and forgotten."""
+
+SHIFT_SHARE = 0.02
+"""The same as a share of the path: each border that it crosses may shift."""
+
+
+@dataclass(frozen=True)
+class Rests:
+    """Cells that committed paths were checked against.
+
+    Attributes:
+        cells: Number of cells within body and margin of the paths, path by path.
+        unmeasured: Number of these that no sweep had found free, and that admitted the body all
+            the same.
+    """
+
+    cells: int = 0
+    unmeasured: int = 0
+
+
+def all_rests(parts: Iterable[Rests]) -> Rests:
+    """Return the cells of several paths together."""
+    parts = list(parts)
+    return Rests(sum(one.cells for one in parts), sum(one.unmeasured for one in parts))
+
+
+class AdmittedMap(ColumnMap):
+    """A measured map with a prior map where it is unknown, as `prior.policy=admit` has it.
+
+    Attributes:
+        resolution: Edge of a cell, m.
+    """
+
+    def __init__(self, measured: Representation, prior: PriorCells) -> None:
+        """Complete a map by the cells of a config, which are those of its lattice."""
+        self.resolution = measured.resolution
+        self._measured, self._prior = measured, prior
+
+    def columns(
+        self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
+    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
+        """Return the occupied and the free cells of a box, (nx, ny, words) each."""
+        layers = shape[2] * WORD_BITS
+        occupied, free = self._measured.columns(low_cell, shape)
+        states = unpack(free, layers) * np.uint8(FREE)
+        states += unpack(occupied, layers) * np.uint8(OCCUPIED)
+        low = np.array(low_cell) - self._prior.first
+        first = np.maximum(low, 0)
+        end = np.minimum(low + states.shape, self._prior.states.shape)
+        if (first < end).all():
+            there = tuple(slice(a, b) for a, b in zip(first, end, strict=True))
+            here = tuple(slice(a, b) for a, b in zip(first - low, end - low, strict=True))
+            known = self._prior.states[there]
+            states[here] = np.where(states[here] == UNKNOWN, known, states[here])
+        return pack(states == OCCUPIED), pack(states == FREE)
+
+    def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
+        """Return where the measured map changed since a stamp, as it does."""
+        return self._measured.changed(since)
+
+    def observed_ns_at(self, points: ArrayLike) -> NDArray[np.int64]:
+        """Return when points (n, 3), m, were last observed, (n,) ns; -1 never."""
+        return self._measured.observed_ns_at(points)
+
+
+def prior_of(config: Config) -> PriorCells | None:
+    """Return the cells of the prior map on the lattice of the map; None if they cannot admit.
+
+    Raises:
+        InputError: They are none, or on another lattice.
+    """
+    cells = logged_cells(config) if config.prior.policy == "admit" else None
+    if cells is not None and cells.resolution != config.map.resolution:
+        raise InputError(
+            f"prior_map: cells of {cells.resolution:g} m, expected those of the map, "
+            f"{config.map.resolution:g} m"
+        )
+    return cells
+
+
+def rests_of(moment: Moment) -> Rests:
+    """Count the cells that the path of a decision needs, and those of them that nobody measured."""
+    if moment.body.policy != "forbid":
+        return Rests()
+    count = unmeasured = 0
+    body, size = moment.body, moment.measured.resolution
+    offsets = body.discs
+    if moment.mission.discs:
+        ((_, radius),) = body.about
+        if body.first_overlap(moment.map, moment.poses[:, :3], radius + moment.margin) is None:
+            offsets = body.about
+    for offset, radius in offsets:
+        track = track_of(moment.poses, offset)
+        reach = (radius + moment.margin) / size + body.half_diagonal
+        cells = body.cells(moment.measured, track, reach * size)
+        touched = _well_within(cells, densely(track, SPACING * size), moment.body.slack)
+        unmeasured += len(cells.near(touched, cells.not_free, reach))
+        count += len(cells.near(touched, np.ones_like(cells.not_free), reach))
+    return Rests(count, unmeasured)
+
+
+def _well_within(cells: Cells, places: Array, slack: float) -> NDArray[np.int64]:
+    """Return the distinct cells that hold places (n, 3) and all within the slack of them."""
+    found = cells.of(places)
+    inside = np.ones(len(places), np.bool_)
+    for x, y in itertools.product((-slack, slack), repeat=2):
+        inside &= (cells.of(places + np.array([x, y, 0.0])) == found).all(axis=1)
+    return np.unique(found[inside], axis=0)
+
+
+def check_evidence(moment: Moment) -> list[Violation]:
+    """Check the lengths by provenance that a decision states, by the measured map and the prior."""
+    decision, config = moment.decision, moment.config
+    layered = bool(config.prior_map) and config.prior.policy != "ignore"
+    stated = {
+        name: getattr(decision, name)
+        for name in ("committed_evidence", "global_evidence")
+        if decision.HasField(name)
+    }
+    if not layered or moment.late:
+        return [
+            moment.broken("evidence", f"{name}: stated where nothing but measurements counts")
+            for name in stated
+        ]
+    if len(stated) < 2:
+        return [moment.broken("evidence", "no lengths by provenance, expected those of both paths")]
+    committed = decision.committed_evidence
+    found = _differences(moment, "committed_evidence", committed, moment.path)
+    unmeasured = committed.prior_m + committed.predicted_m
+    if config.prior.policy == "guide" and decision.action in SETS_OUT and unmeasured > 0.0:
+        text = f"{unmeasured:.2f} m of the committed path rest on what was not measured"
+        found.append(moment.broken("evidence", text))
+    return found
+
+
+def _differences(moment: Moment, name: str, stated: pb.Evidence, path: Array) -> list[Violation]:
+    """Compare the stated lengths of a path (n, 3) with those by the cells around it."""
+    total = length(path)
+    lengths = stated.measured_m, stated.prior_m, stated.predicted_m, stated.unproven_m
+    slack = SHIFT_CELLS * moment.config.map.resolution + SHIFT_SHARE * total
+    if not abs(math.fsum(lengths) - total) <= slack or min(lengths) < 0.0:
+        text = f"{name}: {math.fsum(lengths):.2f} m in all, the path has {total:.2f} m"
+        return [moment.broken("evidence", text)]
+    if total == 0.0:
+        return []
+    measured = _free_length(moment, path, total)
+    if abs(stated.measured_m - measured) <= slack:
+        return []
+    text = f"{name}: {stated.measured_m:.2f} m measured, by the map {measured:.2f} m"
+    return [moment.broken("evidence", text)]
+
+
+def _free_length(moment: Moment, path: Array, total: float) -> float:
+    """Return the length of a path at which the disc or ball of the decision is measured free, m."""
+    size = moment.measured.resolution
+    reach = math.sqrt(moment.decision.collision_distance_sq)
+    cells = moment.body.cells(moment.measured, path, reach * size)
+    points = densely(path, 0.5 * size)
+    middles = 0.5 * (points[1:] + points[:-1])
+    steps = np.sqrt(np.square(points[1:] - points[:-1]).sum(axis=1))
+    free = ~cells.within(cells.of(middles), cells.not_free, reach)
+    return float(steps[free].sum()) if total else 0.0

@@ -1,0 +1,130 @@
+"""Provenance of the evidence: what was measured, and layers of what was not.
+
+The stages of the evidence are the measured map, then that map laid over each layer in turn. Each
+stage has a costmap, and what is free by a stage and by none before it rests on that stage's layer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from wayproof.harness.config import Config
+from wayproof.harness.geometry import polyline_length
+from wayproof.harness.mission import Mission
+from wayproof.harness.prior.cells import prior_layer
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.decision import GRAIN
+from wayproof.harness.stack.types import Array, EvidenceSpace, Provenance
+from wayproof.maps import Costmap
+from wayproof.maps.columns import ColumnMap
+from wayproof.maps.overlay import CellLayer, Overlaid
+from wayproof.planners import point_at
+
+SPACING = 0.5
+"""Distance of the places along a path at which its evidence is looked up, cells."""
+
+FIELDS: dict[Provenance, Literal["measured_m", "prior_m", "predicted_m"]] = {
+    "measured": "measured_m",
+    "prior": "prior_m",
+    "predicted": "predicted_m",
+}
+"""Field of `Evidence` by provenance."""
+
+
+class Layer(NamedTuple):
+    """A layer of evidence that was not measured.
+
+    Attributes:
+        provenance: `prior` or `predicted`.
+        cells: Its states.
+        admits: Whether its free cells admit the body.
+    """
+
+    provenance: Provenance
+    cells: CellLayer
+    admits: bool
+
+
+class Stage(NamedTuple):
+    """The evidence up to a provenance.
+
+    Attributes:
+        provenance: Of what this stage has more than the one before.
+        costmap: Of the evidence of this stage and of all before it.
+    """
+
+    provenance: Provenance
+    costmap: Costmap
+
+
+class Stages(NamedTuple):
+    """All stages of the evidence of one mission.
+
+    Attributes:
+        all: The measured one first.
+        admitted: The costmap that admits the body: of the measured stage, unless layers admit.
+        guide: The costmap of all evidence; None if it is the one that admits.
+    """
+
+    all: tuple[Stage, ...]
+    admitted: Costmap
+    guide: Costmap | None
+
+
+def layers_of(config: Config, mission: Mission) -> tuple[Layer, ...]:
+    """The layers that a config has, those that admit first.
+
+    Raises:
+        ValueError: A prior map is none.
+    """
+    cells = prior_layer(config, mission)
+    return () if cells is None else (Layer("prior", cells, config.prior.policy == "admit"),)
+
+
+def stages_of(
+    measured: ColumnMap, layers: Sequence[Layer], make: Callable[[ColumnMap], Costmap]
+) -> Stages:
+    """The stages of a measured map over some layers.
+
+    Args:
+        measured: The map.
+        layers: Those that admit first.
+        make: Makes the costmap of a map.
+    """
+    stages, above = [Stage("measured", make(measured))], measured
+    for layer in layers:
+        above = Overlaid(above, layer.cells)
+        stages.append(Stage(layer.provenance, make(above)))
+    admitted = stages[len([layer for layer in layers if layer.admits])].costmap
+    guide = stages[-1].costmap
+    return Stages(tuple(stages), admitted, None if guide is admitted else guide)
+
+
+def evidence_along(path: Array | None, spaces: Sequence[EvidenceSpace]) -> pb.Evidence:
+    """The lengths of a path (n, 3) at which the body is free by each provenance, m.
+
+    By its circumscribed disc or ball, or by the smallest of its discs where it is planned for by
+    them. What no stage has free is unproven: unknown, or inside the inflation.
+    """
+    evidence = pb.Evidence()
+    total = 0.0 if path is None else polyline_length(path)
+    if path is None or total == 0.0:
+        return evidence
+    count = max(math.ceil(total / (SPACING * spaces[0].known_free.resolution)), 1)
+    found = dict.fromkeys((*FIELDS.values(), "unproven_m"), 0)
+    for k in range(count):
+        found[_field_at(point_at(path, (k + 0.5) * total / count), spaces)] += 1
+    for name, places in found.items():
+        setattr(evidence, name, float(np.rint(places * total / count / GRAIN) * GRAIN))
+    return evidence
+
+
+def _field_at(point: Array, spaces: Sequence[EvidenceSpace]) -> str:
+    for provenance, space in spaces:
+        if space.is_free(point):
+            return FIELDS[provenance]
+    return "unproven_m"
