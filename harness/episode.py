@@ -143,6 +143,7 @@ class Episode:
             if self.decision is not None and self.decision.action == "goal":
                 self._reached += 1  # a false claim, and that of the last goal, end the episode
             sweeps, pose, sense_ms = self._sensors.sense(self._sequence, time_ns)
+            self._navigator.announce()
             goal = goal_message(self._scenario.mission, self._reached, self._sequence, time_ns)
             messages = (*sweeps, pose) if goal is None else (*sweeps, pose, goal)
             written = [serialized(message) for message in messages]

@@ -51,7 +51,8 @@ class GroundPlane:
 
     Attributes:
         numbers: (5,) height at the anchor, m; slopes along x and y, m/m; anchor x and y, m.
-        deviation: Root mean square of the returns' distances from it, m.
+        deviation: Root mean square distance of the returns below it, m; nothing but errors puts a
+            floor's return there.
         range_deviation: That of errors of the ranges that give such distances, m.
         points: Number of returns that it was fitted to.
     """
@@ -153,13 +154,16 @@ def fit_ground(
         ranges_mm: (n,) mm.
 
     Returns:
-        The plane; None where too few returns hold it, or it is steeper than `kernels.TILT` or
-        farther off than `kernels.HEIGHT`.
+        The plane, z = 0 itself where the floor is as expected; None where too few returns hold it,
+        or it is steeper than `kernels.TILT` or farther off than `kernels.HEIGHT`.
     """
     stride = max(1, len(ranges_mm) // MOST_POINTS)
     near = np.empty((len(ranges_mm) // stride + 1, 3))
     found = kernels.returns_near_floor(origins, moments, directions, ranges_mm, stride, near)
     x, y, z = origins[-1].tolist()
+    at_zero = kernels.count_at_zero(near[:found], QUIET)
+    if at_zero >= LEAST_POINTS:
+        return GroundPlane(np.array([0.0, 0.0, 0.0, x, y]), 0.0, 0.0, at_zero)
     numbers, figures = np.zeros(5), np.zeros(3)
     count = kernels.fit_plane(near[:found], (x, y, z), numbers, figures)
     deviation, spread, range_deviation = figures.tolist()

@@ -10,6 +10,7 @@ import struct
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from io import RawIOBase
@@ -93,33 +94,56 @@ def answer_all(stack: Stack, name: str, read: RawIOBase, write: IO[bytes]) -> No
         read: Messages of the harness.
         write: Answers.
     """
-    task: Task | None = None
-    while (message := _receive(read)) is not None:
+    served = _Served(stack, name, write)
+    while (message := _receive(read, served.rehearse)) is not None and served.answer(message):
+        pass
+    stack.close()
+
+
+class _Served:
+    """A stack behind the messages of the harness."""
+
+    def __init__(self, stack: Stack, name: str, write: IO[bytes]) -> None:
+        self._stack, self._name, self._write = stack, name, write
+        self._task: Task | None = None
+        self._observed: sb.Observation | None = None
+
+    def answer(self, message: sb.ToStack) -> bool:
+        """Answer one message; whether the next one is to be read."""
         kind = message.WhichOneof("kind")
-        if kind == "hello":
-            _send(write, sb.FromStack(hello=hello(name, announced=True)))
-        elif kind == "close":
-            break
         try:
-            if kind == "task":
-                task = task_from(message.task)
-                stack.start(task)
+            if kind == "hello":
+                _send(self._write, sb.FromStack(hello=hello(self._name, announced=True)))
+            elif kind == "task":
+                self._task = task_from(message.task)
+                self._stack.start(self._task)
             elif kind == "observation":
-                assert task is not None
-                command = stack.step(observation_from(message.observation, task))
-                answer = command_message(command, message.observation.sequence)
-                _send(write, sb.FromStack(command=answer))
+                self._step(message.observation)
         except CommandError as error:
             failure = sb.Failure(text=f"returned a command with {error}"[:300])
-            _send(write, sb.FromStack(failure=failure))
-            break
+            _send(self._write, sb.FromStack(failure=failure))
+            return False
         except Exception as error:
             text = printable(f"{type(error).__name__}: {' '.join(str(error).split())}")[:300]
             failure = sb.Failure(text=text, traceback=traceback.format_exc()[-16_000:])
             traceback.print_exc()
-            _send(write, sb.FromStack(failure=failure))
-            break
-    stack.close()
+            _send(self._write, sb.FromStack(failure=failure))
+            return False
+        return bool(kind != "close")
+
+    def rehearse(self) -> None:
+        """Decode the last observation again: the next is on its way, and finds all in the caches.
+
+        Its decoding took 0.13 ms of a step, and takes 0.05 after this.
+        """
+        if self._observed is not None and self._task is not None:
+            observation_from(self._observed, self._task)
+
+    def _step(self, message: sb.Observation) -> None:
+        assert self._task is not None
+        self._observed = message
+        command = self._stack.step(observation_from(message, self._task))
+        _send(self._write, sb.FromStack(command=command_message(command, message.sequence)))
 
 
 def observation_from(message: sb.Observation, task: Task) -> Observation:
@@ -171,14 +195,15 @@ def _placed(sensor: Sensor, sweep: SweepInput, pose: Pose, sequence: int) -> Wor
     return sensor.beams.place(own, pose, sequence)
 
 
-def _receive(read: RawIOBase) -> sb.ToStack | None:
-    """The next message; none at the end."""
+def _receive(read: RawIOBase, rehearse: Callable[[], None]) -> sb.ToStack | None:
+    """The next message; none at the end. Rehearse whenever an observation is announced."""
     while (head := _exactly(read, 4)) is not None:
         (length,) = struct.unpack("<I", head)
         if length:
             data = _exactly(read, length)
             return None if data is None else sb.ToStack.FromString(data)
-        _poll(read)  # announced
+        rehearse()
+        _poll(read)
     return None
 
 

@@ -88,11 +88,15 @@ class TrialNavigator(Navigator):
         decision.stages.answer_ms = asked_ms
         return decision
 
+    def announce(self) -> None:
+        """Have the stack awake when its observation comes."""
+        if self.session is not None:
+            self.session.announce()
+
     def ask(self, inputs: Inputs) -> pb.StackCommand:
         """The stack's answer to the observation of these inputs, as it is logged."""
         if self.session is None:
             raise InputError(f"decision {inputs.sequence}: no answer of the stack in the log")
-        self.session.announce()
         return logged_answer(self.session.ask(self.observe(inputs)), inputs.time_ns)
 
     def observe(self, inputs: Inputs) -> Observation:

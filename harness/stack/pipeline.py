@@ -70,6 +70,9 @@ class Navigator:
         """The last one committed."""
         return self.state.trajectory
 
+    def announce(self) -> None:
+        """Say that the next inputs are on their way; a stack on trial may have to wake."""
+
     def step(
         self, inputs: Inputs, sense_ms: float = 0.0, answer: pb.StackCommand | None = None
     ) -> pb.Decision:

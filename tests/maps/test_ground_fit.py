@@ -79,6 +79,39 @@ def test_a_sweep_is_levelled_and_what_stands_on_the_floor_stays():
     assert found.on_floor[floor].mean() > 0.99
 
 
+def on_pallets(directions, slopes, noise):
+    """Ranges to a floor with pallets on every second square of it, mm; and which meet them."""
+    ranges_mm, tops = (cast(directions, slopes, high, wall_x=50.0) for high in (0.0, 0.14))
+    x, y, _ = (SENSOR[0] + tops[:, None] * 1e-3 * directions).T
+    pallet = (tops < ranges_mm) & ((np.floor(x / 1.2) + np.floor(y / 1.2)) % 2 == 0)
+    ranges_mm = np.where(pallet, tops, ranges_mm)
+    error = np.random.default_rng(4).standard_normal(len(ranges_mm)) * noise * 1e3
+    noisy = np.where(ranges_mm == NO_RETURN, NO_RETURN, np.rint(ranges_mm + error))
+    return noisy.astype(np.uint16), pallet
+
+
+@pytest.mark.parametrize("slopes", [(0.0, 0.0), (0.0175, 0.0)])
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
+def test_what_stands_on_half_of_the_floor_does_not_lift_it(slopes, noise):
+    directions = beams(80, 360)
+    ranges_mm, pallet = on_pallets(directions, slopes, noise)
+    assert pallet.sum() > 5000
+    plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
+    assert np.abs(plane.numbers[:3] - [0.0, *slopes]).max() < 0.003
+    assert plane.as_expected == (slopes == (0.0, 0.0) and noise == 0.0)
+
+
+def test_a_pit_beside_a_floor_as_expected_changes_nothing():
+    directions = beams(80, 360)
+    ranges_mm = cast(directions)
+    deep = cast(directions, height=-0.2)
+    floor = SENSOR[0] + ranges_mm[:, None] * 1e-3 * directions
+    pit = (np.abs(floor[:, 2]) < 0.01) & (floor[:, 0] < -0.5) & (floor[:, 1] > -1.0)
+    ranges_mm[pit] = deep[pit]
+    assert pit.sum() > 1000
+    assert fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm).as_expected
+
+
 def test_a_low_step_is_no_noise_of_the_floor():
     directions = beams(200, 720)
     ranges_mm = cast(directions, noise=0.02)
@@ -162,6 +195,7 @@ def test_kernels_compiled_and_interpreted_agree_bit_by_bit():
     for run in (lambda kernel: kernel, lambda kernel: kernel.py_func):
         near, plane, figures = np.zeros((len(ranges_mm), 3)), np.zeros(5), np.zeros(3)
         count = run(kernels.returns_near_floor)(origins, moments, directions, ranges_mm, 1, near)
+        at_zero = run(kernels.count_at_zero)(near[:count], 0.05)
         used = run(kernels.fit_plane)(near[:count], (0.45, -0.3, 0.51), plane, figures)
         levelled, ends = np.zeros_like(origins), np.zeros_like(directions)
         run(kernels.tilt_back)(origins, moments, directions, ranges_mm, plane, levelled, ends)
@@ -172,7 +206,9 @@ def test_kernels_compiled_and_interpreted_agree_bit_by_bit():
         run(kernels.beams_of)(ends, ranges_mm, new, new_mm)
         arguments = levelled, moments, new, RANGE_M, tiling, new_mm, lost
         run(kernels.find_lost)(*arguments)
-        runs.append((count, used, near, plane, figures, levelled, new, new_mm, on_floor, lost))
+        runs.append(
+            (count, used, at_zero, near, plane, figures, levelled, new, new_mm, on_floor, lost)
+        )
     assert runs[0][1] > 100
     assert runs[0][-1].any()
     for one, other in zip(*runs, strict=True):
@@ -188,16 +224,18 @@ def test_the_fit_is_that_of_least_squares_in_rounds():
     z = z + SENSOR[0, 2]
     near = (np.hypot(x, y) <= kernels.FARTHEST) & (np.abs(z) <= 0.3 + kernels.TILT * np.hypot(x, y))
     x, y, z = x[near], y[near], z[near]
-    kept, deviation, fitted = np.ones(len(x), bool), 0.0, np.zeros(3)
+    kept, off, deviation, fitted = np.ones(len(x), bool), z, 0.0, np.zeros(3)
     for k, band in enumerate(kernels.BANDS):
         if k:
             off = z - np.column_stack([np.ones_like(x), x, y]) @ fitted
             kept = np.abs(off) <= max(band, 3.0 * deviation)
         design = np.column_stack([np.ones_like(x), x, y])[kept]
-        fitted = np.linalg.lstsq(design, z[kept], rcond=None)[0]
+        asymmetric = 0 < k <= kernels.ASYMMETRIC
+        root = np.where((off > 0.0) & asymmetric, math.sqrt(kernels.ABOVE), 1.0)[kept]
+        fitted = np.linalg.lstsq(design * root[:, None], z[kept] * root, rcond=None)[0]
         off = z - np.column_stack([np.ones_like(x), x, y]) @ fitted
-        within = np.abs(off) <= max(band, 3.0 * deviation)
-        deviation = math.sqrt(float(np.square(off[within]).sum()) / kept.sum())
+        below = (off <= 0.0) & (off >= -max(band, 3.0 * deviation))
+        deviation = math.sqrt(float(np.square(off[below]).mean()))
     np.testing.assert_allclose(plane.numbers[:3], fitted, atol=1e-9)
     assert plane.deviation == pytest.approx(deviation, rel=1e-9)
     assert plane.points == kept.sum()
