@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 from dataclasses import asdict, replace
 
+import mujoco
+
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import beams_from_info
@@ -19,7 +21,7 @@ from wayproof.harness.scenario.worlds import apply_world_perturbation, generate
 from wayproof.harness.stack.decision import Difference
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import bind, resolve
-from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
+from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED, movers_in
 from wayproof.models.worlds import WORLDS, World
 
 
@@ -46,12 +48,13 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
     try:
         config = replace(config, sensors=resolve(robot.spec.mounts, config.sensors))
         scene = bind(text, robot, config.sensors, config.threads)
+        world = _world(log, scene.model)
     except (KeyError, TypeError, *NOT_COMPILED) as error:
         line = " ".join(str(error).split())[:200]
         raise InputError(f"log '{log.path}': its scene with '{config.robot}': {line}") from None
     return Scenario(
         config=config,
-        world=_world(log),
+        world=world,
         scene=replace(scene, mjcf=log.scene),
         mission=changed_mission(log.mission, log.config, config),
         spec=robot.spec,
@@ -94,8 +97,12 @@ def _scene_difference(scene: str, built: Scenario) -> Difference:
     return Difference(f"scene.xml, line {number}", old.strip()[:120], new.strip()[:120])
 
 
-def _world(log: Log) -> World:
-    """Return the generated world; of a world that is a file, only bounds, start and goal."""
+def _world(log: Log, model: mujoco.MjModel) -> World:
+    """Return the generated world; of one that is a file, only bounds, start, goal and movers.
+
+    Raises:
+        ValueError: A mover of a file that the scene does not hold as it was written.
+    """
     if log.config.world in WORLDS:
         return apply_world_perturbation(generate(log.config), log.config)
     mission = log.mission
@@ -108,6 +115,7 @@ def _world(log: Log) -> World:
         start=mission.start,
         start_heading=mission.start_heading,
         goal=mission.goal,
+        movers=movers_in(model),
     )
 
 

@@ -17,8 +17,10 @@ from wayproof.models.world_files.free_space import (
     slope_of,
     to_edges,
 )
+from wayproof.models.world_files.movers import around_start
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.solids import solid_of
+from wayproof.models.worlds.solids import Solid
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -96,7 +98,7 @@ def choose_ends(
     ground = Ground(found.parts)
     i, j = np.indices(grid.shape).reshape(2, -1)
     heights = ground.height(grid.centres(i, j)).reshape(grid.shape)
-    solids = [solid_of(part) for part in found.parts if part.kind != "floor"]
+    solids = _obstacles(found)
     radius, gaps = options.robot_radius, np.zeros(grid.shape)
     for band in (END_BAND, (0.05, options.robot_height)):
         apart = grid.distances(solids, heights, band, radius + GENEROUS + grid.cell)
@@ -124,8 +126,14 @@ def has_inside(found: Found, low: Vector3, high: Vector3) -> bool:
     grid, ground = Grid(low, high), Ground(found.parts)
     i, j = np.indices(grid.shape).reshape(2, -1)
     heights = ground.height(grid.centres(i, j)).reshape(grid.shape)
-    solids = [solid_of(part) for part in found.parts if part.kind != "floor"]
+    solids = _obstacles(found)
     return len(_preferred(grid, grid.distances(solids, heights, END_BAND, 2.0 * grid.cell))) > 1
+
+
+def _obstacles(found: Found) -> list[Solid]:
+    """Return what is no floor, and the movers where they begin."""
+    standing = [solid_of(part) for part in found.parts if part.kind != "floor"]
+    return [*standing, *map(around_start, found.movers)]
 
 
 def _preferred(grid: Grid, gaps: NDArray[np.float64]) -> list[tuple[NDArray[np.bool_], str]]:

@@ -106,6 +106,7 @@ def raise_by(found: Found, rise: float) -> None:
         return point[0], point[1], point[2] + rise
 
     found.parts = [replace(part, position=up(part.position)) for part in found.parts]
+    found.movers = [replace(one, route=tuple(map(up, one.route))) for one in found.movers]
     found.low = None if found.low is None else up(found.low)
     found.high = None if found.high is None else up(found.high)
 

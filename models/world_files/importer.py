@@ -17,6 +17,7 @@ from wayproof.models.world_files.ground import FLOOR_KIND, raise_by, settle_grou
 from wayproof.models.world_files.heights import read_heights
 from wayproof.models.world_files.meshes import ENDINGS, read_mesh
 from wayproof.models.world_files.mjcf_scenes import read_mjcf
+from wayproof.models.world_files.movers import stood_on_ground
 from wayproof.models.world_files.occupancy_maps import read_occupancy_map
 from wayproof.models.world_files.octomaps import read_octomap
 from wayproof.models.world_files.options import Ends, Found, ImportOptions
@@ -181,10 +182,20 @@ def complete(found: Found, options: ImportOptions | None = None) -> Ends:
         found.notes.append(
             f"ground at {-rise:g} m at the start: the scene is moved by {rise:g} m in z"
         )
+    _stand_movers(found)
     heading = found.start_heading
     if heading is None:
         heading = float(np.arctan2(goal[1] - start[1], goal[0] - start[0]))
     return Ends(*_area(found), start, heading, goal)
+
+
+def _stand_movers(found: Found) -> None:
+    """Put the movers on the floor, and note those that are on another one."""
+    if not found.movers:
+        return
+    found.movers, above = stood_on_ground(found.movers, Ground(found.parts))
+    if above:
+        found.notes.append(f"{len(above)} actors that are not on this floor: left out")
 
 
 def _chosen(

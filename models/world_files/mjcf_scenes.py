@@ -15,15 +15,21 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.hulls import hull, is_convex, surface_error
 from wayproof.models.world_files.mjcf_files import check_scene
+from wayproof.models.world_files.movers import bodies_of, check_movers, mover_of
 from wayproof.models.world_files.options import Found, ImportOptions, Plane
-from wayproof.models.world_files.parts import Mesh, Part, Shape, quaternion_of, vector
+from wayproof.models.world_files.parts import Mesh, Part, Quaternion, Shape, quaternion_of, vector
 from wayproof.models.world_files.reading import MAX_SOLIDS, WorldFileError
 from wayproof.models.world_files.xml_tree import Element
+from wayproof.models.worlds.movers import Mover
 
 CUSTOM_PREFIX = "wayproof_"
 """Prefix of the names in `<custom>` that hold the mission of a world file."""
+
+MOVER_PREFIX = "mover_"
+"""Prefix after it of the texts with the movers' routes."""
 
 Geoms = mujoco.mjtGeom
 
@@ -134,17 +140,49 @@ def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
         solid[:] = True
     if solid.sum() > MAX_SOLIDS:
         raise WorldFileError(path, f"{solid.sum()} geoms, expected at most {MAX_SOLIDS}")
-    found = Found(notes=list(_left_out(model, solid)))
-    for geom in np.flatnonzero(solid).tolist():
+    found, texts = Found(), _texts(model)
+    try:
+        found.movers, moving = _movers(model, texts)
+    except WorldFileError:
+        raise
+    except ValueError as error:
+        raise WorldFileError(path, str(error)) from None
+    found.notes += _left_out(model, solid, model.nmocap - len(found.movers))
+    for geom in np.flatnonzero(solid & ~moving).tolist():
         if model.geom_type[geom] == Geoms.mjGEOM_PLANE:
             found.planes.append(_plane(model, data, geom))
         else:
             found.parts.append(_part(path, model, data, geom))
-    _take_custom(model, found)
+    _take_custom(model, texts, found)
     return found
 
 
-def _left_out(model: mujoco.MjModel, solid: NDArray[np.bool_]) -> Iterator[str]:
+def movers_in(model: mujoco.MjModel) -> tuple[Mover, ...]:
+    """Return the movers of a scene whose world is a world file's.
+
+    Raises:
+        ValueError: One without a body, or that cannot be read; too many.
+    """
+    return tuple(_movers(model, _texts(model))[0])
+
+
+def _movers(model: mujoco.MjModel, texts: dict[str, str]) -> tuple[list[Mover], NDArray[np.bool_]]:
+    """Return the movers of a world file, and (geoms,) which geoms are theirs."""
+    prefix = CUSTOM_PREFIX + MOVER_PREFIX
+    named = {name.removeprefix(prefix): text for name, text in texts.items()
+             if name.startswith(prefix)}  # fmt: skip
+    movers, moving = [], np.zeros(model.ngeom, np.bool_)
+    for body, name in bodies_of(model, list(named)).items():
+        geoms = np.flatnonzero(model.geom_bodyid == body)
+        moving[geoms] = True
+        parts = [_part_at(name, model, int(geom), vector(model.geom_pos[geom]),
+                          _turn(model.geom_quat[geom])) for geom in geoms]  # fmt: skip
+        movers.append(mover_of(name, named[name], parts))
+    check_movers(movers)
+    return movers, moving
+
+
+def _left_out(model: mujoco.MjModel, solid: NDArray[np.bool_], moved: int) -> Iterator[str]:
     silent = int((~solid).sum())
     if silent:
         yield f"{silent} geoms that nothing collides with: left out"
@@ -157,8 +195,8 @@ def _left_out(model: mujoco.MjModel, solid: NDArray[np.bool_]) -> Iterator[str]:
     ):
         if count:
             yield f"{count} {what}: left out"
-    if model.nmocap:
-        yield f"{model.nmocap} bodies that are moved from outside: they stand still here"
+    if moved:
+        yield f"{moved} bodies that are moved from outside: they stand still here"
 
 
 def _plane(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plane:
@@ -169,14 +207,29 @@ def _plane(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plane:
 
 
 def _part(path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Part:
-    kind = int(model.geom_type[geom])
     position = vector(data.geom_xpos[geom])
     R = data.geom_xmat[geom].reshape(3, 3)
     if model.body_weldid[model.geom_bodyid[geom]] == 0 and model.geom_bodyid[geom] == 0:
-        w, x, y, z = model.geom_quat[geom].tolist()  # the same bits as written
-        turn = (w, x, y, z)
+        turn = _turn(model.geom_quat[geom])  # the same bits as written
     else:
         turn = quaternion_of(R)
+    return _part_at(path, model, geom, position, turn)
+
+
+def _turn(quaternion: NDArray[np.float64]) -> Quaternion:
+    w, x, y, z = quaternion.tolist()
+    return w, x, y, z
+
+
+def _part_at(
+    path: Path | str, model: mujoco.MjModel, geom: int, position: Vector3, turn: Quaternion
+) -> Part:
+    """Return a geom as a part at a pose.
+
+    Raises:
+        WorldFileError: Its type cannot be taken over.
+    """
+    kind = int(model.geom_type[geom])
     word = re.sub(r"_\d+$", "", _name(model, geom))
     word = re.sub("[^a-z_]", "_", word.lower()) or "structure"
     if kind in SHAPES:
@@ -218,15 +271,21 @@ def _heights(model: mujoco.MjModel, field: int) -> NDArray[np.float64]:  # (ny, 
     return np.asarray(levels.reshape(rows, columns), np.float64)
 
 
-def _take_custom(model: mujoco.MjModel, found: Found) -> None:
-    numbers, texts = {}, {}
-    for n in range(model.nnumeric):
-        first = model.numeric_adr[n]
-        numbers[model.numeric(n).name] = model.numeric_data[first : first + model.numeric_size[n]]
+def _texts(model: mujoco.MjModel) -> dict[str, str]:
+    """Return the texts of `<custom>` by name."""
+    texts = {}
     for n in range(model.ntext):
         first, size = model.text_adr[n], model.text_size[n]
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, n)
         texts[name] = bytes(model.text_data[first : first + size - 1]).decode()
+    return texts
+
+
+def _take_custom(model: mujoco.MjModel, texts: dict[str, str], found: Found) -> None:
+    numbers = {}
+    for n in range(model.nnumeric):
+        first = model.numeric_adr[n]
+        numbers[model.numeric(n).name] = model.numeric_data[first : first + model.numeric_size[n]]
     for name in ("goal", "low", "high"):
         if len(numbers.get(CUSTOM_PREFIX + name, ())) == 3:
             setattr(found, name, vector(numbers[CUSTOM_PREFIX + name]))

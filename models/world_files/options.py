@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.parts import Part
+from wayproof.models.worlds.movers import Mover
 
 UnknownCells = Literal["occupied", "free"]
 
@@ -110,6 +111,7 @@ class Found:
         parts: Everything solid but the floor.
         plane: Whether there is a level plane at height 0: the floor.
         planes: Planes of the file, until the floor is settled.
+        movers: Things that move, each with a body on the ground.
         missing: Names of models and files that are not there and were left out.
         closed: Whether nothing is known beyond the parts, as around a map.
         grid: Whether the parts are cells of a grid, of which the lowest may be the floor.
@@ -128,6 +130,7 @@ class Found:
     parts: list[Part] = field(default_factory=list)
     plane: bool = False
     planes: list[Plane] = field(default_factory=list)
+    movers: list[Mover] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     closed: bool = False
     grid: bool = False

@@ -13,9 +13,11 @@ import numpy as np
 
 from wayproof.models.world_files.ground import kind_of
 from wayproof.models.world_files.locating import Locator
+from wayproof.models.world_files.movers import check_movers
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import moved
 from wayproof.models.world_files.reading import MAX_SOLIDS, WorldFileError
+from wayproof.models.world_files.sdf_actors import read_actor
 from wayproof.models.world_files.sdf_frames import ORIGIN, Frames, Placement, numbers
 from wayproof.models.world_files.sdf_shapes import Shapes
 from wayproof.models.world_files.urdf import read_links
@@ -33,7 +35,7 @@ MAX_NESTED = 20
 MAX_INCLUDED = 2000
 """Maximum number of included files, counted at every mention."""
 
-LEFT_OUT = ("actor", "road", "population")
+LEFT_OUT = ("road", "population")
 """Elements of a world that are not taken over, each with a note of its line."""
 
 
@@ -82,8 +84,19 @@ class _Reading:
                 self.take_model(path, child, placed, name, saved.models.get(name))
             elif child.tag == "include":
                 self._include(path, child, frames, ORIGIN, "", saved)
+            elif child.tag == "actor":
+                self._take_actor(path, child, frames)
             elif child.tag in LEFT_OUT:
                 self.found.notes.append(f"<{child.tag}> '{name}' (line {child.line}): left out")
+
+    def _take_actor(self, path: Path, actor: Element, frames: Frames) -> None:
+        mover, note = read_actor(path, actor, frames, len(self.found.movers))
+        self.found.movers.append(mover)
+        self.found.notes.append(note)
+        try:
+            check_movers(self.found.movers)
+        except ValueError as error:
+            raise WorldFileError(path, f"<actor>: {error}", actor.line) from None
 
     def finish(self) -> None:
         """Note what holds for many models at once."""

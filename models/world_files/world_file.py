@@ -20,7 +20,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wayproof.models.world_files.ground import FLOOR_KIND
-from wayproof.models.world_files.mjcf_scenes import CUSTOM_PREFIX, found_in, is_world_file
+from wayproof.models.world_files.mjcf_scenes import (
+    CUSTOM_PREFIX,
+    MOVER_PREFIX,
+    found_in,
+    is_world_file,
+)
+from wayproof.models.world_files.movers import mover_text
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.parts import UPRIGHT, Part
 from wayproof.models.world_files.reading import WorldFileError, read_text
@@ -28,7 +34,7 @@ from wayproof.models.world_files.solids import solid_of
 from wayproof.models.world_files.xml_tree import Element, read_xml
 from wayproof.models.worlds.materials import class_of, colour_of
 from wayproof.models.worlds.solids import FRICTION, Box, HeightField
-from wayproof.models.worlds.world import World
+from wayproof.models.worlds.world import World, mover_body
 
 FORMAT = "1"
 """Version of the format; raised when files of the version before no longer read."""
@@ -38,7 +44,7 @@ HASH_DIGITS = 16
 
 TAGS = {
     "mujoco", "compiler", "option", "visual", "map", "size", "custom", "numeric", "text", "asset",
-    "mesh", "hfield", "worldbody", "light", "geom",
+    "mesh", "hfield", "worldbody", "light", "geom", "body",
 }  # fmt: skip
 """Elements that a world file may hold: none names another file or loads code."""
 
@@ -156,7 +162,7 @@ def world_of(text: str, path: Path | str = "world") -> FileWorld:
             solids=tuple(solid for part, solid in solids if part.kind != FLOOR_KIND),
             start=ends.start, start_heading=ends.start_heading, goal=ends.goal,
             floor=None if found.plane or not slabs else slabs, route_length=found.route_length,
-            text=text, source=found.source, protocol=found.protocol,
+            text=text, source=found.source, protocol=found.protocol, movers=tuple(found.movers),
             terrain=tuple(solid for part, solid in solids
                           if part.kind == FLOOR_KIND and isinstance(solid, HeightField)),
         )  # fmt: skip
@@ -175,6 +181,7 @@ def world_text(found: Found, ends: Ends, name: str) -> str:
     centre = [(a + b) / 2.0 for a, b in zip(ends.low[:2], ends.high[:2], strict=True)]
     named = list(zip(part_names(found.parts), found.parts, strict=True))
     geoms = [_geom(name, part) for name, part in named]
+    geoms += map(mover_body, found.movers)
     if found.plane or all(part.kind != FLOOR_KIND for part in found.parts):
         geoms.insert(0, _floor(centre, ends))
     return _FILE.format(
@@ -210,6 +217,7 @@ def _custom(found: Found, ends: Ends) -> list[str]:
         for name, data in values.items()
     ]
     texts = {"format": FORMAT, "source": found.source, "protocol": found.protocol}
+    texts |= {MOVER_PREFIX + mover.name: mover_text(mover) for mover in found.movers}
     return lines + [
         f'    <text name="{CUSTOM_PREFIX}{name}" data={quoteattr(text)}/>'
         for name, text in texts.items()

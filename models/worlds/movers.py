@@ -34,7 +34,9 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Mover:
-    """Solids that follow a route together, at one speed, in a straight line from point to point.
+    """Solids that follow a route together, in a straight line from point to point.
+
+    They go at one speed, or by a timetable.
 
     Attributes:
         name: Unlike any other in the world.
@@ -47,6 +49,9 @@ class Mover:
         stands_off: It stops while a robot in its way is nearer than this, m; 0 for what never does.
         appears: When it comes into being, s; later while a robot is within `stands_off` of there.
         vanishes: When it ceases to be, s.
+        times: Time at which it is at each point of the route, increasing from 0, s, in place of a
+            speed; standing for a robot delays it. A point that is repeated is a stop.
+        loops: Whether it begins anew at the end of the route, which then is where it began.
     """
 
     name: str
@@ -59,6 +64,8 @@ class Mover:
     stands_off: float = STAND_OFF
     appears: float = 0.0
     vanishes: float = inf
+    times: tuple[float, ...] = ()
+    loops: bool = False
 
     def __post_init__(self) -> None:
         """Refuse a mover without a body, a route or a timetable.
@@ -73,8 +80,19 @@ class Mover:
                 raise ValueError(f"{field}: got {getattr(self, field)}, expected 0 or more")
         if not self.vanishes > self.appears:
             raise ValueError(f"vanishes: got {self.vanishes}, expected after {self.appears} s")
-        if any(tail == head for tail, head in zip(self.route, self.route[1:], strict=False)):
+        if self.times:
+            self._check_times()
+        elif any(tail == head for tail, head in zip(self.route, self.route[1:], strict=False)):
             raise ValueError("route: got the same point twice in a row, expected another one")
+        if self.loops and self.route[0] != self.route[-1]:
+            raise ValueError("loops: expected a route that ends where it begins")
+
+    def _check_times(self) -> None:
+        increasing = all(a < b for a, b in zip(self.times, self.times[1:], strict=False))
+        if len(self.times) != len(self.route) or self.times[0] or not increasing:
+            raise ValueError("times: expected one for each point of the route, increasing from 0")
+        if not self.times[-1] < inf or self.speed or self.begin:
+            raise ValueError("times: expected finite ones, and neither speed nor begin")
 
     @cached_property
     def milestones(self) -> tuple[float, ...]:
@@ -91,6 +109,11 @@ class Mover:
         """Of the route, m."""
         return self.milestones[-1]
 
+    @property
+    def moves(self) -> bool:
+        """Whether it ever moves."""
+        return bool(self.speed or self.times)
+
     @cached_property
     def size(self) -> tuple[float, float]:
         """Half extents along its own x and y axes, m."""
@@ -102,21 +125,31 @@ class Mover:
         """Return the pose after moving, not standing, for a number of nanoseconds."""
         if len(self.route) == 1:
             return Place(self.route[0], 0.0, 0.0)
-        gone = self.begin + self.speed * (moving_ns * 1e-9)
+        marks = self.times or self.milestones
+        gone = self.begin + (1.0 if self.times else self.speed) * (moving_ns * 1e-9)
         back = False
-        if self.returns:
-            gone %= 2.0 * self.length
-            back = gone > self.length
-            gone = 2.0 * self.length - gone if back else gone
-        gone = min(gone, self.length)
-        leg = min(bisect_right(self.milestones, gone), len(self.route) - 1) - 1
+        if self.loops:
+            gone %= marks[-1]
+        elif self.returns:
+            gone %= 2.0 * marks[-1]
+            back = gone > marks[-1]
+            gone = 2.0 * marks[-1] - gone if back else gone
+        gone = min(gone, marks[-1])
+        leg = min(bisect_right(marks, gone), len(self.route) - 1) - 1
         (x0, y0, z0), (x1, y1, z1) = self.route[leg : leg + 2]
-        share = (gone - self.milestones[leg]) / (self.milestones[leg + 1] - self.milestones[leg])
-        onward, backward = atan2(y1 - y0, x1 - x0), atan2(y0 - y1, x0 - x1)
+        share = (gone - marks[leg]) / (marks[leg + 1] - marks[leg])
+        onward, backward = self._headings(leg)
         heading = backward if back else onward
         yaw = onward if self.backs_up else heading
         x, y, z = x0 + share * (x1 - x0), y0 + share * (y1 - y0), z0 + share * (z1 - z0)
         return Place((x, y, z), yaw, heading)
+
+    def _headings(self, leg: int) -> tuple[float, float]:
+        """Heading along a leg and against it, rad; of a stop that of the last leg before, or 0."""
+        while leg > 0 and self.route[leg] == self.route[leg + 1]:
+            leg -= 1
+        (x0, y0, _), (x1, y1, _) = self.route[leg : leg + 2]
+        return atan2(y1 - y0, x1 - x0), atan2(y0 - y1, x0 - x1)
 
     @property
     def solid_names(self) -> tuple[str, ...]:

@@ -64,7 +64,7 @@ class Traffic:
         for number, mover in enumerate(self._movers):
             place = mover.place(self.moving_ns[number])
             present = self._is_present(number, time_ns, place, (x, y))
-            if present and mover.speed and not self._is_blocked(mover, place, (x, y)):
+            if present and mover.moves and not self._is_blocked(mover, place, (x, y)):
                 self.moving_ns[number] += step_ns
             self.present[number] = present
         self.show(data)

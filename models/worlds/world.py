@@ -149,7 +149,7 @@ class World:
             seed=self.seed,
             centre=numbers(self._middle()),
             assets=f"  <asset>\n{assets}  </asset>\n" if assets else "",
-            geoms="\n".join(geom for geom in (*geoms, *map(_body, self.movers)) if geom),
+            geoms="\n".join(geom for geom in (*geoms, *map(mover_body, self.movers)) if geom),
         )
 
     def _middle(self) -> list[float]:
@@ -172,7 +172,7 @@ def _geom_of(name: str, solid: Solid) -> str:
     return solid.geom(name)
 
 
-def _body(mover: Mover) -> str:
+def mover_body(mover: Mover) -> str:
     """Write a mover as a mocap body at its start."""
     place = mover.place(0)
     turn = f"{cos(place.yaw / 2):.9f} 0 0 {sin(place.yaw / 2):.9f}"

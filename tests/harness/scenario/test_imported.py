@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
-from wayproof.harness.config import Config
+from wayproof.harness.attribution import read_case
+from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.recompute.rebuild import rebuild
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.models.world_files import ImportOptions, import_world
@@ -29,6 +34,28 @@ def test_a_walk_on_terrain_begins_and_ends_on_the_ground(tmp_path, robot):
     assert "<hfield" in safe_scene(scenario.scene.mjcf)
     on_top = build(Config(saved(tmp_path, world), robot, 0, goal=(6.0, 4.0)))
     assert on_top.config.goal[2] == pytest.approx(on_top.spec.rest_height + 0.3, abs=0.01)
+
+
+def test_an_actor_walks_in_an_episode_that_runs_again_from_its_log(tmp_path):
+    stops = [(0, 3, -2, 1), (4, 3, 2, 1), (8, 3, -2, 1)]
+    way = "".join(f"<waypoint><time>{t}</time><pose>{x} {y} {z} 0 0 0</pose></waypoint>"
+                  for t, x, y, z in stops)  # fmt: skip
+    path = tmp_path / "a.world"
+    path.write_text(
+        "<sdf version='1.6'><world name='w'><include><uri>model://ground_plane</uri></include>"
+        f"<actor name='a'><script><trajectory id='0'>{way}</trajectory></script></actor>"
+        "</world></sdf>"
+    )
+    world, _ = import_world(path, None, (0.0, 0.0, 0.0), (6.0, 0.0, 0.0))
+    config = override(Config(saved(tmp_path, world), "drone", 0), ["episode.time_limit=1.5"])
+    first = run_episode(build(config), tmp_path / "first.mcap")
+    log = open_log(tmp_path / "first.mcap")
+    case = read_case(log)
+    (last,) = case.moments[-1].truth.movers
+    seconds = case.moments[-1].time_ns * 1e-9
+    assert last.position == pytest.approx([3.0, -2.0 + seconds, 0.0], abs=0.01)
+    assert replay(log.path).identical
+    assert run_episode(rebuild(log), tmp_path / "again.mcap").chain == first.chain
 
 
 def test_what_a_walker_steps_on_does_not_block_its_start(tmp_path):

@@ -93,6 +93,30 @@ def test_corners_are_turned():
     assert bent.place(4 * SECOND).yaw == pytest.approx(pi / 2)
 
 
+@pytest.mark.parametrize(("fields", "said"), [
+    ({"times": (0.0,)}, "times: expected one for each point"),
+    ({"times": (0.0, 0.0)}, "increasing from 0"),
+    ({"times": (1.0, 2.0)}, "increasing from 0"),
+    ({"times": (0.0, inf)}, "times: expected finite ones"),
+    ({"times": (0.0, 1.0), "speed": 1.0}, "neither speed nor begin"),
+    ({"loops": True}, "loops: expected a route that ends where it begins"),
+])  # fmt: skip
+def test_a_timetable_that_none_can_keep_is_refused(fields, said):
+    with pytest.raises(ValueError, match=said):
+        walker(**{"speed": 0.0, **fields})
+
+
+def test_one_that_stands_for_a_robot_is_late_from_then_on():
+    """It waits at 2.21 m for the 2 s for which the robot is there."""
+    stage = Stage(walker(speed=0.0, times=(0.0, 4.0), returns=False), robot=(2.0, 3.62, 1.0))
+    stage.run(4.21)
+    waited = stage.position()[1]
+    assert waited == pytest.approx(3.62 - 0.8 - 0.36 - 0.25, abs=0.003)
+    stage.put((0.0, 0.0, 1.0))
+    stage.run(1.0)
+    assert stage.position()[1] == pytest.approx(waited + 1.0, abs=0.003)
+
+
 def test_the_simulation_follows_the_timetable_to_the_bit():
     stage = Stage(walker())
     stage.run(1.5)

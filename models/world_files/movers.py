@@ -1,0 +1,123 @@
+"""Movers in a world file: a mocap body each, and a text in `<custom>` with its route."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from math import hypot, isfinite
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from wayproof.models.arrays import Vector3
+from wayproof.models.world_files.free_space import Ground
+from wayproof.models.world_files.parts import Part
+from wayproof.models.world_files.solids import solid_of
+from wayproof.models.worlds.movers import Mover
+from wayproof.models.worlds.solids import Cylinder
+
+MAX_MOVERS = 500
+"""Maximum number of movers in a world: each is placed at every step of the physics."""
+
+MAX_POINTS = 20_000
+"""Maximum number of points of all their routes."""
+
+MAX_DROP = 1.5
+"""Height above or below the floor from which a mover stands on another one, m."""
+
+
+def mover_text(mover: Mover) -> str:
+    """Return all of a mover but its solids, as JSON whose numbers read back as the same bits."""
+    return json.dumps({
+        "route": mover.route, "times": mover.times, "returns": mover.returns,
+        "loops": mover.loops, "stands_off": mover.stands_off, "kind": mover.solids[0].kind,
+    })  # fmt: skip
+
+
+def mover_of(name: str, text: str, parts: Sequence[Part]) -> Mover:
+    """Return a mover by its body's name, its text and the geoms of its body.
+
+    Args:
+        name: Of the body.
+        text: As `mover_text` writes it.
+        parts: In the body's own frame.
+
+    Raises:
+        ValueError: The text is not that of a mover.
+    """
+    try:
+        content = json.loads(text)
+        solids = tuple(solid_of(replace(part, kind=str(content["kind"]))) for part in parts)
+        route = tuple(_point(point) for point in content["route"])
+        mover = Mover(
+            name, solids, route, stands_off=float(content["stands_off"]),
+            times=tuple(float(time) for time in content["times"]),
+            returns=bool(content["returns"]), loops=bool(content["loops"]),
+        )  # fmt: skip
+    except (LookupError, TypeError, ValueError, RecursionError) as error:
+        what = " ".join(str(error).split())[:100]
+        raise ValueError(f"mover '{name}': not as 'wayproof import' writes it ({what})") from None
+    return mover
+
+
+def _point(values: Any) -> Vector3:
+    x, y, z = (float(value) for value in values)
+    if not all(map(isfinite, (x, y, z))):
+        raise ValueError("a point that is not finite")
+    return x, y, z
+
+
+def check_movers(movers: Sequence[Mover]) -> None:
+    """Refuse more movers than a simulation can move.
+
+    Raises:
+        ValueError: Saying how many.
+    """
+    points = sum(len(mover.route) for mover in movers)
+    if len(movers) > MAX_MOVERS or points > MAX_POINTS:
+        raise ValueError(
+            f"{len(movers)} movers with {points} points, expected at most {MAX_MOVERS} with "
+            f"{MAX_POINTS}"
+        )
+
+
+def stood_on_ground(movers: Sequence[Mover], ground: Ground) -> tuple[list[Mover], list[str]]:
+    """Return movers with their routes on the floor, and the names of those that are above it.
+
+    Args:
+        movers: With routes at the height of their feet, or near it, m.
+        ground: Of the scene as it will be, its floor at 0 or terrain.
+    """
+    stood, above = [], []
+    for mover in movers:
+        points = np.array(mover.route)
+        heights = ground.height(points[:, :2])
+        if np.abs(points[:, 2] - heights).max() > MAX_DROP:
+            above.append(mover.name)
+            continue
+        route = [(x, y, float(z)) for (x, y, _), z in zip(mover.route, heights, strict=True)]
+        stood.append(replace(mover, route=tuple(route)))
+    return stood, above
+
+
+def around_start(mover: Mover) -> Cylinder:
+    """Return a cylinder about a mover where it begins."""
+    (x, y, z), top = mover.place(0).position, max(solid.top for solid in mover.solids)
+    return Cylinder((x, y, z), (x, y, z + top), hypot(*mover.size), "person")
+
+
+def bodies_of(model: mujoco.MjModel, names: Sequence[str]) -> dict[int, str]:
+    """Return the names of movers by the ids of their bodies.
+
+    Raises:
+        ValueError: A mover without a body that is moved from outside.
+    """
+    found = {}
+    for name in names:
+        body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+        if body < 0 or model.body_mocapid[body] < 0:
+            raise ValueError(f"mover '{name}': no mocap body of that name")
+        found[int(body)] = name
+    return found
