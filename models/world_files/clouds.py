@@ -43,7 +43,8 @@ def cells_of_points(path: Path, points: NDArray[np.float64], options: ImportOpti
     finite = points[np.isfinite(points).all(axis=1)] * options.scale
     if not len(finite):
         raise WorldFileError(path, "no finite point")
-    cells = np.floor(finite / options.resolution)
+    with np.errstate(over="ignore"):  # too many cells are refused below
+        cells = np.floor(finite / options.resolution)
     low, high = cells.min(axis=0), cells.max(axis=0) + 1
     if not np.prod(high - low) <= MAX_CELLS:
         shape = " x ".join(f"{size:.0f}" for size in high - low)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.world_files.reading import WorldFileError, check_file
+from wayproof.models.world_files.reading import MAX_HEIGHTS, WorldFileError, check_file
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
@@ -27,18 +27,22 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 
-def read_image(path: Path) -> Image:
+def read_image(path: Path, most: int = MAX_PIXELS) -> Image:
     """Grey levels (rows, columns), the first row at the top: 8 or 16 bits, 0 is black.
+
+    Args:
+        path: A PGM or PNG.
+        most: Maximum number of pixels, by its header.
 
     Raises:
         WorldFileError: Neither PGM nor PNG, broken, or too large.
     """
     check_file(path)
     if path.suffix.lower() == ".pgm":
-        return _pgm(path)
+        return _pgm(path, most)
     if path.suffix.lower() != ".png":
         raise WorldFileError(path, "expected an image in PGM or PNG")
-    return _png(path)
+    return _png(path, most)
 
 
 def read_elevation(path: Path) -> tuple[NDArray[np.float64], bool]:
@@ -51,10 +55,10 @@ def read_elevation(path: Path) -> tuple[NDArray[np.float64], bool]:
         WorldFileError: Another format, broken, or too large.
     """
     if path.suffix.lower() not in (".tif", ".tiff"):
-        image = read_image(path)
+        image = read_image(path, MAX_HEIGHTS)
         return image / float(np.iinfo(image.dtype).max), False
     check_file(path)
-    levels = _opened(path, ["TIFF"], _levels)
+    levels = _opened(path, ["TIFF"], _levels, MAX_HEIGHTS)
     if levels.ndim != 2:
         raise WorldFileError(path, "an image in colour, expected one of heights")
     if levels.dtype.kind == "f":
@@ -66,12 +70,12 @@ def _levels(image: PillowImage) -> NDArray[Any]:
     return np.array(image)
 
 
-def _check_size(path: Path, width: int, height: int) -> None:
-    if not 0 < width * height <= MAX_PIXELS:
-        raise WorldFileError(path, f"{width} x {height} pixels, expected 1 to {MAX_PIXELS}")
+def _check_size(path: Path, width: int, height: int, most: int) -> None:
+    if not 0 < width * height <= most:
+        raise WorldFileError(path, f"{width} x {height} pixels, expected 1 to {most}")
 
 
-def _pgm(path: Path) -> Image:
+def _pgm(path: Path, most_pixels: int) -> Image:
     """Netpbm's grey format, plain (P2) or raw (P5)."""
     data = path.read_bytes()
     words: list[bytes] = []
@@ -90,7 +94,7 @@ def _pgm(path: Path) -> Image:
     if len(words) < 4 or words[0] not in (b"P2", b"P5") or not all(map(bytes.isdigit, words[1:])):
         raise WorldFileError(path, "no PGM image")
     width, height, most = (int(word) for word in words[1:])
-    _check_size(path, width, height)
+    _check_size(path, width, height, most_pixels)
     if not 0 < most < 65536:
         raise WorldFileError(path, f"grey levels up to {most}, expected 1 to 65535")
     kind = np.dtype(np.uint8 if most < 256 else ">u2")
@@ -121,20 +125,20 @@ def png_size(path: Path) -> tuple[int, int] | None:
     return width, height
 
 
-def _png(path: Path) -> Image:
+def _png(path: Path, most: int) -> Image:
     width, height = png_size(path) or (0, 0)
-    _check_size(path, width, height)
+    _check_size(path, width, height, most)
 
     def grey(image: PillowImage) -> NDArray[Any]:
         deep = image.mode.startswith("I")
         levels = np.array(image if deep else image.convert("L"))
         return levels.astype(np.uint16) if deep else levels.astype(np.uint8)
 
-    return _opened(path, ["PNG"], grey)
+    return _opened(path, ["PNG"], grey, most)
 
 
 def _opened(
-    path: Path, formats: list[str], read: Callable[[PillowImage], NDArray[Any]]
+    path: Path, formats: list[str], read: Callable[[PillowImage], NDArray[Any]], most: int
 ) -> NDArray[Any]:
     """Open an image of one of Pillow's formats and read it; any error is one line."""
     try:
@@ -142,10 +146,12 @@ def _opened(
     except ImportError:
         raise WorldFileError(path, "images need Pillow: pip install pillow") from None
     try:
-        with warnings.catch_warnings(), pillow.open(path, formats=formats) as image:
-            warnings.simplefilter("error")  # of a picture that only seems to be small enough
-            _check_size(path, *image.size)
-            return read(image)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of tags that nothing here reads
+            warnings.simplefilter("error", pillow.DecompressionBombWarning)
+            with pillow.open(path, formats=formats) as image:
+                _check_size(path, *image.size, most)
+                return read(image)
     except (OSError, ValueError, SyntaxError, Warning, pillow.DecompressionBombError) as error:
         if isinstance(error, WorldFileError):
             raise

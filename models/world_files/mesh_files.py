@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import itertools
 import json
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.world_files.reading import WorldFileError, check_file
+from wayproof.models.world_files.xml_tree import parse_xml
 
 MOST_FACES = 1_000_000
 MOST_BYTES = 64 * 2**20
@@ -21,6 +23,21 @@ MAX_NODES = 20_000
 """Maximum number of placed surfaces in a COLLADA or glTF scene: nodes can repeat each other."""
 
 MAX_NESTED_NODES = 60
+
+MAX_NUMBERS = 2**26
+"""Maximum number of numbers that the accessors of a glTF hold: they can overlap, or be of zeros."""
+
+COMPONENTS = {
+    "SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16,
+}  # fmt: skip
+"""Numbers of an element of a glTF accessor, by its type."""
+
+BYTE_ENCODINGS = ("us-ascii", "iso-8859-1", "windows-1252")
+"""Encodings of one byte a character that a COLLADA file may declare besides UTF-8."""
+
+DECLARATION = re.compile(
+    r"^(?:\ufeff|\xef\xbb\xbf)?\s*<\?xml(?:[^>]*?encoding=[\"'](?P<encoding>[^\"']*))?[^>]*\?>"
+)
 
 EXTRA = "pip install 'wayproof[imports]'"
 
@@ -96,7 +113,8 @@ Parsed = TypeVar("Parsed")
 def _parsed(path: Path, reader: Callable[[Path], Parsed]) -> Parsed:
     """Call a parser of someone else's, and say in one line what it fails with."""
     try:
-        return reader(path)
+        with np.errstate(all="ignore"):  # what is not finite is refused by name
+            return reader(path)
     except WorldFileError:
         raise
     except ImportError as error:
@@ -153,11 +171,11 @@ def _check_count(path: Path) -> None:
 
 def _collada(path: Path) -> MeshFile:
     """Read COLLADA: every geometry where the scene's nodes place it, in metres."""
-    data = path.read_bytes()
-    if b"<!DOCTYPE" in data or b"<!ENTITY" in data:
-        raise WorldFileError(path, "a document type, expected none")
+    text = _xml_text(path)
+    parse_xml(path, text)
     import collada
 
+    data = DECLARATION.sub("", text, count=1).encode()  # UTF-8, as it was checked
     scene = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
     unit = float(scene.assetInfo.unitmeter or 1.0)
     surfaces: list[Surface] = []
@@ -165,6 +183,26 @@ def _collada(path: Path) -> MeshFile:
     for node in scene.scene.nodes if scene.scene is not None else []:
         _walk(path, node, np.diag([unit, unit, unit, 1.0]), surfaces, 0, visited)
     return MeshFile(surfaces, str(scene.assetInfo.upaxis or "Y_UP")[0].lower())
+
+
+def _xml_text(path: Path) -> str:
+    """Decode XML as it declares itself, in UTF-8 or one of `BYTE_ENCODINGS`.
+
+    In other encodings a parser would see what a search of the bytes does not.
+
+    Raises:
+        WorldFileError: Another encoding, or bytes that are none of it.
+    """
+    data = path.read_bytes()
+    declared = DECLARATION.match(data[:200].decode("latin-1"))
+    encoding = (declared and declared["encoding"]) or "utf-8"
+    if encoding.lower() not in ("utf-8", "utf8", *BYTE_ENCODINGS):
+        known = ", ".join(("utf-8", *BYTE_ENCODINGS))
+        raise WorldFileError(path, f"encoding '{encoding[:40]}' (available: {known})", 1)
+    try:
+        return data.decode("utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding)
+    except UnicodeDecodeError as error:
+        raise WorldFileError(path, f"no {encoding} text (byte {error.start})") from None
 
 
 def _walk(
@@ -184,19 +222,23 @@ def _walk(
     for child in getattr(node, "children", ()):
         if isinstance(child, collada.scene.GeometryNode):
             name = node.xmlnode.get("name") or child.geometry.name or child.geometry.id
-            into += _geometry(str(name), child.geometry, T)
+            into += _geometry(path, str(name), child.geometry, T)
         elif isinstance(child, collada.scene.NodeNode):
             _walk(path, child.node, T @ np.eye(4), into, depth + 1, visited)
         elif isinstance(child, collada.scene.Node):
             _walk(path, child, T, into, depth + 1, visited)
 
 
-def _geometry(name: str, geometry: Any, T: NDArray[np.float64]) -> list[Surface]:
+def _geometry(path: Path, name: str, geometry: Any, T: NDArray[np.float64]) -> list[Surface]:
     import collada
 
     found = []
     for primitive in geometry.primitives:
         if isinstance(primitive, (collada.polylist.Polylist, collada.polygons.Polygons)):
+            corners = int(np.asarray(primitive.vcounts, np.int64).sum())
+            if corners > len(primitive.index):  # it would make arrays of that length
+                what = f"polygons of {corners} corners, of which {len(primitive.index)} are there"
+                raise WorldFileError(path, what)
             primitive = primitive.triangleset()
         if not isinstance(primitive, collada.triangleset.TriangleSet) or not len(primitive):
             continue
@@ -269,6 +311,9 @@ def _check_gltf(path: Path) -> None:
     placed = sum(
         len(meshes[node["mesh"]].get("primitives", [])) for node in nodes if "mesh" in node
     )
+    numbers = sum(one["count"] * COMPONENTS[one["type"]] for one in content.get("accessors", []))
+    if numbers > MAX_NUMBERS:
+        raise WorldFileError(path, f"{numbers} numbers, expected at most {MAX_NUMBERS}")
     if len(nodes) > MAX_NODES or placed > MAX_NODES:
         what = f"{len(nodes)} nodes with {placed} primitives, expected at most {MAX_NODES} of each"
         raise WorldFileError(path, what)

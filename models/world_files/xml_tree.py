@@ -48,7 +48,12 @@ def read_xml(path: Path) -> Element:
     Raises:
         WorldFileError: Naming the line: no XML, a document type, or more elements than allowed.
     """
-    text = _from_declaration(read_text(path, MOST_BYTES))
+    return parse_xml(path, read_text(path, MOST_BYTES))
+
+
+def parse_xml(path: Path, text: str) -> Element:
+    """Parse the text of a file; errors as of `read_xml`."""
+    text = _from_declaration(text)
     if text.count("=") > MOST_ATTRIBUTES:
         raise WorldFileError(path, f"{text.count('=')} '=', expected at most {MOST_ATTRIBUTES}")
     try:

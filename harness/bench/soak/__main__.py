@@ -18,6 +18,7 @@ from wayproof.harness.bench.soak.episodes import Tally, soak_episodes
 from wayproof.harness.bench.soak.estimators import Repeated, soak_estimators
 from wayproof.harness.bench.soak.fuzz import Fuzzed, soak_fuzz
 from wayproof.harness.bench.soak.hostile import Refused, soak_hostile
+from wayproof.harness.bench.soak.imports import soak_imports
 from wayproof.harness.bench.soak.interface import Compared, soak_interface
 from wayproof.harness.bench.soak.kill import Killed, soak_kill
 from wayproof.harness.bench.soak.processors import Processors, soak_processors
@@ -47,6 +48,7 @@ SOAKS: dict[
 ] = {
     "kill": soak_kill,
     "fuzz": soak_fuzz,
+    "imports": soak_imports,
     "episodes": soak_episodes,
     "worlds": soak_worlds,
     "studies": soak_studies,

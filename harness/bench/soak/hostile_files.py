@@ -23,6 +23,7 @@ FILES: dict[str, Maker] = {}
 BOX = "<geom type='box' size='1 1 1' pos='3 3 1'/>"
 BODY = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 ENTITIES = "".join(f"<!ENTITY e{k} '{(f'&e{k - 1};' if k else 'ha') * 10}'>" for k in range(10))
+DAE_LAUGHS = f"<!DOCTYPE a [{ENTITIES}]><COLLADA>&e9;</COLLADA>"
 MAP = "image: {image}\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n" \
       "occupied_thresh: 0.65\nfree_thresh: 0.2\n"  # fmt: skip
 STUDY = 'name = "hostile"\nworlds = ["empty"]\nrobots = ["drone"]\n'
@@ -38,6 +39,15 @@ LINK = "<link name='l'><collision name='c'><geometry>{}</geometry></collision></
 DOUBLINGS = 20
 
 
+SQUARE_NODE = "<node><instance_geometry url='#g'/></node>"
+POLYLIST = (
+    "<geometry id='g'><mesh><source id='p'><float_array id='a' count='12'>0 0 0 1 0 0 1 1 0 0 1 0"
+    "</float_array><technique_common><accessor source='#a' count='4' stride='3'>"
+    "<param name='X' type='float'/><param name='Y' type='float'/><param name='Z' type='float'/>"
+    "</accessor></technique_common></source><vertices id='v'><input semantic='POSITION' "
+    "source='#p'/></vertices><polylist count='1'><input semantic='VERTEX' source='#v' offset='0'/>"
+    "<vcount>{count}</vcount><p>0 1 2 3</p></polylist></mesh></geometry>"
+)
 PCD = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS {}\nDATA {}\n"
 PLY = (
     "ply\nformat binary_little_endian 1.0\n{}property float x\nproperty float y\n"
@@ -54,6 +64,17 @@ def gltf(count: int = 3, **more: Any) -> str:
         "bufferViews": [{"buffer": 0, "byteLength": 36}],
         "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64," + "A" * 48}],
     } | more)  # fmt: skip
+
+
+def collada(nodes: str, library: str = "", geometry: str = "") -> str:
+    """Return a COLLADA scene of nodes, with more of them in its library."""
+    return (
+        "<COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema' version='1.4.1'>"
+        f"<library_geometries>{geometry}</library_geometries>"
+        f"<library_nodes>{library}</library_nodes><library_visual_scenes><visual_scene id='s'>"
+        f"{nodes}</visual_scene></library_visual_scenes>"
+        "<scene><instance_visual_scene url='#s'/></scene></COLLADA>"
+    )
 
 
 def mjcf(content: str, head: str = "") -> str:
@@ -206,6 +227,42 @@ _text("mesh: glTF with a node below itself", ".gltf",
       gltf(nodes=[{"children": [1]}, {"children": [0]}]))  # fmt: skip
 _text("mesh: glTF with a buffer outside", ".gltf",
       gltf(buffers=[{"byteLength": 36, "uri": "../../etc/passwd"}]))  # fmt: skip
+_text("mesh: glTF of 4e9 vertices without a buffer", ".gltf",
+      gltf(accessors=[{"componentType": 5126, "count": 4 * 10**9, "type": "VEC3"}]))  # fmt: skip
+_text("mesh: COLLADA, billion laughs", ".dae", DAE_LAUGHS)
+_text(
+    "mesh: COLLADA, billion laughs in UTF-16",
+    ".dae",
+    ("<?xml version='1.0' encoding='utf-16'?>" + DAE_LAUGHS).encode("utf-16"),
+)
+_text(
+    "mesh: COLLADA, a document type in UTF-7",
+    ".dae",
+    b"<?xml version='1.0' encoding='utf-7'?>+ADwAIQ-DOCTYPE a SYSTEM 'file:///etc/passwd'+AD4-"
+    b"<COLLADA/>",
+)
+_text("mesh: COLLADA, 50,000 nodes in one another", ".dae",
+      collada("<node>" * 50_000 + "</node>" * 50_000))  # fmt: skip
+_text("mesh: COLLADA, nodes that hold each other", ".dae", collada(
+    "<node><instance_node url='#a'/></node>",
+    "<node id='a'><instance_node url='#b'/></node><node id='b'><instance_node url='#a'/></node>",
+))  # fmt: skip
+_text("mesh: COLLADA, 30 nodes that hold the next one twice", ".dae", collada(
+    "<node><instance_node url='#n0'/></node>",
+    "".join("<node id='n{0}'><instance_node url='#n{1}'/><instance_node url='#n{1}'/></node>"
+            .format(k, k + 1) for k in range(30)) + "<node id='n30'/>",
+))  # fmt: skip
+_text("mesh: COLLADA, a polygon of 2e9 corners", ".dae",
+      collada(SQUARE_NODE, geometry=POLYLIST.format(count=2_000_000_000)))  # fmt: skip
+_text(
+    "SDF: an actor of 1e6 waypoints",
+    ".world",
+    SDF.format("<actor name='a'><script><trajectory id='0'>" + "".join(
+        f"<waypoint><time>{k}</time><pose>{k % 9} 0 1 0 0 0</pose></waypoint>"
+        for k in range(200_000)
+    ) + "</trajectory></script></actor>"),
+)  # fmt: skip
+_text("SDF: 30,000 actors", ".world", SDF.format("<actor name='a'/>" * 30_000))
 _text(
     "URDF: joints in a circle",
     ".urdf",
@@ -264,6 +321,42 @@ def _image(side: int) -> None:
 
 _image(13_000)
 _image(16_384)
+
+
+def _heightmap(name: str, ending: str, write: Callable[[Path], None]) -> None:
+    @_maker(f"SDF: height map of a {name}")
+    def make(folder: Path) -> list[str]:
+        write(folder / f"high{ending}")
+        shape = f"<heightmap><uri>high{ending}</uri><size>9 9 1</size></heightmap>"
+        path = folder / "hostile.world"
+        path.write_text(SDF.format(f"<model name='m'>{LINK.format(shape)}</model>"))
+        return ["import", str(path), "--out", str(folder / "out.xml")]
+
+
+def _tiff(path: Path) -> None:
+    """Write a TIFF of 8000 x 8000 real numbers, of which each strip is the same packed zeros."""
+    side, rows = 8000, 80
+    strip = zlib.compress(bytes(4 * side * rows), 9)
+    count = side // rows
+    entries = [
+        (256, 4, 1, side), (257, 4, 1, side), (258, 3, 1, 32), (259, 3, 1, 8), (262, 3, 1, 1),
+        (273, 4, count, 8 + len(strip)), (277, 3, 1, 1), (278, 4, 1, rows),
+        (279, 4, count, 8 + len(strip) + 4 * count), (339, 3, 1, 3),
+    ]  # fmt: skip
+    body = strip + struct.pack("<I", 8) * count + struct.pack("<I", len(strip)) * count
+    directory = struct.pack("<H", len(entries))
+    directory += b"".join(struct.pack("<HHII", *entry) for entry in entries) + bytes(4)
+    path.write_bytes(b"II*\0" + struct.pack("<I", 8 + len(body)) + body + directory)
+
+
+_heightmap("PNG of 8000 x 8000", ".png", lambda path: png(path, 8000))
+_heightmap("DEM of 8000 x 8000", ".tif", _tiff)
+
+
+@_maker("map: an image outside")
+def _map_outside(folder: Path) -> list[str]:
+    (folder / "hostile.yaml").write_text(MAP.format(image="../../../etc/passwd"))
+    return ["import", str(folder / "hostile.yaml"), "--out", str(folder / "out.xml")]
 
 
 @_maker("map: PGM of 16000 x 16000")

@@ -1,0 +1,50 @@
+"""Broken files of every imported format: refused in one line or read, and nothing else."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from wayproof.harness.bench.soak.fuzz import MOST_MEMORY_MIB
+from wayproof.harness.bench.soak.import_sources import SOURCES
+from wayproof.harness.bench.soak.imports import import_whole, run_case
+from wayproof.harness.errors import InputError
+from wayproof.models.world_files import FORMATS
+
+
+@pytest.mark.parametrize("kind", SOURCES)
+def test_the_sound_file_is_imported(kind, tmp_path):
+    assert import_whole(kind, tmp_path) is not None
+
+
+def test_every_format_is_broken_but_those_that_are_tested_elsewhere():
+    endings = {f".{next(iter(make())).split('.')[1]}" for make in SOURCES.values()}
+    elsewhere = {".xml", ".mjcf", ".sdf", ".csv", ".3dmap", ".las", ".laz"}
+    assert endings | elsewhere == set(FORMATS)
+
+
+def test_broken_files_in_a_watched_process():
+    command = [sys.executable, "-m", "wayproof.harness.bench.soak", "imports", "--count"]
+    ended = subprocess.run([*command, "63"], capture_output=True, text=True, check=False)
+    found = json.loads(ended.stdout.splitlines()[-1])
+    assert (ended.returncode, found["failures"]) == (0, [])
+    assert sum(found["refused"].values()) + sum(found["read"].values()) == 63
+    assert 0 < found["peak_mib"] <= MOST_MEMORY_MIB
+
+
+@given(st.sampled_from(list(SOURCES)), st.integers(0, 2**32))
+@settings(
+    max_examples=100, deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)  # fmt: skip
+def test_a_broken_file_is_refused_in_a_line_or_read(tmp_path, kind, seed):
+    said = ""
+    try:
+        run_case(kind, tmp_path, np.random.default_rng(seed))
+    except InputError as error:
+        said = str(error)
+    assert "\n" not in said
