@@ -4,12 +4,15 @@
 
 Each world has a process and a time limit of its own. A row says how far it came: the refusal in one
 line, or the outcome with its cause, whether the log replays, and whether a decision is explained.
+With `--keep` the world files, logs and pictures from above stay, to look at the verdicts.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -19,6 +22,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 from wayproof.harness.attribution import read_case
+from wayproof.harness.bench.maintain.world_picture import draw_from_above
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.explain import make_card
@@ -44,10 +48,13 @@ class Row:
     Attributes:
         world: Path of the file.
         solids: Number of solids.
+        import_s: Processor time of the import and its children, s.
+        import_mib: Peak memory of the process until then, MiB.
         refused: Line of the refusal by the import or the run.
         notes: Number of notes of the import.
         way: From start to goal, as the import chose them.
         outcome: Of the episode.
+        clearance: Least true clearance, m.
         cause: Of its failure.
         decisions: Number of decisions.
         replayed: `identical` or `differs`.
@@ -58,10 +65,13 @@ class Row:
 
     world: str
     solids: str = ""
+    import_s: str = ""
+    import_mib: str = ""
     refused: str = ""
     notes: str = ""
     way: str = ""
     outcome: str = ""
+    clearance: str = ""
     cause: str = ""
     decisions: str = ""
     replayed: str = ""
@@ -70,12 +80,16 @@ class Row:
     fault: str = ""
 
 
-def try_world(path: Path, robot: str, settings: Sequence[str], models: Sequence[Path]) -> Row:
-    """Import, run, replay and explain one world."""
+def try_world(
+    path: Path, robot: str, settings: Sequence[str], models: Sequence[Path],
+    keep: Path | None = None,
+) -> Row:  # fmt: skip
+    """Import, run, replay and explain one world; what it writes is kept in a folder if given."""
     row, begin = Row(str(path)), time.monotonic()
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            _through(row, path, robot, settings, models, Path(folder))
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = Path(scratch) if keep is None else keep
+            _through(row, path, robot, settings, models, folder)
     except (WorldFileError, InputError) as error:
         row.refused = " ".join(str(error).split())
     row.seconds = f"{time.monotonic() - begin:.0f}"
@@ -90,16 +104,21 @@ def _through(
         skip_missing=True, model_paths=tuple(models), robot_radius=spec.radius,
         robot_height=spec.height,
     )  # fmt: skip
+    before = _processor_s()
     world, notes = import_world(path, options)
+    row.import_s, row.import_mib = f"{_processor_s() - before:.1f}", f"{_peak_mib():.0f}"
     row.solids, row.notes = str(len(world.solids)), str(len(notes))
     row.way = next((note.split(":")[1].strip() for note in notes if note.startswith("way")), "")
-    file = folder / "world.xml"
+    file = folder / f"{_plain_name(path)}.xml"
     file.write_text(world.text, encoding="utf-8")
     config = override(Config(str(file), robot, 0), settings)
     warm_up(config)
-    run_episode(build(config), folder / "log.mcap")
-    log = open_log(folder / "log.mcap")
+    target = file.with_suffix(".mcap")
+    run_episode(build(config), target)
+    log = open_log(target)
     row.outcome = f"{log.result['outcome']}: {log.result.get('reason', '')}"
+    clearance = log.result.get("min_clearance_m")
+    row.clearance = "" if clearance is None else f"{float(clearance):.2f}"
     row.cause = str(log.result.get("cause", "") or "")
     replayed = replay(log.path)
     row.decisions = str(replayed.decisions)
@@ -108,6 +127,22 @@ def _through(
     number = max(replayed.decisions - 1, 0)
     make_card(case.as_of(number), number, case.as_of(number).navigator_at(number))
     row.explained = "yes"
+    title = f"{path.name}: {row.outcome} {row.cause}"
+    draw_from_above(file.with_suffix(".png"), build(config), case, title)
+    file.with_suffix(".txt").write_text("\n".join(notes) + "\n", encoding="utf-8")
+
+
+def _plain_name(path: Path) -> str:
+    return "-".join(re.sub(r"[^\w.-]+", "_", part) for part in path.with_suffix("").parts[-3:])
+
+
+def _processor_s() -> float:
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(one.ru_utime + one.ru_stime for one in used)
+
+
+def _peak_mib() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
 def worlds_in(paths: Sequence[Path]) -> Iterator[Path]:
@@ -150,12 +185,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--model-path", action="append", type=Path, default=[])
     parser.add_argument("--limit", type=float, default=600.0, help="time for one world, s")
+    parser.add_argument("--keep", type=Path, help="folder for world files, logs and pictures")
     parser.add_argument("--one", action="store_true", help="print the row of one world as JSON")
     options = parser.parse_args(arguments)
     if options.one:
-        row = try_world(options.paths[0], options.robot, options.set, options.model_path)
+        path, robot = options.paths[0], options.robot
+        row = try_world(path, robot, options.set, options.model_path, options.keep)
         print(json.dumps(asdict(row)))
         return
+    if options.keep is not None:
+        options.keep.mkdir(parents=True, exist_ok=True)
     rows: list[Row] = []
     for path in worlds_in(options.paths):
         rows.append(_in_process(path, options))
@@ -168,6 +207,7 @@ def _in_process(path: Path, options: argparse.Namespace) -> Row:
     command = [sys.executable, "-m", __spec__.name, "--one", str(path), "--robot", options.robot]
     command += [word for setting in options.set for word in ("--set", setting)]
     command += [word for folder in options.model_path for word in ("--model-path", str(folder))]
+    command += [] if options.keep is None else ["--keep", str(options.keep)]
     try:
         done = subprocess.run(command, capture_output=True, timeout=options.limit, check=False)
     except subprocess.TimeoutExpired:
