@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from wayproof.models.world_files.clouds import cells_of_points
 from wayproof.models.world_files.decomposition import decompose
+from wayproof.models.world_files.filling import fill_inside, is_closed
 from wayproof.models.world_files.hulls import hull, is_convex, surface_error
 from wayproof.models.world_files.mesh_files import MOST_FACES, READERS, cloud_points, load_mesh_file
 from wayproof.models.world_files.options import Found, ImportOptions
@@ -126,7 +127,7 @@ def mesh_parts(
         if not surfaces:
             names = ", ".join(dict.fromkeys(surface.name for surface in loaded.surfaces))
             raise WorldFileError(path, f"no submesh '{submesh}' (available: {names[:200]})")
-    mesh = _joined(path, [(surface.vertices, surface.faces) for surface in surfaces])
+    mesh, doubled = _joined(path, [(surface.vertices, surface.faces) for surface in surfaces])
     vertices = mesh.vertices
     if centred:
         vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
@@ -135,11 +136,18 @@ def mesh_parts(
     if upright and loaded.up in TURNS:
         vertices = vertices @ TURNS[loaded.up].T
         notes.append(f"{path.name}: its {loaded.up} axis is up, turned to z")
-    return _parts(path, Mesh(vertices, faces), notes, cuts or Cuts())
+    return _parts(path, Mesh(vertices, faces), notes, cuts or Cuts(), may_fill=not doubled)
 
 
-def _joined(path: Path, surfaces: list[tuple[NDArray[np.float64], NDArray[np.int64]]]) -> Mesh:
-    """Join surfaces, with one vertex for all at the same place: files repeat them for normals."""
+def _joined(
+    path: Path, surfaces: list[tuple[NDArray[np.float64], NDArray[np.int64]]]
+) -> tuple[Mesh, bool]:
+    """Join surfaces, with one vertex for all at the same place: files repeat them for normals.
+
+    Returns:
+        The mesh, and whether triangles are drawn more than once, as from both sides: then which way
+        they face says nothing.
+    """
     if not sum(len(faces) for _, faces in surfaces):
         raise WorldFileError(path, f"0 triangles, expected 1 to {MOST_FACES}")
     offsets = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
@@ -157,10 +165,10 @@ def _joined(path: Path, surfaces: list[tuple[NDArray[np.float64], NDArray[np.int
         raise WorldFileError(path, "no triangle with an area")
     faces = faces[distinct]
     once = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
-    return Mesh(vertices[first], faces[np.sort(once)])  # drawn from both sides: the first of each
+    return Mesh(vertices[first], faces[np.sort(once)]), len(once) < len(faces)  # first of each
 
 
-def _parts(path: Path, mesh: Mesh, notes: list[str], cuts: Cuts) -> list[Part]:
+def _parts(path: Path, mesh: Mesh, notes: list[str], cuts: Cuts, *, may_fill: bool) -> list[Part]:
     pieces = [_piece(mesh.vertices, own) for own in _pieces(mesh.faces, len(mesh.vertices))]
     if len(pieces) > MOST_PIECES:
         notes.append(f"{path.name}: {len(pieces)} loose pieces taken as one")
@@ -172,7 +180,7 @@ def _parts(path: Path, mesh: Mesh, notes: list[str], cuts: Cuts) -> list[Part]:
         if (thick := _sheet(piece)) is not None:
             counts["flat"] += 1
             piece = thick
-        how, error, own = _convex_parts(path, piece, cuts)
+        how, error, own = _convex_parts(path, piece, cuts, may_fill)
         counts[how] += 1
         worst[how] = max(worst.get(how, 0.0), error)
         parts += own
@@ -183,7 +191,9 @@ def _parts(path: Path, mesh: Mesh, notes: list[str], cuts: Cuts) -> list[Part]:
     return parts
 
 
-def _convex_parts(path: Path, piece: Mesh, cuts: Cuts) -> tuple[str, float, list[Part]]:
+def _convex_parts(
+    path: Path, piece: Mesh, cuts: Cuts, may_fill: bool
+) -> tuple[str, float, list[Part]]:
     """Return how a piece is taken (a key of `HOW`), the error of its surface, m, and its parts."""
     if is_convex(piece):
         return "convex", 0.0, [_mesh_part(piece)]
@@ -204,16 +214,17 @@ def _convex_parts(path: Path, piece: Mesh, cuts: Cuts) -> tuple[str, float, list
             return "cut", error, [_mesh_part(one) for one in convex]
         how = "uncut"
     cell = max(CELL, size / MOST_CELLS)
-    return how, cell * 3**0.5, cell_parts(path, piece, cell)
+    return how, cell * 3**0.5, cell_parts(path, piece, cell, may_fill)
 
 
-def cell_parts(path: Path, piece: Mesh, cell: float) -> list[Part]:
-    """Return merged boxes of the cells that a surface passes through.
+def cell_parts(path: Path, piece: Mesh, cell: float, may_fill: bool = True) -> list[Part]:
+    """Return merged boxes of the cells that a surface passes through, and of those inside of it.
 
     Args:
         path: File of the mesh, for messages.
         piece: The surface, m.
         cell: Side of a cell, m.
+        may_fill: Whether what is inside of a closed surface is solid.
 
     Raises:
         WorldFileError: They are more than a world may hold.
@@ -231,6 +242,8 @@ def cell_parts(path: Path, piece: Mesh, cell: float) -> list[Part]:
         for n in chosen:
             points = a[n] + u[:, None] * (b[n] - a[n]) + v[:, None] * (c[n] - a[n])
             occupied[tuple((np.floor(points / cell).astype(np.int64) - low).T)] = True
+    if may_fill and is_closed(piece.faces):
+        fill_inside(occupied, piece, low * cell, cell)
     return cell_boxes(path, occupied, cell, vector(low * cell))
 
 

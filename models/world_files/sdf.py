@@ -71,7 +71,8 @@ class _Reading:
         self._locator = Locator(path, options.model_paths)
         self._shapes = Shapes(self.found, options, self._locator)
         self._depth = self._included = 0
-        self._moving = self._visual = 0
+        self._moving = 0
+        self._drawn: dict[str, list[tuple[str, int]]] = {}
 
     def take_world(self, path: Path, world: Element) -> None:
         frames, saved = Frames(path, world), _saved_state(path, world)
@@ -102,6 +103,13 @@ class _Reading:
         """Note what holds for many models at once."""
         if self._moving:
             self.found.notes.append(f"{self._moving} models that can move: they stand still here")
+        taken = "made solid" if self._options.visuals else "left out; --visuals makes them solid"
+        for model, links in self._drawn.items():
+            name, line = links[0]
+            more = f" and {len(links) - 1} more links" if len(links) > 1 else ""
+            self.found.notes.append(
+                f"link '{f'{model} {name}'.strip()}' (line {line}){more}: visuals only, {taken}"
+            )
         self._shapes.finish()
 
     def take_model(
@@ -168,15 +176,10 @@ class _Reading:
                 raise WorldFileError(path, f"more than {MAX_SOLIDS} shapes", shape.line)
 
     def _visuals(self, link: Element, model: str) -> list[Element]:
-        """Return a link's visuals where they are to be solid; else note that they are not."""
-        name = f"{model} {link.attributes.get('name', '')}".strip()
-        if self._options.visuals:
-            self.found.notes.append(f"link '{name}' (line {link.line}): its visuals made solid")
-            return list(link.all("visual"))
-        self.found.notes.append(
-            f"link '{name}' (line {link.line}): visuals only, left out; --visuals makes them solid"
-        )
-        return []
+        """Return a link's visuals where they are to be solid; `finish` notes them either way."""
+        name = link.attributes.get("name", "")
+        self._drawn.setdefault(model, []).append((name, link.line))
+        return list(link.all("visual")) if self._options.visuals else []
 
     def _include(
         self,

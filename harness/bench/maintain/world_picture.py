@@ -19,6 +19,8 @@ CUT = 1.2
 PIXELS = 240
 """Number of beams along the longer side."""
 
+DOWN = np.array([0.0, 0.0, -1.0])
+
 LOWEST = 0.03
 """Height above the floor from which a thing is drawn as an obstacle, m."""
 
@@ -66,8 +68,10 @@ def _tops(
         x, y = low + (np.array([i, j]) + 0.5) * extent / shape
         ground = world.ground_height((x, y))
         origin = np.array([x, y, ground + CUT])
-        down = np.array([0.0, 0.0, -1.0])
-        distance = mujoco.mj_ray(model, data, origin, down, groups, 1, -1, geom)
+        if world.contains_obstacle(origin, 0.0) is not None:
+            tops[i, j] = CUT
+            continue
+        distance = mujoco.mj_ray(model, data, origin, DOWN, groups, 1, -1, geom)
         if int(geom[0]) in floors:
             tops[i, j] = 0.0
         elif distance >= 0.0:
