@@ -112,16 +112,53 @@ def true_occupancy(case: Case, navigator: Navigator, moving: bool = False) -> Ce
             return occupied
         return occupied | _outside_altitudes(case, costmap.origin, costmap.shape, size)
     nx, ny, _ = costmap.shape
+    x, y = np.meshgrid(*(np.arange(n) + 0.5 for n in (nx, ny)), indexing="ij")
+    spots = costmap.origin[:2] + size * np.stack([x, y], axis=-1).reshape(-1, 2)
+    ground = case.space.terrain(spots)
+    if ground is not None:
+        standing = _standing_on(case, costmap.origin, ground.reshape(nx, ny), size, moving)
+        return standing[:, :, None]
     layers = max(1, int(np.ceil((mission.height - mission.step_height) / size - 1e-6)))
     corner = np.array([*costmap.origin[:2], mission.step_height])
     layered = case.space.occupied(corner, (nx, ny, layers), size, moving)
-    standing: Cells = np.asarray(layered.any(axis=2))
+    standing = np.asarray(layered.any(axis=2))
     if moving:
         return standing[:, :, None]
-    x, y = np.meshgrid(*(np.arange(n) + 0.5 for n in (nx, ny)), indexing="ij")
-    spots = np.stack([corner[0] + x * size, corner[1] + y * size, np.zeros_like(x)], axis=-1)
-    holes = ~case.space.borne(spots.reshape(-1, 3)).reshape(nx, ny)
+    holes = ~case.space.borne(np.column_stack([spots, np.zeros(len(spots))])).reshape(nx, ny)
     return (standing | holes)[:, :, None]
+
+
+CLIMBED = 0.35
+"""Slope that a body which walks climbs whatever its settings, rad: as far as ends are chosen."""
+
+
+def _standing_on(case: Case, origin: Array, ground: Array, size: float, moving: bool) -> Cells:
+    """Return the columns (nx, ny) that are closed on terrain: by a thing, a slope, or no ground.
+
+    Args:
+        case: The episode.
+        origin: Low corner of the columns, m.
+        ground: (nx, ny) height of the ground, m; -inf where none is.
+        size: Side of a column, m.
+        moving: Whether only movers count.
+    """
+    mission, there = case.mission, np.isfinite(ground)
+    level = np.where(there, ground, 0.0)
+    lowest = float(level.min()) + mission.step_height
+    layers = max(1, int(np.ceil((float(level.max()) + mission.height - lowest) / size)))
+    corner = np.array([*origin[:2], lowest])
+    layered = case.space.occupied(corner, (*ground.shape, layers), size, moving)
+    first = np.floor((level + mission.step_height - lowest) / size + 1e-6).astype(int)
+    end = np.ceil((level + mission.height - lowest) / size - 1e-6).astype(int)
+    k = np.arange(layers)
+    within = (k >= first[:, :, None]) & (k < end[:, :, None])
+    standing = np.asarray((layered & within).any(axis=2))
+    if moving:
+        return standing
+    steepest = max(case.config.costmap.max_slope, CLIMBED)
+    along, across = (np.zeros(ground.shape) if n < 2 else np.gradient(level, size, axis=axis)
+                     for axis, n in enumerate(ground.shape))  # fmt: skip
+    return np.asarray(standing | ~there | (np.hypot(along, across) > np.tan(steepest)))
 
 
 def cell_of(navigator: Navigator, point: Array) -> tuple[int, ...]:

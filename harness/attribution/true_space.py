@@ -142,6 +142,26 @@ class TrueSpace:
             held |= self._distances(int(geom), points) < 0.05
         return held
 
+    def terrain(self, spots: Array) -> Array | None:
+        """Return the height of the ground at spots (n, 2): (n,) m, -inf where none is.
+
+        None where the floor has no height fields.
+        """
+        kinds = self._model.geom_type[self._floor]
+        fields = self._floor[kinds == mujoco.mjtGeom.mjGEOM_HFIELD]
+        if not len(fields):
+            return None
+        level = 0.0 if (kinds == mujoco.mjtGeom.mjGEOM_PLANE).any() else -np.inf
+        heights = np.full(len(spots), level)
+        for geom in fields:
+            above = self._data.geom_xpos[geom][2] + self._model.geom_rbound[geom] + 1.0
+            for n, (x, y) in enumerate(spots.tolist()):
+                origin, down = np.array([x, y, above]), np.array([0.0, 0.0, -1.0])
+                met = mujoco.mj_rayHfield(self._model, self._data, int(geom), origin, down, None)
+                if met >= 0.0:
+                    heights[n] = max(heights[n], above - met)
+        return heights
+
     def _named(self, name: str) -> NDArray[np.int64]:
         """Return the geoms of a body or geom by name."""
         own = [g for g in self._obstacles if self._name(int(g)) == name]

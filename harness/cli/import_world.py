@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     try:
         names = (*LENGTHS, *FLAGS, "unknown", "floor", "root")
         given = {name: value for name in names if (value := getattr(options, name)) is not None}
-        radius, height = _robot_size(options.robot)
+        radius, height, step = _robot_size(options.robot)
         import_options = ImportOptions(
             **given,
             model_paths=tuple(options.model_path),
@@ -50,6 +50,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
             kinds=tuple(_kind(text) for text in options.kinds),
             robot_radius=radius,
             robot_height=height,
+            robot_step=step,
         )
         start, goal = (_point(name, getattr(options, name)) for name in ("start", "goal"))
         found = read_scene(options.file, import_options)
@@ -109,13 +110,13 @@ def _kind(text: str) -> tuple[str, str]:
     return kind, model
 
 
-def _robot_size(name: str) -> tuple[float, float]:
-    """Radius and height of the robot that will run, m."""
+def _robot_size(name: str) -> tuple[float, float, float]:
+    """Radius and height of the robot that will run, and the height that it steps over, m."""
     from wayproof.harness.config import Config
     from wayproof.harness.scenario.robots import find_robot
 
     spec = find_robot(Config(world="", seed=0, robot=name)).spec
-    return spec.radius, spec.height
+    return spec.radius, spec.height, spec.step_height
 
 
 def _point(name: str, text: str | None) -> tuple[float, float, float] | None:

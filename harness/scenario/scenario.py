@@ -15,6 +15,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.prior.sources import with_prior
 from wayproof.harness.scenario.places import goals_of, refuse_no_way
 from wayproof.harness.scenario.robots import find_robot, log_robot_identity
+from wayproof.harness.scenario.terrain import refuse_climb
 from wayproof.harness.scenario.worlds import (
     apply_world_perturbation,
     find_world,
@@ -90,8 +91,9 @@ def build(config: Config, world: World | None = None) -> Scenario:
 
     Raises:
         InputError: Unknown world or robot; a start or goal outside the geofence or inside an
-            obstacle; several goals without a way from one to the next; a scene that cannot be
-            compiled or cast, or whose sensors would see wrongly.
+            obstacle; several goals without a way from one to the next; terrain that a robot which
+            walks would have to climb; a scene that cannot be compiled or cast, or whose sensors
+            would see wrongly.
     """
     robot = find_robot(config)
     spec = robot.spec
@@ -105,6 +107,8 @@ def build(config: Config, world: World | None = None) -> Scenario:
     ):
         _check_point(name, point, world, spec, config)
     refuse_no_way(world, spec, start, (*waypoints, goal))
+    if config.costmap.max_slope == 0.0:
+        refuse_climb(world, spec, (start, *waypoints, goal))
     try:
         sensors = resolve(spec.mounts, config.sensors)
     except ValueError as error:

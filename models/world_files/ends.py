@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from math import sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -100,13 +101,16 @@ def choose_ends(
     heights = ground.height(grid.centres(i, j)).reshape(grid.shape)
     solids = _obstacles(found)
     radius, gaps = options.robot_radius, np.zeros(grid.shape)
+    steps = (options.robot_step, 0.0) if options.robot_step and np.ptp(heights) else (0.0,)
     for band in (END_BAND, (0.05, options.robot_height)):
         apart = grid.distances(solids, heights, band, radius + GENEROUS + grid.cell)
         gaps = np.minimum(apart, to_edges(found, ground, grid, radius + GENEROUS + grid.cell))
-        for within, note in _preferred(grid, apart):
+        tried = itertools.product(steps, _preferred(grid, apart))
+        for step, (within, note) in tried:
             for spare in SPARE:
-                ends = _pair(grid, gaps > radius + spare, within, heights, start, goal)
-                if ends is not None and (ends.way >= SHORT or within.all()):
+                free = gaps > radius + spare
+                ends = _pair(grid, free, within, heights, start, goal, step)
+                if ends is not None and (ends.way >= SHORT or (within.all() and not step)):
                     notes = [note] if note else []
                     if band is not END_BAND:
                         notes.append(f"ends chosen for a height of {band[1]:g} m: too low to fly")
@@ -160,15 +164,14 @@ def _pair(
     heights: NDArray[np.float64],
     start: Vector3 | None,
     goal: Vector3 | None,
+    step: float = 0.0,
 ) -> _Ends | None:
     """Return two cells of one free region that lie within some cells, as far apart as its ways go.
 
-    None without such a region.
+    With a step, heights in the region differ by no more than that. None without such a region.
     """
-    from scipy import ndimage
-
     slope = slope_of(grid, heights)
-    labels = ndimage.label(free & (slope <= MAX_WALK_SLOPE), np.ones((3, 3)))[0]
+    labels = _regions(free & (slope <= MAX_WALK_SLOPE), heights, step)
     standing = (labels > 0) & (slope <= MAX_TILT) & within
     given = start or goal
     if given is not None:
@@ -194,6 +197,24 @@ def _pair(
     if ends is None:
         return None
     return _farthest_from(grid, region, places, ends.goal, swap=True)
+
+
+def _regions(
+    free: NDArray[np.bool_], heights: NDArray[np.float64], step: float
+) -> NDArray[np.int64]:  # (nx, ny)
+    """Number the connected regions of free cells from 1; with a step, each of one level."""
+    from scipy import ndimage
+
+    if not step:
+        return np.asarray(ndimage.label(free, np.ones((3, 3)))[0], np.int64)
+    most = float(np.median(heights[free])) if free.any() else 0.0
+    levels = np.floor((heights - most) / step + 0.5).astype(np.int64)  # one about the most usual
+    labels, count = np.zeros(free.shape, np.int64), 0
+    for level in np.unique(levels[free]):
+        own, number = ndimage.label(free & (levels == level), np.ones((3, 3)))
+        labels[own > 0] = own[own > 0] + count
+        count += number
+    return labels
 
 
 def _farthest_from(

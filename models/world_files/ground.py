@@ -37,6 +37,10 @@ SAME_HEIGHT = 0.02
 HIGHEST_SLAB = 0.5
 """Height of a slab above a plane up to which it, not the plane, is the floor, m."""
 
+HIDING_SHARE = 0.8
+"""Share of a floor's area from which a level surface just above it hides it, as the top of a slab
+that is drawn as two sheets does."""
+
 LOWEST_OTHERS = 0.3
 """Depth below a floor down to which at least half of the other parts have to begin, m."""
 
@@ -88,7 +92,7 @@ def settle_ground(path: Path, found: Found, options: ImportOptions) -> None:
     others = [plane for plane in found.planes if not _is_level(plane, height)]
     found.plane |= bool(floors) or (options.floor is not None and not terrain)
     found.parts += _as_boxes(found, others, height)
-    if found.grid and (options.floor is not None or why):
+    if found.grid:  # a foot on the floor would touch what ends there
         _lower_cells(found, height)
     if height:
         found.notes.append(f"floor at {height:g} m{why}: the scene is moved by {-height:g} m in z")
@@ -173,19 +177,24 @@ def _slab_height(found: Found, plane: float | None) -> float | None:
     rectangle = float(np.prod(high[:2] - low[:2]))
     levels = sorted(_levels(found.parts))
     bottoms = np.array([part.bounds[0, 2] for part in found.parts])
+    lowest: Level | None = None
     for level in levels:
         near = [one for one in levels if 0.0 <= one.height - level.height <= SAME_HEIGHT]
-        if sum(one.area for one in near) < max(LEAST_SHARE * rectangle, LEAST_FLOOR):
+        area = sum(one.area for one in near)
+        if area < max(LEAST_SHARE * rectangle, LEAST_FLOOR):
             continue
         height = max(one.height for one in near)
         if plane is not None and not plane < height <= plane + HIGHEST_SLAB:
             continue
+        if lowest is not None:
+            hidden = height <= lowest.height + HIGHEST_SLAB and area >= HIDING_SHARE * lowest.area
+            lowest = Level(height, area, 0) if hidden else lowest
+            continue
         others = np.delete(bottoms, sorted({one.part for one in near}))
-        if not len(others) and height - bottoms.min() <= HIGHEST_SLAB:
-            return height
-        if len(others) and (others >= height - LOWEST_OTHERS).mean() >= 0.5:
-            return height
-    return None
+        alone = not len(others) and height - bottoms.min() <= HIGHEST_SLAB
+        if alone or (len(others) and (others >= height - LOWEST_OTHERS).mean() >= 0.5):
+            lowest = Level(height, area, 0)
+    return None if lowest is None else lowest.height
 
 
 def _mark_floor(found: Found, height: float) -> list[str]:

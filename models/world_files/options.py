@@ -34,6 +34,7 @@ class ImportOptions:
         kinds: Kind of the parts of a model, by a pattern of its name, such as `ground*`.
         robot_radius: Radius of the robot that will run, for start and goal, m.
         robot_height: Height of it, m.
+        robot_step: Height that it steps over, m, for ends on level ground; 0 if it flies.
         without: Bodies of a MuJoCo scene that are left out with all that is on them.
         root: Folder below which a MuJoCo scene may name files; None for its own.
     """
@@ -49,6 +50,7 @@ class ImportOptions:
     kinds: tuple[tuple[str, str], ...] = ()
     robot_radius: float = 0.5
     robot_height: float = 0.6
+    robot_step: float = 0.0
     without: tuple[str, ...] = ()
     root: Path | None = None
 

@@ -102,7 +102,7 @@ def _through(
     spec = find_robot(Config(world="", robot=robot, seed=0)).spec
     options = ImportOptions(
         skip_missing=True, model_paths=tuple(models), robot_radius=spec.radius,
-        robot_height=spec.height,
+        robot_height=spec.height, robot_step=spec.step_height,
     )  # fmt: skip
     before = _processor_s()
     world, notes = import_world(path, options)

@@ -1,9 +1,12 @@
 """Scenarios of imported worlds: what an import chose, a run accepts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from wayproof.harness.attribution import read_case
+from wayproof.harness.attribution.ways import true_ways
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
@@ -21,6 +24,9 @@ def saved(folder, world):
     return str(path)
 
 
+SLOPES = {"quadruped": ["costmap.max_slope=0.3"], "drone": []}
+
+
 @pytest.mark.parametrize("robot", ["quadruped", "drone"])
 def test_a_walk_on_terrain_begins_and_ends_on_the_ground(tmp_path, robot):
     x, y = np.meshgrid(np.linspace(0.0, 12.0, 121), np.linspace(0.0, 8.0, 81))
@@ -32,8 +38,41 @@ def test_a_walk_on_terrain_begins_and_ends_on_the_ground(tmp_path, robot):
     scenario = build(Config(saved(tmp_path, world), robot, 0))
     assert scenario.config.start[2] == pytest.approx(scenario.spec.rest_height, abs=1e-3)
     assert "<hfield" in safe_scene(scenario.scene.mjcf)
-    on_top = build(Config(saved(tmp_path, world), robot, 0, goal=(6.0, 4.0)))
+    climbing = override(Config(saved(tmp_path, world), robot, 0, goal=(6.0, 4.0)), SLOPES[robot])
+    on_top = build(climbing)
     assert on_top.config.goal[2] == pytest.approx(on_top.spec.rest_height + 0.3, abs=0.01)
+
+
+def ridge(folder, width=6.0):
+    """Return a world with a ridge of 0.3 m across its middle, up to a width from y = 0 on."""
+    x, y = np.meshgrid(np.linspace(0.0, 12.0, 121), np.linspace(0.0, 6.0, 61))
+    np.save(folder / "ridge.npy", 0.3 * np.exp(-((x - 6.0) ** 2)) * (y <= width))
+    ends = (1.5, 3.0, 0.0), (10.5, 3.0, 0.0)
+    return import_world(folder / "ridge.npy", ImportOptions(resolution=0.1), *ends)[0]
+
+
+def test_what_walks_is_refused_a_ridge_that_it_would_have_to_climb(tmp_path):
+    file = saved(tmp_path, ridge(tmp_path))
+    with pytest.raises(InputError, match=r"no level ground leads 'quadruped' .* up to 0\.30 m"):
+        build(Config(file, "quadruped", 0))
+    build(Config(file, "drone", 0))
+    build(override(Config(file, "quadruped", 0), SLOPES["quadruped"]))
+    build(
+        Config(saved(tmp_path, ridge(tmp_path, width=3.0)), "quadruped", 0)
+    )  # there is a way round
+
+
+def test_a_ridge_that_was_not_climbed_is_not_called_impossible(tmp_path):
+    file = saved(tmp_path, ridge(tmp_path))
+    settings = [*SLOPES["quadruped"], "episode.time_limit=12.0"]
+    run_episode(build(override(Config(file, "quadruped", 0), settings)), tmp_path / "a.mcap")
+    case = read_case(open_log(tmp_path / "a.mcap"))
+    navigator = case.navigator_at(len(case.moments) - 1)
+    ways = true_ways(case, navigator, 0)
+    assert ways.exists
+    assert ways.widest > ways.radius
+    steep = replace(case, config=override(case.config, ["costmap.max_slope=0.0"]))
+    assert true_ways(steep, navigator, 0).exists
 
 
 def test_an_actor_walks_in_an_episode_that_runs_again_from_its_log(tmp_path):

@@ -17,6 +17,7 @@ from wayproof.models.world_files import (
     world_of,
 )
 from wayproof.models.world_files.clouds import decompress_lzf, read_pcd
+from wayproof.models.world_files.octomaps import read_octomap
 from wayproof.models.world_files.parts import Part, quaternion_of, rotation_of, turned_by
 from wayproof.models.world_files.solids import solid_of
 from wayproof.models.world_files.voxel_maps import merged_boxes, read_voxels
@@ -421,8 +422,8 @@ def octomap(tmp_path, ending):
 def test_an_octomap_gives_the_cells_that_its_library_says_are_occupied(tmp_path, ending):
     path, expected = octomap(tmp_path, ending)
     found = set()
-    for box in imported(path).solids:
-        low, high = (np.rint(np.array(corner) / 0.1).astype(int) for corner in (box.low, box.high))
+    for box in read_octomap(path, ImportOptions()).parts:
+        low, high = (np.rint(corner / 0.1).astype(int) for corner in box.bounds)
         found |= {tuple(low + step) for step in np.ndindex(*(high - low))}
     assert found == expected
     with pytest.raises(WorldFileError, match="expected a file that begins with '# Octomap"):
@@ -454,6 +455,16 @@ def test_a_point_cloud_gives_the_cells_of_its_points(tmp_path, kind):
     near, far = sorted(imported(cloud_file(tmp_path, kind)).solids, key=lambda box: box.low[0])
     np.testing.assert_allclose([near.low, near.high], [(2.0, 0.0, 0.3), (2.2, 0.1, 0.4)], atol=1e-6)
     np.testing.assert_allclose([far.low, far.high], [(3.0, 0.0, 0.3), (3.1, 0.1, 0.4)], atol=1e-6)
+
+
+def test_cells_up_to_the_floor_are_the_floor(tmp_path):
+    """A few cells of a scanned floor below 0, too few to find it by, and a post."""
+    points = [(x, y, -0.05) for x in (0.05, 0.15, 0.25) for y in (0.05, 0.15)]
+    points += [(5.05, 0.05, z) for z in (-0.05, 0.05, 0.15)]
+    rows = "".join("{} {} {} 7\n".format(*point) for point in points)
+    head = PCD_HEAD + f"POINTS {len(points)}\nDATA ascii\n"
+    world = imported(write(tmp_path, "c.pcd", head + rows))
+    assert [(box.low[2], box.high[2]) for box in world.solids] == [(0.0, pytest.approx(0.2))]
 
 
 LZF = base64.b64decode(
