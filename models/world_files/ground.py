@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.models.classes import CLASSES
 from wayproof.models.world_files.options import Found, ImportOptions, Plane
@@ -261,6 +262,7 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
         low, high = bounds_of(found.parts)
     else:
         low, high = np.full(3, -EMPTY_EXTENT), np.full(3, EMPTY_EXTENT)
+    first, last = _front(planes, low, high)
     for plane in planes:
         name = plane.model or "a plane"
         if _is_up(plane) and float(plane.point[2]) < height:
@@ -272,6 +274,11 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
         middle = centre - ((centre - plane.point) @ plane.normal) * plane.normal
         reach = float(np.linalg.norm(high - low)) / 2.0 + PLANE_BORDER
         half, thickness = (reach, reach), PLANE_THICKNESS
+        axis = _axis_of(plane)
+        if axis is not None:  # no farther than to the walls beside it: there its back is solid
+            beside = 1 - axis
+            half = (last[beside] - first[beside]) / 2.0 + thickness, reach
+            middle[beside] = (first[beside] + last[beside]) / 2.0
         if plane.half_extents is not None and plane.axes is not None:
             half, thickness = plane.half_extents, SHEET_THICKNESS
             R, middle = plane.axes, plane.point
@@ -285,6 +292,26 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
             f"{thickness:g} m behind it"
         )
     return parts
+
+
+def _axis_of(plane: Plane) -> int | None:
+    """Return the axis, x or y, that an infinite wall faces along; None of another plane."""
+    level = np.abs(plane.normal[:2])
+    is_wall = plane.axes is None and float(level.max()) > 1.0 - LEVEL
+    return int(np.argmax(level)) if is_wall else None
+
+
+def _front(
+    planes: list[Plane], low: NDArray[np.float64], high: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return corners (3,) of a scene, m, moved to the infinite walls that face along an axis."""
+    first, last = low.copy(), high.copy()
+    for plane in planes:
+        axis = _axis_of(plane)
+        if axis is not None:
+            (first if plane.normal[axis] > 0.0 else last)[axis] = plane.point[axis]
+    turned = first >= last  # walls that face away from one another
+    return np.where(turned, low, first), np.where(turned, high, last)
 
 
 def _note_drawn(found: Found, floors: list[Plane]) -> None:

@@ -457,6 +457,24 @@ def test_a_point_cloud_gives_the_cells_of_its_points(tmp_path, kind):
     np.testing.assert_allclose([far.low, far.high], [(3.0, 0.0, 0.3), (3.1, 0.1, 0.4)], atol=1e-6)
 
 
+def test_infinite_walls_enclose_what_they_face(tmp_path):
+    """Nothing is chosen behind a plane, where MuJoCo has the solid side of it."""
+    walls = "".join(
+        f"<geom name='w{n}' type='plane' size='5 5 1' pos='{at}' zaxis='{normal}'/>"
+        for n, (at, normal) in enumerate((
+            ("-5 0 0", "1 0 0"), ("5 0 0", "-1 0 0"), ("0 -4 0", "0 1 0"), ("0 4 0", "0 -1 0"),
+        ))
+    )  # fmt: skip
+    floor = "<geom name='floor' type='plane' size='9 9 1'/>"
+    text = f"<mujoco><worldbody>{floor}{walls}<geom size='.2' pos='0 0 .2'/></worldbody></mujoco>"
+    world, _ = import_world(write(tmp_path, "a.xml", text))
+    assert (np.abs([world.start[:2], world.goal[:2]]) < (5.0, 4.0)).all()
+    assert np.hypot(*np.subtract(world.goal, world.start)[:2]) > 6.0
+    bounds = np.array([(box.low[:2], box.high[:2]) for box in world.solids if box.kind == "wall"])
+    np.testing.assert_allclose(bounds.min(axis=(0, 1)), (-5.5, -4.5))
+    np.testing.assert_allclose(bounds.max(axis=(0, 1)), (5.5, 4.5))
+
+
 def test_cells_up_to_the_floor_are_the_floor(tmp_path):
     """A few cells of a scanned floor below 0, too few to find it by, and a post."""
     points = [(x, y, -0.05) for x in (0.05, 0.15, 0.25) for y in (0.05, 0.15)]
