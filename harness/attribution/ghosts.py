@@ -13,7 +13,8 @@ from wayproof.harness.attribution.grids import (
     cell_of,
     clearances,
     holes_in_floor,
-    joined,
+    joined_for,
+    offsets_of,
     true_occupancy,
 )
 from wayproof.harness.stack.pipeline import Navigator
@@ -65,8 +66,9 @@ def _opens(case: Case, navigator: Navigator, occupied: Cells, moment: Moment) ->
     """Return whether some occupied cells leave a path from the estimated position to the goal."""
     costmap, (goal, reach) = navigator.costmap, goal_of(case, navigator)
     believed = cell_of(navigator, moment.true_position + moment.error)
-    gaps = clearances(occupied, costmap.resolution)
-    return joined(gaps > costmap.inflation_radius, believed, goal, reach)
+    size = costmap.resolution
+    free = clearances(occupied, size) > costmap.inflation_radius
+    return joined_for(offsets_of(case), size, free, believed, goal, reach)
 
 
 def _swept(case: Case, navigator: Navigator, number: int) -> Cells:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,12 +50,80 @@ def joined(free: Cells, start: tuple[int, ...], goal: tuple[int, ...], reach: in
     return bool(near[0] & near[1])
 
 
-def widest(distances: Array, start: tuple[int, ...], goal: tuple[int, ...], reach: int) -> float:
-    """Return the radius of the widest body that gets from cell to cell, m; 0 if none does."""
+def offsets_of(case: Case) -> tuple[float, ...]:
+    """Return the offsets of a long body's discs, m; empty of a round one, or in the air."""
+    return tuple(along for along, _ in case.mission.discs) if case.mission.planar else ()
+
+
+HEADINGS = 32
+"""Number of headings at which a long body is looked at."""
+
+
+def joined_for(
+    offsets: Sequence[float], size: float, free: Cells, start: tuple[int, ...],
+    goal: tuple[int, ...], reach: int,
+) -> bool:  # fmt: skip
+    """Return whether a body of several discs, which may turn anywhere, gets from cell to cell.
+
+    Args:
+        offsets: Of the discs along the body, m; without two of them as `joined`.
+        size: Side of a cell, m.
+        free: (nx, ny, 1) cells that may hold the centre of a disc.
+        start: Cell of the body's origin.
+        goal: Likewise.
+        reach: As of `joined`; any heading will do.
+    """
+    if not joined(free, start, goal, reach):
+        return False
+    if len(offsets) < 2:
+        return True
+    from scipy import ndimage
+
+    turns = 2.0 * np.pi / HEADINGS * np.arange(HEADINGS)
+    layers = []
+    for turn in turns:
+        poses = np.ones(free.shape[:2], np.bool_)
+        for offset in offsets:
+            shift = np.rint(offset / size * np.array([np.cos(turn), np.sin(turn)])).astype(int)
+            poses &= _shifted(free[:, :, 0], *shift.tolist())
+        layers.append(poses)
+    labels, count = ndimage.label(np.stack([*layers, layers[0]]), np.ones((3, 3, 3)))
+    same = _merged(count, labels[0][layers[0]], labels[-1][layers[0]])  # the first heading again
+    around = (slice(None), *_about(start, reach)[:2]), (slice(None), *_about(goal, reach)[:2])
+    near = [set(np.unique(same[labels[where]])) - {0} for where in around]
+    return bool(near[0] & near[1])
+
+
+def _shifted(free: NDArray[np.bool_], i: int, j: int) -> NDArray[np.bool_]:
+    """Return for each cell of (nx, ny) whether the one that lies i and j farther is free."""
+    padded = np.pad(free, ((abs(i), abs(i)), (abs(j), abs(j))))
+    nx, ny = free.shape
+    return padded[abs(i) + i : abs(i) + i + nx, abs(j) + j : abs(j) + j + ny]
+
+
+def _merged(count: int, some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return a number for each label, the same for labels that are paired; 0 for 0."""
+    from scipy import sparse
+    from scipy.sparse import csgraph
+
+    pairs = sparse.coo_matrix((np.ones(len(some)), (some, others)), (count + 1, count + 1))
+    numbers = csgraph.connected_components(pairs, directed=False)[1] + 1
+    numbers[0] = 0
+    return np.asarray(numbers, np.int64)
+
+
+def widest(
+    distances: Array, start: tuple[int, ...], goal: tuple[int, ...], reach: int,
+    offsets: Sequence[float] = (), size: float = 1.0,
+) -> float:  # fmt: skip
+    """Return the radius of the widest body that gets from cell to cell, m; 0 if none does.
+
+    Of a body of several discs, at these offsets along it, m, the radius of the discs.
+    """
     low, high = 0.0, float(distances.max())
     for _ in range(STEPS):
         middle = 0.5 * (low + high)
-        if joined(distances > middle, start, goal, reach):
+        if joined_for(offsets, size, distances > middle, start, goal, reach):
             low = middle
         else:
             high = middle

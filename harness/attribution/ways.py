@@ -18,7 +18,8 @@ from wayproof.harness.attribution.grids import (
     cell_of,
     clearances,
     distances_from,
-    joined,
+    joined_for,
+    offsets_of,
     true_occupancy,
     widest,
 )
@@ -40,7 +41,8 @@ class TrueWays:
     """Paths that truly exist.
 
     Attributes:
-        radius: Half the width that a path needs with a certain pose, m.
+        radius: Half the width that a path needs with a certain pose, m; a long body has to be able
+            to turn in it too.
         widest: Half the width of the widest path without movers, m; 0 without one.
         exists: Whether a path exists for this body and margin.
         open_at_end: Whether one exists with the movers as they are at the end.
@@ -106,7 +108,8 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     still = clearances(true_occupancy(case, navigator), size)
     case.space.place_movers(last.truth)
     gaps = clearances(true_occupancy(case, navigator), size)
-    exists = joined(still > radius, start, goal, reach)
+    offsets = offsets_of(case)
+    exists = joined_for(offsets, size, still > radius, start, goal, reach)
     lengths = np.full(still.shape, np.inf)
     if exists and case.outcome == "timeout":  # time decides no other outcome
         lengths = distances_from(still > radius, goal, reach, size) / DETOUR[case.axes]
@@ -115,9 +118,9 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     before = _nearby(lengths, cell_of(navigator, case.moments[since].true_position), reach)
     return TrueWays(
         radius=radius,
-        widest=widest(still, start, goal, reach),
+        widest=widest(still, start, goal, reach, offsets, size),
         exists=exists,
-        open_at_end=joined(gaps > radius, here, goal, reach),
+        open_at_end=joined_for(offsets, size, gaps > radius, here, goal, reach),
         at_start=float(still[start]),
         shortest_s=_least_time(case, navigator, still > radius, reach)
         if exists and case.outcome == "timeout"
@@ -184,10 +187,14 @@ def _look(case: Case, navigator: Navigator, moment: Moment) -> _Look:
     believed = cell_of(navigator, moment.true_position + moment.error)
     occupied, unknown = costmap.state == OCCUPIED, costmap.state == UNKNOWN
     gaps = clearances(occupied, size)
+
+    def passes(free: Cells) -> bool:
+        return joined_for(offsets_of(case), size, free, believed, goal, reach)
+
     return _Look(
-        known=joined(clearances(occupied | unknown, size) > radius, believed, goal, reach),
-        passable=joined(gaps > radius, believed, goal, reach),
-        certain=joined(gaps > certain_radius(case, navigator), believed, goal, reach),
+        known=passes(clearances(occupied | unknown, size) > radius),
+        passable=passes(gaps > radius),
+        certain=passes(gaps > certain_radius(case, navigator)),
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wayproof.harness.attribution.grids import clearances, joined, widest
+from wayproof.harness.attribution.grids import clearances, joined, joined_for, widest
 
 
 def test_grids_know_the_widest_way():
@@ -15,3 +15,34 @@ def test_grids_know_the_widest_way():
     assert joined(gaps > 0.29, (4, 5), (16, 5), 0)
     assert not joined(gaps > 0.31, (4, 5), (16, 5), 0)
     assert widest(gaps, (4, 5), (16, 5), 0) == pytest.approx(0.3, abs=0.01)
+
+
+def bent(width):
+    """Cells of 0.1 m: a corridor of a width, m, with a bend of a right angle, between walls."""
+    cells, free = round(width / 0.1), np.zeros((60, 60, 1), np.bool_)
+    free[5:55, 5 : 5 + cells] = True
+    free[55 - cells : 55, 5:55] = True
+    return free
+
+
+@pytest.mark.parametrize(("width", "passes"), [(1.2, False), (2.4, True)])
+def test_a_long_body_has_to_turn_where_a_disc_gets_round(width, passes):
+    """Discs of 0.3 m radius, the outer ones 0.9 m from the middle, in a bend."""
+    distances = clearances(~bent(width), 0.1)
+    start, goal = (12, 5 + round(width / 0.2), 0), (54 - round(width / 0.2), 45, 0)
+    offsets = (-0.9, -0.45, 0.0, 0.45, 0.9)
+    assert joined_for((), 0.1, distances > 0.3, start, goal, reach=2)
+    assert joined_for(offsets, 0.1, distances > 0.3, start, goal, reach=2) == passes
+    room = widest(distances, start, goal, 2, offsets, 0.1)
+    assert (room > 0.3) == passes
+    assert room <= widest(distances, start, goal, 2)
+
+
+def test_a_straight_corridor_lets_a_long_body_through_either_way():
+    free = np.zeros((60, 12, 1), np.bool_)
+    free[2:58, 2:10] = True
+    distances = clearances(~free, 0.1)
+    offsets = (-0.9, -0.45, 0.0, 0.45, 0.9)
+    for start, goal in (((15, 6, 0), (44, 6, 0)), ((44, 6, 0), (15, 6, 0))):
+        assert joined_for(offsets, 0.1, distances > 0.3, start, goal, reach=1)
+    assert not joined_for(offsets, 0.1, distances > 0.45, (15, 6, 0), (44, 6, 0), reach=1)
