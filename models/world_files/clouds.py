@@ -46,7 +46,9 @@ def cells_of_points(path: Path, points: NDArray[np.float64], options: ImportOpti
     with np.errstate(over="ignore"):  # too many cells are refused below
         cells = np.floor(finite / options.resolution)
     low, high = cells.min(axis=0), cells.max(axis=0) + 1
-    if not np.prod(high - low) <= MAX_CELLS:
+    with np.errstate(over="ignore"):
+        count = float(np.prod(high - low))
+    if not count <= MAX_CELLS:
         shape = " x ".join(f"{size:.0f}" for size in high - low)
         raise WorldFileError(
             path, f"{shape} cells, expected at most {MAX_CELLS}: a larger --resolution, or cut it"
@@ -56,8 +58,9 @@ def cells_of_points(path: Path, points: NDArray[np.float64], options: ImportOpti
     found = Found(grid=True, closed=True)
     origin = vector(low * options.resolution)
     found.parts = cell_boxes(path, occupied, options.resolution, origin)
-    count = int(occupied.sum())
-    found.notes.append(f"{len(finite)} points as {count} cells of {options.resolution:g} m")
+    found.notes.append(
+        f"{len(finite)} points as {int(occupied.sum())} cells of {options.resolution:g} m"
+    )
     if left_out := len(points) - len(finite):
         found.notes.append(f"{left_out} points are not finite: left out")
     return found
@@ -109,7 +112,9 @@ def read_pcd(path: Path, options: ImportOptions) -> Found:
             columns.append(values.reshape(shape)[:, 0])
     else:
         raise WorldFileError(path, f"DATA {kind[:40]}, expected ascii, binary or binary_compressed")
-    return cells_of_points(path, np.column_stack(columns).astype(np.float64), options)
+    with np.errstate(invalid="ignore"):  # points that are not finite are counted
+        points = np.column_stack(columns).astype(np.float64)
+    return cells_of_points(path, points, options)
 
 
 def _decompressed(path: Path, data: bytes, size: int) -> bytes:

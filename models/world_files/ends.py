@@ -120,6 +120,11 @@ def choose_ends(
     what = f"the widest place is {float(gaps.max()):.2f} m from everything, at ({x:.2f}, {y:.2f})"
     if start is not None or goal is not None:
         what = "nothing else can be reached from the given end"
+    elif float(gaps.max()) > radius + SPARE[-1]:
+        what += (
+            f", but no two such places are joined by ground less steep than {MAX_WALK_SLOPE:g} rad"
+            "; expected --start and --goal"
+        )
     raise NoSpaceError(
         f"no space for a radius of {radius:g} m and {SPARE[-1]:g} m to spare: {what}"
     )
@@ -281,6 +286,8 @@ def _enclosed(blocked: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:  # (
 
 def _diagonal(blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return cells with a blocked one towards lower x and y along the diagonal."""
+    if len(blocked) > blocked.shape[1]:  # row by row along the shorter side
+        return _diagonal(blocked.T).T
     seen = blocked.copy()
     for i in range(1, len(seen)):
         seen[i, 1:] |= seen[i - 1, :-1]

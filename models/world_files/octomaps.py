@@ -122,9 +122,8 @@ def _read_leaves(path: Path, occupied_only: bool) -> tuple[float, list[Leaf], li
         expected = HEADERS[ending].decode()
         raise WorldFileError(path, f"expected a file that begins with '{expected}'", 1)
     head, separator, nodes = data[:MAX_HEADER].partition(b"\ndata")
-    fields = dict(
-        line.split(None, 1) for line in head.splitlines() if line[:1] != b"#" and b" " in line
-    )
+    lines = [line.split(None, 1) for line in head.splitlines() if line[:1] != b"#"]
+    fields = dict(words for words in lines if len(words) == 2)
     cell = _number(fields.get(b"res", b""))
     if not separator or not 1e-4 <= cell <= 1e3:
         raise WorldFileError(path, "its header has no 'res' of 0.0001 to 1000 m, or no 'data'")

@@ -255,7 +255,7 @@ _text("mesh: COLLADA, 30 nodes that hold the next one twice", ".dae", collada(
 _text("mesh: COLLADA, a polygon of 2e9 corners", ".dae",
       collada(SQUARE_NODE, geometry=POLYLIST.format(count=2_000_000_000)))  # fmt: skip
 _text(
-    "SDF: an actor of 1e6 waypoints",
+    "SDF: an actor of 200,000 waypoints",
     ".world",
     SDF.format("<actor name='a'><script><trajectory id='0'>" + "".join(
         f"<waypoint><time>{k}</time><pose>{k % 9} 0 1 0 0 0</pose></waypoint>"

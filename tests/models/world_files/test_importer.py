@@ -671,6 +671,13 @@ def test_start_and_goal_are_chosen_where_a_file_tells_none(tmp_path):
     assert np.hypot(*np.subtract(world.goal, world.start)[:2]) > 7.0
 
 
+def test_where_all_is_steep_the_refusal_says_so(tmp_path):
+    x, y = np.meshgrid(np.arange(60), np.arange(60))
+    np.save(tmp_path / "waves.npy", 0.5 * np.sin(0.5 * x) * np.sin(0.5 * y))
+    with pytest.raises(WorldFileError, match=r"ground less steep than 0\.35 rad; expected --start"):
+        import_world(tmp_path / "waves.npy", ImportOptions(resolution=0.1))
+
+
 def test_the_file_tells_what_it_was_made_from(tmp_path):
     world = imported(sdf(tmp_path, PILLAR.format(pose="2 0 0 0 0 0"), name="a & b.world"))
     assert world.source.startswith("a & b.world, sha256 ")

@@ -1,8 +1,10 @@
 """Broken files of every imported format: refused in one line or read, and nothing else."""
 
+import contextlib
 import json
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -13,7 +15,8 @@ from wayproof.harness.bench.soak.fuzz import MOST_MEMORY_MIB
 from wayproof.harness.bench.soak.import_sources import SOURCES
 from wayproof.harness.bench.soak.imports import import_whole, run_case
 from wayproof.harness.errors import InputError
-from wayproof.models.world_files import FORMATS
+from wayproof.models.world_files import FORMATS, ImportOptions, WorldFileError, import_world
+from wayproof.models.world_files.octomaps import read_octomap
 
 
 @pytest.mark.parametrize("kind", SOURCES)
@@ -34,6 +37,24 @@ def test_broken_files_in_a_watched_process():
     assert (ended.returncode, found["failures"]) == (0, [])
     assert sum(found["refused"].values()) + sum(found["read"].values()) == 63
     assert 0 < found["peak_mib"] <= MOST_MEMORY_MIB
+
+
+def test_an_area_as_thin_as_it_is_long_takes_no_time(tmp_path):
+    """Two small boxes 90 km apart: two million cells in one row."""
+    points = "0 0 0\n90000 0.01 0\n"
+    head = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
+    (tmp_path / "a.ply").write_text(head + "property float z\nend_header\n" + points)
+    begin = time.process_time()
+    with contextlib.suppress(WorldFileError):
+        import_world(tmp_path / "a.ply", ImportOptions(resolution=0.1))
+    assert time.process_time() - begin < 5.0
+
+
+def test_a_line_of_an_octomap_without_a_value_is_passed_over(tmp_path):
+    files = SOURCES["bt"]()
+    data = files["a.bt"].replace(b"size 17", b"size ")
+    (tmp_path / "a.bt").write_bytes(data)
+    assert len(read_octomap(tmp_path / "a.bt", ImportOptions()).parts) == 1
 
 
 @given(st.sampled_from(list(SOURCES)), st.integers(0, 2**32))
