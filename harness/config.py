@@ -15,7 +15,8 @@ from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.perturbations import AnyPerturbation
-from wayproof.harness.prior_config import PriorConfig
+from wayproof.harness.prediction_config import NO_PREDICTOR, PredictionConfig
+from wayproof.harness.prior_config import NO_PRIOR, PriorConfig
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.renamed import current_value, renamed, with_current_names
 from wayproof.maps import MAPS, CostmapConfig, MapConfig
@@ -169,6 +170,7 @@ class Config:
         estimate: Where the pose comes from that the stack and the controller get.
         pose_model: Errors of the pose by `estimate.kind=model`.
         prior: A prior map, and what it may do.
+        prediction: A predictor of what was not measured, likewise.
         perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
         robot_file: Text of the robot's spec file, in a log; set by the run.
         prior_map: Cells of the prior map, in a log; set by the run.
@@ -194,6 +196,7 @@ class Config:
     costmap: CostmapConfig = field(default_factory=CostmapConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
     prior: PriorConfig = field(default_factory=PriorConfig)
+    prediction: PredictionConfig = field(default_factory=PredictionConfig)
     motion: MotionConfig = field(default_factory=MotionConfig)
     behaviour: BehaviourConfig = field(default_factory=BehaviourConfig)
     latency: LatencyConfig = field(default_factory=LatencyConfig)
@@ -213,6 +216,13 @@ class Config:
         check_fields(self, "")
         _check_estimate(self.estimate.kind, self.perturbation)
         _check_class_margins(self.costmap.class_margins, self.sensors.semantics)
+
+    @property
+    def has_layers(self) -> bool:
+        """Whether decisions have other evidence than what was measured: a prior or predictions."""
+        prior = self.prior.source != NO_PRIOR and self.prior.policy != "ignore"
+        predicted = self.prediction.source != NO_PREDICTOR and self.prediction.policy != "ignore"
+        return prior or predicted
 
 
 def _check_places(config: Config) -> None:
@@ -360,12 +370,16 @@ def _section(document: Any, name: str) -> dict[str, Any]:
 
 
 def document_of(config: Config) -> dict[str, Any]:
-    """The resolved config as plain JSON values; no waypoints and no prior map are left out."""
+    """The resolved config as plain JSON values.
+
+    Waypoints, a prior map and predictions are left out where there are none.
+    """
     document: dict[str, Any] = msgspec.to_builtins(config)
     left_out = {
         "waypoints": not config.waypoints,
         "prior": config.prior == PriorConfig(),
         "prior_map": not config.prior_map,
+        "prediction": config.prediction == PredictionConfig(),
     }
     return {name: value for name, value in document.items() if not left_out.get(name, False)}
 

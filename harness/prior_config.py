@@ -34,6 +34,9 @@ class PriorConfig:
         policy: `guide`: free cells cost a global path less than unknown ones, and occupied ones are
             avoided while there is another way; none is admitted. `admit`: they count as measured
             ones do, until they are measured. `ignore`: nothing.
+        cost: Cost of space that is free by a prior map or a prediction, and not measured, to a
+            global path; at the edge of the inflation it is 1, and `behaviour.unknown_cost` where
+            nothing is known.
         x: Position of the prior map's origin in the world, m.
         y: Likewise.
         z: Likewise.
@@ -45,6 +48,7 @@ class PriorConfig:
 
     source: str = NO_PRIOR
     policy: PriorPolicy = "guide"
+    cost: Annotated[float, Bounds(0.0, 1e6)] = 2.0
     x: Annotated[float, Bounds(-1e4, 1e4, "m")] = 0.0
     y: Annotated[float, Bounds(-1e4, 1e4, "m")] = 0.0
     z: Annotated[float, Bounds(-100.0, 100.0, "m")] = 0.0

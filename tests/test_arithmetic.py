@@ -69,6 +69,8 @@ ALLOWED = {
     ("maps.kernels.edt_field", "**"): "the square of a whole number",
     ("maps.kernels.labels", "**"): "squares of whole numbers",
     ("maps.costmap.lazy_distances", "sum"): "of wall times, for the record",
+    ("harness.prediction.completion", "numpy.matmul"): "of whole numbers below 2^53",
+    ("harness.prediction.completion", "**"): "of whole numbers, exact in floats",
     ("planners.frontier", "scipy"): "ndimage.label: whole numbers",
     **{(module, "sum"): "of whole numbers" for module in SUMS_OF_WHOLE_NUMBERS},
 }

@@ -18,9 +18,17 @@ ALLOWED = {
 
 ORDER = (
     *("errors", "forked", "schema", "geometry", "perturbations", "renamed", "behaviour_config"),
-    *("recording_config", "estimator_config", "prior_config", "config", "mission", "goals"),
+    *(
+        "recording_config",
+        "estimator_config",
+        "prior_config",
+        "prediction_config",
+        "config",
+        "mission",
+        "goals",
+    ),
     *("listed_beams", "inputs"),
-    *("prior.grid", "prior.cells", "estimators", "stack", "interface"),
+    *("prior.grid", "prior.cells", "prediction", "estimators", "stack", "interface"),
     *("result", "ending", "outputs", "supervision"),
     *("user_code", "log", "recordings", "prior", "scenario", "recompute", "attribution"),
     *("warm_up", "sim", "episode", "runner"),

@@ -151,9 +151,10 @@ def unseen_obstacle(facts: ContactFacts) -> str | None:
             f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were "
             f"unknown at decision {facts.decision}; {_followed(facts.commanded)}"
         )
+    by = "a prior map let the robot in" if facts.prior_admits else "the robot was let in"
     return (
         f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were "
-        f"unknown at decision {facts.decision}, and the robot was let in"
+        f"unknown at decision {facts.decision}, and {by}"
     )
 
 

@@ -19,6 +19,7 @@ from wayproof.harness.attribution.commanded import (
 from wayproof.harness.attribution.pose import PoseFacts, error_of, pose_facts, usual_margin
 from wayproof.harness.attribution.ranges import RangeFacts, range_facts
 from wayproof.harness.log.paths import densely
+from wayproof.harness.prior_config import NO_PRIOR
 from wayproof.harness.result import Contact
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
@@ -75,6 +76,7 @@ class ContactFacts:
         late_answer: Part of that delay which a stack on trial took to answer, s.
         commanded: The commands of a stack on trial that led to it against the referee's verdict;
             None of the built-in stack, or if those that led to it were admitted.
+        prior_admits: Whether free space of a prior map admits the robot where nothing was measured.
     """
 
     name: str
@@ -101,6 +103,7 @@ class ContactFacts:
     late_answer: float = 0.0
     hidden: int = 0
     commanded: CommandedFacts | None = None
+    prior_admits: bool = False
 
 
 def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
@@ -145,6 +148,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         hidden=hidden,
         late_answer=0.0 if late is None else answer_s(late),
         commanded=commanded_facts(case, commands, navigator, number, contact.name),
+        prior_admits=case.config.prior.source != NO_PRIOR and case.config.prior.policy == "admit",
     )
 
 

@@ -335,8 +335,8 @@ def _rows(card: Card) -> list[tuple[str, str]]:
             f"{least}{search}",
         ),
     ]
-    if card.prior:
-        rows.append(("prior map", card.prior))
+    if card.unmeasured:
+        rows.append(("not measured", card.unmeasured))
         rows.append(("committed rests on", _rests(card.committed_evidence)))
         rows.append(("global path rests on", _rests(card.global_evidence)))
     if card.stack:

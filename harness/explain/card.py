@@ -19,6 +19,7 @@ from wayproof.harness.explain.commanded import Commanded, command_in_words, comm
 from wayproof.harness.goals import goal_name
 from wayproof.harness.log.paths import arc_lengths, densely, length
 from wayproof.harness.mission import Mission
+from wayproof.harness.prediction_config import NO_PREDICTOR
 from wayproof.harness.prior_config import NO_PRIOR
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of, widened_in_words
@@ -102,9 +103,9 @@ class Card:
         planned_m: Length of the stack's own planned path, m; 0 without one.
         planned_admitted_m: Length of it up to the first cell that the policy does not let the body
             enter in the referee's map, m.
-        prior: Source of the prior map and its policy; empty without one.
+        unmeasured: Sources of a prior map and of predictions with their policies; empty without.
         committed_evidence: Lengths of the committed path by what they rest on, m; empty without
-            a prior map.
+            such.
         global_evidence: The same of the global path.
         keyframe: Number of the decision after whose map in the log this map was made again; None
             from the start.
@@ -153,7 +154,7 @@ class Card:
     answer: str = ""
     planned_m: float = 0.0
     planned_admitted_m: float = 0.0
-    prior: str = ""
+    unmeasured: str = ""
     committed_evidence: dict[str, float] = field(default_factory=dict)
     global_evidence: dict[str, float] = field(default_factory=dict)
     keyframe: int | None = None
@@ -259,17 +260,23 @@ def command_at(case: Case, number: int) -> Commanded | None:
 class _OfPrior(TypedDict, total=False):
     """Fields of a card that only a decision with a prior map has."""
 
-    prior: str
+    unmeasured: str
     committed_evidence: dict[str, float]
     global_evidence: dict[str, float]
 
 
 def _of_prior(case: Case, decision: pb.Decision) -> _OfPrior:
-    prior = case.config.prior
-    if prior.source == NO_PRIOR:
+    config = case.config
+    prior, prediction = config.prior, config.prediction
+    used = []
+    if prior.source != NO_PRIOR:
+        used.append(f"prior map {prior.source}, {prior.policy}")
+    if prediction.source != NO_PREDICTOR:
+        used.append(f"prediction {prediction.source}, {prediction.policy}")
+    if not used:
         return {}
     return {
-        "prior": f"{prior.source}, {prior.policy}",
+        "unmeasured": "; ".join(used),
         "committed_evidence": _lengths(decision.committed_evidence),
         "global_evidence": _lengths(decision.global_evidence),
     }

@@ -151,11 +151,12 @@ def _replan(
         heading = heading_at(prefix, arc_length(prefix))
     space = input.known_free
     search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
-    wider = [one for one in (input.guided, input.optimistic) if one is not None]
-    for beyond in () if only_known else wider:
-        if search.waypoints is None:
-            space = replace(beyond, few_reads=not exhaustive)
-            search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
+    if search.waypoints is None and not only_known and input.guided is not None:
+        space = replace(input.guided(), few_reads=not exhaustive)
+        search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
+    if search.waypoints is None and not only_known:
+        space = replace(input.optimistic, few_reads=not exhaustive)
+        search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
     if search.waypoints is None:
         return search, None
     waypoints = drop_duplicates(np.concatenate([straight[:-1], search.waypoints]))
@@ -205,7 +206,7 @@ def _is_better(input: PlannerInput, state: PlannerState, found: Array | None, pa
         return found is not None
     weight = input.planner.clearance_weight
     if input.guided is not None:
-        found_cost, cost = (input.guided.path_cost(one, weight) for one in (found, path))
+        found_cost, cost = (input.guided().path_cost(one, weight) for one in (found, path))
         if not found_cost == cost == np.inf:
             return input.planner.replaces(found_cost, cost)
     found_cost, cost = (input.optimistic.path_cost(one, weight) for one in (found, path))

@@ -80,9 +80,8 @@ class Mapper:
             )
 
         measured = with_class_margins(self.map, self.labels, config.costmap.class_margins)
-        self.stages, self.costmap, self.guide = stages_of(
-            measured, layers_of(config, mission), costmap_of
-        )
+        self._layers = layers_of(config, mission)
+        self.stages, self.costmap, self.guide = stages_of(measured, self._layers, costmap_of)
         self.on_integrated: Callable[[Inputs], None] | None = None
         self.on_placed: Callable[[WorldSweep, float, int], None] | None = None
         self._declare_start_free()
@@ -130,6 +129,9 @@ class Mapper:
         # Computing all distances of a plane is faster than tracking which are read.
         margin = margin_of(inputs.pose, self._config, self._mission)
         widening = margin.widening
+        for layer in self._layers:
+            if layer.follow is not None:
+                layer.follow(self.map)
         for stage in self.stages:
             stage.costmap.update(margin.least, whole=self._mission.planar, widening=widening)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -76,9 +78,25 @@ class FreeSpaceBuilder:
             known_free = self._space(costmap.known_free, circumscribed)
         return FreeSpaces(traversable, known_free, self._optimistic(circumscribed))
 
-    def guided(self, circumscribed: bool) -> FreeSpace:
-        """Optimistic space by all evidence, for the disc about the body or for its discs."""
-        return self._optimistic(circumscribed and self._elongated)
+    def guided(self, measured: Costmap, circumscribed: bool) -> FreeSpace:
+        """Optimistic space by all evidence, for the disc about the body or for its discs.
+
+        What is free by other evidence than measurements costs `prior.cost`.
+
+        Args:
+            measured: Costmap of what was measured, with the same cells and margin.
+            circumscribed: Whether for the disc.
+        """
+        space = self._optimistic(circumscribed and self._elongated)
+        unknown = space.collision_distance_sq + 1
+        elsewhere = unknown + 1
+        optimistic = self._costmap.optimistic(unknown).whole()
+        near = measured.known_free.whole() < unknown
+        distances = np.where(near, np.minimum(optimistic, np.uint16(elsewhere)), optimistic)
+        table = space.cost_by_distance.copy()
+        table[elsewhere] = table[unknown] + self._config.prior.cost
+        table[elsewhere] -= self._config.behaviour.unknown_cost
+        return replace(space, distances=distances, cost_by_distance=table)
 
     def known_free(self, circumscribed: bool) -> FreeSpace:
         """Space known to be free, for the disc about the body or for its discs."""
@@ -195,8 +213,12 @@ class PlannerInputBuilder:
             evidence=self._evidence(circumscribed=False),
         )
 
-    def _guided(self, circumscribed: bool) -> FreeSpace | None:
-        return None if self._guide is None else self._guide.guided(circumscribed)
+    def _guided(self, circumscribed: bool) -> Callable[[], FreeSpace] | None:
+        """Makes the guided space where it is asked for, and once for a decision."""
+        guide, measured = self._guide, self._mapper.stages[0].costmap
+        if guide is None:
+            return None
+        return functools.cache(lambda: guide.guided(measured, circumscribed))
 
     def _evidence(self, circumscribed: bool) -> tuple[EvidenceSpace, ...]:
         return tuple(

@@ -15,9 +15,11 @@ import numpy as np
 from wayproof.harness.config import Config
 from wayproof.harness.geometry import polyline_length
 from wayproof.harness.mission import Mission
+from wayproof.harness.prediction_config import NO_PREDICTOR
 from wayproof.harness.prior.cells import prior_layer
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import GRAIN
+from wayproof.harness.stack.prediction import PredictedCells
 from wayproof.harness.stack.types import Array, EvidenceSpace, Provenance
 from wayproof.maps import Costmap
 from wayproof.maps.columns import ColumnMap
@@ -42,11 +44,13 @@ class Layer(NamedTuple):
         provenance: `prior` or `predicted`.
         cells: Its states.
         admits: Whether its free cells admit the body.
+        follow: Brings it up to date with the measured map; None of a layer that does not change.
     """
 
     provenance: Provenance
     cells: CellLayer
-    admits: bool
+    admits: bool = False
+    follow: Callable[[ColumnMap], None] | None = None
 
 
 class Stage(NamedTuple):
@@ -79,10 +83,15 @@ def layers_of(config: Config, mission: Mission) -> tuple[Layer, ...]:
     """The layers that a config has, those that admit first.
 
     Raises:
-        ValueError: A prior map is none.
+        ValueError: A prior map is none, or a predictor is for other cells.
     """
-    cells = prior_layer(config, mission)
-    return () if cells is None else (Layer("prior", cells, config.prior.policy == "admit"),)
+    layers: list[Layer] = []
+    if (cells := prior_layer(config, mission)) is not None:
+        layers.append(Layer("prior", cells, admits=config.prior.policy == "admit"))
+    if config.prediction.source != NO_PREDICTOR and config.prediction.policy == "guide":
+        predicted = PredictedCells(config, mission)
+        layers.append(Layer("predicted", predicted.cells, follow=predicted.follow))
+    return tuple(layers)
 
 
 def stages_of(

@@ -87,8 +87,9 @@ class PlannerInput:
         mission_goal: (3,) the mission's goal where `goal` is its projection to free space, m.
         plan: Path planner: space, start, goal, settings, seed, heading.
         localization: How well the pose is known; none if no covariance is stated.
-        guided: Optimistic space with what was not measured laid under the map: its occupied cells
-            block, and its free ones cost no more than measured ones; none without such evidence.
+        guided: Makes the optimistic space with what was not measured laid under the map: its
+            occupied cells block, and its free ones cost less than unknown ones; none without such
+            evidence.
         evidence: Space known to be free by each stage of the evidence, the measured one first;
             empty without any other.
     """
@@ -114,7 +115,7 @@ class PlannerInput:
     mission_goal: Array | None = None
     plan: PlanPath = plan
     localization: Localization | None = None
-    guided: FreeSpace | None = None
+    guided: Callable[[], FreeSpace] | None = None
     evidence: tuple[EvidenceSpace, ...] = ()
 
     @property

@@ -31,6 +31,7 @@ def curves(moment: Snapshot, axes: int) -> dict[str, float]:
             "path/committed_unmeasured_m": committed.prior_m + committed.predicted_m,
             "path/global_measured_m": ahead.measured_m,
             "path/global_prior_m": ahead.prior_m,
+            "path/global_predicted_m": ahead.predicted_m,
             "path/global_unproven_m": ahead.unproven_m,
         }
     if not math.isnan(truth.clearance_m):  # a recording has no truth

@@ -71,7 +71,7 @@ def _column(root: str, log: Log) -> rrb.Vertical:
             rrb.Tabs(_plot(root, "pose"), _plot(root, "heading")),
         ),
         rrb.Horizontal(
-            _plot(root, "path", legend=bool(log.config.prior_map)),
+            _plot(root, "path", legend=log.config.has_layers),
             _plot(root, "latency"),
             _plot(root, "delay"),
         ),

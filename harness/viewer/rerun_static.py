@@ -58,9 +58,10 @@ CURVES = {
 """Names and colours of the curves."""
 
 BY_PROVENANCE = {
-    "path/committed_unmeasured_m": ("of it by the prior map", 0xFF4040FF),
+    "path/committed_unmeasured_m": ("of it not measured", 0xFF4040FF),
     "path/global_measured_m": ("global path, measured", 0x2E9E4FFF),
     "path/global_prior_m": ("global path by the prior map", 0xE0A000FF),
+    "path/global_predicted_m": ("global path, predicted", 0x9650C8FF),
     "path/global_unproven_m": ("global path, by nothing", 0x9696A0FF),
 }
 """Those of curves that only a log with a prior map has."""
@@ -89,7 +90,7 @@ def show_static(stream: rr.RecordingStream, log: Log, root: str) -> frozenset[st
     world = f"{root}/world"
     stream.log(world, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _show_bodies(stream, log.mission, world)
-    _show_styles(stream, root, layered=bool(log.config.prior_map))
+    _show_styles(stream, root, layered=log.config.has_layers)
     _show_prior(stream, log, world)
     return _show_scene(stream, log, world)
 

@@ -142,7 +142,7 @@ def _well_within(cells: Cells, places: Array, slack: float) -> NDArray[np.int64]
 def check_evidence(moment: Moment) -> list[Violation]:
     """Check the lengths by provenance that a decision states, by the measured map and the prior."""
     decision, config = moment.decision, moment.config
-    layered = bool(config.prior_map) and config.prior.policy != "ignore"
+    layered = config.has_layers
     stated = {
         name: getattr(decision, name)
         for name in ("committed_evidence", "global_evidence")

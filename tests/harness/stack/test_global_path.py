@@ -14,6 +14,7 @@ from tests.harness.stack.make_input import (
     at_rest,
     drive,
     make_input,
+    make_space,
     make_states,
     next_input,
     place,
@@ -26,6 +27,7 @@ from wayproof.harness.stack.global_path import (
     project_goal_to_free,
 )
 from wayproof.harness.stack.types import BehaviourConfig, Exploration, arc_length, distance
+from wayproof.maps import OCCUPIED
 
 STRAIGHT = np.array([place(*START), place(*GOAL)])
 DETOUR = np.array([place(*START), place(3.05, 3.55), place(*GOAL)])
@@ -179,3 +181,42 @@ def test_the_heading_of_a_path_is_that_of_the_edge_at_an_arc_length():
     assert heading_at(path, 0.5) == 0.0
     assert heading_at(path, 1.5) == pytest.approx(0.5 * np.pi, abs=1e-9)
     assert distance(path[0], path[2]) == pytest.approx(np.sqrt(2.0))
+
+
+BEHIND = [(3.0, 8.0, 0.0, 4.0)]
+"""The unknown part of a room."""
+
+
+def guided_by(*occupied):
+    """The input of a room whose far part is unknown, with a prior map of what stands in it."""
+    guide = make_space(make_states(occupied=occupied) == OCCUPIED)
+    return make_input(make_states(unknown=BEHIND), guided=lambda: guide)
+
+
+def test_a_path_goes_round_what_only_a_prior_map_knows():
+    free = replanned(guided_by(), at_rest()).state.global_path
+    np.testing.assert_allclose(free[[0, -1]], STRAIGHT)
+    turned = replanned(guided_by(WALL), at_rest()).state.global_path
+    assert turned[:, 1].max() > 3.2
+    assert arc_length(turned) > arc_length(free) + 0.5
+
+
+def test_where_a_prior_map_leaves_no_way_the_search_goes_on_without_it():
+    closed = replanned(guided_by((4.0, 4.3, 0.0, 4.0)), at_rest())
+    np.testing.assert_allclose(closed.state.global_path[[0, -1]], STRAIGHT)
+
+
+def test_a_path_through_what_only_a_prior_map_holds_is_kept_until_there_is_a_better_one():
+    input = guided_by(WALL)
+    kept = replanned(input, at_rest(global_path=STRAIGHT))
+    np.testing.assert_array_equal(kept.state.global_path, STRAIGHT)
+    due = round(BehaviourConfig().replan_period * 1e9) // PERIOD_NS
+    later = replace(input, time_ns=due * PERIOD_NS, effect_ns=(due + 1) * PERIOD_NS, sequence=due)
+    assert replanned(later, at_rest(global_path=STRAIGHT)).state.global_path[:, 1].max() > 3.2
+
+
+def test_of_two_paths_that_a_prior_map_blocks_the_cheaper_one_without_it_is_taken():
+    guide = make_space(make_states(occupied=[(4.0, 4.3, 0.0, 4.0)]) == OCCUPIED)
+    input = make_input(make_states(unknown=BEHIND), sequence=20, guided=lambda: guide)
+    planned = replanned(input, at_rest(global_path=DETOUR))
+    assert arc_length(planned.state.global_path) < arc_length(DETOUR) - 0.3
