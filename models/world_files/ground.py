@@ -51,6 +51,9 @@ PLANE_THICKNESS = 0.5
 SHEET_THICKNESS = 0.01
 """Thickness of the box that stands for a plane of the size that it is drawn with, m."""
 
+LEAST_WALL = 0.5
+"""Horizontal part of a plane's unit normal from which it is a wall."""
+
 PLANE_BORDER = 1.0
 """Border of an infinite plane around the other parts, m."""
 
@@ -262,7 +265,7 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
         low, high = bounds_of(found.parts)
     else:
         low, high = np.full(3, -EMPTY_EXTENT), np.full(3, EMPTY_EXTENT)
-    first, last = _front(planes, low, high)
+    first, last = _front(found, planes, low, high, height)
     for plane in planes:
         name = plane.model or "a plane"
         if _is_up(plane) and float(plane.point[2]) < height:
@@ -295,23 +298,34 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
 
 
 def _axis_of(plane: Plane) -> int | None:
-    """Return the axis, x or y, that an infinite wall faces along; None of another plane."""
+    """Return the axis, x or y, that an infinite wall faces along or up from; None of others."""
     level = np.abs(plane.normal[:2])
-    is_wall = plane.axes is None and float(level.max()) > 1.0 - LEVEL
-    return int(np.argmax(level)) if is_wall else None
+    is_wall = plane.axes is None and float(level.max()) > LEAST_WALL and plane.normal[2] > -LEVEL
+    return int(np.argmax(level)) if is_wall and float(level.min()) < LEVEL else None
 
 
 def _front(
-    planes: list[Plane], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return corners (3,) of a scene, m, moved to the infinite walls that face along an axis."""
+    found: Found, planes: list[Plane], low: NDArray[np.float64], high: NDArray[np.float64],
+    height: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
+    """Return the corners (3,) of a scene, m, moved to the infinite walls that face along an axis.
+
+    Where walls stand on all four sides, they bound the area.
+    """
     first, last = low.copy(), high.copy()
+    sides = set()
     for plane in planes:
         axis = _axis_of(plane)
         if axis is not None:
-            (first if plane.normal[axis] > 0.0 else last)[axis] = plane.point[axis]
-    turned = first >= last  # walls that face away from one another
-    return np.where(turned, low, first), np.where(turned, high, last)
+            rise = (height - plane.point[2]) * plane.normal[2] / plane.normal[axis]
+            inwards = bool(plane.normal[axis] > 0.0)
+            (first if inwards else last)[axis] = plane.point[axis] - rise
+            sides.add((axis, inwards))
+    if (first >= last).any():  # walls that face away from one another
+        return low, high
+    if len(sides) == 4:
+        found.walls = vector(first), vector(last)
+    return first, last
 
 
 def _note_drawn(found: Found, floors: list[Plane]) -> None:

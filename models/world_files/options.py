@@ -114,6 +114,7 @@ class Found:
         plane: Whether there is a level plane at height 0: the floor.
         planes: Planes of the file, until the floor is settled.
         movers: Things that move, each with a body on the ground.
+        walls: Corners of what infinite walls enclose on all four sides, m; None without them.
         missing: Names of models and files that are not there and were left out.
         closed: Whether nothing is known beyond the parts, as around a map.
         grid: Whether the parts are cells of a grid, of which the lowest may be the floor.
@@ -133,6 +134,7 @@ class Found:
     plane: bool = False
     planes: list[Plane] = field(default_factory=list)
     movers: list[Mover] = field(default_factory=list)
+    walls: tuple[Vector3, Vector3] | None = None
     missing: list[str] = field(default_factory=list)
     closed: bool = False
     grid: bool = False

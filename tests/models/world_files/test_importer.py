@@ -457,12 +457,14 @@ def test_a_point_cloud_gives_the_cells_of_its_points(tmp_path, kind):
     np.testing.assert_allclose([far.low, far.high], [(3.0, 0.0, 0.3), (3.1, 0.1, 0.4)], atol=1e-6)
 
 
-def test_infinite_walls_enclose_what_they_face(tmp_path):
+@pytest.mark.parametrize("up", ["0", "0.6"])
+def test_infinite_walls_enclose_what_they_face(tmp_path, up):
     """Nothing is chosen behind a plane, where MuJoCo has the solid side of it."""
     walls = "".join(
         f"<geom name='w{n}' type='plane' size='5 5 1' pos='{at}' zaxis='{normal}'/>"
         for n, (at, normal) in enumerate((
-            ("-5 0 0", "1 0 0"), ("5 0 0", "-1 0 0"), ("0 -4 0", "0 1 0"), ("0 4 0", "0 -1 0"),
+            ("-5 0 0", f"1 0 {up}"), ("5 0 0", f"-1 0 {up}"), ("0 -4 0", f"0 1 {up}"),
+            ("0 4 0", f"0 -1 {up}"),
         ))
     )  # fmt: skip
     floor = "<geom name='floor' type='plane' size='9 9 1'/>"
@@ -470,9 +472,12 @@ def test_infinite_walls_enclose_what_they_face(tmp_path):
     world, _ = import_world(write(tmp_path, "a.xml", text))
     assert (np.abs([world.start[:2], world.goal[:2]]) < (5.0, 4.0)).all()
     assert np.hypot(*np.subtract(world.goal, world.start)[:2]) > 6.0
-    bounds = np.array([(box.low[:2], box.high[:2]) for box in world.solids if box.kind == "wall"])
-    np.testing.assert_allclose(bounds.min(axis=(0, 1)), (-5.5, -4.5))
-    np.testing.assert_allclose(bounds.max(axis=(0, 1)), (5.5, 4.5))
+    np.testing.assert_allclose(world.low[:2], (-5.0, -4.0))
+    np.testing.assert_allclose(world.high[:2], (5.0, 4.0))
+    if up == "0":
+        walls = [box for box in world.solids if box.kind == "wall"]
+        np.testing.assert_allclose(np.min([box.low[:2] for box in walls], axis=0), (-5.5, -4.5))
+        np.testing.assert_allclose(np.max([box.high[:2] for box in walls], axis=0), (5.5, 4.5))
 
 
 def test_cells_up_to_the_floor_are_the_floor(tmp_path):
