@@ -282,6 +282,9 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
             beside = 1 - axis
             half = (last[beside] - first[beside]) / 2.0 + thickness, reach
             middle[beside] = (first[beside] + last[beside]) / 2.0
+            middle[axis] = (first if plane.normal[axis] > 0.0 else last)[axis]
+            middle[2] = height
+            middle += reach * np.sign(R[2, 1]) * R[:, 1]  # from the floor on up the wall
         if plane.half_extents is not None and plane.axes is not None:
             half, thickness = plane.half_extents, SHEET_THICKNESS
             R, middle = plane.axes, plane.point
