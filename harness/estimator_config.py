@@ -41,12 +41,16 @@ class EstimateConfig:
         map_error_share: The same of the error that a registration leaves in the map and in the
             stated covariance. It is greater, as that of one sweep and the next is alike.
             Calibrated from logs with truth (docs/estimators.md).
+        surface_roughness: Standard deviation of the map's planes from the surfaces in that error,
+            m; likewise.
         position_floor: Standard deviation that each registration adds to that of its part of the
             map, m; likewise.
         heading_floor: The same of the heading, rad; likewise.
         motion_share: Standard deviation of the predicted motion along directions that the scene
-            does not hold, as a share of it. The quadruped's feet roll as it walks, which costs 2.5
-            % of the way in `tunnel` and `hall`.
+            does not hold, as a share of it. The quadruped's feet roll as it walks, which costs 1 to
+            2.5 % of the way in `tunnel` and `hall`.
+        motion_walk: Standard deviation that the feet, or an odometry, add along each of these
+            directions, also across the way, m for the root of a metre; from the same episodes.
     """
 
     kind: EstimatorKind = "model"
@@ -60,10 +64,12 @@ class EstimateConfig:
     held: Annotated[float, Bounds(0.0, 0.3)] = 0.04
     registered_share: Annotated[float, Bounds(0.0, 1.0)] = 0.25
     sweep_noise_share: Annotated[float, Bounds(0.001, 10.0)] = 0.05
-    map_error_share: Annotated[float, Bounds(0.0, 10.0)] = 0.25
-    position_floor: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.0005
+    map_error_share: Annotated[float, Bounds(0.0, 10.0)] = 0.14
+    surface_roughness: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.001
+    position_floor: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.0003
     heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0002
     motion_share: Annotated[float, Bounds(0.0, 1.0)] = 0.03
+    motion_walk: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.012
 
     def __post_init__(self) -> None:
         """Check every field."""

@@ -61,7 +61,8 @@ class Voxels(NamedTuple):
         counts: (m,) number of points.
         means: (m, 3) world, m.
         squares: (m, 6) sums of products of deviations from the mean, xx xy xz yy yz zz, m^2.
-        planes: (m, 4) unit normal, and 1 if the points make a plane.
+        planes: (m, 4) unit normal to the side that its points were seen from, and 1 if they make a
+            plane.
         births: (m,) number of the sweep that met it first.
     """
 
@@ -121,11 +122,14 @@ def first_of_each(
 
 
 @kernel
-def add_points(points: Array, inverse: float, voxels: Voxels, birth: int) -> int:
+def add_points(points: Array, viewer: Array, inverse: float, voxels: Voxels, birth: int) -> int:
     """Add points to the voxels that they lie in, and fit the planes of these again.
+
+    Points seen from behind a plane are those of the other face of a thin wall, and left out.
 
     Args:
         points: (n, 3) world, m.
+        viewer: (3,) from where they were seen, world, m.
         inverse: One by the edge of a voxel, 1/m.
         voxels: With at least n empty slots; written.
         birth: Number of the sweep.
@@ -142,13 +146,22 @@ def add_points(points: Array, inverse: float, voxels: Voxels, birth: int) -> int
             voxels.keys[slot] = key
             voxels.births[slot] = birth
             new += 1
-        if voxels.counts[slot] < MOST_POINTS:
-            add_point(voxels, int(slot), x, y, z)
+        behind = voxels.planes[slot, 3] == 1.0 and not seen_from(voxels, slot, viewer)
+        if voxels.counts[slot] < MOST_POINTS and not behind:
+            add_point(voxels, int(slot), x, y, z, viewer)
     return new
 
 
 @kernel
-def add_point(voxels: Voxels, slot: int, x: float, y: float, z: float) -> None:
+def seen_from(voxels: Voxels, slot: np.int64, viewer: Array) -> bool:
+    """Whether a position (3,) lies where a voxel's points were seen from, before its plane."""
+    plane, mean = voxels.planes[slot], voxels.means[slot]
+    x, y, z = viewer[0] - mean[0], viewer[1] - mean[1], viewer[2] - mean[2]
+    return bool(plane[0] * x + plane[1] * y + plane[2] * z >= 0.0)
+
+
+@kernel
+def add_point(voxels: Voxels, slot: int, x: float, y: float, z: float, viewer: Array) -> None:
     """Update mean and products by one point (Welford 1962, Technometrics 4), and the plane."""
     count = voxels.counts[slot] + 1
     voxels.counts[slot] = count
@@ -166,6 +179,8 @@ def add_point(voxels: Voxels, slot: int, x: float, y: float, z: float) -> None:
     squares[5] += dz * ez
     if count >= LEAST_POINTS and (count < 2 * LEAST_POINTS or count % 8 == 0):
         fit_plane(squares, count, voxels.planes[slot])
+        if not seen_from(voxels, slot, viewer):
+            voxels.planes[slot, :3] *= -1.0
 
 
 @kernel
@@ -294,10 +309,16 @@ def align(
 
 
 @kernel
-def distance_from_plane(voxels: Voxels, slot: np.int64, x: float, y: float, z: float) -> float:
-    """Signed distance of a point from the plane of a voxel, m; infinite where it has none."""
+def distance_from_plane(
+    voxels: Voxels, slot: np.int64, x: float, y: float, z: float, viewer: Array
+) -> float:
+    """Signed distance of a point from the plane of a voxel, m.
+
+    Infinite where it has none, or one that was seen from the other side: the two faces of a board,
+    a wall or a shelf are a few centimetres apart, and the one is no evidence of the other.
+    """
     plane = voxels.planes[slot]
-    if voxels.keys[slot] == EMPTY or plane[3] == 0.0:
+    if voxels.keys[slot] == EMPTY or plane[3] == 0.0 or not seen_from(voxels, slot, viewer):
         return inf
     mean = voxels.means[slot]
     return float(plane[0] * (x - mean[0]) + plane[1] * (y - mean[1]) + plane[2] * (z - mean[2]))
@@ -335,14 +356,14 @@ def examine(
     c, s = cos(correction[3]), sin(correction[3])
     bx, by = predicted[0] + correction[0], predicted[1] + correction[1]
     bz = predicted[2] + correction[2]
-    row = np.empty(4)
+    viewer, row = np.array((bx, by, bz)), np.empty(4)
     inliers = 0
     for index in range(len(offsets)):
         ox, oy = offsets[index, 0], offsets[index, 1]
         rx, ry = c * ox - s * oy, s * ox + c * oy
         x, y, z = bx + rx, by + ry, bz + offsets[index, 2]
         slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
-        distance = abs(distance_from_plane(voxels, slot, x, y, z))
+        distance = abs(distance_from_plane(voxels, slot, x, y, z, viewer))
         if distance > GATE:
             continue
         distances[inliers] = distance
@@ -376,14 +397,14 @@ def sum_up(
     c, s = cos(correction[3]), sin(correction[3])
     bx, by = predicted[0] + correction[0], predicted[1] + correction[1]
     bz = predicted[2] + correction[2]
-    row = np.empty(4)
+    viewer, row = np.array((bx, by, bz)), np.empty(4)
     inliers, total = 0, 0.0
     for index in range(len(offsets)):
         ox, oy = offsets[index, 0], offsets[index, 1]
         rx, ry = c * ox - s * oy, s * ox + c * oy
         x, y, z = bx + rx, by + ry, bz + offsets[index, 2]
         slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
-        distance = distance_from_plane(voxels, slot, x, y, z)
+        distance = distance_from_plane(voxels, slot, x, y, z, viewer)
         if abs(distance) > gate:
             continue
         plane = voxels.planes[slot]

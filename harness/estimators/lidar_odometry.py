@@ -24,10 +24,13 @@ from wayproof.models.pose_model import ERROR_STEP, PoseError
 FIRST_RESIDUAL = 0.01
 """Standard deviation of the distances of points from planes before the first sweep tells it, m."""
 
+ROUGHNESS = 0.003
+"""Standard deviation of the planes from the surfaces, by which the prediction counts, m."""
+
 MAP_SPACING = 0.1
 """Distance between the points of a sweep that are mapped, m."""
 
-NAME = "lidar/3"
+NAME = "lidar/4"
 """Name and version of the estimator, as it is logged."""
 
 
@@ -105,8 +108,8 @@ class LidarOdometry:
         shift, turn = registration.correction[:3], float(registration.correction[3])
         self._position = self._position + shift
         self._heading += turn
-        if math.isfinite(registration.residual):
-            self._residual = registration.residual
+        if math.isfinite(registration.scatter):
+            self._residual = math.hypot(registration.scatter, ROUGHNESS)
             information = self._information(registration)
             self._velocity = self._velocity + self._filter.update(information, shift)
         self.covariance.correct(registration, self._position)
@@ -121,7 +124,7 @@ class LidarOdometry:
             position: (3,) as it was stated with the sweep, m.
             covariance: (4, 4) likewise.
         """
-        self._surfaces.add(thinned(points, MAP_SPACING))
+        self._surfaces.add(thinned(points, MAP_SPACING), position)
         self.covariance.add_to_map(position, covariance)
 
     @property

@@ -17,8 +17,8 @@ class Registration:
             they sum to 1, and all are 0 where too few were registered.
         unheld: (k, 3) unit directions along which the scene does not hold the pose.
         inliers: Number of registered points.
-        residual: Standard deviation of their distances from the planes, by the median, and of the
-            planes from the surfaces, m; infinite without any.
+        scatter: Standard deviation of their distances from the planes, by the median, m; infinite
+            without any.
         moment: (4, 4) mean of g g' over these points, g the gradient of the distance by the pose:
             x, y, z and heading.
         spread: (4, 4) covariance of the registration if a distance had the variance 1, and only one
@@ -31,7 +31,7 @@ class Registration:
     information: Array
     unheld: Array
     inliers: int
-    residual: float
+    scatter: float
     moment: Array
     spread: Array
     anchors: Array

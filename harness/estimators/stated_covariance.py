@@ -4,11 +4,13 @@ An odometry that registers sweeps with a map of its own is off by what the map i
 sweep that is mapped keeps the covariance of its pose, and a sweep that is registered has that of
 the sweeps whose voxels hold it, and an error of its own on top. The inverse of the normal
 equations says nothing of the size of that error: residuals of neighbouring beams are one error.
-It is taken as that of few independent distances, with the residuals' standard deviation.
+It is taken as that of few independent distances, with the residuals' standard deviation and that
+of the planes from the surfaces.
 
 Along each direction that the sweeps do not hold it grows by a share of the whole predicted motion
-since they last did. Where only an accelerometer predicts, its bias and the velocity that it starts
-from count, too: the estimate of a body at rest drifts.
+since they last did, and by a walk with the length of the way: steps err to the side, too. Where
+only an accelerometer predicts, its bias and the velocity that it starts from count, too: the
+estimate of a body at rest drifts.
 """
 
 from __future__ import annotations
@@ -70,6 +72,10 @@ class StatedCovariance:
             grown = self._drift(self._inertial_s) ** 2 - before**2
             for axis in self.axes:
                 self._held[:3, :3] += grown * axis[:, None] * axis[None, :]
+        if not inertial:
+            walked = config.motion_walk**2 * math.sqrt(float((step * step).sum()))
+            for axis in self.axes:
+                self._held[:3, :3] += walked * axis[:, None] * axis[None, :]
         if len(self.axes) == 3:
             before = config.gyro_bias * self._lost_s
             self._lost_s += period
@@ -144,9 +150,9 @@ class StatedCovariance:
         The errors of these sweeps count as one error each in its share: they are drifts of one
         walk, which averaging does not lessen.
         """
-        own = self._floor + self._config.map_error_share**2 * (
-            registration.residual**2 * registration.spread
-        )
+        config = self._config
+        variance = registration.scatter**2 + config.surface_roughness**2
+        own = self._floor + config.map_error_share**2 * variance * registration.spread
         known = np.flatnonzero(registration.anchors.any(axis=1)).tolist()
         shares = np.sqrt(registration.anchors[known])
         covariances = np.array([self._covariances[index] for index in known]).reshape(-1, 4, 4)

@@ -34,9 +34,6 @@ LEAST_LEVER = 1e-3
 SYSTEMATIC = 3.0
 """Variance of the error that all distances of a sweep have alike, in that of one distance."""
 
-ROUGHNESS = 0.003
-"""Standard deviation of the planes themselves from the surfaces, m."""
-
 NO_PRIOR = np.diag([0.0, 0.0, 0.0, 1e-3])
 """Prior of the heading, which the scene always turns but for a round one."""
 
@@ -70,11 +67,11 @@ class SurfaceMap:
         self.count = 0
         self.sweeps = 0
 
-    def add(self, points: Array) -> None:
-        """Add the points (n, 3) of a sweep, world, m."""
+    def add(self, points: Array, viewer: Array) -> None:
+        """Add the points (n, 3) of a sweep, seen from `viewer` (3,), world, m."""
         while self.count + len(points) > FULL * len(self.voxels.keys):
             self._double()
-        self.count += add_points(points, self._inverse, self.voxels, self.sweeps)
+        self.count += add_points(points, viewer, self._inverse, self.voxels, self.sweeps)
         self.sweeps += 1
 
     def register(self, points: Array, predicted: Array, prior: Array | None = None) -> Registration:
@@ -113,9 +110,7 @@ class SurfaceMap:
             information=information,
             unheld=unheld,
             inliers=inliers,
-            residual=math.hypot(
-                DEVIATIONS_OF_MEDIAN * float(np.median(distances[:count])), ROUGHNESS
-            ),
+            scatter=DEVIATIONS_OF_MEDIAN * float(np.median(distances[:count])),
             moment=moment,
             spread=spread_of(moment, unheld),
             anchors=shares / np.maximum(shares.sum(axis=0), 1e-12),
@@ -157,7 +152,7 @@ def unregistered(inliers: int = 0) -> Registration:
         information=np.zeros(3),
         unheld=np.eye(3),
         inliers=inliers,
-        residual=math.inf,
+        scatter=math.inf,
         moment=np.zeros((4, 4)),
         spread=np.zeros((4, 4)),
         anchors=np.zeros((0, 4)),
@@ -184,5 +179,5 @@ def warm_up() -> None:
     """Compile the kernels, or load them from the cache."""
     surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.25)
     grid: NDArray[np.float64] = np.mgrid[:8, :8, :1].reshape(3, -1).T * 0.07
-    surfaces.add(thinned(grid, 0.01))
-    surfaces.register(grid, np.zeros(3))
+    surfaces.add(thinned(grid, 0.01), np.array([0.0, 0.0, 1.0]))
+    surfaces.register(grid, np.array([0.0, 0.0, 1.0]))

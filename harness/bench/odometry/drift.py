@@ -143,7 +143,7 @@ def _ours(sweeps: Sweeps) -> Measured:
         placed = points @ inputs.pose.rotation.T + inputs.pose.position
         began = time.process_time()
         surfaces.register(thinned(placed, config.spacing), inputs.pose.position)
-        surfaces.add(thinned(placed, MAP_SPACING))
+        surfaces.add(thinned(placed, MAP_SPACING), inputs.pose.position)
         seconds.append(time.process_time() - began)
     return _measured(sweeps.estimates, sweeps, np.array(seconds))
 
