@@ -335,6 +335,8 @@ def _rows(card: Card) -> list[tuple[str, str]]:
             f"{least}{search}",
         ),
     ]
+    if card.floor:
+        rows.append(("floor", card.floor))
     if card.unmeasured:
         rows.append(("not measured", card.unmeasured))
         rows.append(("committed rests on", _rests(card.committed_evidence)))

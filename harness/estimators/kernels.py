@@ -179,7 +179,7 @@ def add_point(voxels: Voxels, slot: int, x: float, y: float, z: float, viewer: A
     squares[5] += dz * ez
     if count >= LEAST_POINTS and (count < 2 * LEAST_POINTS or count % 8 == 0):
         fit_plane(squares, count, voxels.planes[slot])
-        if not seen_from(voxels, slot, viewer):
+        if not seen_from(voxels, np.int64(slot), viewer):
             voxels.planes[slot, :3] *= -1.0
 
 

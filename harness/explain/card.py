@@ -16,6 +16,7 @@ from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.clearance import map_clearance_is_bound, true_clearance_is_bound
 from wayproof.harness.errors import InputError
 from wayproof.harness.explain.commanded import Commanded, command_in_words, commanded
+from wayproof.harness.explain.floor import floor_in_words
 from wayproof.harness.goals import goal_name
 from wayproof.harness.log.paths import arc_lengths, densely, length
 from wayproof.harness.mission import Mission
@@ -96,6 +97,7 @@ class Card:
         least_clearance_is_bound: Whether it may be larger, beyond the map's greatest distance.
         true_clearance_is_bound: Whether the true clearance may be larger in the same way.
         blocking: Cells that end the committed path, nearest first.
+        floor: Floor that its sweeps were levelled by; empty where it was as expected.
         perturbation: Kind and amount of the perturbation; empty without one.
         stack: Name of the stack on trial; empty of the built-in one.
         verdict: Verdict of the referee on its command; empty of the built-in stack.
@@ -148,6 +150,7 @@ class Card:
     least_clearance_is_bound: bool
     true_clearance_is_bound: bool
     blocking: tuple[BlockingCell, ...]
+    floor: str
     perturbation: str
     stack: str = ""
     verdict: str = ""
@@ -235,6 +238,7 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         least_clearance_is_bound=map_clearance_is_bound(decision, case.config.costmap.cost_range),
         true_clearance_is_bound=true_clearance_is_bound(moment.truth.clearance_m),
         blocking=blocking_cells(case, moment, navigator),
+        floor=floor_in_words(case, moment),
         perturbation=""
         if perturbation is None
         else f"{perturbation.kind} {perturbation.amount:g} {perturbation.unit}",

@@ -7,7 +7,7 @@ from dataclasses import replace
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import WorldSweep
 from wayproof.harness.mission import Mission
-from wayproof.maps.ground_fit import fit_ground, level, lost_echoes
+from wayproof.maps.ground_fit import GroundPlane, fit_ground, level, lost_echoes
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 
@@ -22,11 +22,10 @@ def on_level_ground(
         config: Settings.
         mission: Of a robot that walks or flies; only for the first is anything done.
     """
-    flat = mission.planar and config.costmap.max_slope == 0.0
-    if not (config.map.ground_fit and flat):
+    if not _is_fitted(config, mission):
         return placed
-    plane = fit_ground(placed.origins, placed.moments, placed.directions, placed.ranges_mm)
-    if plane is not None and not plane.as_expected:
+    plane = fitted_ground(placed, config, mission)
+    if plane is not None:
         found = level(placed.origins, placed.moments, placed.directions, placed.ranges_mm, plane)
         placed = WorldSweep(found.origins, found.directions, found.ranges_mm, placed.moments)
     if not (placed.ranges_mm == NO_RETURN).any():
@@ -35,3 +34,21 @@ def on_level_ground(
     ranges_mm = placed.ranges_mm.copy()
     ranges_mm[lost] = DROPPED
     return replace(placed, ranges_mm=ranges_mm)
+
+
+def fitted_ground(placed: WorldSweep, config: Config, mission: Mission) -> GroundPlane | None:
+    """Fit the floor that a sweep is levelled by; None where it is as expected, or nothing is done.
+
+    Args:
+        placed: The sweep in the world frame.
+        config: Settings.
+        mission: Of a robot that walks or flies.
+    """
+    if not _is_fitted(config, mission):
+        return None
+    plane = fit_ground(placed.origins, placed.moments, placed.directions, placed.ranges_mm)
+    return None if plane is None or plane.as_expected else plane
+
+
+def _is_fitted(config: Config, mission: Mission) -> bool:
+    return config.map.ground_fit and mission.planar and config.costmap.max_slope == 0.0

@@ -1,6 +1,7 @@
 """Cards, stories and pictures of recorded episodes."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -41,6 +42,28 @@ def test_a_story_joins_decisions_of_one_action():
     assert found[0].distance_m == pytest.approx(0.9)
     assert (found[0].start_s, found[0].end_s) == (0.0, pytest.approx(0.9))
     assert found[0].reason == "r8"
+
+
+@pytest.mark.parametrize("perturbation", [None, "calibration:3"])
+def test_a_card_says_by_which_floor_sweeps_were_levelled(tmp_path, capsys, perturbation):
+    log, perturbed = (
+        str(tmp_path / "floor.mcap"),
+        ["--perturb", perturbation] if perturbation else [],
+    )
+    arguments = ["cylinders", "--robot", "quadruped", "--seed", "1", "--log", log, *perturbed]
+    main(["run", *arguments, "--set", "episode.time_limit=1"])
+    card = make_card(read_case(open_log(Path(log))), 3)
+    assert main(["explain", log, "3"]) == 0
+    levelled = "levelled" in capsys.readouterr().out
+    assert levelled == bool(card.floor) == (perturbation is not None)
+    if levelled:
+        name, height, tilt = re.fullmatch(
+            r"(\w+) saw it (-?[0-9.]+) cm high below the sensor, tilted by ([0-9.]+) degrees, .*",
+            card.floor,
+        ).groups()
+        assert name == "lidar"
+        assert abs(float(height)) < 5.0
+        assert 0.2 < float(tilt) <= 1.1  # of 1 degree about some axis
 
 
 def test_a_card_names_the_cells_in_the_way(stopped):
