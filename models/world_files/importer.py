@@ -22,7 +22,7 @@ from wayproof.models.world_files.occupancy_maps import read_occupancy_map
 from wayproof.models.world_files.octomaps import read_octomap
 from wayproof.models.world_files.options import Ends, Found, ImportOptions
 from wayproof.models.world_files.parts import bounds_of
-from wayproof.models.world_files.reading import WorldFileError, check_file
+from wayproof.models.world_files.reading import FARTHEST, WorldFileError, check_file
 from wayproof.models.world_files.sdf import read_sdf
 from wayproof.models.world_files.tables import read_table
 from wayproof.models.world_files.urdf import read_urdf
@@ -64,9 +64,6 @@ HEADROOM = 1.0
 """Above the highest thing, m; and at least this area's height is `LEAST_TOP`."""
 
 LEAST_TOP = 3.0
-
-FARTHEST = 1e5
-"""Greatest coordinate of a solid, m."""
 
 MOST_TOP = 12.0
 """Greatest height of the operating area, m: a map of it holds the cells up to there."""

@@ -17,6 +17,10 @@ MAX_SOLIDS = 200_000
 """Maximum number of solids in a world; more take minutes to compile."""
 
 
+FARTHEST = 1e5
+"""Greatest coordinate of a solid, m."""
+
+
 class WorldFileError(ValueError):
     """A file cannot be taken for a world; the message names the file, and the line if known."""
 

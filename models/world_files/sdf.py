@@ -16,7 +16,7 @@ from wayproof.models.world_files.locating import Locator
 from wayproof.models.world_files.movers import check_movers
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import moved
-from wayproof.models.world_files.reading import MAX_SOLIDS, WorldFileError
+from wayproof.models.world_files.reading import FARTHEST, MAX_SOLIDS, WorldFileError
 from wayproof.models.world_files.sdf_actors import read_actor
 from wayproof.models.world_files.sdf_frames import ORIGIN, Frames, Placement, numbers
 from wayproof.models.world_files.sdf_shapes import Shapes
@@ -111,6 +111,19 @@ class _Reading:
                 f"link '{f'{model} {name}'.strip()}' (line {line}){more}: visuals only, {taken}"
             )
         self._shapes.finish()
+        self._leave_out_lost()
+
+    def _leave_out_lost(self) -> None:
+        """Leave out what fell or flew off before the world was saved, where anything else is."""
+        parts = self.found.parts
+        lost = [not float(np.abs(part.bounds).max()) <= FARTHEST for part in parts]
+        if not any(lost) or all(lost):
+            return
+        names = dict.fromkeys(part.model for part, away in zip(parts, lost, strict=True) if away)
+        self.found.parts = [part for part, away in zip(parts, lost, strict=True) if not away]
+        self.found.notes.append(
+            f"more than {FARTHEST / 1e3:g} km away: left out ({', '.join(names)[:200]})"
+        )
 
     def take_model(
         self, path: Path, model: Element, placed: Placement, name: str, state: _State | None = None

@@ -460,6 +460,16 @@ def test_the_upper_one_of_two_sheets_is_the_floor(tmp_path):
     assert (np.array(found.start[2]), found.solids[-1].top) == (0.0, pytest.approx(2.0))
 
 
+def test_a_model_that_flew_off_before_the_world_was_saved_is_left_out(tmp_path):
+    away = box("book", pose="<pose>1 1 343582.7 0 0 0</pose>")
+    path = write(tmp_path / "a.world", world(ground(), box(pose="<pose>2 2 1 0 0 0</pose>"), away))
+    found, notes = read(path)
+    assert found.solid_names == ("box_0",)
+    assert "more than 100 km away: left out (book)" in notes
+    with pytest.raises(WorldFileError, match="a solid up to 343583 m away"):
+        read(write(tmp_path / "b.world", world(ground(), away)))
+
+
 def test_an_empty_plane_is_a_world(tmp_path):
     found, _ = import_world(write(tmp_path / "a.world", world(ground())))
     assert found.solids == ()
