@@ -52,13 +52,19 @@ class RecordedPerturbation:
         """Find the sensors that it affects.
 
         Raises:
-            InputError: It changes the world, or sensors that a recording does not have.
+            InputError: It changes the world, or sensors or a prior map that a recording does not
+                have.
         """
         self._perturbation = config.perturbation or UNPERTURBED
         if self._perturbation.changes == "world":
             raise InputError(
                 f"perturbation '{self._perturbation.kind}': changes the world, which a recording "
                 "cannot; expected one of the poses, the ranges or the timing"
+            )
+        if self._perturbation.changes == "prior":
+            raise InputError(
+                f"perturbation '{self._perturbation.kind}': changes the prior map, which a "
+                "recording does not take; expected one of the poses, the ranges or the timing"
             )
         if self._perturbation.changes == "motion_sensors":
             raise InputError(

@@ -9,9 +9,9 @@ from wayproof.harness.log.streams import _streams
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
 from wayproof.harness.replay.replay import replay
 
-ON_RECORDINGS = [
-    kind for kind, one in PERTURBATIONS.items() if one.changes not in ("world", "motion_sensors")
-]
+NOT_RECORDED = ("world", "motion_sensors", "prior")
+
+ON_RECORDINGS = [kind for kind, one in PERTURBATIONS.items() if one.changes not in NOT_RECORDED]
 
 
 @pytest.fixture(scope="module")
@@ -46,12 +46,16 @@ def test_the_recorded_motion_stays_as_it_was(clean, robot, tmp_path):
     ]
 
 
-def test_a_recorded_world_cannot_be_changed(robot, tmp_path):
-    with pytest.raises(InputError, match="changes the world"):
+@pytest.mark.parametrize(
+    ("perturbation", "why"),
+    [("motion:3", "changes the world"), ("stale_prior:3", "changes the prior map")],
+)
+def test_what_a_recording_does_not_have_cannot_be_changed(robot, tmp_path, perturbation, why):
+    with pytest.raises(InputError, match=why):
         shadowed(
             FR079,
             robot,
             tmp_path / "no.mcap",
             end_s=1.0,
-            perturbation=perturbation_from("motion:3"),
+            perturbation=perturbation_from(perturbation),
         )
