@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -66,9 +67,18 @@ class LogOddsModel:
         return LogOddsSteps(self.hit, self.miss, self.low, self.high)
 
     def probability(self, units: NDArray[np.int8] | int) -> NDArray[np.float64]:
-        """Return the probability of occupancy of log-odds in units."""
-        odds = exponentials(np.asarray(units, np.float64) / self.units)
-        return np.asarray(odds / (1.0 + odds))
+        """Return the probability of occupancy of log-odds in units, -128 to 127."""
+        table = _probabilities(self.units)
+        return np.asarray(table[np.asarray(units, np.int64) + MAX_UNITS + 1])
+
+
+@functools.cache
+def _probabilities(units: int) -> NDArray[np.float64]:
+    """Probabilities (256,) of log-odds from -128 to 127 of so many units to one."""
+    odds = exponentials(np.arange(-MAX_UNITS - 1, MAX_UNITS + 1) / units)
+    probabilities: NDArray[np.float64] = odds / (1.0 + odds)
+    probabilities.flags.writeable = False  # shared by all maps
+    return probabilities
 
 
 def states_of(log_odds: NDArray[np.integer]) -> NDArray[np.uint8]:
