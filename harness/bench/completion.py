@@ -118,10 +118,10 @@ def trained(samples: Samples, seed: int = 0) -> list[tuple[Array, Array]]:
             for k in range(layers):
                 after = values[-1] @ parameters[k] + parameters[layers + k]
                 values.append(np.maximum(after, 0.0) if k < layers - 1 else after)
-            odds, wanted = values[-1][:, 0], samples.occupied[rows]
+            odds, truth = values[-1][:, 0], samples.occupied[rows]
             p = 1.0 / (1.0 + np.exp(-odds))
-            loss += float((np.logaddexp(0.0, odds) - wanted * odds).sum())
-            slope = ((p - wanted) / len(rows))[:, None]
+            loss += float((np.logaddexp(0.0, odds) - truth * odds).sum())
+            slope = ((p - truth) / len(rows))[:, None]
             gradients: list[Array] = [np.empty(0, np.float32)] * (2 * layers)
             for k in range(layers - 1, -1, -1):
                 gradients[k] = values[k].T @ slope + 1e-5 * parameters[k]

@@ -91,9 +91,11 @@ def places_of(view: View) -> Ints:
     """Columns (n, 2) to ask about: unknown, near a measured one, each `STRIDE`-th."""
     known = view.occupied | view.free
     near = _box_sums(known.astype(np.int64), 2 * REACH + 1) > 0
-    wanted = near & ~known
+    unknown_near = near & ~known
     # A place stands for all columns up to the next one.
-    padded = np.pad(wanted, [(0, -wanted.shape[0] % STRIDE), (0, -wanted.shape[1] % STRIDE)])
+    padded = np.pad(
+        unknown_near, [(0, -unknown_near.shape[0] % STRIDE), (0, -unknown_near.shape[1] % STRIDE)]
+    )
     blocks = np.zeros(padded[::STRIDE, ::STRIDE].shape, np.bool_)
     for dx in range(STRIDE):
         for dy in range(STRIDE):
