@@ -34,6 +34,8 @@ class Mission:
         discs: Offset along the body's x axis and radius of each disc of an elongated body, m;
             none for a body that is one disc or ball of the radius.
         waypoints: Goals before the last one, in their order, m; at each the robot comes to rest.
+        rest_height: Height of the base origin above the ground when standing, m: where the feet of
+            one that climbs are; 0 for all others.
     """
 
     motion: Literal["ground", "air"]
@@ -51,6 +53,7 @@ class Mission:
     goal: tuple[float, float, float]
     discs: tuple[tuple[float, float], ...] = ()
     waypoints: tuple[tuple[float, float, float], ...] = ()
+    rest_height: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse bodies and areas that no robot has, before a map of that size is allocated."""
@@ -64,6 +67,8 @@ class Mission:
                 raise ValueError(f"discs: got offset {offset:g} m and radius {radius:g} m")
         if not 0.0 < self.max_yaw_rate <= 100.0 or not 0.0 <= self.step_height <= self.height:
             raise ValueError("max_yaw_rate, step_height: expected those of a robot")
+        if not 0.0 <= self.rest_height <= 1e4:
+            raise ValueError(f"rest_height: got {self.rest_height:g} m, expected 0 to 1e4")
         if not abs(self.start_heading) <= 100.0:
             raise ValueError(f"start_heading: got {self.start_heading:g} rad")
         if not all(-1e4 <= a < b <= 1e4 for a, b in zip(self.low, self.high, strict=True)):
@@ -88,10 +93,11 @@ class Mission:
         return (*self.waypoints, self.goal)
 
     def to_json(self) -> bytes:
-        """Encode for the log; floats come back bit by bit. Without waypoints there is no field."""
+        """Encode for the log; floats come back bit by bit. Waypoints and height only if given."""
         document = msgspec.to_builtins(self)
-        if not self.waypoints:
-            document.pop("waypoints", None)
+        for name in ("waypoints", "rest_height"):
+            if not document[name]:
+                del document[name]
         return msgspec.json.format(msgspec.json.encode(document), indent=1)
 
     @classmethod

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps.grid import FLOOR_LAYER, cell_box, centres, finite_vector
+from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, cell_box, centres, finite_vector
 from wayproof.maps.kernels import tracking as kernels
 
 
@@ -51,14 +52,15 @@ def ball_mask(centre: ArrayLike, radius: float, resolution: float) -> CellMask:
     return CellMask(first, squared <= radius * radius)
 
 
-def floor_mask(low: ArrayLike, high: ArrayLike, resolution: float) -> CellMask:
-    """Return the floor's cells whose centres lie in a rectangle, corners (2,) in m.
+def floor_mask(low: ArrayLike, high: ArrayLike, resolution: float, height: float = 0.0) -> CellMask:
+    """Return the cells of a floor at a height whose centres lie in a rectangle, corners (2,) in m.
 
     Raises:
-        ValueError: A corner is not finite.
+        ValueError: A corner or the height is not finite.
     """
-    first, end = cell_box([*np.ravel(low), 0.0], [*np.ravel(high), 0.0], resolution)
-    first[2], end[2] = FLOOR_LAYER, FLOOR_LAYER + 1
+    first, end = cell_box([*np.ravel(low), height], [*np.ravel(high), height], resolution)
+    first[2] = math.floor(height / resolution + FLOOR_HEIGHT_IN_CELL)
+    end[2] = first[2] + 1
     return CellMask(first, np.ones(end - first, np.bool_))
 
 

@@ -74,6 +74,9 @@ class MapConfig:
             second leaves ghosts where only open space is behind.
         floor_grazing_filter: Whether a beam that ends in the floor's layer clears no cell of that
             layer, which it would cross at a grazing angle.
+        slope_grazing_filter: Whether the same holds for each beam that goes down, whatever layer it
+            ends in, so that those which pass over a slope do not clear its surface; always so where
+            a walking robot may climb (`costmap.max_slope`). Kinds `voxel` and `dynamic` only.
         ground_fit: Whether the plane of the floor is fitted to each sweep of a robot that walks on
             a flat one, which levels a sensor whose mounting is off, keeps the floor's noise from
             standing on it, and tells a lost echo of the floor from a hole.
@@ -101,6 +104,7 @@ class MapConfig:
     minimum_range: Annotated[float, Bounds(0.0, 60.0, "m")] = 0.3
     no_return: NoReturn = "free"
     floor_grazing_filter: bool = True
+    slope_grazing_filter: bool = False
     ground_fit: bool = True
     min_obstacle_height: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.05
     max_obstacle_height: Annotated[float, Bounds(0.01, 100.0, "m")] = 2.0

@@ -26,7 +26,7 @@ from wayproof.maps.voxel.brick_index import (
     brick_of,
     place_in_brick,
 )
-from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, cell_bounds
+from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, cell_bounds, guard_of
 
 Cells = dict[str, NDArray[np.generic]]
 """By name the numbers of some cells: arrays of one shape."""
@@ -119,7 +119,7 @@ class DenseMap(Representation):
         )
         endpoints = self._rasterizer.endpoints(sweep)
         self.advance(time_ns)
-        mask = self._rasterizer.trace(sweep, endpoints, self.config.floor_grazing_filter)
+        mask = self._rasterizer.trace(sweep, endpoints, guard_of(self.config))
         updated = self._apply(mask, time_ns)
         hits, clears, dropped, too_near = endpoints.counts
         return SweepStatistics(hits, clears, dropped, too_near, updated)

@@ -93,7 +93,9 @@ class Representation(ColumnMap, Protocol):
         """
         self.mark(ball_mask(centre, radius, self.resolution), FREE, time_ns)
 
-    def mark_floor(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
+    def mark_floor(
+        self, low: ArrayLike, high: ArrayLike, time_ns: int, height: float = 0.0
+    ) -> None:
         """Make the floor's cells whose centres lie in a rectangle occupied, except free ones.
 
         For the ground under a standing body, which none of its beams reach.
@@ -102,11 +104,12 @@ class Representation(ColumnMap, Protocol):
             low: (2,) least corner, m, world.
             high: (2,) greatest corner, m, world.
             time_ns: Simulated time, ns.
+            height: Of the floor, m, world.
 
         Raises:
-            ValueError: A corner is not finite, or the time is negative.
+            ValueError: A corner or the height is not finite, or the time is negative.
         """
-        self.mark(floor_mask(low, high, self.resolution), OCCUPIED, time_ns)
+        self.mark(floor_mask(low, high, self.resolution, height), OCCUPIED, time_ns)
 
     def exempt_from_decay(self, low: ArrayLike, high: ArrayLike, time_ns: int) -> None:
         """Exempt the cells of a box from the next decay tick.

@@ -105,7 +105,7 @@ def shift_height(state: PlannerState, height: float) -> PlannerState:
 
 
 def changed_mission(mission: Mission, recorded: Config, changed: Config) -> Mission:
-    """Return the mission with the goals of the changed settings.
+    """Return the mission with the goals of the changed settings, and a height for one that climbs.
 
     Raises:
         InputError: A goal is the name of a place that a log does not hold.
@@ -116,7 +116,10 @@ def changed_mission(mission: Mission, recorded: Config, changed: Config) -> Miss
     goal = mission.goal
     if changed.goal is not None and changed.goal != recorded.goal:
         goal = _place("goal", changed.goal, mission)
-    return replace(mission, goal=goal, waypoints=waypoints)
+    height = mission.rest_height
+    if mission.planar and changed.costmap.max_slope > recorded.costmap.max_slope == 0.0:
+        height = mission.start[2]  # its floor was flat, at z = 0
+    return replace(mission, goal=goal, waypoints=waypoints, rest_height=height)
 
 
 def _place(name: str, given: tuple[float, ...] | str, mission: Mission) -> Vector3:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,7 +15,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.prior.sources import with_prior
 from wayproof.harness.scenario.places import goals_of, refuse_no_way
 from wayproof.harness.scenario.robots import find_robot, log_robot_identity
-from wayproof.harness.scenario.terrain import refuse_climb
+from wayproof.harness.scenario.terrain import check_climb
 from wayproof.harness.scenario.worlds import (
     apply_world_perturbation,
     find_world,
@@ -107,8 +107,9 @@ def build(config: Config, world: World | None = None) -> Scenario:
     ):
         _check_point(name, point, world, spec, config)
     refuse_no_way(world, spec, start, (*waypoints, goal))
+    warnings: tuple[str, ...] = ()
     if config.costmap.max_slope == 0.0:
-        refuse_climb(world, spec, (start, *waypoints, goal))
+        warnings = check_climb(world, spec, (start, *waypoints, goal), config.map.resolution)
     try:
         sensors = resolve(spec.mounts, config.sensors)
     except ValueError as error:
@@ -120,9 +121,9 @@ def build(config: Config, world: World | None = None) -> Scenario:
         config=config,
         world=world,
         scene=scene,
-        mission=_mission(world, spec, start, goal, tuple(waypoints)),
+        mission=_mission(world, spec, config, (start, *waypoints, goal)),
         spec=spec,
-        warnings=_inspect(scene, world, config),
+        warnings=(*warnings, *_inspect(scene, world, config)),
     )
 
 
@@ -237,9 +238,9 @@ def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config:
         )
 
 
-def _mission(
-    world: World, spec: RobotSpec, start: Point, goal: Point, waypoints: tuple[Point, ...]
-) -> Mission:
+def _mission(world: World, spec: RobotSpec, config: Config, points: Sequence[Point]) -> Mission:
+    start, *waypoints, goal = points
+    climbs = spec.motion == "ground" and config.costmap.max_slope > 0.0
     return Mission(
         motion=spec.motion,
         radius=spec.radius,
@@ -255,7 +256,8 @@ def _mission(
         start_heading=world.start_heading,
         goal=goal,
         discs=spec.discs,
-        waypoints=waypoints,
+        waypoints=tuple(waypoints),
+        rest_height=spec.rest_height if climbs else 0.0,
     )
 
 

@@ -59,7 +59,11 @@ class Mapper:
         recorded = config.recording
         self._clears_footprint = recorded is not None and recorded.footprint_clearing
         self._extra_radius = self._body.circumscribed_radius - min(self._body.radii)
-        self.map = MAPS[config.map.kind](config.map, config.threads, mission.low, mission.high)
+        self._climbs = climbs(config, mission)
+        settings = config.map
+        if self._climbs:
+            settings = replace(settings, slope_grazing_filter=True)
+        self.map = MAPS[settings.kind](settings, config.threads, mission.low, mission.high)
         self.labels = make_layer(config.map, config.sensors.semantics)
         floor, ceiling = _altitude_window(config, mission)
         costs = replace(config.costmap, cost_range=config.costmap.cost_range + self._extra_radius)
@@ -132,7 +136,10 @@ class Mapper:
         for layer in self._layers:
             if layer.follow is not None:
                 layer.follow(self.map)
+        feet = np.subtract(inputs.pose.position, (0.0, 0.0, self._mission.rest_height))
         for stage in self.stages:
+            if self._climbs:
+                stage.costmap.stand_at(feet)
             stage.costmap.update(margin.least, whole=self._mission.planar, widening=widening)
 
     def update(self, inputs: Inputs) -> None:
@@ -176,9 +183,10 @@ class Mapper:
             self.map.mark_free_sphere((x, y, z), radius, 0)
             return
         low, high = (x - radius, y - radius), (x + radius, y + radius)
-        self.map.mark_floor(low, high, 0)
+        ground = z - mission.rest_height if self._climbs else 0.0
+        self.map.mark_floor(low, high, 0, ground)
         top = mission.height + self.map.resolution
-        self.map.mark_free((*low, self.costmap.origin[2]), (*high, top), 0)
+        self.map.mark_free((*low, self.costmap.origin[2] + ground), (*high, top + ground), 0)
 
 
 class Margin(NamedTuple):
@@ -213,6 +221,11 @@ def margin_of(pose: Pose, config: Config, mission: Mission) -> Margin:
     doubt = min(MARGIN_SIGMAS * least, MOST_DOUBT * size)
     cells = math.ceil(min(widened / size, MOST_WIDENING))
     return Margin(margin + doubt + lever, (cells, 0) if x > y else (0, cells))
+
+
+def climbs(config: Config, mission: Mission) -> bool:
+    """Return whether the robot may walk over ramps; not in logs without its height at rest."""
+    return config.costmap.max_slope > 0.0 and mission.planar and mission.rest_height > 0.0
 
 
 def _altitude_window(config: Config, mission: Mission) -> tuple[float, float]:

@@ -114,6 +114,17 @@ class Costmap:
         self._state: NDArray[np.uint8] | None = None
         self.update(config.localization_margin)
 
+    def stand_at(self, feet: ArrayLike) -> None:
+        """Find the ground from the body's feet as well, from the next update on: see `Terrain`.
+
+        Args:
+            feet: (3,) on the ground below the body's centre, m, world.
+
+        Raises:
+            ValueError: They are not finite.
+        """
+        self._cells.stand_at(feet)
+
     def update(
         self, margin: float, whole: bool = True, widening: tuple[int, int] = NOT_WIDENED
     ) -> None:

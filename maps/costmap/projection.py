@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from wayproof.maps.columns import WORD_BITS, ColumnMap, Columns, Window, layer_bits
 from wayproof.maps.kernels import columns as kernels
@@ -40,6 +40,9 @@ class Projection:
         self._stamp = 0  # of the map, when it was last looked at
         self.occupied = np.zeros((*self.rows[:2], -(-self.rows[2] // WORD_BITS)), np.uint64)
         self.free = np.zeros_like(self.occupied)
+
+    def stand_at(self, feet: ArrayLike) -> None:
+        """Learn where the body's feet (3,) are, m, world: only terrain depends on it."""
 
     def read(self, voxel_map: ColumnMap) -> Columns | None:
         """Take over the cells of a map that changed since the last time.

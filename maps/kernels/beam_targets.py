@@ -39,6 +39,7 @@ WEDGE = 64  # sectors; their borders lie on the diagonals
 WEDGES = SECTORS // WEDGE
 
 NO_LAYER = -1
+OWN_LAYER = -(1 << 40)  # in place of a guarded layer: of each beam that which it ends in
 
 CellBox = tuple[int, int, int, int, int, int]
 """Least x, y, z of some cells, then greatest x, y, z."""
@@ -50,7 +51,8 @@ class Window(NamedTuple):
     Attributes:
         shape: (nx, ny, words).
         box: Least and greatest cell that may be marked.
-        guarded_layer: Layer that beams from above that end in it do not clear; NO_LAYER for none.
+        guarded_layer: Layer that beams from above that end in it do not clear; NO_LAYER for none,
+            OWN_LAYER for that which each beam ends in.
     """
 
     shape: tuple[int, int, int]
@@ -64,12 +66,15 @@ class EndMasks(NamedTuple):
     Attributes:
         hits: (nx * ny * words,) bits of the cells that something was met in; added to.
         aims: (nx * ny * words,) bits of the cells that beams end in; zero before and after.
+        grazes: (nx * ny * words,) bits of those that end beams which each spare their own layer;
+            zero before and after; (0,) unless the guarded layer is OWN_LAYER.
         flags: (nx * ny,) of each column; zero before and after.
         columns: (n,) scratch: the columns whose flags are set.
     """
 
     hits: NDArray[np.uint64]
     aims: NDArray[np.uint64]
+    grazes: NDArray[np.uint64]
     flags: NDArray[np.uint8]
     columns: NDArray[np.int32]
 
@@ -95,7 +100,7 @@ class Sensor(NamedTuple):
         number: Among the positions of the sweep.
         x: In 1/1024 of a cell, from the window's corner.
         y: Likewise.
-        guarded_layer: NO_LAYER also where the sensor is not above the window's guarded layer.
+        guarded_layer: Of the window; NO_LAYER where the sensor is not above it.
     """
 
     number: int
@@ -135,19 +140,19 @@ def write_word(
 
 @kernel
 def list_columns(
-    columns: NDArray[np.int32],  # (k,)
+    listed: int,
     sensor: Sensor,
     shape: tuple[int, int, int],
     sector_order: NDArray[np.int64],  # (WEDGE,)
-    aims: NDArray[np.uint64],  # zero after
-    flags: NDArray[np.uint8],  # zero after
+    masks: EndMasks,  # in, out: the first of `columns`, and their marks, which are cleared
     targets: Targets,  # out
     count: int,  # of the targets so far
 ) -> int:
     """List the words of columns that beams end in; return the number of targets with these."""
+    _, aims, grazes, flags, columns = masks
     out_words, bits, ranks = targets
     _, ny, words = shape
-    for j in range(columns.shape[0]):
+    for j in range(listed):
         column = int(columns[j])
         x, y = column // ny, column % ny
         rank = direction_rank(x, y, sensor, sector_order)
@@ -156,7 +161,14 @@ def list_columns(
         for word in range(words):
             ends, sparing = aims[column * words + word], 0
             aims[column * words + word] = 0
-            if grazed and sensor.guarded_layer >> 6 == word:
+            if grazed and sensor.guarded_layer == OWN_LAYER:
+                spared = grazes[column * words + word]
+                grazes[column * words + word] = 0
+                if spared != 0:
+                    write_word(out_words, count, x, y, sensor.number, 64 * word, SPARING)
+                    bits[count], ranks[count] = spared, rank
+                    count += 1
+            elif grazed and sensor.guarded_layer >> 6 == word:
                 guarded = ONE << np.uint64(sensor.guarded_layer & 63)
                 # Else a beam that is not spared ends there as well.
                 sparing = SPARING if ends & guarded == 0 else 0
@@ -183,7 +195,7 @@ def list_targets(
 
     Ends outside the box are listed singly: there are no masks for them.
     """
-    hits, aims, flags, columns = masks
+    hits, aims, grazes, flags, columns = masks
     out_words, bits, ranks = targets
     _, ny, words = window.shape
     x0, y0, z0, x1, y1, z1 = window.box
@@ -212,7 +224,7 @@ def list_targets(
             y, z = (end >> CELL_BITS & CELL_MASK) + first_y, (end & CELL_MASK) + first_z
             returned = end >> FATE_BIT & 1 == RETURNED
             at += 1
-            grazing = returned and z == guarded
+            grazing = returned and (z < layer if guarded == OWN_LAYER else z == guarded)
             if not (x0 <= x <= x1 and y0 <= y <= y1 and z0 <= z <= z1):
                 write_word(out_words, count, x, y, k, z, OUTSIDE | (SPARING if grazing else 0))
                 bits[count], ranks[count] = ONE, direction_rank(x, y, sensor, sector_order)
@@ -224,14 +236,14 @@ def list_targets(
                 hits[word] |= bit
             if not grazing:
                 aims[word] |= bit
+            elif guarded == OWN_LAYER:
+                grazes[word] |= bit
             if flags[column] == 0:
                 columns[listed] = column
                 listed += 1
             flags[column] |= LISTED | GRAZED if grazing else LISTED
         # List the columns that were marked, and clear their marks.
-        count = list_columns(
-            columns[:listed], sensor, window.shape, sector_order, aims, flags, targets, count
-        )
+        count = list_columns(listed, sensor, window.shape, sector_order, masks, targets, count)
     groups[sensors.shape[0]] = count
 
 

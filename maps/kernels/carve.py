@@ -16,7 +16,7 @@ from wayproof.maps.kernels.early_stop import marked_slabs, survey, wedge_of
 from wayproof.maps.kernels.work_queue import Queue, take_item
 
 LANES = 8  # columns are looked at in whole vectors, also beyond the last one
-MAX_RUNS = 33  # of ends in a word; one may be cut in two
+MAX_RUNS = 97  # of ends in a word: 64 of one that spare their own layers, 32, and one cut in two
 SCOUTS = 8  # least number of targets carved before the first survey
 SURVEY_SHARE = 3  # and least part of the wedge's targets
 
@@ -98,13 +98,17 @@ def carve(
                 if words[target, 4] & OUTSIDE != 0:
                     break
 
+            lowest_end, highest_end = runs[0, 0], runs[0, 1]
+            for i in range(1, count):  # words that spare layers come before those that do not
+                lowest_end = min(lowest_end, runs[i, 0])
+                highest_end = max(highest_end, runs[i, 1])
+
             # Follow the beams no farther than to the slabs around the sensor that are marked.
             to_x, to_y = sensor[0] - x * HALVES - SUBCELLS, sensor[1] - y * HALVES - SUBCELLS  # odd
             faces_x, faces_y = MAX_BEAM_CELLS + 1, MAX_BEAM_CELLS + 1
             if surveyed:
                 distance = abs(to_x) if directions.along_x else abs(to_y)
-                low, high = runs[0, 0], runs[count - 1, 1]
-                slabs = marked_slabs(low, high, sensor[2], distance, marked)
+                slabs = marked_slabs(lowest_end, highest_end, sensor[2], distance, marked)
                 if slabs > 0 and directions.along_x:
                     faces_x = abs((sensor[0] >> HALVES_BITS) - x) - slabs
                 elif slabs > 0:
@@ -112,7 +116,7 @@ def carve(
 
             # List the columns that they cross within the box, and where they enter each.
             halves = (int(HALF_PITCH / abs(to_x)), int(HALF_PITCH / abs(to_y)))
-            end_cell, max_faces = (x, y, runs[0, 0]), (faces_x, faces_y)
+            end_cell, max_faces = (x, y, lowest_end), (faces_x, faces_y)
             first, last, to_layers = clip(end_cell, sensor, halves, box, max_faces)
             n = last + 1 - first
             if n <= 0:
@@ -124,7 +128,7 @@ def carve(
             fractions[0] = max(fractions[0], to_layers)
 
             # Word by word along z, merge what the beams to each run cross, and mark it.
-            lowest, highest = min(runs[0, 0], sensor_layer), max(runs[count - 1, 1], sensor_layer)
+            lowest, highest = min(lowest_end, sensor_layer), max(highest_end, sensor_layer)
             for word in range(max(box[2], lowest) >> 6, (min(box[5], highest) >> 6) + 1):
                 bottom = 64 * word
                 for s in range(padded):

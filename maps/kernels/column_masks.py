@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from wayproof.maps._jit import inlined
 from wayproof.maps.kernels.beam_columns import FRACTION_BITS
+from wayproof.maps.kernels.beam_targets import OWN_LAYER
 from wayproof.maps.kernels.beams import HALVES, HALVES_BITS, ONE, SUBCELLS, TWO
 
 EVERY_LAYER = -(1 << 30)  # below all that a beam may mark
@@ -124,15 +125,19 @@ def list_runs(
     runs: NDArray[np.int64],  # (n, 3) out: low, high, least to be marked
     count: int,  # of the runs so far
 ) -> int:
-    """List the runs of ends without a gap; return the number of runs with these."""
+    """List the runs of ends without a gap; return the number of runs with these.
+
+    Ends that each spare their own layer are runs of one.
+    """
+    single = sparing and guarded_layer == OWN_LAYER
     while bits != 0:
         first, last = next_run(bits)
-        low, high = bottom + first, bottom + last
+        low, high = bottom + first, bottom + (first if single else last)
         spared = sparing and low <= guarded_layer <= high
         if spared and low < guarded_layer:  # those that end below it are not spared
             high, spared = guarded_layer - 1, False
         bits &= ~((FULL >> np.uint64(63 - high + low)) << np.uint64(low - bottom))
         runs[count, 0], runs[count, 1] = low, high
-        runs[count, 2] = guarded_layer + 1 if spared else EVERY_LAYER
+        runs[count, 2] = guarded_layer + 1 if spared else low + 1 if single else EVERY_LAYER
         count += 1
     return count

@@ -1,7 +1,8 @@
 """Kernels of sloping ground: the layer that a walking body stands on in each column.
 
 A surface is an occupied cell with room for the body above it. The ground spreads from the floor
-z = 0 over surfaces that differ no more than a ramp's may; all heights are whole layers.
+z = 0 and from the surfaces about the body's feet, over surfaces that differ no more than a ramp's
+may; all heights are whole layers.
 """
 
 from __future__ import annotations
@@ -126,20 +127,43 @@ def spread(
 
 
 @kernel
+def stand(
+    occupied: NDArray[np.uint64],  # (nx, ny, words)
+    body: Body,
+    feet: tuple[int, int, int],  # column and layer; the layer NOWHERE if it is not known
+    rises: NDArray[np.int64],  # (n,) layers across by distance
+    ground: NDArray[np.int16],  # (nx, ny) in, out: NOWHERE where there is none yet
+) -> None:
+    """Let the surfaces about the feet that a ramp may lead to from there be ground."""
+    nx, ny, _ = occupied.shape
+    reach = rises.shape[0] - 1
+    if feet[2] == NOWHERE:
+        return
+    for x in range(max(feet[0] - reach, 0), min(feet[0] + reach + 1, nx)):
+        for y in range(max(feet[1] - reach, 0), min(feet[1] + reach + 1, ny)):
+            if ground[x, y] == NOWHERE:
+                rise = rises[max(abs(x - feet[0]), abs(y - feet[1]))]
+                lowest, highest = int(feet[2] - rise), int(feet[2] + rise)
+                ground[x, y] = lowest_surface(occupied[x, y], lowest, highest, body)
+
+
+@kernel
 def find_ground(
     occupied: NDArray[np.uint64],  # (nx, ny, words)
     body: Body,
-    rise: int,
+    feet: tuple[int, int, int],  # as of `stand`
+    rises: NDArray[np.int64],  # (2, n) as of `is_steep`
     ground: NDArray[np.int16],  # (nx, ny) out: layer that a body stands on
     seen: NDArray[np.bool_],  # (nx, ny) out: whether it is a surface there, or a neighbour's
 ) -> None:
-    """Find the ground: the floor, what can be reached from it, and elsewhere what is next to it."""
+    """Find the ground: floor and feet, what can be reached from them, elsewhere what is next."""
     nx, ny, _ = occupied.shape
     for x in range(nx):
         for y in range(ny):
             on_floor = is_surface(occupied[x, y], body.floor, body)
             ground[x, y] = body.floor if on_floor else NOWHERE
-    spread(occupied, body, rise, ground)
+    stand(occupied, body, feet, rises[1], ground)
+    spread(occupied, body, rises[0, 1], ground)
     for x in range(nx):
         for y in range(ny):
             seen[x, y] = ground[x, y] != NOWHERE
@@ -180,6 +204,7 @@ def project_terrain(
     occupied: NDArray[np.uint64],  # (nx, ny, words) along z
     free: NDArray[np.uint64],  # (nx, ny, words)
     body: Body,
+    feet: tuple[int, int, int],  # as of `stand`
     rises: NDArray[np.int64],  # (2, n) as of `is_steep`
     ground: NDArray[np.int16],  # (nx, ny) out
     seen: NDArray[np.bool_],  # (nx, ny) out
@@ -188,13 +213,15 @@ def project_terrain(
 ) -> None:
     """Find the state of each column of cells for a body that walks on the ground below it."""
     (nx, ny, _), (floor, foot, tall) = occupied.shape, body
-    find_ground(occupied, body, rises[0, 1], ground, seen)
+    find_ground(occupied, body, feet, rises, ground, seen)
     for x in range(nx):
         for y in range(ny):
             z = int(ground[x, y])
             word, bit = y // WORD_BITS, np.uint64(1) << np.uint64(y % WORD_BITS)
             # A beam that went through where the floor should be found a hole; below a ramp, air.
-            hole = any_of(free[x, y], 0, z) and not (seen[x, y] and z != floor)
+            # Where nothing was seen, such as behind a crest, the ground may fall as a ramp does.
+            fall = 0 if seen[x, y] or feet[2] == NOWHERE else rises[0, -1]
+            hole = any_of(free[x, y], 0, z - fall) and not (seen[x, y] and z != floor)
             met = any_of(occupied[x, y], z + foot, z + tall)
             if hole or met or (seen[x, y] and is_steep(x, y, ground, seen, rises)):
                 occupied_columns[x, word] |= bit

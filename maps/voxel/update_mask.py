@@ -6,12 +6,13 @@ import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps.columns import Window, pack
+from wayproof.maps.config import MapConfig
 from wayproof.maps.grid import FLOOR_LAYER
 from wayproof.maps.kernels import beam_targets, beams, bricks, carve, update
 from wayproof.maps.kernels.beam_columns import MAX_STEPS
@@ -59,6 +60,9 @@ class UpdateMask:
         self.hits[words] = self.misses[words] = 0
         return hits, misses
 
+
+Guard = Literal["floor", "own", "none"]
+"""Which layer beams that graze a surface from above spare."""
 
 Cell = tuple[int, int, int]
 """Indices of a cell as plain numbers: an array of three takes ten times as long."""
@@ -114,7 +118,7 @@ class SweepRasterizer:
         self._team = team
         self._bounds = bounds
         self._hits = np.zeros(0, np.uint64)
-        self._aims = np.zeros(0, np.uint64)
+        self._aims, self._grazes = np.zeros((2, 0), np.uint64)
         self._flags = np.zeros(0, np.uint8)
         self._ends = np.empty(0, np.int64)
         self._misses = np.zeros((team.size, 0), np.uint64)
@@ -124,7 +128,7 @@ class SweepRasterizer:
     @property
     def nbytes(self) -> int:
         """Bytes that the masks hold."""
-        masks = (self._hits, self._aims, self._flags, self._misses)
+        masks = (self._hits, self._aims, self._grazes, self._flags, self._misses)
         return sum(mask.nbytes for mask in masks)
 
     def endpoints(self, sweep: Sweep) -> SweepEndpoints:
@@ -185,19 +189,25 @@ class SweepRasterizer:
         fates = [sum(fate) for fate in zip(*counts.tolist(), strict=True)]
         return SweepEndpoints(self._ends, parts, fates, box, frame)
 
-    def trace(self, sweep: Sweep, endpoints: SweepEndpoints, guard: bool) -> UpdateMask:
+    def trace(self, sweep: Sweep, endpoints: SweepEndpoints, guard: Guard) -> UpdateMask:
         """Mark the cells that the beams hit and cross.
 
         Args:
             sweep: The beams.
             endpoints: Their endpoints.
-            guard: Whether a beam that ends in the floor's layer spares that layer.
+            guard: Layer that a beam from above which ends in it spares: the floor's, that which
+                the beam ends in, or none.
         """
         (x, y, z), shape = endpoints.frame.corner, endpoints.frame.shape
         nx, ny, words = shape
         self._reserve(nx * ny, words)
-        layer = FLOOR_LAYER - z
-        guarded = layer if guard and 0 <= layer < 64 * words else beam_targets.NO_LAYER
+        layer, guarded = FLOOR_LAYER - z, beam_targets.NO_LAYER
+        if guard == "own":
+            guarded = beam_targets.OWN_LAYER
+            if len(self._grazes) < nx * ny * words:
+                self._grazes = np.zeros(nx * ny * words, np.uint64)
+        elif guard == "floor" and 0 <= layer < 64 * words:
+            guarded = layer
         corner = [(2 * cell << beams.SUBCELL_BITS) - 1 for cell in (x, y, z)]
         sensors = 2 * sweep.sensors - np.array(corner)
         (x0, y0, z0), (x1, y1, z1) = endpoints.box
@@ -221,7 +231,9 @@ class SweepRasterizer:
                     sensors,
                     window,
                     SPREAD,
-                    beam_targets.EndMasks(self._hits, self._aims, self._flags, self._columns[own]),
+                    beam_targets.EndMasks(
+                        self._hits, self._aims, self._grazes, self._flags, self._columns[own]
+                    ),
                     beam_targets.Targets(targets.words[own], targets.bits[own], targets.ranks[own]),
                     groups[k],
                 )
@@ -309,6 +321,13 @@ class SweepRasterizer:
             hits=self._hits,
             misses=self._misses[0],
         )
+
+
+def guard_of(config: MapConfig) -> Guard:
+    """Return which layer beams that graze a surface spare."""
+    if config.slope_grazing_filter:
+        return "own"
+    return "floor" if config.floor_grazing_filter else "none"
 
 
 def cell_bounds(region: Window | None) -> NDArray[np.int64] | None:

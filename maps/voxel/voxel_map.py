@@ -25,7 +25,7 @@ from wayproof.maps.sweep import Ranges, SweepStatistics, prepare_sweep
 from wayproof.maps.voxel import storage
 from wayproof.maps.voxel.bricks import Bricks
 from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick, states_of
-from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, cell_bounds
+from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, cell_bounds, guard_of
 
 UPDATE_US, FADE_US = 5.0, 9.0
 """About, to update and to decay a brick, microseconds."""
@@ -116,9 +116,10 @@ class VoxelMap(Representation):
 
         Cells before a return decrease and its own cell increases; a beam without return (65535, or
         beyond `range_limit`) decreases every cell up to the limit; a dropped one (0) has no effect.
-        Beams that end in the same cell count as one. With the surface guard, a beam that ends in
-        the floor's layer does not decrease that layer: at grazing angles it would take away the
-        floor that it is about to hit. Decay ticks due are applied first.
+        Beams that end in the same cell count as one. With the floor's grazing filter, a beam that
+        ends in the floor's layer does not decrease that layer: at grazing angles it would take away
+        the floor that it is about to hit. With that of slopes the same holds for each beam that
+        goes down, of the layer that it ends in. Decay ticks due are applied first.
 
         Args:
             origins: (3,) where the beams start, m, world; or (m, 3), for a sensor that moves.
@@ -145,7 +146,7 @@ class VoxelMap(Representation):
         )
         endpoints = self._rasterizer.endpoints(sweep)
         self.advance(time_ns)
-        mask = self._rasterizer.trace(sweep, endpoints, config.floor_grazing_filter)
+        mask = self._rasterizer.trace(sweep, endpoints, guard_of(config))
         updated = self._apply(mask, time_ns)
         hits, clears, dropped, too_near = endpoints.counts
         return SweepStatistics(hits, clears, dropped, too_near, updated)

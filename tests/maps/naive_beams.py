@@ -14,7 +14,10 @@ def from_middle(sensor, end):
 
 
 def naive_cells(sensor, end, returned, guard):
-    """The cells that a beam crosses, from its end cell to the sensor (in 1/1024 of a cell)."""
+    """The cells that a beam crosses, from its end cell to the sensor (in 1/1024 of a cell).
+
+    The guard "own": beams from above that return spare the layer that they end in; true: layer 0.
+    """
     cell = [q // HALVES for q in sensor]
     to_sensor = from_middle(sensor, end)
     faces = []
@@ -33,8 +36,8 @@ def naive_cells(sensor, end, returned, guard):
         z = leave
         x += (axis == 0) * (1 if to_sensor[0] > 0 else -1)
         y += (axis == 1) * (1 if to_sensor[1] > 0 else -1)
-    if guard and returned and end[2] == 0 and cell[2] > 0:
-        crossed = {c for c in crossed if c[2] != 0}
+    if guard and returned and end[2] < cell[2] and (guard == "own" or end[2] == 0):
+        crossed = {c for c in crossed if c[2] != end[2]}
     return crossed
 
 

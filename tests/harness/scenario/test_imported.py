@@ -11,6 +11,7 @@ from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute.rebuild import rebuild
+from wayproof.harness.recompute.side_by_side import changed_mission
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
@@ -53,13 +54,43 @@ def ridge(folder, width=6.0):
 
 def test_what_walks_is_refused_a_ridge_that_it_would_have_to_climb(tmp_path):
     file = saved(tmp_path, ridge(tmp_path))
-    with pytest.raises(InputError, match=r"no level ground leads 'quadruped' .* up to 0\.30 m"):
+    refused = r"no level ground leads 'quadruped' .* up to 0\.30 m, .* costmap\.max_slope=0\.3$"
+    with pytest.raises(InputError, match=refused):
         build(Config(file, "quadruped", 0))
     build(Config(file, "drone", 0))
     build(override(Config(file, "quadruped", 0), SLOPES["quadruped"]))
-    build(
-        Config(saved(tmp_path, ridge(tmp_path, width=3.0)), "quadruped", 0)
-    )  # there is a way round
+    around = build(Config(saved(tmp_path, ridge(tmp_path, width=3.0)), "quadruped", 0))
+    assert not around.warnings
+
+
+def test_of_ground_that_is_nearly_level_a_warning_names_the_setting(tmp_path):
+    x, _ = np.meshgrid(np.linspace(0.0, 12.0, 121), np.linspace(0.0, 6.0, 61))
+    np.save(tmp_path / "swell.npy", 0.028 * np.exp(-((x - 6.0) ** 2)))
+    ends = (1.5, 3.0, 0.0), (10.5, 3.0, 0.0)
+    world, _ = import_world(tmp_path / "swell.npy", ImportOptions(resolution=0.1), *ends)
+    config = Config(saved(tmp_path, world), "quadruped", 0)
+    (warning,) = build(config).warnings
+    assert warning.endswith("up to 0.03 m: --set costmap.max_slope=0.1 maps its slopes")
+    assert not build(override(config, ["costmap.max_slope=0.1"])).warnings
+
+
+@pytest.mark.parametrize("start", [(1.5, 3.0), (6.4, 2.5)])  # before it, and on it
+def test_a_ridge_is_walked_over_and_the_walk_runs_again_from_its_log(tmp_path, start):
+    config = replace(Config(saved(tmp_path, ridge(tmp_path)), "quadruped", 0), start=start)
+    first = run_episode(build(override(config, SLOPES["quadruped"])), tmp_path / "a.mcap")
+    assert first.outcome == "success"
+    log = open_log(tmp_path / "a.mcap")
+    assert log.mission.rest_height > 0.0
+    assert replay(log.path).identical
+    assert run_episode(rebuild(log), tmp_path / "again.mcap").chain == first.chain
+
+
+def test_a_log_of_a_flat_floor_that_is_changed_to_slopes_knows_the_height_at_rest():
+    built = build(Config("corridor", "quadruped", 0))
+    climbing = override(built.config, SLOPES["quadruped"])
+    assert built.mission.rest_height == 0.0
+    changed = changed_mission(built.mission, built.config, climbing)
+    assert changed.rest_height == pytest.approx(built.spec.rest_height)
 
 
 def test_a_ridge_that_was_not_climbed_is_not_called_impossible(tmp_path):

@@ -144,8 +144,8 @@ def test_a_deck_above_the_floor_is_no_ground_but_where_a_ramp_leads_there():
     assert (projected(cells)[15:25, 5:15] == UNKNOWN).all()
 
 
-def naive(cells, step_height, max_slope, height):
-    """The definition, column by column."""
+def naive(cells, step_height, max_slope, height, feet=None):
+    """The definition, column by column; with the feet's column and layer."""
     foot = math.floor((step_height - LOW[2]) / 0.1 + 1e-6) - FLOOR
     tall = math.ceil((height - LOW[2]) / 0.1 - 1e-6) - FLOOR
     states = np.concatenate([cells.states, np.zeros((*SIZE, 24), np.uint8)], axis=2)
@@ -162,6 +162,13 @@ def naive(cells, step_height, max_slope, height):
 
     columns = list(np.ndindex(*SIZE))
     ground = {c: FLOOR for c in columns if surface(c, FLOOR)}
+    for c in columns if feet else ():
+        away = max(abs(c[0] - feet[0]), abs(c[1] - feet[1]))
+        if c in ground or away > BASELINE:
+            continue
+        layers = range(feet[2] - limits[1, away], feet[2] + limits[1, away] + 1)
+        if surfaces := [z for z in layers if surface(c, z)]:
+            ground[c] = surfaces[0]
     for reach in (limits[0, 1], None):
         while True:
             coming = {}
@@ -192,7 +199,8 @@ def naive(cells, step_height, max_slope, height):
                 if abs(ground[way[d]] - ground[way[d - 1]]) > limit[1]:
                     break
         band = states[c][z + foot : z + tall]
-        hole = FREE in states[c][:z] and not (c in seen and z != FLOOR)
+        lowest = max(z - (0 if c in seen or not feet else limits[0, BASELINE]), 0)
+        hole = FREE in states[c][:lowest] and not (c in seen and z != FLOOR)
         if hole or steep or OCCUPIED in band:
             result[c] = OCCUPIED
         elif OCCUPIED in states[c][z : z + foot] and (band == FREE).all():
@@ -234,6 +242,46 @@ def test_it_is_the_slow_definition_and_a_map_that_is_followed_is_one_made_anew(s
         cells.set(x, y, other.states[x, y])
         following.update(0.1)
     assert (counts > 100).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_ground_is_also_found_from_the_feet(seed):
+    cells, settings = rough(seed), [(0.03, 0.3, 0.45), (0.15, 0.2, 0.4)][seed % 2]
+    cells.states[:, :, FLOOR] = UNKNOWN  # so that there is no floor
+    config = CostmapConfig(max_slope=settings[1])
+    body = config, cells, LOW, HIGH, "ground", 0.2, settings[2], settings[0]
+    following, free = Costmap(*body), []
+    for x in (12, 20, 33, -30, 200):
+        height = (cells.states[np.clip(x, 0, 39), 11] == OCCUPIED).argmax() - FLOOR
+        following.stand_at((0.1 * x + 0.05, 1.15, 0.1 * height - 0.02))
+        following.update(0.1)
+        state = following.state[:, :, 0]
+        np.testing.assert_array_equal(state, naive(cells, *settings, (x, 11, height + FLOOR)))
+        fresh = Costmap(*body)
+        fresh.stand_at((0.1 * x + 0.05, 1.15, 0.1 * height - 0.02))
+        fresh.update(0.1)
+        np.testing.assert_array_equal(following.clearance, fresh.clearance)
+        free.append(np.count_nonzero(state == FREE))
+    assert max(free[:3]) > 100 > free[3] == free[4]
+    with pytest.raises(ValueError, match="feet: got"):
+        following.stand_at((0.0, math.nan, 0.0))
+
+
+def test_what_lies_behind_a_crest_is_unknown_and_no_hole():
+    height = ramp(0.25, top=0.5)
+    cells, layers = world(height), np.arange(LAYERS)
+    cells.states[30:] = np.where(layers >= FLOOR + 3, FREE, UNKNOWN)  # air beyond it
+    costmap = Costmap(CostmapConfig(max_slope=0.3), cells, LOW, HIGH, "ground", 0.2, 0.45, 0.03)
+    assert (costmap.state[30:] == OCCUPIED).all()
+    costmap.stand_at((2.05, 1.15, float(height[20, 11])))
+    costmap.update(0.1)
+    assert (costmap.state[30:] == UNKNOWN).all()
+    assert (costmap.state[:30] == FREE).all()
+    cells.states[32:34, :, FLOOR + 1 :] = FREE  # deeper than any ramp
+    cells.set(slice(32, 34), slice(0, 24), cells.states[32:34])
+    costmap.update(0.1)
+    assert (costmap.state[32:34] == OCCUPIED).all()
+    assert (costmap.state[34:] == UNKNOWN).all()
 
 
 def test_on_a_flat_floor_nothing_differs():

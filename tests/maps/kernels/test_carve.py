@@ -13,6 +13,8 @@ from wayproof.maps.kernels.early_stop import SLOPES
 from wayproof.maps.kernels.work_queue import new_queue
 from wayproof.maps.voxel.update_mask import SPREAD
 
+OWN = beam_targets.OWN_LAYER
+
 
 def packed(cell, origin_cell, fate):
     """An end as `pack_ends` writes it, of origin 0."""
@@ -32,7 +34,7 @@ def carve(run, sensor, ends, shape, guarded=-1, hit=True, box=None):
     nx, ny, words = shape
     box = box or (0, 0, 0, nx - 1, ny - 1, 64 * words - 1)
     window = beam_targets.Window(shape, box, guarded)
-    hits, free, aims = (np.zeros(nx * ny * words, np.uint64) for _ in range(3))
+    hits, free, aims, grazes = (np.zeros(nx * ny * words, np.uint64) for _ in range(4))
     flags, (columns, ranks, order) = np.zeros(nx * ny, np.uint8), np.empty((3, len(ends)), np.int32)
     target_words, bits = np.empty((len(ends), 5), np.int32), np.empty(len(ends), np.uint64)
     wedges, sensors = np.empty((len(ends), 3), np.int64), np.array([sensor])
@@ -45,7 +47,7 @@ def carve(run, sensor, ends, shape, guarded=-1, hit=True, box=None):
         for first, listed, group in zip(firsts, stripes, groups, strict=True):
             half, some = len(listed) // 2, slice(first, first + len(listed))
             parts = np.array([[0, half], [half, half], [half, len(listed)]])
-            masks = beam_targets.EndMasks(hits, aims, flags, columns[some])
+            masks = beam_targets.EndMasks(hits, aims, grazes, flags, columns[some])
             targets = beam_targets.Targets(target_words[some], bits[some], ranks[some])
             packed_ends = np.array(listed, np.int64)
             list_targets(packed_ends, parts, sensors, window, SPREAD, masks, targets, group)
@@ -65,6 +67,7 @@ def carve(run, sensor, ends, shape, guarded=-1, hit=True, box=None):
         carve_beams(targets, order, wedges[:used], queue, sensors, window, scratch, free)
         assert queue[0] == used + 1  # the last item taken is beyond the end
     assert not aims.any()
+    assert not grazes.any()
     assert not flags.any()
 
     def cells(words_):
@@ -86,7 +89,7 @@ def test_runs_of_ends_cross_what_each_of_their_beams_crosses(run, shape):
         run_of_ends[:, 2] = np.arange(9) + rng.integers(0, size[2] - 9)
         ends = np.vstack([ends, run_of_ends]).tolist()
         hit = bool(k % 2)
-        guarded = int(run_of_ends[4, 2]) if k % 3 else -1
+        guarded = (-1, int(run_of_ends[4, 2]), OWN)[k % 3]
         free, hits = carve(run, sensor, ends, shape, guarded, hit)
         assert free == expected_cells(sensor, ends, guarded, hit)
         assert hits == ({tuple(end) for end in ends} if hit else set())
@@ -95,6 +98,8 @@ def test_runs_of_ends_cross_what_each_of_their_beams_crosses(run, shape):
 def expected_cells(sensor, ends, guarded, hit):
     """Cells that beams cross, with the layer that they spare."""
     expected = set()
+    if guarded == OWN:
+        return set().union(*(naive_cells(sensor, tuple(end), hit, "own") for end in ends))
     for end in ends:
         shifted = [*sensor[:2], sensor[2] - HALVES * guarded]  # the floor's layer is layer 0
         crossed = naive_cells(shifted, (*end[:2], end[2] - guarded), hit, guarded >= 0)
@@ -117,8 +122,8 @@ def test_of_beams_from_and_to_anywhere_the_cells_in_a_box_are_marked(run):
         if k % 5 == 0:
             ends[:, :2] = ends[:1, :2] + np.arange(12)[:, None]  # diagonals meet edges
             sensor[1] = sensor[0] + HALVES * int(ends[0, 1] - ends[0, 0])
-        hit, guarded = bool(k % 2), int(ends[k % 12, 2]) if k % 3 else -1
-        guarded = guarded if 0 <= guarded < 128 else -1
+        hit, guarded = bool(k % 2), (-1, int(ends[k % 12, 2]), OWN)[k % 3]
+        guarded = guarded if 0 <= guarded < 128 or guarded == OWN else -1
         limits = (*box[0].tolist(), *box[1].tolist())
         free, hits = carve(run, sensor, ends.tolist(), shape, guarded, hit, limits)
 

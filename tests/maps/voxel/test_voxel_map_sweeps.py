@@ -22,7 +22,8 @@ def naive_integrate(log_odds, evidence, config, origins, moments, beams, limit_m
         sensor = [2 * int(q) + 1 for q in np.floor(origin * scale + shift)]
         at = np.floor((origin + direction * length) * scale).astype(int) + shift.astype(int)
         end = tuple(int(q) for q in at // 512)
-        crossed |= naive_cells(sensor, end, returned, config.floor_grazing_filter)
+        guard = "own" if config.slope_grazing_filter else config.floor_grazing_filter
+        crossed |= naive_cells(sensor, end, returned, guard)
         if returned:
             hits.add(end)
     for cell in hits:
@@ -45,12 +46,15 @@ def test_a_thousand_sweeps_equal_the_definition_cell_by_cell(threads):
     for seed in range(125 if threads == 1 else 15):
         rng = np.random.default_rng(seed)
         resolution = float(rng.choice([0.05, 0.1, 0.2]))
-        guard = "floor" if seed % 2 else "none"
         config = MapConfig(
-            resolution=resolution, half_life=0.0, floor_grazing_filter=guard, memory_mib=16
+            resolution=resolution,
+            half_life=0.0,
+            floor_grazing_filter=seed % 3 == 1,
+            slope_grazing_filter=seed % 3 == 2,
+            memory_mib=16,
         )
         voxel_map, log_odds = VoxelMap(config, threads), {}
-        place = rng.choice([0.0, -50.0, 9e5], 3) * [1.0, 1.0, seed % 3 == 0]
+        place = rng.choice([0.0, -50.0, 9e5], 3) * [1.0, 1.0, seed % 5 == 0]
         for k in range(8):
             count = int(rng.integers(1, 4)) if k % 2 else 1
             origins = place + rng.uniform(-0.4, 0.9, (count, 3))
