@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config
 from wayproof.harness.log.paths import Array, densely
 from wayproof.harness.mission import Mission
+from wayproof.harness.replay.slopes import SlopingColumns
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, states_in
 from wayproof.maps.columns import ColumnMap
 
@@ -159,10 +160,20 @@ def cells_around(
     config: Config,
     mission: Mission,
     widening: Sequence[int] = (),
+    sloping: SlopingColumns | None = None,
 ) -> Cells:
     """Return the cells within a reach, m, plus two cells, of a path (n, 3), m.
 
     With a widening, cells along x and y, each has the worst state of the cells within it.
+
+    Args:
+        voxel_map: Map of the decision.
+        path: Points (n, 3), m.
+        reach: m.
+        config: Settings.
+        mission: Body and operating area.
+        widening: Cells by which what is blocked is widened along x and y; empty if by none.
+        sloping: Columns of a body that climbs, in place of those of a flat floor.
     """
     size, flat = voxel_map.resolution, mission.planar
     pad = reach + (3.0 + max(widening, default=0)) * size
@@ -172,9 +183,14 @@ def cells_around(
     first = np.floor(low / size + HEIGHT_SHIFT)
     end = np.ceil(high / size + HEIGHT_SHIFT)
     corner = (first - HEIGHT_SHIFT) * size
-    # The corners are those of cells; a quarter of a cell inwards they select the same cells.
-    states = states_in(voxel_map, corner + 0.25 * size, (end - HEIGHT_SHIFT) * size - 0.25 * size)
-    if flat:
+    if sloping is not None:
+        corner = corner[:2]
+        states = sloping.within(first[:2].astype(np.int64), end[:2].astype(np.int64))
+    else:
+        # The corners are those of cells; a quarter of a cell inwards they select the same cells.
+        above = (end - HEIGHT_SHIFT) * size
+        states = states_in(voxel_map, corner + 0.25 * size, above - 0.25 * size)
+    if flat and sloping is None:
         states, corner = columns(states, float(corner[2]), size, mission), corner[:2]
     states = fenced(states, corner, size, config, mission)
     if any(widening):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.log.paths import SAME_PLACE, Array, arc_lengths, densely, length
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.cells import SPACING, Cells, cells_around
+from wayproof.harness.replay.slopes import sloping_columns
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.maps import UnknownPolicy
@@ -39,12 +42,14 @@ class Body:
         mission: Mission of the decisions.
         policy: Unknown policy that paths are checked against.
         widening: Cells along x and y by which what is blocked is widened; empty if by none.
+        feet: (3,) on the ground below the body, m; only of one that climbs, see `climbs`.
     """
 
     config: Config
     mission: Mission
     policy: UnknownPolicy
     widening: tuple[int, ...] = ()
+    feet: tuple[float, ...] | None = None
 
     @property
     def flat(self) -> bool:
@@ -109,7 +114,19 @@ class Body:
 
     def cells(self, voxel_map: ColumnMap, track: Array, reach: float) -> Cells:
         """Return the cells within a reach, m, of a track (n, 3), m."""
-        return cells_around(voxel_map, track, reach, self.config, self.mission, self.widening)
+        config, mission = self.config, self.mission
+        sloping = None
+        if mission.planar and config.costmap.max_slope > 0.0:
+            if self._sloping.get("map") is not voxel_map:
+                columns = sloping_columns(voxel_map, config, mission, self.feet)
+                self._sloping.update(map=voxel_map, columns=columns)
+            sloping = self._sloping["columns"]
+        return cells_around(voxel_map, track, reach, config, mission, self.widening, sloping)
+
+    @cached_property
+    def _sloping(self) -> dict[str, Any]:
+        """The columns of one map: they take as long as the rest of a decision's audit."""
+        return {}
 
     def first_blocked(
         self, voxel_map: ColumnMap, poses: Array, margin: float

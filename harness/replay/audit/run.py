@@ -201,7 +201,7 @@ def moments(
             map=_admitted(navigator.map, priors[run.begin]),
             measured=navigator.map,
             version=combined_version(navigator.map.version(), navigator.labels),
-            body=_widened(bodies[run.begin], record.inputs.pose),
+            body=_placed(bodies[run.begin], record.inputs.pose),
             before=before,
         )
         yield moment
@@ -213,8 +213,11 @@ def _admitted(measured: Representation, prior: PriorCells | None) -> ColumnMap:
     return measured if prior is None else AdmittedMap(measured, prior)
 
 
-def _widened(body: Body, pose: Pose) -> Body:
-    """Return the body among cells that are widened as the pose requires."""
+def _placed(body: Body, pose: Pose) -> Body:
+    """Return the body among cells widened as the pose requires, with its feet if it climbs."""
     size = body.config.map.resolution
     _, widening = believed_of(pose, size, flat=body.flat)
-    return replace(body, widening=widening) if widening else body
+    if not widening and body.config.costmap.max_slope == 0.0:
+        return body
+    height, (x, y, z) = body.mission.rest_height, pose.position.tolist()
+    return replace(body, widening=widening, feet=(x, y, z - height) if height > 0.0 else None)

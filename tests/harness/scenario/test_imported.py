@@ -12,6 +12,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute.rebuild import rebuild
 from wayproof.harness.recompute.side_by_side import changed_mission
+from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
@@ -83,6 +84,7 @@ def test_a_ridge_is_walked_over_and_the_walk_runs_again_from_its_log(tmp_path, s
     assert log.mission.rest_height > 0.0
     assert replay(log.path).identical
     assert run_episode(rebuild(log), tmp_path / "again.mcap").chain == first.chain
+    assert audit(log.path).violations == ()
 
 
 def test_a_log_of_a_flat_floor_that_is_changed_to_slopes_knows_the_height_at_rest():
