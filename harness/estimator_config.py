@@ -46,9 +46,9 @@ class EstimateConfig:
         position_floor: Standard deviation that each registration adds to that of its part of the
             map, m; likewise.
         heading_floor: The same of the heading, rad; likewise.
-        motion_share: Standard deviation of the predicted motion along directions that the scene
-            does not hold, as a share of it. The quadruped's feet roll as it walks, which costs 1 to
-            2.5 % of the way in `tunnel` and `hall`.
+        motion_share: Standard deviation of the motion by feet or an odometry along directions that
+            the scene does not hold, as a share of it. The quadruped's feet roll as it walks, which
+            costs 1 to 2.5 % of the way in `tunnel` and `hall`.
         motion_walk: Standard deviation that the feet, or an odometry, add along each of these
             directions, also across the way, m for the root of a metre; from the same episodes.
     """

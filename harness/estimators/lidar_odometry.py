@@ -13,7 +13,7 @@ from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.kernels import diagonalize
 from wayproof.harness.estimators.matrices import projected
 from wayproof.harness.estimators.motion_filter import MotionFilter
-from wayproof.harness.estimators.motion_sensors import Motion, MotionSource
+from wayproof.harness.estimators.motion_sensors import Motion, MotionSource, turned_by
 from wayproof.harness.estimators.registration import Registration
 from wayproof.harness.estimators.stated_covariance import StatedCovariance
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
@@ -30,7 +30,7 @@ ROUGHNESS = 0.003
 MAP_SPACING = 0.1
 """Distance between the points of a sweep that are mapped, m."""
 
-NAME = "lidar/4"
+NAME = "lidar/5"
 """Name and version of the estimator, as it is logged."""
 
 
@@ -48,7 +48,6 @@ class LidarOdometry:
         position: Array,
         heading: float,
         sensors: MotionSource,
-        sweep_period: float,
     ) -> None:
         """Start at a known pose.
 
@@ -57,14 +56,14 @@ class LidarOdometry:
             position: (3,) world, m.
             heading: rad.
             sensors: Of motion, read at each estimate.
-            sweep_period: Time between two sweeps, s.
         """
         self._config, self._sensors = config, sensors
         self._surfaces = SurfaceMap(config.voxel, config.held, config.registered_share)
-        self._filter = MotionFilter(config, sweep_period)
+        self._filter = MotionFilter(config)
         self._residual = FIRST_RESIDUAL
         self._position, self._heading = position.copy(), heading  # estimated
         self._velocity = np.zeros(3)  # estimated, world
+        self._bias = np.zeros(3)  # estimated, of the accelerometer, m/s^2, axes of the base
         self._true_position, self._true_heading = position.copy(), heading
         self.covariance = StatedCovariance(config)
         self._begun = False  # whether the map has its first sweep, taken at the known start
@@ -80,16 +79,16 @@ class LidarOdometry:
         self._true_position, self._true_heading = position.copy(), heading
         motion = self._sensors.measure(turn)
         self._heading += motion.turn
+        axes = self._accelerometer_axes(motion)
         before = self._velocity
-        self._velocity = self._predicted_velocity(motion)
+        self._velocity = self._predicted_velocity(motion, axes)
         step = 0.5 * self._sensors.period * (before + self._velocity)
         if motion.step is not None:
             step = self._sensors.period * self._velocity
         self._position = self._position + step
         self.travelled += math.sqrt(float((step * step).sum()))
-        inertial = motion.foot_velocity is None and motion.step is None
-        self._filter.predict(step, self._sensors.period, inertial)
-        self.covariance.predict(step, self._sensors.period, inertial, self._filter.velocity_sigma)
+        grown = self._filter.predict(step, self._sensors.period, axes)
+        self.covariance.predict(step, self._sensors.period, grown if axes is not None else None)
 
     def correct(self, points: Array) -> PoseError:
         """Register a sweep; return by how much it moves the estimate: the first one by nothing.
@@ -111,7 +110,8 @@ class LidarOdometry:
         if math.isfinite(registration.scatter):
             self._residual = math.hypot(registration.scatter, ROUGHNESS)
             information = self._information(registration)
-            self._velocity = self._velocity + self._filter.update(information, shift)
+            change = self._filter.update(information, shift)
+            self._velocity, self._bias = self._velocity + change[:3], self._bias + change[3:]
         self.covariance.correct(registration, self._position)
         x, y, z = shift.tolist()
         return PoseError((x, y, z), turn)
@@ -153,6 +153,7 @@ class LidarOdometry:
             "position": self._position.copy(),
             "heading": np.array(self._heading),
             "velocity": self._velocity.copy(),
+            "bias": self._bias.copy(),
             "true_position": self._true_position.copy(),
             "true_heading": np.array(self._true_heading),
             "travelled": np.array(self.travelled),
@@ -172,6 +173,7 @@ class LidarOdometry:
         self._position = np.array(state["position"], np.float64)
         self._heading = float(state["heading"])
         self._velocity = np.array(state["velocity"], np.float64)
+        self._bias = np.array(state["bias"], np.float64)
         self._true_position = np.array(state["true_position"], np.float64)
         self._true_heading = float(state["true_heading"])
         self.travelled = float(state["travelled"])
@@ -186,14 +188,24 @@ class LidarOdometry:
         information: Array = moment / (self._config.sweep_noise_share * self._residual) ** 2
         return information
 
-    def _predicted_velocity(self, motion: Motion) -> Array:
+    def _accelerometer_axes(self, motion: Motion) -> Array | None:
+        """Rotation (3, 3) of the base in the estimate's axes; none if other sensors predict."""
+        if motion.step is not None or motion.foot_velocity is not None or motion.axes is None:
+            return None
+        error = self._heading - self._true_heading
+        return np.array([_turned(column, error) for column in motion.axes.T]).T
+
+    def _predicted_velocity(self, motion: Motion, axes: Array | None) -> Array:
         """Velocity by the feet that stand, else by the accelerometer, in the estimate's axes."""
         error = self._heading - self._true_heading
         if motion.step is not None:
             return _turned(motion.step, error) / self._sensors.period
         if motion.foot_velocity is not None:
             return _turned(motion.foot_velocity, error)
-        return self._velocity + _turned(motion.velocity_change, error)
+        change = _turned(motion.velocity_change, error)
+        if axes is not None:
+            change = change - self._sensors.period * turned_by(axes, self._bias)
+        return self._velocity + change
 
 
 def put_estimate(message: pb.Pose, lidar: LidarOdometry) -> None:

@@ -20,7 +20,7 @@ def inverse(matrix: Array) -> Array:
 
 
 def product(one: Array, other: Array) -> Array:
-    """Matrix product of (n, n) and (n, n)."""
+    """Matrix product of (n, k) and (k, m)."""
     sums: Array = (one[:, :, None] * other[None, :, :]).sum(axis=1)
     return sums
 

@@ -37,12 +37,15 @@ class Motion(NamedTuple):
         turn: By the gyroscope, about the vertical, rad.
         foot_velocity: (3,) of the base by the feet that stand, in true world axes, m/s; none if no
             foot does.
+        axes: (3, 3) rotation of the base in true world axes, in which the accelerometer's bias
+            stays; none without an accelerometer.
         step: (3,) of the base by an odometry of its own, in true world axes, m; none without one.
     """
 
     velocity_change: Array
     turn: float
     foot_velocity: Array | None
+    axes: Array | None = None
     step: Array | None = None
 
 
@@ -141,8 +144,9 @@ class MotionSensors:
         config, period = self._config, self.period
         root = math.sqrt(period)
         bias = self._bias()
+        axes = rotation_matrices(self._quaternion[None])[0]
         change = self._velocity - self._before
-        change = change + self._in_world(bias.acceleration) * period
+        change = change + turned_by(axes, bias.acceleration) * period
         change = change + config.accelerometer_noise * root * noise[:3]
         self._before = self._velocity.copy()
         turned = turn + bias.turn_rate * period + config.gyro_noise * root * float(noise[6])
@@ -150,7 +154,7 @@ class MotionSensors:
         if feet is not None:
             feet = feet + config.leg_noise * noise[3:6]
         self._sequence += 1
-        return Motion(change, turned, feet)
+        return Motion(change, turned, feet, axes)
 
     def _bias(self) -> InertialBias:
         """The biases of this instant."""
@@ -159,11 +163,6 @@ class MotionSensors:
             return self._own
         acceleration = self._own.acceleration + self._added.acceleration
         return InertialBias(acceleration, self._own.turn_rate + self._added.turn_rate)
-
-    def _in_world(self, vector: Array) -> Array:
-        """A vector (3,) of the base in world axes."""
-        turned: Array = (rotation_matrices(self._quaternion[None])[0] * vector).sum(axis=1)
-        return turned
 
     def _foot_velocity(self) -> Array | None:
         """Velocity of the base if the points where the robot touches the world stand still.
@@ -195,3 +194,9 @@ class MotionSensors:
             self._drawn: Array = rng.standard_normal((DRAW_BLOCK, DRAWS))
         drawn: Array = self._drawn[row]
         return drawn
+
+
+def turned_by(rotation: Array, vector: Array) -> Array:
+    """A vector (3,) turned by a rotation (3, 3)."""
+    turned: Array = (rotation * vector).sum(axis=1)
+    return turned

@@ -9,8 +9,8 @@ of the planes from the surfaces.
 
 Along each direction that the sweeps do not hold it grows by a share of the whole predicted motion
 since they last did, and by a walk with the length of the way: steps err to the side, too. Where
-only an accelerometer predicts, its bias and the velocity that it starts from count, too: the
-estimate of a body at rest drifts.
+only an accelerometer predicts, it grows as the filter of the motion says, by what velocity and
+bias are known to: the estimate of a body at rest drifts.
 """
 
 from __future__ import annotations
@@ -39,43 +39,35 @@ class StatedCovariance:
     def __init__(self, config: EstimateConfig) -> None:
         """Start at a known pose."""
         self._config = config
-        self._velocity_sigma = 0.0  # when the sweeps last held all of it
         self._floor = np.diag([config.position_floor**2] * 3 + [config.heading_floor**2])
         self._held = self._floor.copy()  # without the motion that nothing holds
-        self._moved = np.zeros(3)  # predicted motion since the sweeps held all of it
-        self._inertial_s = 0.0  # time since then for which only the accelerometer predicted
+        self._moved = np.zeros(3)  # motion by feet or odometry since the sweeps held all of it
         self._lost_s = 0.0  # time since a sweep was registered
         self._positions: list[Array] = []  # (3,) of the poses of the mapped sweeps, m
         self._covariances: list[Array] = []  # (4, 4) of these
         self.axes = np.zeros((0, 3))
         self.information = np.zeros(3)
 
-    def predict(
-        self, step: Array, period: float, inertial: bool, velocity_sigma: float = 0.0
-    ) -> None:
+    def predict(self, step: Array, period: float, inertial: Array | None) -> None:
         """Grow over a predicted step.
 
         Args:
             step: (3,) m.
             period: Its time, s.
-            inertial: Whether the accelerometer predicted it, not the feet.
-            velocity_sigma: Standard deviation of the velocity, m/s.
+            inertial: (3, 3) by which the covariance of the position has grown in the filter of the
+                motion if the accelerometer predicted the step, m^2; none if feet or an odometry
+                did.
         """
         config = self._config
         self._held = moved_by(self._held, step)
-        self._moved = self._moved + self._unheld(step)
-        if self._inertial_s == 0.0:
-            self._velocity_sigma = velocity_sigma
-        if inertial and len(self.axes):
-            before = self._drift(self._inertial_s)
-            self._inertial_s += period
-            grown = self._drift(self._inertial_s) ** 2 - before**2
-            for axis in self.axes:
-                self._held[:3, :3] += grown * axis[:, None] * axis[None, :]
-        if not inertial:
-            walked = config.motion_walk**2 * math.sqrt(float((step * step).sum()))
-            for axis in self.axes:
-                self._held[:3, :3] += walked * axis[:, None] * axis[None, :]
+        if inertial is None:
+            self._moved = self._moved + self._unheld(step)
+        walked = config.motion_walk**2 * math.sqrt(float((step * step).sum()))
+        for axis in self.axes:
+            grown = walked
+            if inertial is not None:
+                grown = max(0.0, float((axis[:, None] * inertial * axis).sum()))
+            self._held[:3, :3] += grown * axis[:, None] * axis[None, :]
         if len(self.axes) == 3:
             before = config.gyro_bias * self._lost_s
             self._lost_s += period
@@ -93,8 +85,6 @@ class StatedCovariance:
         if len(self.axes) == 3:
             return
         self._lost_s = 0.0
-        if not len(self.axes):
-            self._inertial_s = 0.0
         self._moved = self._unheld(self._moved)
         held, unheld = np.eye(4), np.zeros((4, 4))
         for axis in self.axes:
@@ -131,7 +121,7 @@ class StatedCovariance:
         return {
             "held": self._held.copy(),
             "moved": self._moved.copy(),
-            "without": np.array([self._inertial_s, self._lost_s, self._velocity_sigma]),
+            "lost_s": np.array(self._lost_s),
             "axes": self.axes.copy(),
             "information": self.information.copy(),
         }
@@ -140,7 +130,7 @@ class StatedCovariance:
         """Continue from what `state` returned."""
         self._held = np.array(state["held"], np.float64)
         self._moved = np.array(state["moved"], np.float64)
-        self._inertial_s, self._lost_s, self._velocity_sigma = state["without"].tolist()
+        self._lost_s = float(state["lost_s"])
         self.axes = np.array(state["axes"], np.float64)
         self.information = np.array(state["information"], np.float64)
 
@@ -160,13 +150,6 @@ class StatedCovariance:
         weights = shares[:, :, None] * shares[:, None, :]
         total: Array = own + (weights * moved_by(covariances, steps)).sum(axis=0)
         return total
-
-    def _drift(self, time_s: float) -> float:
-        """Standard deviation of a position by the accelerometer alone after a time, m."""
-        acceleration, noise = self._config.accelerometer_bias, self._config.accelerometer_noise
-        wandered = noise**2 * time_s**3 / 3.0  # white noise, integrated twice
-        biased = 0.5 * acceleration * time_s**2
-        return math.sqrt((self._velocity_sigma * time_s) ** 2 + biased**2 + wandered)
 
     def _unheld(self, motion: Array) -> Array:
         """Part of a motion (3,) along directions that the last sweep did not hold."""

@@ -15,8 +15,8 @@ from wayproof.harness.estimators.kernels import (
     add_points,
     align,
     examine,
-    first_of_each,
     slot_of,
+    spread_out,
 )
 from wayproof.harness.estimators.matrices import inverse, projected
 from wayproof.harness.estimators.registration import Registration
@@ -126,10 +126,11 @@ class SurfaceMap:
 
 
 def thinned(points: Array, spacing: float) -> Array:
-    """Return the first point of each voxel of an edge of `spacing`, in their order, (k, 3) m."""
+    """Return points of which no two are nearer than `spacing`, the first ones, (k, 3) m."""
     slots = 1 << int(2 * len(points) + 1).bit_length()
-    chosen = np.empty(len(points), np.int64)
-    count = first_of_each(points, 1.0 / spacing, np.empty(slots, np.int64), chosen)
+    keys, heads = np.empty(slots, np.int64), np.empty(slots, np.int64)
+    following, chosen = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
+    count = spread_out(points, spacing, keys, heads, following, chosen)
     kept: Array = points[chosen[:count]]
     return kept
 

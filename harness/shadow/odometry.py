@@ -46,7 +46,7 @@ class RecordedMotion:
 
     def measure(self, turn: float) -> Motion:
         """Return the motion; `turn`, rad, is the recorded one."""
-        return Motion(np.zeros(3), turn, None, self.step)
+        return Motion(np.zeros(3), turn, None, step=self.step)
 
     def state(self) -> dict[str, Array]:
         """Return nothing: a recording is not continued from a snapshot."""
@@ -62,7 +62,6 @@ class RecordedOdometry:
     def __init__(self, prepared: Prepared) -> None:
         """Start before the first decision."""
         self._config = prepared.config.estimate
-        self._period = max(prepared.recorded.decision_period, LEAST_PERIOD)
         self._beams = {info.name: beams_from_info(info) for info in prepared.infos}
         self._planar = prepared.planar
         self._motion = RecordedMotion()
@@ -81,7 +80,7 @@ class RecordedOdometry:
         position = np.array(message.position)
         heading = yaw_of_quaternion(np.array(message.quaternion))
         if self._lidar is None:
-            self._lidar = LidarOdometry(self._config, position, heading, self._motion, self._period)
+            self._lidar = LidarOdometry(self._config, position, heading, self._motion)
         else:
             elapsed = 1e-9 * (time_ns - self._before_ns)
             self._motion.period = max(elapsed, LEAST_PERIOD)
@@ -126,7 +125,7 @@ class RecordedOdometry:
     def _walls(self, points: Array) -> Array:
         """Points (n, 3) of a planar laser, each above and below the middle of a voxel."""
         voxel, walls = self._config.voxel, np.repeat(points, 2, axis=0)
-        middle = (np.floor(walls[:, 2] / voxel) + 0.5) * voxel
+        middle = np.floor(walls[:, 2] / voxel + 0.5) * voxel
         walls[:, 2] = middle + voxel * np.tile([WALL, -WALL], len(points))
         return walls
 

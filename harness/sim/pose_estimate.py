@@ -105,9 +105,7 @@ class PoseEstimate:
         self._corrected = self._mapped = NONE  # number of the last sweeps
         if config.estimate.kind == "lidar":
             sensors = MotionSensors(config.estimate, config.seed, period, body, self._perturbation)
-            self._lidar = LidarOdometry(
-                config.estimate, position, heading, sensors, sweep_period=steps * timestep
-            )
+            self._lidar = LidarOdometry(config.estimate, position, heading, sensors)
             self._estimator = self._lidar
         else:
             errors = config.pose_model if config.estimate.kind == "model" else EXACT

@@ -9,9 +9,9 @@ from wayproof.harness.estimators.kernels import (
     add_points,
     align,
     diagonalize,
-    first_of_each,
     fit_plane,
     solve,
+    spread_out,
     voxel_key,
 )
 from wayproof.harness.estimators.surface_map import SYSTEMATIC, SurfaceMap, thinned
@@ -65,17 +65,26 @@ def test_cholesky_solves_as_numpy_does():
         np.testing.assert_allclose(right, expected, rtol=1e-8)
 
 
-def test_one_point_of_each_voxel_is_kept_the_first():
+def test_points_are_kept_that_no_kept_one_is_near():
     points = room()
     kept = thinned(points, 0.2)
-    seen, naive = set(), []
-    for point in points:
-        voxel = tuple(np.floor(point * (1.0 / 0.2)).astype(int))
-        if voxel not in seen:
-            seen.add(voxel)
+    naive = [points[0]]
+    for point in points[1:]:
+        if (((np.array(naive) - point) ** 2).sum(axis=1) >= 0.2 * 0.2).all():
             naive.append(point)
     assert (kept == np.array(naive)).all()
     assert len(thinned(np.zeros((0, 3)), 0.2)) == 0
+
+
+@pytest.mark.parametrize("place", [1.8, 1.9, 1.95, 2.0])
+def test_noise_does_not_move_a_thinned_wall(place):
+    """A point for each cell of a grid put walls on a face of it millimetres off."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-2.0, 2.0, (20_000, 3))
+    points[:, 0] = place + rng.normal(0.0, 0.015, len(points))
+    kept = thinned(points, 0.2)
+    assert len(kept) > 200
+    assert kept[:, 0].mean() == pytest.approx(place, abs=3.0 * 0.015 / np.sqrt(len(kept)))
 
 
 def test_a_voxel_holds_mean_and_covariance_of_its_points():
@@ -93,6 +102,20 @@ def test_a_voxel_holds_mean_and_covariance_of_its_points():
         away = own - own.mean(axis=0)
         expected = (away.T @ away)[np.triu_indices(3)]
         np.testing.assert_allclose(voxels.squares[slot], expected, atol=1e-9)
+
+
+def test_a_floor_at_zero_with_noise_lies_in_one_layer_of_voxels():
+    """On a face between two layers, a quarter of a sweep's error of 5 mm stayed."""
+    rng, up = np.random.default_rng(4), np.array([0.0, 0.0, 1.0])
+
+    def floor(height):
+        points = rng.uniform(-3.0, 3.0, (4000, 3)) * (1.0, 1.0, 0.0)
+        return points + (height + rng.normal(0.0, 0.01, (4000, 1))) * up
+
+    surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.0)
+    surfaces.add(floor(0.0), up)
+    found = surfaces.register(floor(0.005), up)
+    assert found.correction[2] == pytest.approx(-0.005, abs=8e-4)
 
 
 def test_a_plane_is_told_from_a_line_and_a_ball():
@@ -218,6 +241,17 @@ def test_compiled_and_interpreted_examination_give_the_same_bits(python_versions
 
 def test_scratch_of_another_call_does_not_matter():
     points, chosen = room(200), np.empty(200, np.int64)
-    dirty = np.arange(1024)
-    count = first_of_each(points, 5.0, dirty, chosen)
+    dirty = [np.arange(size) for size in (1024, 1024, 200)]
+    count = spread_out(points, 0.2, *dirty, chosen)
     assert (points[chosen[:count]] == thinned(points, 0.2)).all()
+
+
+def test_compiled_and_interpreted_thinning_choose_the_same_points(python_versions):
+    def chosen(kernel):
+        scratch = [np.empty(size, np.int64) for size in (1024, 1024, 300, 300)]
+        return scratch[-1][: kernel(room(300), 0.5, *scratch)].tolist()
+
+    compiled = chosen(kernels.spread_out)
+    assert 20 < len(compiled) < 300
+    python_versions()
+    assert chosen(kernels.spread_out) == compiled

@@ -5,7 +5,11 @@ import pytest
 
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.matrices import inverse
-from wayproof.harness.estimators.motion_filter import LEAST_VARIANCE, MotionFilter
+from wayproof.harness.estimators.motion_filter import (
+    BIAS_CORRELATION_S,
+    LEAST_VARIANCE,
+    MotionFilter,
+)
 
 
 def test_the_inverse_is_numpys():
@@ -14,31 +18,83 @@ def test_the_inverse_is_numpys():
     np.testing.assert_allclose(inverse(root @ root.T), np.linalg.inv(root @ root.T), rtol=1e-9)
 
 
-def test_position_and_velocity_are_those_of_a_textbook_filter():
-    """One axis of it: state (x, v), F = [[1, T], [0, 1]], a position measured at each sweep."""
-    config = EstimateConfig(accelerometer_bias=0.5, accelerometer_noise=0.0)
-    motion, period = MotionFilter(config, sweep_period=0.1), 0.1
-    P, F = np.diag([LEAST_VARIANCE, 0.0]), np.array([[1.0, period], [0.0, 1.0]])
-    Q = np.diag([0.0, 0.5**2 * period * period])
-    H, R = np.array([[1.0, 0.0]]), 0.01**2
+UPRIGHT = np.eye(3)
+"""Axes of a base that stands as the world does."""
+
+
+def turned(angle):
+    """Axes of a base that was turned about the vertical by an angle, rad."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_position_velocity_and_bias_are_those_of_a_textbook_filter():
+    """One axis of it, with the state (x, v, b), and a position measured after each period T."""
+    config = EstimateConfig(accelerometer_bias=0.5, accelerometer_noise=0.1)
+    motion, period = MotionFilter(config), 0.1
+    P = np.diag([LEAST_VARIANCE, 0.0, 0.5**2])
+    F = np.array([[1.0, period, -0.5 * period**2], [0.0, 1.0, -period], [0.0, 0.0, 1.0]])
+    Q = period * np.diag([0.0, 0.1**2, 0.5**2 / BIAS_CORRELATION_S])
+    H, R = np.array([[1.0, 0.0, 0.0]]), 0.01**2
     for _ in range(20):
-        motion.predict(np.zeros(3), period, inertial=True)
+        before = P[0, 0]
+        grown = motion.predict(np.zeros(3), period, UPRIGHT)
         P = F @ P @ F.T + Q
-        information = np.diag([1 / R, 1 / R, 1 / R, 1.0])
-        velocity = motion.update(information, np.array([0.01, 0.0, 0.0]))
+        assert grown[0, 0] == pytest.approx(P[0, 0] - before, rel=1e-5)
+        change = motion.update(np.diag([1 / R, 1 / R, 1 / R, 1.0]), np.array([0.01, 0.0, 0.0]))
         P[0, 0] += LEAST_VARIANCE
         gain = P @ H.T / (H @ P @ H.T + R)
-        expected = 0.01 * gain[1, 0] / gain[0, 0]  # by the shift, which is gain times innovation
-        assert velocity[0] == pytest.approx(expected, rel=1e-6)
+        # by the shift, which is gain times innovation
+        assert change[0] == pytest.approx(0.01 * gain[1, 0] / gain[0, 0], rel=1e-5)
+        assert change[3] == pytest.approx(0.01 * gain[2, 0] / gain[0, 0], rel=1e-5)
         P = P - gain @ H @ P
-    assert motion.velocity[0, 0] == pytest.approx(P[1, 1], rel=1e-6)
-    assert 0.0 < motion.velocity_sigma < 0.5
+    np.testing.assert_allclose(motion.covariance[0::3, 0::3], P, rtol=1e-4, atol=1e-12)
+
+
+def test_a_bias_is_found_and_leaves_no_error_behind():
+    """A body at rest that turns, while its accelerometer says that it is pushed to its left.
+
+    Taken as noise of the velocity, the bias left the estimate behind by centimetres, to the left.
+    """
+    config, period, bias = EstimateConfig(), 0.1, np.array([0.0, 0.04, 0.0])
+    motion = MotionFilter(config)
+    position, velocity, found = np.zeros(3), np.zeros(3), np.zeros(3)
+    R = 5e-4**2
+    for step in range(300):
+        axes = turned(0.05 * step)
+        before, velocity = velocity, velocity + period * axes @ (bias - found)
+        position = position + 0.5 * period * (before + velocity)
+        motion.predict(np.zeros(3), period, axes)
+        weight = motion.weight(R)[:3, :3]
+        shift = np.linalg.solve(np.eye(3) + weight, -position)  # the truth stays at the origin
+        change = motion.update(np.diag([1 / R, 1 / R, 1 / R, 1.0]), shift)
+        position = position + shift
+        velocity, found = velocity + change[:3], found + change[3:]
+    assert np.abs(found - bias).max() < 0.002
+    assert np.abs(position).max() < 5e-5
+    sigma = np.sqrt(np.diag(motion.covariance))[6:]
+    assert (sigma < 0.2 * config.accelerometer_bias).all()
+
+
+def test_what_is_known_of_the_bias_bounds_the_drift_without_sweeps():
+    """Half the bias times the square of the time, at the start; less once sweeps have told it."""
+    drifts = []
+    for sweeps in (0, 100):
+        motion = MotionFilter(EstimateConfig(accelerometer_bias=0.1))
+        for _ in range(sweeps):
+            motion.predict(np.zeros(3), 0.1, UPRIGHT)
+            motion.update(np.diag([1e6, 1e6, 1e6, 1.0]), np.zeros(3))
+        for _ in range(100):
+            motion.predict(np.zeros(3), 0.1, UPRIGHT)
+        drifts.append(np.sqrt(motion.covariance[0, 0]))
+    assert drifts[0] == pytest.approx(0.5 * 0.1 * 10.0**2, rel=0.05)
+    assert drifts[1] < 0.2 * drifts[0]
 
 
 def test_a_prediction_by_feet_counts_by_their_share_of_the_step():
     config = EstimateConfig(motion_share=0.1, leg_noise=0.0)
-    motion = MotionFilter(config, sweep_period=0.1)
-    motion.predict(np.array([0.05, 0.0, 0.0]), 0.1, inertial=False)
+    motion = MotionFilter(config)
+    motion.predict(np.array([0.05, 0.0, 0.0]), 0.1, None)
     weight = motion.weight(0.005**2)
     assert weight[0, 0] == pytest.approx(1.0, rel=1e-3)
     assert weight[1, 1] > 1e4
@@ -47,11 +103,11 @@ def test_a_prediction_by_feet_counts_by_their_share_of_the_step():
 
 
 def test_it_continues_from_its_state():
-    motion, other = (MotionFilter(EstimateConfig(), 0.1) for _ in range(2))
-    motion.predict(np.array([0.05, 0.01, 0.0]), 0.01, inertial=True)
+    motion, other = (MotionFilter(EstimateConfig()) for _ in range(2))
+    motion.predict(np.array([0.05, 0.01, 0.0]), 0.01, turned(0.3))
     motion.update(np.diag([1e4, 1e5, 1e4, 1e6]), np.array([0.01, 0.0, 0.0]))
     other.restore(motion.state())
     for one in (motion, other):
-        one.predict(np.array([0.05, 0.01, 0.0]), 0.01, inertial=True)
+        one.predict(np.array([0.05, 0.01, 0.0]), 0.01, turned(0.4))
     for name, array in motion.state().items():
         np.testing.assert_array_equal(array, other.state()[name])
