@@ -110,7 +110,7 @@ class LidarOdometry:
         if math.isfinite(registration.scatter):
             self._residual = math.hypot(registration.scatter, ROUGHNESS)
             information = self._information(registration)
-            change = self._filter.update(information, shift)
+            change = self._filter.update(information, shift, registration.unheld)
             self._velocity, self._bias = self._velocity + change[:3], self._bias + change[3:]
         self.covariance.correct(registration, self._position)
         x, y, z = shift.tolist()

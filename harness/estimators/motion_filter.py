@@ -21,6 +21,9 @@ BIAS_CORRELATION_S = 1000.0
 LEAST_VARIANCE = 1e-10
 """Least variance of a prediction, m^2 and rad^2."""
 
+LEAST_INFORMATION = 1e-3
+"""Information of a direction that a sweep does not hold, 1/m^2, which stands for none."""
+
 POSITION, VELOCITY, BIAS = slice(0, 3), slice(3, 6), slice(6, 9)
 """Rows of the covariance; the bias is that of the accelerometer, in the axes of the base."""
 
@@ -46,6 +49,7 @@ class MotionFilter:
         self._wander = bias / BIAS_CORRELATION_S  # the same of the bias, m^2/s^4
         self._covariance = np.diag([LEAST_VARIANCE] * 3 + [0.0] * 3 + [bias] * 3)
         self._heading = LEAST_VARIANCE
+        self._axes = np.eye(3)  # T_world_base of the accelerometer when it last predicted
 
     def predict(self, step: Array, period: float, axes: Array | None) -> Array:
         """Grow over a step; return by how much that of the position did, (3, 3) m^2.
@@ -59,6 +63,7 @@ class MotionFilter:
         before = self._covariance[POSITION, POSITION]
         by_step = axes is None
         self._covariance = self._by_step(step, period) if by_step else self._fallen(period, axes)
+        self._axes = self._axes if axes is None else axes
         self._heading += self._turn * period
         return self._covariance[POSITION, POSITION] - before
 
@@ -69,13 +74,21 @@ class MotionFilter:
         weight[3, 3] = variance / self._heading
         return weight
 
-    def update(self, information: Array, shift: Array) -> Array:
+    def update(self, information: Array, shift: Array, unheld: Array) -> Array:
         """Take a registration into account; return the corrections of velocity and bias, (6,).
 
+        What it does not hold stays as uncertain as it was, as considered states do (Schmidt 1966,
+        Advances in Control Systems 3): the direction of a tunnel is found anew with each sweep,
+        some hundredths of a radian off, and its walls would seem to tell the way along it.
+
         Args:
-            information: (4, 4) of the sweep.
+            information: (4, 4) of the sweep; zero along `unheld`.
             shift: (3,) by which it moved the position, m.
+            unheld: (k, 3) unit directions that the sweep does not hold.
         """
+        self._heading = 1.0 / (1.0 / self._heading + float(information[3, 3]))
+        if len(unheld):
+            return self._update_held(information[:3, :3], shift, unheld)
         before = self._position
         prior = inverse(before)
         after = inverse(prior + information[:3, :3])
@@ -87,18 +100,22 @@ class MotionFilter:
         updated[BEYOND, POSITION], updated[POSITION, BEYOND] = cross, cross.T
         updated[BEYOND, BEYOND] = self._covariance[BEYOND, BEYOND] - lost
         self._covariance = updated
-        self._heading = 1.0 / (1.0 / self._heading + float(information[3, 3]))
         change: Array = (gain * shift).sum(axis=1)
         return change
 
     def state(self) -> dict[str, Array]:
         """Return all of it."""
-        return {"covariance": self._covariance.copy(), "heading": np.array(self._heading)}
+        return {
+            "covariance": self._covariance.copy(),
+            "heading": np.array(self._heading),
+            "axes": self._axes.copy(),
+        }
 
     def restore(self, state: dict[str, Array]) -> None:
         """Continue from what `state` returned."""
         self._covariance = np.array(state["covariance"], np.float64)
         self._heading = float(state["heading"])
+        self._axes = np.array(state["axes"], np.float64)
 
     @property
     def covariance(self) -> Array:
@@ -109,6 +126,32 @@ class MotionFilter:
     def _position(self) -> Array:
         position: Array = self._covariance[POSITION, POSITION] + LEAST_VARIANCE * np.eye(3)
         return position
+
+    def _update_held(self, information: Array, shift: Array, unheld: Array) -> Array:
+        """As `update`, by a sweep that holds a part alone; `information` is (3, 3)."""
+        held, kept = np.eye(3), np.eye(9)
+        for axis in unheld:
+            held = held - axis[:, None] * axis
+            for rows, along in ((POSITION, axis), (VELOCITY, axis), (BIAS, self._in_base(axis))):
+                kept[rows, rows] -= along[:, None] * along
+        before = self._covariance
+        noise = inverse(information + LEAST_INFORMATION * np.eye(3))
+        seen = product(before[:, POSITION], held)  # (9, 3), with what is measured
+        gain = product(kept, product(seen, inverse(product(held, seen[POSITION]) + noise)))
+        rest = np.eye(9)
+        rest[:, POSITION] -= product(gain, held)
+        stays = product(product(rest, before), rest.T)
+        self._covariance = stays + product(product(gain, noise), gain.T)
+        along = product(unheld.T, unheld)
+        prior = inverse(product(held, seen[POSITION]) + along + LEAST_VARIANCE * np.eye(3))
+        told = (product(held, prior) * (held * shift).sum(axis=1)).sum(axis=1)
+        change: Array = (product(kept, seen)[BEYOND] * told).sum(axis=1)
+        return change
+
+    def _in_base(self, axis: Array) -> Array:
+        """A direction (3,) of the world in the axes of the base."""
+        turned: Array = (self._axes.T * axis).sum(axis=1)
+        return turned
 
     def _fallen(self, period: float, axes: Array) -> Array:
         """Covariance (9, 9) after a period by the accelerometer alone."""
