@@ -61,9 +61,10 @@ class MotionFilter:
                 feet or an odometry did.
         """
         before = self._covariance[POSITION, POSITION]
-        by_step = axes is None
-        self._covariance = self._by_step(step, period) if by_step else self._fallen(period, axes)
-        self._axes = self._axes if axes is None else axes
+        if axes is None:
+            self._covariance = self._by_step(step, period)
+        else:
+            self._covariance, self._axes = self._fallen(period, axes), axes
         self._heading += self._turn * period
         return self._covariance[POSITION, POSITION] - before
 
