@@ -96,8 +96,8 @@ class Mission:
         """Encode for the log; floats come back bit by bit. Waypoints and height only if given."""
         document = msgspec.to_builtins(self)
         for name in ("waypoints", "rest_height"):
-            if not document[name]:
-                del document[name]
+            if not getattr(self, name):
+                document.pop(name, None)  # nor has one that was decoded without it
         return msgspec.json.format(msgspec.json.encode(document), indent=1)
 
     @classmethod

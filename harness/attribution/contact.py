@@ -151,10 +151,12 @@ def unseen_obstacle(facts: ContactFacts) -> str | None:
             f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were "
             f"unknown at decision {facts.decision}; {_followed(facts.commanded)}"
         )
-    by = "a prior map let the robot in" if facts.prior_admits else "the robot was let in"
+    let_in = "the robot was let in"
+    if facts.prior_free:
+        let_in = f"{facts.prior_free} of these free in the prior map, which let the robot in"
     return (
         f"{facts.unknown} of {facts.unknown + facts.free} cells before {facts.name} were "
-        f"unknown at decision {facts.decision}, and {by}"
+        f"unknown at decision {facts.decision}, and {let_in}"
     )
 
 

@@ -19,7 +19,7 @@ from wayproof.harness.attribution.commanded import (
 from wayproof.harness.attribution.pose import PoseFacts, error_of, pose_facts, usual_margin
 from wayproof.harness.attribution.ranges import RangeFacts, range_facts
 from wayproof.harness.log.paths import densely
-from wayproof.harness.prior_config import NO_PRIOR
+from wayproof.harness.prior.cells import logged_cells
 from wayproof.harness.result import Contact
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
@@ -76,7 +76,7 @@ class ContactFacts:
         late_answer: Part of that delay which a stack on trial took to answer, s.
         commanded: The commands of a stack on trial that led to it against the referee's verdict;
             None of the built-in stack, or if those that led to it were admitted.
-        prior_admits: Whether free space of a prior map admits the robot where nothing was measured.
+        prior_free: Number of the unknown cells that a prior map which admits has free.
     """
 
     name: str
@@ -103,7 +103,7 @@ class ContactFacts:
     late_answer: float = 0.0
     hidden: int = 0
     commanded: CommandedFacts | None = None
-    prior_admits: bool = False
+    prior_free: int = 0
 
 
 def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
@@ -120,7 +120,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
     believed = place + moment.error
     observed_s = float(navigator.map.observed_ns_at(believed[None])[0]) * 1e-9
     since = case.moments[max(number - 1, 0) : number + 1]  # a sweep takes that long
-    free, unknown, hidden, own = _mapped(case, navigator, contact, moment)
+    free, unknown, hidden, admitted, own = _mapped(case, navigator, contact, moment)
     off, planned = _planned(case, contact, last, time_s)
     expected, late = case.config.latency.expected, _late(case, contact, number)
     return ContactFacts(
@@ -148,7 +148,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         hidden=hidden,
         late_answer=0.0 if late is None else answer_s(late),
         commanded=commanded_facts(case, commands, navigator, number, contact.name),
-        prior_admits=case.config.prior.source != NO_PRIOR and case.config.prior.policy == "admit",
+        prior_free=admitted,
     )
 
 
@@ -227,10 +227,12 @@ def _stood(case: Case, contact: Contact, moment: Moment, within: float) -> bool:
 
 def _mapped(
     case: Case, navigator: Navigator, contact: Contact, moment: Moment
-) -> tuple[int, int, int, Array]:
-    """Return numbers of free, unknown and hidden cells at a contact, and distances of own cells.
+) -> tuple[int, int, int, int, Array]:
+    """Return what the map holds at a contact.
 
-    The last are (n,), m.
+    Returns:
+        Numbers of free, unknown and hidden cells, and of unknown ones that a prior map admits; and
+        the distances of own cells, (n,) m.
     """
     size = navigator.map.resolution
     place = np.array(contact.position) + moment.error
@@ -252,8 +254,15 @@ def _mapped(
         int((states[outside] == FREE).sum()),
         int((states[outside] == UNKNOWN).sum()),
         int((states[inside] == UNKNOWN).sum()) - int((states[inside] == FREE).sum()),
+        _admitted_by_prior(case, (place + offsets)[outside][states[outside] == UNKNOWN]),
         distances[mine],
     )
+
+
+def _admitted_by_prior(case: Case, unknown: Array) -> int:
+    """Return at how many unknown points (n, 3), m, a prior map lets the robot in."""
+    cells = logged_cells(case.config) if case.config.prior.policy == "admit" else None
+    return 0 if cells is None else int((cells.states_at(unknown) == FREE).sum())
 
 
 def _planned(case: Case, contact: Contact, last: Moment, time_s: float) -> tuple[float, float]:

@@ -15,7 +15,13 @@ from wayproof.harness.attribution.finding import CAUSES, Finding
 from wayproof.harness.attribution.standstill import lacks_time
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.counterfactual.guard import check_by_guard
-from wayproof.harness.counterfactual.remedies import ON_TRIAL, REMEDIES, go_on, nothing
+from wayproof.harness.counterfactual.remedies import (
+    ON_TRIAL,
+    REMEDIES,
+    admits_by_prior,
+    go_on,
+    nothing,
+)
 from wayproof.harness.counterfactual.verdict import (
     CONTROL,
     HARM,
@@ -150,7 +156,9 @@ def _differs(remedy: str, case: Case) -> bool:
     if remedy in ("guard", "no_guard"):
         on_trial, guarded = case.config.stack.name != BUILTIN, case.config.stack.guard
         return on_trial and guarded == (remedy == "no_guard")
-    return remedy != "forbidden_unknown" or case.config.costmap.unknown_policy != "forbid"
+    if remedy == "forbidden_unknown":
+        return case.config.costmap.unknown_policy != "forbid" or admits_by_prior(case.config)
+    return True
 
 
 def _led_to(remedy: str, checks: Sequence[Check]) -> str:

@@ -23,6 +23,7 @@ from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.log.reader import Log
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.perturbations.perturbation import Changes
+from wayproof.harness.prior_config import NO_PRIOR
 from wayproof.harness.recompute.rebuild import rebuild
 from wayproof.harness.replay.answers import AskedAgain
 from wayproof.harness.replay.fork import live_through
@@ -138,8 +139,16 @@ def true_map(log: Log, case: Case) -> Change:
 
 
 def forbidden_unknown(log: Log, case: Case) -> Change:
-    """Unknown space forbidden."""
-    return Change(replace(log.config, costmap=replace(log.config.costmap, unknown_policy="forbid")))
+    """Unknown space forbidden, also where a prior map has it free."""
+    config = log.config
+    prior = replace(config.prior, policy="guide") if admits_by_prior(config) else config.prior
+    costmap = replace(config.costmap, unknown_policy="forbid")
+    return Change(replace(config, costmap=costmap, prior=prior))
+
+
+def admits_by_prior(config: Config) -> bool:
+    """Return whether free space of a prior map lets the robot in where nothing was measured."""
+    return config.prior.source != NO_PRIOR and config.prior.policy == "admit"
 
 
 def larger_margin(log: Log, case: Case) -> Change:

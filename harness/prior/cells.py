@@ -15,8 +15,9 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
 from wayproof.harness.prior.grid import UNTURNED, Grid, resampled
 from wayproof.harness.prior_config import NO_PRIOR
-from wayproof.maps import FREE, OCCUPIED
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 from wayproof.maps.columns import MAX_CELLS, Window
+from wayproof.maps.grid import cells_at
 from wayproof.maps.overlay import CellLayer
 
 HEAD = struct.Struct("<8sd3q3q")  # magic, edge of a cell, least cell, shape
@@ -48,6 +49,14 @@ class PriorCells:
         """The box as a window of a map."""
         nx, ny, nz = self.states.shape
         return Window(self.resolution, self.first, (nx, ny, nz))
+
+    def states_at(self, points: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Return the states at points (n, 3), m, world: (n,); unknown outside the box."""
+        cells = cells_at(points, self.resolution)[0] - self.first
+        inside = ((cells >= 0) & (cells < self.states.shape)).all(axis=1)
+        found = np.full(len(cells), UNKNOWN, np.uint8)
+        found[inside] = self.states[tuple(cells[inside].T)]
+        return found
 
     def counts(self) -> dict[str, int]:
         """Number of free and of occupied cells."""

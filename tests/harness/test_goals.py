@@ -62,7 +62,9 @@ def test_a_mission_of_one_goal_has_no_goals_as_inputs_and_no_field():
     assert goal_name(single, 0) == "the goal"
     assert b"waypoints" not in single.to_json()
     assert b"waypoints" not in to_json(Config("empty", "drone", 1))
-    assert Mission.from_json(ANGLE.to_json()) == ANGLE
+    for one in (ANGLE, single):
+        assert Mission.from_json(one.to_json()) == one
+        assert Mission.from_json(one.to_json()).to_json() == one.to_json()
 
 
 def test_each_claim_is_checked_against_its_own_goal():
