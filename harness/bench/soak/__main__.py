@@ -14,16 +14,17 @@ from typing import Any
 
 import msgspec
 
+from wayproof.harness.bench.soak.cases import Fuzzed
 from wayproof.harness.bench.soak.episodes import Tally, soak_episodes
 from wayproof.harness.bench.soak.estimators import Repeated, soak_estimators
-from wayproof.harness.bench.soak.fuzz import Fuzzed, soak_fuzz
+from wayproof.harness.bench.soak.fuzz import soak_fuzz
 from wayproof.harness.bench.soak.hostile import Refused, soak_hostile
 from wayproof.harness.bench.soak.imports import soak_imports
 from wayproof.harness.bench.soak.interface import Compared, soak_interface
 from wayproof.harness.bench.soak.kill import Killed, soak_kill
 from wayproof.harness.bench.soak.processors import Processors, soak_processors
 from wayproof.harness.bench.soak.race import Raced, soak_race
-from wayproof.harness.bench.soak.recordings import Broken, soak_recordings
+from wayproof.harness.bench.soak.recordings import soak_recordings
 from wayproof.harness.bench.soak.stacks import Replayed, soak_stacks
 from wayproof.harness.bench.soak.studies import Disturbed, soak_studies
 from wayproof.harness.bench.soak.worlds import Drawn, soak_worlds
@@ -40,7 +41,6 @@ SOAKS: dict[
         | Processors
         | Raced
         | Refused
-        | Broken
         | Replayed
         | Compared
         | Repeated,

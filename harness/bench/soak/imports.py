@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from wayproof.harness.bench.soak.cases import Fuzzed
 from wayproof.harness.bench.soak.child import scratch
-from wayproof.harness.bench.soak.fuzz import Fuzzed, watched
+from wayproof.harness.bench.soak.fuzz import watched
 from wayproof.harness.bench.soak.import_sources import SOURCES
 from wayproof.harness.bench.soak.mutate import mutate, mutate_values
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.errors import InputError
 from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+
+CACHE_HOME = "XDG_CACHE_HOME"
 
 TEXTS = (".world", ".urdf", ".dae", ".gltf", ".obj", ".yaml")
 """Endings of the files whose numbers and strings are exchanged, besides bytes."""
@@ -30,9 +35,8 @@ def soak_imports(count: int, seed: int, progress: Progress, first: int = 0) -> F
         progress: Called with a line about the progress.
         first: Number of the first case.
     """
-    with tempfile.TemporaryDirectory(dir=scratch()) as name:
+    with tempfile.TemporaryDirectory(dir=scratch()) as name, _cache_in(name):
         folder = Path(name)
-        os.environ["XDG_CACHE_HOME"] = name  # of the convex pieces of meshes, cut by a process
 
         def case(kind: str, rng: np.random.Generator) -> None:
             run_case(kind, folder, rng)
@@ -42,6 +46,20 @@ def soak_imports(count: int, seed: int, progress: Progress, first: int = 0) -> F
         numbers = range(first, first + count)
         kinds = tuple(SOURCES)
         return watched(case, kinds, folder, numbers, seed, progress, may_start=sys.executable)
+
+
+@contextlib.contextmanager
+def _cache_in(folder: str) -> Iterator[None]:
+    """Have the convex pieces of meshes, which a process cuts, kept in a folder meanwhile."""
+    before = os.environ.get(CACHE_HOME)
+    os.environ[CACHE_HOME] = folder
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[CACHE_HOME]
+        else:
+            os.environ[CACHE_HOME] = before
 
 
 def import_whole(kind: str, folder: Path) -> list[str]:

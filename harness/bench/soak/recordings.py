@@ -5,39 +5,28 @@ Run by `python -m wayproof.harness.bench.soak recordings --count 2000`.
 
 from __future__ import annotations
 
-import os
 import shutil
-import signal
 import sqlite3
 import tempfile
-import traceback
 import warnings
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wayproof.harness.bench.soak.child import in_child, scratch
-from wayproof.harness.bench.soak.fuzz import (
-    LONGEST_S,
-    MOST_MEMORY_MIB,
-    SILENCE_S,
-    limit_memory,
-)
+from wayproof.harness.bench.soak.cases import Fuzzed, Report, judge_case, judged, limit_memory
+from wayproof.harness.bench.soak.child import scratch
 from wayproof.harness.bench.soak.mutate import mutate
 from wayproof.harness.bench.soak.recording_sources import SOURCES
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.bags.container import RawMessage
 from wayproof.harness.recordings.bags.messages import typestore
 from wayproof.harness.recordings.bags.survey import container_of, messages_of
 from wayproof.harness.recordings.formats import open_recording
-
-BATCH = 100
 
 SIZES = (0, 1, 0xFF, 0xFFFF, 2**24, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**64 - 1)
 """Hostile values of a length or a count."""
@@ -45,27 +34,6 @@ SIZES = (0, 1, 0xFF, 0xFFFF, 2**24, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 
 TYPES = (b"LaserScan", b"PointCloud2", b"Image", b"CameraInfo", b"Odometry", b"TFMessage")
 
 Rng = np.random.Generator
-
-
-@dataclass(frozen=True)
-class Broken:
-    """Results of broken recordings.
-
-    Attributes:
-        count: Number of cases.
-        refused: Way of breaking -> number of cases refused in a line.
-        read: Way of breaking -> number of cases that were read.
-        peak_mib: Greatest resident memory of a child, MiB.
-        longest_s: Longest processor time of a case, s.
-        failures: Tracebacks, hangs, crashes, several lines, excess memory.
-    """
-
-    count: int
-    refused: dict[str, int]
-    read: dict[str, int]
-    peak_mib: float
-    longest_s: float
-    failures: tuple[str, ...]
 
 
 def cut(data: bytes, rng: Rng) -> bytes:
@@ -143,7 +111,7 @@ MESSAGES = "messages"
 KINDS = (*BYTES, MESSAGES)
 
 
-def soak_recordings(count: int, seed: int, progress: Progress, first: int = 0) -> Broken:
+def soak_recordings(count: int, seed: int, progress: Progress, first: int = 0) -> Fuzzed:
     """Break small recordings of every format `count` times, in every way in turn.
 
     Args:
@@ -152,67 +120,27 @@ def soak_recordings(count: int, seed: int, progress: Progress, first: int = 0) -
         progress: Called with a line about the progress.
         first: Number of the first case.
     """
-    tally: Counter[tuple[str, str]] = Counter()
-    failures: list[str] = []
-    peak = longest = 0.0
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         sound = {key: make(_made(folder / key)) for key, make in SOURCES.items()}
         for path in sound.values():
             _read(path)  # compiles everything; each is sound
-        case, last_case = first, first + count
-        while case < last_case:
-            end = min(case + BATCH, last_case)
-            ended = in_child(lambda report: _cases(sound, seed, case, end, report), SILENCE_S)  # noqa: B023
-            peak, last = max(peak, ended.peak_mib), case
-            for line in ended.lines:
-                verdict, _, rest = line.partition(" ")
-                if verdict in ("refused", "read"):
-                    kind, took = rest.split(" ")
-                    tally[verdict, kind] += 1
-                    longest = max(longest, float(took))
-                elif verdict == "begin":
-                    last = int(rest)
-                else:
-                    failures.append(line)
-            if ended.code < 0 or ended.overdue:
-                failures.append(f"case {last}: ended by signal {-ended.code} (26 is a hang)")
-            case = end if ended.code >= 0 else last + 1
-            progress(f"recordings: up to {case}, {len(failures)} failures, {peak:.0f} MiB")
-    if peak > MOST_MEMORY_MIB:
-        failures.append(f"memory: {peak:.0f} MiB")
-    refused = {kind: tally["refused", kind] for kind in KINDS}
-    read = {kind: tally["read", kind] for kind in KINDS}
-    return Broken(count, refused, read, peak, longest, tuple(failures))
+        work = partial(_cases, sound, seed)
+        return judged(work, KINDS, range(first, first + count), "recordings", progress)
 
 
-def _cases(
-    sound: dict[str, Path], seed: int, begin: int, end: int, report: Callable[[str], None]
-) -> None:
+def _cases(sound: dict[str, Path], seed: int, numbers: range, report: Report) -> None:
     """Run cases in this child process."""
     limit_memory()
     warnings.simplefilter("error")  # a warning would be a second line
     names = list(sound)
-    for case in range(begin, end):
+    for case in numbers:
         report(f"begin {case}")
         rng = np.random.default_rng((seed, case))
         name, kind = names[case % len(names)], KINDS[case // len(names) % len(KINDS)]
         with tempfile.TemporaryDirectory(dir=scratch()) as folder:
             path = break_one(sound[name], kind, Path(folder), rng)
-            signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST_S)  # its default is to end the process
-            before = os.times()
-            try:
-                _read(path)
-                verdict = f"read {kind}"
-            except InputError as error:
-                lines = 1 + str(error).count("\n")
-                verdict = f"refused {kind}" if lines == 1 else f"case {case}: {lines} lines"
-            except Exception:
-                text = " | ".join(traceback.format_exc().splitlines()[-6:])
-                verdict = f"case {case} {name} {kind}: traceback: {text}"
-            after = os.times()
-            signal.setitimer(signal.ITIMER_VIRTUAL, 0)
-        report(f"{verdict} {after.user + after.system - before.user - before.system:.2f}")
+            judge_case(case, kind, partial(_read, path), report)
 
 
 def break_one(sound: Path, kind: str, folder: Path, rng: Rng) -> Path:

@@ -8,7 +8,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
-from wayproof.harness.bench.soak.fuzz import KINDS, MOST_MEMORY_MIB, run_case
+from wayproof.harness.bench.soak.cases import MOST_MEMORY_MIB
+from wayproof.harness.bench.soak.fuzz import KINDS, run_case
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from wayproof.harness.bench.soak.fuzz import MOST_MEMORY_MIB
+from wayproof.harness.bench.soak.cases import MOST_MEMORY_MIB
 from wayproof.harness.bench.soak.import_sources import SOURCES
 from wayproof.harness.bench.soak.imports import import_whole, run_case
 from wayproof.harness.errors import InputError

@@ -5,8 +5,9 @@ import sys
 import numpy as np
 import pytest
 
+from wayproof.harness.bench.soak.cases import MOST_MEMORY_MIB
 from wayproof.harness.bench.soak.recording_sources import SOURCES
-from wayproof.harness.bench.soak.recordings import KINDS, MOST_MEMORY_MIB, break_one
+from wayproof.harness.bench.soak.recordings import KINDS, break_one
 from wayproof.harness.recordings.formats import open_recording
 
 
