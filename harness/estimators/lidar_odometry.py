@@ -30,7 +30,7 @@ ROUGHNESS = 0.003
 MAP_SPACING = 0.1
 """Distance between the points of a sweep that are mapped, m."""
 
-NAME = "lidar/5"
+NAME = "lidar/6"
 """Name and version of the estimator, as it is logged."""
 
 

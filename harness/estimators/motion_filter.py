@@ -18,6 +18,10 @@ GYRO_CORRELATION_S = 10.0
 BIAS_CORRELATION_S = 1000.0
 """Time after which the accelerometer's bias may be another by its standard deviation, s."""
 
+LEG_CORRELATION_S = 0.1
+"""Time for which the velocity by the feet is off by one error, s: feet roll and sink while they
+stand. As noise of each measurement it left the body a millimetre too high."""
+
 LEAST_VARIANCE = 1e-10
 """Least variance of a prediction, m^2 and rad^2."""
 
@@ -169,7 +173,7 @@ class MotionFilter:
         config, eye = self._config, np.eye(3)
         grown = np.zeros((9, 9))
         share = config.motion_share**2 * step[:, None] * step[None, :]
-        noise = (config.leg_noise * period) ** 2 * eye
+        noise = config.leg_noise**2 * period * max(period, LEG_CORRELATION_S) * eye
         grown[POSITION, POSITION] = self._covariance[POSITION, POSITION] + share + noise
         grown[VELOCITY, VELOCITY] = config.leg_noise**2 * eye
         grown[BIAS, BIAS] = self._covariance[BIAS, BIAS]

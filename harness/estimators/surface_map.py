@@ -25,6 +25,9 @@ from wayproof.models.arrays import Array
 SLOTS = 1 << 14
 """Number of slots at the start."""
 
+GOLDEN = 0.6180339887498949
+"""The golden ratio less 1, by whose multiples places are spread evenly (Knuth, as in `kernels`)."""
+
 FULL = 0.5
 """Share of used slots above which the table doubles."""
 
@@ -126,12 +129,22 @@ class SurfaceMap:
 
 
 def thinned(points: Array, spacing: float) -> Array:
-    """Return points of which no two are nearer than `spacing`, the first ones, (k, 3) m."""
-    slots = 1 << int(2 * len(points) + 1).bit_length()
+    """Return points of which no two are nearer than `spacing`, (k, 3) m.
+
+    They are taken by strides of the golden ratio. Taken as a sensor lists them, outwards over a
+    floor, those would be chosen that noise put farther out, which is below it.
+    """
+    count = len(points)
+    if count == 0:
+        return points
+    stride = round(count * GOLDEN)
+    while math.gcd(stride, count) != 1:
+        stride += 1
+    points = points[np.arange(count) * stride % count]
+    slots = 1 << int(2 * count + 1).bit_length()
     keys, heads = np.empty(slots, np.int64), np.empty(slots, np.int64)
-    following, chosen = np.empty(len(points), np.int64), np.empty(len(points), np.int64)
-    count = spread_out(points, spacing, keys, heads, following, chosen)
-    kept: Array = points[chosen[:count]]
+    following, chosen = np.empty(count, np.int64), np.empty(count, np.int64)
+    kept: Array = points[chosen[: spread_out(points, spacing, keys, heads, following, chosen)]]
     return kept
 
 

@@ -11,7 +11,6 @@ from wayproof.harness.estimators.kernels import (
     diagonalize,
     fit_plane,
     solve,
-    spread_out,
     voxel_key,
 )
 from wayproof.harness.estimators.surface_map import SYSTEMATIC, SurfaceMap, thinned
@@ -65,15 +64,45 @@ def test_cholesky_solves_as_numpy_does():
         np.testing.assert_allclose(right, expected, rtol=1e-8)
 
 
-def test_points_are_kept_that_no_kept_one_is_near():
+def in_order(points, spacing, scratch=np.zeros):
+    """Points that `spread_out` chooses of those of an array in their order."""
+    slots = 1 << (2 * len(points)).bit_length()
+    keys, heads = scratch(slots, np.int64), scratch(slots, np.int64)
+    following, chosen = scratch(len(points), np.int64), scratch(len(points), np.int64)
+    count = kernels.spread_out(points, spacing, keys, heads, following, chosen)
+    return points[chosen[:count]]
+
+
+def test_each_point_in_turn_is_kept_that_no_kept_one_is_near():
     points = room()
-    kept = thinned(points, 0.2)
     naive = [points[0]]
     for point in points[1:]:
         if (((np.array(naive) - point) ** 2).sum(axis=1) >= 0.2 * 0.2).all():
             naive.append(point)
-    assert (kept == np.array(naive)).all()
-    assert len(thinned(np.zeros((0, 3)), 0.2)) == 0
+    assert (in_order(points, 0.2) == np.array(naive)).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 100, 987, 3000])
+def test_thinned_points_are_apart_and_near_all_others(count):
+    points = room(count)
+    kept = thinned(points, 0.2)
+    gaps = np.linalg.norm(points[:, None] - kept[None], axis=2)
+    assert ((gaps < 0.2).sum(axis=1) >= 1).all()
+    assert ((gaps == 0.0).sum(axis=0) == 1).all()  # each is one of the points
+    apart = np.linalg.norm(kept[:, None] - kept[None], axis=2)
+    assert (apart[~np.eye(len(kept), dtype=bool)] >= 0.2).all()
+
+
+def test_noise_does_not_lower_a_floor_that_is_listed_outwards():
+    """Rings on a floor 1 m below, with noise along the beams: in order, those far out were kept."""
+    rng = np.random.default_rng(6)
+    down, around = np.meshgrid(np.linspace(0.9, 0.2, 60), np.linspace(0, 6.28, 300), indexing="ij")
+    out = np.stack([np.cos(around) * np.cos(down), np.sin(around) * np.cos(down), -np.sin(down)], 2)
+    ranges = 1.0 / np.sin(down) + rng.normal(0.0, 0.03, down.shape)
+    points = (ranges[..., None] * out).reshape(-1, 3)
+    heights = thinned(points, 0.2)[:, 2] + 1.0
+    listed = in_order(points, 0.2)[:, 2] + 1.0
+    assert abs(heights.mean()) < 0.5 * abs(listed.mean())
 
 
 @pytest.mark.parametrize("place", [1.8, 1.9, 1.95, 2.0])
@@ -240,18 +269,12 @@ def test_compiled_and_interpreted_examination_give_the_same_bits(python_versions
 
 
 def test_scratch_of_another_call_does_not_matter():
-    points, chosen = room(200), np.empty(200, np.int64)
-    dirty = [np.arange(size) for size in (1024, 1024, 200)]
-    count = spread_out(points, 0.2, *dirty, chosen)
-    assert (points[chosen[:count]] == thinned(points, 0.2)).all()
+    dirty = in_order(room(200), 0.2, scratch=lambda size, kind: np.arange(size, dtype=kind))
+    assert (dirty == in_order(room(200), 0.2)).all()
 
 
 def test_compiled_and_interpreted_thinning_choose_the_same_points(python_versions):
-    def chosen(kernel):
-        scratch = [np.empty(size, np.int64) for size in (1024, 1024, 300, 300)]
-        return scratch[-1][: kernel(room(300), 0.5, *scratch)].tolist()
-
-    compiled = chosen(kernels.spread_out)
+    compiled = in_order(room(300), 0.5)
     assert 20 < len(compiled) < 300
     python_versions()
-    assert chosen(kernels.spread_out) == compiled
+    assert (in_order(room(300), 0.5) == compiled).all()

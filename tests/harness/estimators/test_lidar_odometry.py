@@ -224,7 +224,7 @@ def test_the_estimate_is_millimetres_off_and_says_so(episode):
     assert np.abs(off[-1]).max() < 0.01
     assert np.abs(off).max() > 0.0  # it is no truth
     covariance = np.array(poses[-1].covariance).reshape(4, 4)
-    assert poses[-1].estimator == "lidar/5"
+    assert poses[-1].estimator == "lidar/6"
     assert poses[-1].position_sigma == pytest.approx(
         math.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])
     )

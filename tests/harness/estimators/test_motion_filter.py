@@ -148,6 +148,14 @@ def test_a_prediction_by_feet_counts_by_their_share_of_the_step():
     assert motion.weight(0.005**2)[0, 0] == pytest.approx(2.0, rel=1e-3)
 
 
+def test_the_feet_are_off_by_one_error_for_a_while():
+    """Ten measurements in 0.1 s at 0.02 m/s are 2 mm, not a third of it."""
+    motion = MotionFilter(EstimateConfig(leg_noise=0.02))
+    for _ in range(10):
+        motion.predict(np.zeros(3), 0.01, None)
+    assert np.sqrt(motion.covariance[2, 2]) == pytest.approx(0.002, rel=0.01)
+
+
 def test_it_continues_from_its_state():
     motion, other = (MotionFilter(EstimateConfig()) for _ in range(2))
     motion.predict(np.array([0.05, 0.01, 0.0]), 0.01, turned(0.3))
