@@ -14,6 +14,7 @@ from typing import NamedTuple
 from wayproof.harness.bench.episodes.ablations import bench_delays, bench_planners, bench_policies
 from wayproof.harness.bench.episodes.crossing import bench_crossing
 from wayproof.harness.bench.episodes.falsify import bench_falsify
+from wayproof.harness.bench.episodes.halls import SIDES, bench_halls
 from wayproof.harness.bench.episodes.robots import PARTS as ROBOT_PARTS
 from wayproof.harness.bench.episodes.robots import bench_robots
 from wayproof.harness.bench.episodes.study import bench_study, bench_study_size
@@ -56,6 +57,7 @@ STAGES: dict[str, Stage] = {
     "crossing": Stage(bench_crossing, 10, keeps=True),
     "delays": Stage(bench_delays, 2),
     "gym": Stage(bench_gym, 5),
+    "halls": Stage(bench_halls, 1, parts=SIDES),
     "interface": Stage(bench_interface, 3),
     "loop": Stage(bench_loop, 3, parts=LOADS),
     "map": Stage(bench_map, 15, parts=MAP_PARTS),

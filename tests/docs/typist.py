@@ -102,6 +102,7 @@ STAGES_SMALLER = {
     "map": "--repeats 1 --only ghosts".split(),
     "robots": "--repeats 1 --only hover".split(),
     "loop": "--repeats 1 --only light".split(),
+    "halls": "--repeats 1 --only 20".split(),
 }
 """Additional options of a stage of `bench`: one episode or problem after the kept ones."""
 
