@@ -15,6 +15,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.prior.sources import with_prior
 from wayproof.harness.scenario.places import goals_of, refuse_no_way
 from wayproof.harness.scenario.robots import find_robot, log_robot_identity
+from wayproof.harness.scenario.routes import route_between
 from wayproof.harness.scenario.terrain import check_climb
 from wayproof.harness.scenario.worlds import (
     apply_world_perturbation,
@@ -27,7 +28,7 @@ from wayproof.models.robots import ROBOTS, Robot, RobotSpec
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.scene import Scene, bind, compose, device_name, resolve
 from wayproof.models.sensors.caster import Caster
-from wayproof.models.worlds import World, shortest_path_length
+from wayproof.models.worlds import World
 from wayproof.models.worlds.solvability import AIR_BANDS
 
 Point = tuple[float, float, float]
@@ -78,7 +79,7 @@ class Scenario:
         """Length of the shortest way between two places, m; None if there is none."""
         spec = self.spec
         bands = AIR_BANDS if spec.motion == "air" else ((spec.step_height, spec.height),)
-        ways = [shortest_path_length(self.world, spec.radius, *band, begin, end) for band in bands]
+        ways = [route_between(self.world, spec.radius, band, begin, end) for band in bands]
         return min((way for way in ways if way is not None), default=None)
 
 

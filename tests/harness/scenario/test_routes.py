@@ -1,0 +1,36 @@
+"""Shortest ways in truth, in small worlds and in large ones."""
+
+from dataclasses import replace
+
+import pytest
+
+from wayproof.harness.bench.episodes.halls import make_hall
+from wayproof.harness.scenario import routes
+from wayproof.harness.scenario.routes import route_between
+from wayproof.models.worlds import WORLDS, Box
+from wayproof.models.worlds.solvability import AIR_BANDS, GROUND_BAND
+
+WIDE = (1, 3)
+
+
+@pytest.mark.parametrize("band", [GROUND_BAND, AIR_BANDS[0]])
+@pytest.mark.parametrize("name", ["warehouse", "forest", "office"])
+def test_a_star_finds_ways_as_short_as_dijkstra(name, band, monkeypatch):
+    world = WORLDS[name](3)
+    by_dijkstra = route_between(world, 0.45, band, world.start, world.goal)
+    monkeypatch.setattr(routes, "MOST_CELLS", 0)
+    for wide in WIDE:
+        extent = (world.high[0] - world.low[0]) * (world.high[1] - world.low[1]) / 0.05**2
+        monkeypatch.setattr(routes, "MOST_SEARCHED", extent / wide**2 + 1)
+        found = route_between(world, 0.45, band, world.start, world.goal)
+        assert 0.97 < found / by_dijkstra < 1.03
+
+
+def test_a_large_hall_has_a_way_until_a_wall_closes_it():
+    hall = make_hall(120.0, 0)
+    straight = 130.0  # m: 116 along x, 60 along y
+    found = route_between(hall, 0.45, GROUND_BAND, hall.start, hall.goal)
+    assert straight < found < 1.05 * straight
+    wall = Box.between((60.0, 0.0, 0.0), (60.2, 120.0, 3.0), "wall")
+    closed = replace(hall, solids=(*hall.solids, wall))
+    assert route_between(closed, 0.45, GROUND_BAND, hall.start, hall.goal) is None
