@@ -408,6 +408,9 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
     planner, mapped = _section(document, "planner"), _section(document, "map")
     planner.setdefault("grain", 0.0)  # recorded before there was one
     mapped.setdefault("ground_fit", False)  # likewise
+    if isinstance(document, dict):
+        document.setdefault("costmap", {})
+    _section(document, "costmap").setdefault("window", 0.0)  # likewise
     name = planner.get("name")
     if not allow_plugins and isinstance(name, str) and PLUGIN in name:
         raise InputError(

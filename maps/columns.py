@@ -18,6 +18,9 @@ WORD_BITS = 64
 MAX_CELLS = 200_000_000
 """Maximum number of cells of a window."""
 
+MAX_REGION_CELLS = 1 << 40
+"""Maximum number of cells of a region of which only what was observed is held."""
+
 Columns = tuple[slice, slice]
 """A box of columns, along their first two axes."""
 
@@ -95,13 +98,16 @@ class Window:
     shape: tuple[int, int, int]
 
     @classmethod
-    def covering(cls, low: ArrayLike, high: ArrayLike, resolution: float) -> Self:
+    def covering(
+        cls, low: ArrayLike, high: ArrayLike, resolution: float, most_cells: int = MAX_CELLS
+    ) -> Self:
         """Return the least window that holds a box.
 
         Args:
             low: (3,) least corner, m, world.
             high: (3,) greatest corner, m, world.
             resolution: Edge of a cell, m.
+            most_cells: Maximum number of its cells.
 
         Raises:
             ValueError: The box is empty or not finite, or would hold too many cells.
@@ -114,9 +120,9 @@ class Window:
         first = np.floor(bottom / resolution + shift + ROUNDING).astype(np.int64)
         end = np.ceil(top / resolution + shift - ROUNDING).astype(np.int64)
         nx, ny, nz = (end - first).tolist()
-        if nx * ny * nz > MAX_CELLS:
+        if nx * ny * nz > most_cells:
             raise ValueError(
-                f"bounds: got {nx * ny * nz} cells {nx, ny, nz}, expected at most {MAX_CELLS}"
+                f"bounds: got {nx * ny * nz} cells {nx, ny, nz}, expected at most {most_cells}"
             )
         return cls(resolution, tuple(first.tolist()), (nx, ny, nz))
 
@@ -153,7 +159,10 @@ class Window:
 
 
 def region_of_interest(
-    low: ArrayLike | None, high: ArrayLike | None, resolution: float
+    low: ArrayLike | None,
+    high: ArrayLike | None,
+    resolution: float,
+    most_cells: int = MAX_REGION_CELLS,
 ) -> Window | None:
     """Return the least window that covers a region of interest, None without corners.
 
@@ -164,7 +173,7 @@ def region_of_interest(
         return None
     if low is None or high is None:
         raise ValueError(f"low, high: got {low!r} and {high!r}, expected both corners or neither")
-    return Window.covering(low, high, resolution)
+    return Window.covering(low, high, resolution, most_cells)
 
 
 def layer_bits(first: int, end: int, layers: int) -> NDArray[np.uint64]:

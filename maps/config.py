@@ -10,6 +10,9 @@ from wayproof.maps.bounds import Bounds, check_fields
 UnknownPolicy = Literal["forbid", "penalize", "allow"]
 """What a planner may do with a cell that was never observed."""
 
+LEAST_WINDOW = 24.0
+"""Least edge of a rolling window, m: sensors and stops reach about 12 m ahead."""
+
 NoReturn = Literal["free", "ignored"]
 """Evidence of a beam without return."""
 
@@ -133,6 +136,9 @@ class CostmapConfig:
         cost_scaling_factor: Rate at which the cost falls with distance, 1/m. The law is that of
             Nav2's inflation layer, whose default of 10 lets paths run along every corner.
         cost_range: Distance beyond the inscribed radius over which there is a cost, m.
+        window: Edge of the window that costmap and distances are kept for, m; it moves along with
+            the robot, and beyond it ways are planned in coarse cells. An operating area up to half
+            as long again is held whole. 0 holds every area whole.
         max_slope: Steepest ramp that a walking robot may climb, rad; 0: the floor is flat. Cells
             must be no larger than the steps that matter: see `Terrain`.
         class_margins: Extra distance kept to objects, by the name of their class, m; needs sweeps
@@ -146,12 +152,17 @@ class CostmapConfig:
     unknown_policy: UnknownPolicy = "forbid"
     cost_scaling_factor: Annotated[float, Bounds(0.1, 1000.0, "1/m")] = 4.0
     cost_range: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.6
+    window: Annotated[float, Bounds(0.0, 1e4, "m")] = 32.0
     max_slope: Annotated[float, Bounds(0.0, 0.6, "rad")] = 0.0
     class_margins: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check every field."""
         check_fields(self, "costmap.")
+        if 0.0 < self.window < LEAST_WINDOW:
+            raise ValueError(
+                f"costmap.window: got {self.window:g}, expected 0 or {LEAST_WINDOW:g} to 10000 m"
+            )
         for name, margin in self.class_margins.items():
             if not 0.0 <= margin <= 5.0:
                 raise ValueError(f"costmap.class_margins.{name}: got {margin:g}, expected 0 to 5 m")

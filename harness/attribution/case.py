@@ -26,6 +26,7 @@ from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of, widening_of
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.columns import Window
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 
 Array = NDArray[np.float64]
@@ -175,6 +176,31 @@ def update_as_decided(navigator: Navigator, decision: pb.Decision) -> None:
     """Update a costmap with the margin that a decision had."""
     margin, widening = decision.localization_margin_m, widening_of(decision)
     navigator.costmap.update(margin, widening=widening)
+
+
+MOST_SEARCHED = 15_000_000
+"""Largest grid of the plane or the space of motion that is searched for ways, cells: that takes up
+to 160 bytes for each."""
+
+
+def with_whole_area(case: Case) -> Case | None:
+    """Return the case with costmaps of the whole operating area, where ways are searched for.
+
+    None if that takes too much memory.
+    """
+
+    def whole(config: Config) -> Config:
+        return replace(config, costmap=replace(config.costmap, window=0.0))
+
+    for one in case.segments:
+        try:
+            area = Window.covering(one.mission.low, one.mission.high, one.config.map.resolution)
+        except ValueError:
+            return None
+        if math.prod(area.shape[: one.mission.axes]) > MOST_SEARCHED:
+            return None
+    segments = tuple(replace(one, config=whole(one.config)) for one in case.segments)
+    return replace(case, config=whole(case.config), segments=segments)
 
 
 def read_case(log: Log) -> Case:

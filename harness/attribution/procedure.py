@@ -6,11 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wayproof.harness.attribution.case import Case, Moment
+from wayproof.harness.attribution.case import Case, Moment, with_whole_area
 from wayproof.harness.attribution.contact import cause_of_contact
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.attribution.standstill import cause_of_standstill
 from wayproof.harness.result import Contact
+from wayproof.harness.stack.rolling_window import rolls
+
+TOO_LARGE = "the operating area is too large to search all of it for a way"
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,12 @@ def find_cause(case: Case) -> Finding | None:
         contact = nearest_contact(case, case.moments[-1])
     if contact is not None:
         return cause_of_contact(case, contact, case.end_s)
+    if any(rolls(one.config, one.mission) for one in case.segments):
+        whole = with_whole_area(case)
+        if whole is None:
+            x, y, z = case.moments[-1].truth.position
+            return Finding("unexplained", TOO_LARGE, len(case.moments) - 1, (x, y, z))
+        case = whole
     return cause_of_standstill(case)
 
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 from wayproof.harness.stack.backtrack import record_breadcrumb
 from wayproof.harness.stack.footprint_checks import compensate_yaw_lag, footprint_free
 from wayproof.harness.stack.global_path import ARRIVED, keep_or_replan, project_goal_to_free
+from wayproof.harness.stack.horizon import goal_within
 from wayproof.harness.stack.localization import (
     at_path_end,
     cannot_claim_goal,
@@ -91,14 +92,16 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
         state = replace(state, global_path=None, exploration=None)
     if is_stationary(start) and not footprint_free(input.traversable, start):
         return recover_after_timeout(input, start, escape_inflation(input, state, start))
-    goal = project_goal_to_free(input)
-    projected = goal is not input.goal
+    mission_goal, within = input.goal, goal_within(input, state, start)
+    intermediate = within is not mission_goal
+    goal = within if intermediate else project_goal_to_free(input)
+    projected = goal is not within
     at_end = at_path_end(state, start) or (projected and distance(start.position, goal) < ARRIVED)
     if at_end and setpoint.at_rest and cannot_claim_goal(input, input.goal_tolerance):
         return give_up_at_goal(input, state, start)
     if projected and setpoint.at_rest and distance(start.position, goal) < ARRIVED:
         return wait_at_blocked_goal(input, state, start)
-    input = replace(input, goal=goal, mission_goal=input.goal)
+    input = replace(input, goal=goal, mission_goal=mission_goal)
     planned = keep_or_replan(input, state, start)
     if planned.state.global_path is None:
         decided = stop_without_path(input, planned, start, previous=state)

@@ -43,6 +43,9 @@ FIELDS: tuple[tuple[str, tuple[int, ...]], ...] = (
 
 BRICK_BYTES = np.dtype([(f"field {n}", *field) for n, field in enumerate(FIELDS)]).itemsize
 
+FARTHEST = 1 << 24
+"""Farthest cell of an operating area along an axis: 1e4 m at 1 cm, and to spare."""
+
 STATES_IN_PERIOD = 4
 """Keyframes in one period, of which the last holds the map: a planner state takes few bytes, and
 the map before it is soon integrated again."""
@@ -119,6 +122,7 @@ def keyframe_of(navigator: Navigator, decision: pb.Decision, with_map: bool) -> 
         content = _voxel_map(navigator).content()
         keyframe.map.ticks, keyframe.map.bricks = content.ticks, len(content.keys)
         keyframe.map.records = zstandard.compress(_bytes_of(content), LEVEL)
+        keyframe.map.window.extend(_window_centre(navigator))
     return keyframe
 
 
@@ -139,8 +143,14 @@ def restore_map(navigator: Navigator, keyframe: pb.Keyframe) -> None:
     """
     voxel_map = _voxel_map(navigator)
     content = _read_content(keyframe.map, voxel_map.most_bricks)
+    centre = tuple(keyframe.map.window)
+    needed = len(_window_centre(navigator))
+    if len(centre) not in (2, needed) or max(map(abs, centre), default=0) > FARTHEST:
+        raise ValueError(f"a rolling window centred on {centre}")
     voxel_map.check(content, keyframe.timestamp.ToNanoseconds())
     voxel_map.restore(content)
+    if len(centre) == 2:  # a stack whose costmap holds the whole area does not need it
+        navigator.mapper.move_window(centre)
 
 
 def keyframe_differences(
@@ -158,6 +168,8 @@ def keyframe_differences(
         other = _read_content(recorded.map, voxel_map.most_bricks)
     except ValueError as error:
         return [*found, Difference("map", str(error), "that of the inputs")]
+    if (centre := list(recorded.map.window)) != (own := list(_window_centre(navigator))):
+        found.append(Difference("map.window", str(centre), str(own)))
     return [
         *found,
         *(
@@ -171,6 +183,12 @@ def keyframe_differences(
 def _arrays(content: VoxelContent, voxel_map: VoxelMap) -> list[list[NDArray[np.generic]]]:
     """The fields of a content and those of a map."""
     return [[np.asarray(field) for field in one] for one in (content, voxel_map.content())]
+
+
+def _window_centre(navigator: Navigator) -> tuple[int, ...]:
+    """Cell (x, y) that the rolling window is centred on; empty without one."""
+    window = navigator.mapper.window
+    return () if window is None else window.centre
 
 
 def _voxel_map(navigator: Navigator) -> VoxelMap:

@@ -20,6 +20,7 @@ from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.ground import on_level_ground
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.harness.stack.provenance import layers_of, stages_of
+from wayproof.harness.stack.rolling_window import Cell, RollingWindow, rolls
 from wayproof.maps import MAPS, Costmap
 from wayproof.maps.columns import ColumnMap
 from wayproof.maps.costmap.widening import NOT_WIDENED
@@ -42,6 +43,8 @@ class Mapper:
 
     Attributes:
         map: The map of the mission.
+        measured: The same with what its classes keep out of, as the costmap reads it.
+        window: Part of the operating area that the costmap holds; None if it holds all of it.
         labels: Classes of its cells, if sweeps have classes.
         costmap: Inflated for the mission's body: what the stack may enter.
         stages: The evidence by provenance, each with a costmap; the measured one first.
@@ -65,6 +68,8 @@ class Mapper:
             settings = replace(settings, slope_grazing_filter=True)
         self.map = MAPS[settings.kind](settings, config.threads, mission.low, mission.high)
         self.labels = make_layer(config.map, config.sensors.semantics)
+        self.window = RollingWindow(config, mission) if rolls(config, mission) else None
+        low, high = (mission.low, mission.high) if self.window is None else self.window.corners
         floor, ceiling = _altitude_window(config, mission)
         costs = replace(config.costmap, cost_range=config.costmap.cost_range + self._extra_radius)
 
@@ -72,8 +77,8 @@ class Mapper:
             return Costmap(
                 costs,
                 columns,
-                mission.low,
-                mission.high,
+                low,
+                high,
                 mission.motion,
                 min(self._body.radii),
                 mission.height,
@@ -83,9 +88,9 @@ class Mapper:
                 threads=config.threads,
             )
 
-        measured = with_class_margins(self.map, self.labels, config.costmap.class_margins)
+        self.measured = with_class_margins(self.map, self.labels, config.costmap.class_margins)
         self._layers = layers_of(config, mission)
-        self.stages, self.costmap, self.guide = stages_of(measured, self._layers, costmap_of)
+        self.stages, self.costmap, self.guide = stages_of(self.measured, self._layers, costmap_of)
         self.on_integrated: Callable[[Inputs], None] | None = None
         self.on_placed: Callable[[WorldSweep, float, int], None] | None = None
         self._declare_start_free()
@@ -125,6 +130,10 @@ class Mapper:
             self.map.exempt_from_decay(position - reach, position + reach, inputs.time_ns)
         if self._clears_footprint:
             clear_footprint(self.map, self._mission, inputs.pose, inputs.time_ns)
+        if self.window is not None:
+            centre = self.window.centred_on(inputs.pose.position)
+            if self.window.leaves_behind(centre):
+                self.move_window(centre)
         if self.on_integrated is not None:
             self.on_integrated(inputs)
 
@@ -146,6 +155,12 @@ class Mapper:
         """Integrate the inputs and update the costmap, as before a decision."""
         self.integrate(inputs)
         self.update_costmap(inputs)
+
+    def move_window(self, centre: Cell) -> None:
+        """Centre the rolling window, where there is one, on a cell."""
+        if self.window is not None and self.window.centre != centre:
+            self.window.centre = centre
+            self.costmap.move(*self.window.corners)
 
     def resolve(self, decide: Callable[[], T]) -> T:
         """Decide on up-to-date distances of all costmaps: see `Costmap.resolve`."""

@@ -13,9 +13,16 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.mission import Mission
+from wayproof.harness.stack.far_ways import FarWays
 from wayproof.harness.stack.footprint import NARROW_COST, body_of, costs
 from wayproof.harness.stack.mapping import Mapper
-from wayproof.harness.stack.types import EvidenceSpace, Localization, PlannerInput, PlanPath
+from wayproof.harness.stack.types import (
+    EvidenceSpace,
+    Horizon,
+    Localization,
+    PlannerInput,
+    PlanPath,
+)
 from wayproof.maps import Costmap, Distances, collision_distance_sq
 from wayproof.planners import Disc, FreeSpace, MotionLimits, Plan, PlannerConfig, plan
 
@@ -165,6 +172,7 @@ class PlannerInputBuilder:
         self._stages = [
             (stage.provenance, FreeSpaceBuilder(config, mission, stage.costmap)) for stage in stages
         ]
+        self._far_ways = None if mapper.window is None else FarWays(config, mission, mapper)
         spaces.circumscribed()  # allocates its arrays now, so that no decision waits for it
 
     @property
@@ -199,6 +207,7 @@ class PlannerInputBuilder:
             localization=localization_of(inputs.pose, mission.axes),
             guided=self._guided(circumscribed=True),
             evidence=self._evidence(circumscribed=True),
+            horizon=self._horizon(),
         )
 
     def oriented(self, circumscribed: PlannerInput) -> PlannerInput:
@@ -219,6 +228,21 @@ class PlannerInputBuilder:
         if guide is None:
             return None
         return functools.cache(lambda: guide.guided(measured, circumscribed))
+
+    def _horizon(self) -> Horizon | None:
+        """The rolling window of this decision, with ways beyond it that are planned once each."""
+        window, far_ways = self._mapper.window, self._far_ways
+        if window is None or far_ways is None:
+            return None
+        ways: dict[bytes, Array | None] = {}
+
+        def way(start: Array, goal: Array) -> Array | None:
+            query = start.tobytes() + goal.tobytes()
+            if query not in ways:
+                ways[query] = far_ways.way(start, goal)
+            return ways[query]
+
+        return Horizon(*window.inner, way)
 
     def _evidence(self, circumscribed: bool) -> tuple[EvidenceSpace, ...]:
         return tuple(

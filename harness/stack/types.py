@@ -60,6 +60,21 @@ class EvidenceSpace(NamedTuple):
     known_free: FreeSpace
 
 
+class Horizon(NamedTuple):
+    """The rolling window of the costmap, and ways beyond it.
+
+    Attributes:
+        low: (2,) corner of the part in which a goal may lie, m.
+        high: (2,) the other corner, m.
+        way: Plan from a position (3,) to a goal (3,) over the whole operating area, in coarse
+            cells: (n, 2) from the position on, m; None if the map holds no way.
+    """
+
+    low: Array
+    high: Array
+    way: Callable[[Array, Array], Array | None]
+
+
 @dataclass(frozen=True)
 class PlannerInput:
     """All that one decision depends on besides the planner state; points in the costmap's frame.
@@ -84,7 +99,8 @@ class PlannerInput:
         limits: Greatest speed, acceleration, jerk and yaw rate of a command.
         planner: Settings of the search.
         behaviour: Settings of the decision.
-        mission_goal: (3,) the mission's goal where `goal` is its projection to free space, m.
+        mission_goal: (3,) the mission's goal where `goal` is its projection to free space, or an
+            intermediate goal, m.
         plan: Path planner: space, start, goal, settings, seed, heading.
         localization: How well the pose is known; none if no covariance is stated.
         guided: Makes the optimistic space with what was not measured laid under the map: its
@@ -92,6 +108,7 @@ class PlannerInput:
             evidence.
         evidence: Space known to be free by each stage of the evidence, the measured one first;
             empty without any other.
+        horizon: What the spaces hold of a large operating area; none if they hold all of it.
     """
 
     time_ns: int
@@ -117,6 +134,7 @@ class PlannerInput:
     localization: Localization | None = None
     guided: Callable[[], FreeSpace] | None = None
     evidence: tuple[EvidenceSpace, ...] = ()
+    horizon: Horizon | None = None
 
     @property
     def uncertain(self) -> bool:

@@ -13,7 +13,7 @@ from wayproof.maps.columns import ColumnMap, Columns, Window, unpack
 from wayproof.maps.config import CostmapConfig
 from wayproof.maps.costmap.inflation import collision_distance_sq, inflation_radius_cells
 from wayproof.maps.costmap.lazy_distances import Clearances, Distances
-from wayproof.maps.costmap.projection import Airspace
+from wayproof.maps.costmap.projection import Airspace, Projection
 from wayproof.maps.costmap.terrain import walked
 from wayproof.maps.costmap.widening import NOT_WIDENED, Widened, reached, widened
 from wayproof.maps.elementary import exponentials
@@ -38,6 +38,7 @@ class Costmap:
 
     On the ground the map is projected to a plane (nz = 1), see `Ground`; in the air it is used as
     it is, between floor and ceiling, and the body is a ball. Space outside the window is blocked.
+    The window can move: see `move`.
 
     An update processes only the cells that changed since the last one. The arrays hold until the
     next update. Distances can be computed only where they are read: see `Distances`.
@@ -45,8 +46,7 @@ class Costmap:
     Attributes:
         config: The settings.
         resolution: Edge of a cell, m.
-        origin: (3,) corner of the first cell, m, world.
-        shape: (nx, ny, nz) cells; nz is 1 on the ground.
+        project: Makes the projection of a window of cells for this body.
         margin: Localization margin of the last update, m.
         widening: Cells by which what is blocked was widened along x and y.
         inflation_radius: Body's radius, margin and half a cell's diagonal, m.
@@ -99,13 +99,15 @@ class Costmap:
         self._map = voxel_map
         # A plane is done before a second thread has woken up.
         self._team = ThreadTeam(threads if motion == "air" else 1)
-        window = Window.covering(low, high, self.resolution)
-        self._cells = (
-            walked(window, height, step_height, config.max_slope)
-            if motion == "ground"
-            else Airspace(window, floor, ceiling)
-        )
-        self.shape, self.origin = self._cells.shape, self._cells.origin
+
+        def project(window: Window) -> Projection:
+            if motion == "ground":
+                return walked(window, height, step_height, config.max_slope)
+            return Airspace(window, floor, ceiling)
+
+        self.project = project
+        self._cells = project(Window.covering(low, high, self.resolution))
+        self._moved = False
         reach = self._set_margin(config.localization_margin)
         self._cells.read(voxel_map)
         self.widening = NOT_WIDENED
@@ -125,6 +127,31 @@ class Costmap:
         """
         self._cells.stand_at(feet)
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(nx, ny, nz) cells; nz is 1 on the ground."""
+        return self._cells.shape
+
+    @property
+    def origin(self) -> NDArray[np.float64]:
+        """(3,) corner of the first cell, m, world."""
+        return self._cells.origin
+
+    def move(self, low: ArrayLike, high: ArrayLike) -> None:
+        """Move to another window of the same map; the next update reads all of it.
+
+        After that all is as of a new costmap of that window.
+
+        Args:
+            low: (3,) least corner of the window, m, world.
+            high: (3,) greatest corner, m, world.
+
+        Raises:
+            ValueError: The window is empty, or the body does not fit it.
+        """
+        self._cells = self.project(Window.covering(low, high, self.resolution))
+        self._moved = True
+
     def update(
         self, margin: float, whole: bool = True, widening: tuple[int, int] = NOT_WIDENED
     ) -> None:
@@ -140,15 +167,17 @@ class Costmap:
             ValueError: The margin is negative or not finite, or needs distances of more than 181
                 cells.
         """
-        reach = self.clearances.reach if margin == self.margin else self._set_margin(margin)
+        same = margin == self.margin
+        reach = self.clearances.reach if same else self._set_margin(margin)
         cells = self._cells
         changed = cells.read(self._map)
         if widening != self.widening:
             self.widening, changed = widening, _whole(cells.rows)
-        if changed is not None:
+        if changed is not None or self._moved:
             self._blocked = self._widen()
-        if self.clearances.reach < reach:
-            self.clearances = self._all_clearances(reach)
+        if self.clearances.reach < reach or self._moved:
+            self._moved = False
+            self.clearances = self._all_clearances(max(reach, self.clearances.reach))
         elif changed is not None:
             box = reached(changed, cells.rows, widening) if widening != NOT_WIDENED else changed
             self.clearances.take_over(*self._blocked, *box, whole)

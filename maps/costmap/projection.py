@@ -58,6 +58,15 @@ class Projection:
         voxel_map.rewrite_columns(self._window.first, boxes, self._held[0], self._held[1])
         return self._take(voxel_map.keep_out(*self._part(*box)), *box)
 
+    def read_whole(self, voxel_map: ColumnMap) -> None:
+        """Take over all cells of a map once, whatever has changed since."""
+        first, (nx, ny, _) = self._window.first, self._window.shape
+        end = [first[0] + nx, first[1] + ny, first[2] + WORD_BITS * self._words]
+        whole = np.array([[*first, *end]], np.int64)
+        box = slice(0, nx), slice(0, ny)
+        voxel_map.rewrite_columns(first, whole, self._held[0], self._held[1])
+        self._take(voxel_map.keep_out(*self._part(*box)), *box)
+
     def _part(self, x: slice, y: slice) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Least cell and size (nx, ny, words) of a box of columns."""
         first_x, first_y, first_z = self._window.first

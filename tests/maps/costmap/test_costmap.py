@@ -419,3 +419,35 @@ def test_columns_across_words_are_projected_one_by_one():
         clear = stands & (band == FREE).all(axis=2) & ~blocked
         expected = np.where(blocked, OCCUPIED, np.where(clear, FREE, UNKNOWN))
         np.testing.assert_array_equal(costmap.state[:, :, 0], expected)
+
+
+@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("motion", ["ground", "air"])
+def test_a_moved_window_is_as_a_new_costmap_of_it(motion, whole):
+    rng = np.random.default_rng(11)
+    states = np.full((90, 60, 15), FREE, np.uint8)
+    states[:, :, FLOOR] = OCCUPIED
+    source = StateArray(states)
+
+    def make(low, high):
+        config = CostmapConfig(localization_margin=0.02)
+        return Costmap(config, source, low, high, motion, 0.15, 0.4, 0.15, 0.05, 1.1)
+
+    kept = make((0.0, 0.0, -0.375), (3.0, 2.0, 1.125))
+    for _ in range(6):
+        low = np.array([*rng.integers(0, (55, 35)) * 0.1, -0.375])
+        high = np.add(low, (3.0, 2.4, 1.5))
+        kept.move(low, high)
+        for _ in range(2):  # at once, and after another change
+            part = tuple(slice(a, a + 6) for a in rng.integers(0, (84, 54, 12)))
+            source.set(part, rng.choice([OCCUPIED, UNKNOWN, FREE]))
+            kept.update(0.02, whole=whole)
+            new = make(low, high)
+            assert kept.shape == new.shape
+            np.testing.assert_array_equal(kept.origin, new.origin)
+            np.testing.assert_array_equal(kept.state, new.state)
+            np.testing.assert_array_equal(kept.clearance, new.clearance)
+            np.testing.assert_array_equal(kept.obstacle_clearance, new.obstacle_clearance)
+            edge = new.collision_distance_sq + 1
+            optimistic = kept.optimistic(edge).whole(), new.optimistic(edge).whole()
+            np.testing.assert_array_equal(*optimistic)

@@ -1,0 +1,73 @@
+"""Ways beyond the rolling window: over the global costmap, from costs-to-go that are repaired."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wayproof.harness.config import Config
+from wayproof.harness.mission import Mission
+from wayproof.harness.stack.mapping import Mapper
+from wayproof.harness.stack.types import Array
+from wayproof.maps.costmap.global_costmap import PASSABLE, UNSEEN, GlobalCostmap
+from wayproof.planners import FreeSpace, GoalField, PlannerConfig
+
+SEED = 1
+"""Of the shortcuts; a way depends on the map, its ends and this alone."""
+
+PROJECTION = 3.0
+"""Distance within which a goal in a blocked coarse cell is projected to a free one, m."""
+
+
+class FarWays:
+    """Plans over the whole operating area in coarse cells, for one map.
+
+    A way depends on the map as it is, on its ends and on the settings, not on what was asked for
+    before: see `GlobalCostmap` and `GoalField`.
+    """
+
+    def __init__(self, config: Config, mission: Mission, mapper: Mapper) -> None:
+        """Search the first goal's costs-to-go, which takes longest while all is unknown."""
+        costmap = mapper.costmap
+        low, high = mission.low, mission.high
+        height = mission.height if mission.planar else 2.0 * costmap.radius
+        self._coarse = coarse = GlobalCostmap(
+            mapper.measured, low, high, costmap.project, costmap.collision_distance_sq, height
+        )
+        weight = config.planner.clearance_weight
+        self._planner = PlannerConfig(iterations=config.planner.iterations, clearance_weight=weight)
+        table = np.zeros(PASSABLE + 1)
+        table[UNSEEN] = config.behaviour.unknown_cost
+        self._field = coarse.states[:, :, None].astype(np.uint16)
+        origin = np.array([*coarse.origin, -0.5 * coarse.size])  # the layer's centre at z = 0
+        self._space = FreeSpace(self._field, origin, coarse.size, 0, table)
+        self._goal_field: GoalField | None = None
+        self.way(np.array(mission.start), np.array(mission.goals[0]))
+
+    def way(self, start: Array, goal: Array) -> Array | None:
+        """Plan from a position to a goal, both (3,), m.
+
+        Returns:
+            (n, 2) from the start on, m; None if the map holds none.
+        """
+        changed = self._coarse.update()
+        box = None
+        if changed is not None:
+            (x0, y0), (x1, y1) = (corner.tolist() for corner in changed)
+            self._field[x0:x1, y0:y1, 0] = self._coarse.states[x0:x1, y0:y1]
+            box = np.array([x0, y0, 0]), np.array([x1, y1, 1])
+        end = self._space.nearest_free(_flat(goal), PROJECTION)
+        if end is None:
+            return None
+        known = self._goal_field
+        if known is None or not np.array_equal(known.goal, end):
+            self._goal_field = known = GoalField(end, self._planner)
+        found = known.plan(self._space, _flat(start), SEED, changed=box or _NOTHING)
+        return None if found.waypoints is None else found.waypoints[:, :2]
+
+
+_NOTHING = np.zeros(3, np.int64), np.zeros(3, np.int64)
+"""Box of no cells."""
+
+
+def _flat(point: Array) -> Array:
+    return np.array([point[0], point[1], 0.0])
