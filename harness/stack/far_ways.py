@@ -8,7 +8,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.types import Array
-from wayproof.maps.costmap.global_costmap import PASSABLE, UNSEEN, GlobalCostmap
+from wayproof.maps.costmap.global_costmap import BLOCKED, PASSABLE, GlobalCostmap
 from wayproof.planners import FreeSpace, GoalField, PlannerConfig
 
 SEED = 1
@@ -21,8 +21,9 @@ PROJECTION = 3.0
 class FarWays:
     """Plans over the whole operating area in coarse cells, for one map.
 
-    A way depends on the map as it is, on its ends and on the settings, not on what was asked for
-    before: see `GlobalCostmap` and `GoalField`.
+    A way depends on the map as it is and on its ends, not on what was asked for before: see
+    `GlobalCostmap` and `GoalField`. It is the shortest one, whether what it leads through is known
+    or not: nearly all of what lies beyond the window has not been seen yet.
     """
 
     def __init__(self, config: Config, mission: Mission, mapper: Mapper) -> None:
@@ -35,11 +36,9 @@ class FarWays:
         )
         weight = config.planner.clearance_weight
         self._planner = PlannerConfig(iterations=config.planner.iterations, clearance_weight=weight)
-        table = np.zeros(PASSABLE + 1)
-        table[UNSEEN] = config.behaviour.unknown_cost
         self._field = coarse.states[:, :, None].astype(np.uint16)
         origin = np.array([*coarse.origin, -0.5 * coarse.size])  # the layer's centre at z = 0
-        self._space = FreeSpace(self._field, origin, coarse.size, 0, table)
+        self._space = FreeSpace(self._field, origin, coarse.size, BLOCKED, np.zeros(PASSABLE + 1))
         self._goal_field: GoalField | None = None
         self.way(np.array(mission.start), np.array(mission.goals[0]))
 
