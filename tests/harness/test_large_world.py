@@ -18,8 +18,8 @@ from wayproof.harness.scenario.scenario import build
 from wayproof.harness.stack import keyframe
 
 LARGE = ("world.empty.length=60", "world.empty.width=40", "costmap.window=24")
-ENDS = ("start=[20.0,10.0]", "goal=[56.0,30.0]")
-BRIEF = ("episode.time_limit=14", "keyframe_period=1")
+ENDS = ("start=[20.0,10.0]", "goal=[34.5,12.0]")  # 14.6 m on, beyond the first window
+BRIEF = ("episode.time_limit=40", "keyframe_period=1")
 ROBOTS = ("quadruped", "drone")
 
 
@@ -27,15 +27,15 @@ ROBOTS = ("quadruped", "drone")
 def large(once):
     """Record a brief episode of a robot, with a map in each keyframe that is due one."""
 
-    def record(robot):
-        config = override(Config("empty", robot, 0), [*LARGE, *ENDS, *BRIEF])
+    def record(robot, *others):
+        config = override(Config("empty", robot, 0), [*LARGE, *ENDS, *BRIEF, *others])
 
         def run(path):
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(keyframe, "MAP_SHARE", 1.0)
                 return run_episode(build(config), path)
 
-        return Path(once(("large", robot), run).log)
+        return Path(once(("large", robot, others), run).log)
 
     return record
 
@@ -66,9 +66,9 @@ def test_a_stack_goes_on_from_each_keyframe_bit_by_bit(large, robot):
 def test_a_way_is_as_long_as_one_that_is_planned_over_the_whole_area(robot, tmp_path):
     lengths = []
     for window in (24, 0):
-        config = override(Config("hall", robot, 0), [f"costmap.window={window}", *ENDS])
-        config = override(config, ["episode.time_limit=90"])
-        result = run_episode(build(config, make_hall(70.0, 1)), tmp_path / f"{window}.mcap")
+        settings = [f"costmap.window={window}", "start=[6.0,10.0]", "goal=[34.0,30.0]"]
+        config = override(Config("hall", robot, 0), settings)
+        result = run_episode(build(config, make_hall(40.0, 1)), tmp_path / f"{window}.mcap")
         assert result.outcome == "success"
         assert result.collisions == 0
         lengths.append(result.path_length_m)
@@ -77,7 +77,7 @@ def test_a_way_is_as_long_as_one_that_is_planned_over_the_whole_area(robot, tmp_
 
 
 def test_a_failure_is_explained_by_the_whole_area(large):
-    log = open_log(large("quadruped"))
+    log = open_log(large("quadruped", "goal=[56.0,30.0]", "episode.time_limit=3"))
     assert log.result["outcome"] == "timeout"
     case = read_case(log)
     finding = find_cause(case)
