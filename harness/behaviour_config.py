@@ -32,12 +32,16 @@ class BehaviourConfig:
         max_backtracks: Times it goes back along its own trail before the action is `abort`.
         backtrack_length: Length of one backtrack, m.
         reverse_speed_fraction: Fraction of the speed at which an elongated body moves tail first.
+        narrow_speed_fraction: Fraction of the speed of an elongated body that is planned for at its
+            heading, between obstacles that come to light late.
         uncertain_sigma: Standard deviation of the position beyond which the robot slows down while
             the sweeps do not hold it, m; this and what follows of estimators that state a
             covariance.
         uncertain_speed_fraction: Fraction of the speed that is left then.
         lost_sigma: Standard deviation beyond which it goes back to where they did, or gives up, m.
         max_returns: Times it goes back there before the action is `abort`.
+        keep_moving: Whether a stop or an escape that is under way is planned on from; else the
+            robot comes to rest first.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -58,10 +62,12 @@ class BehaviourConfig:
     max_backtracks: Annotated[int, Bounds(1, 1e6)] = 2
     backtrack_length: Annotated[float, Bounds(1e-9, 1e6, "m")] = 1.0
     reverse_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.4
+    narrow_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 1.0
     uncertain_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.1
     uncertain_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.5
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
+    keep_moving: bool = False
 
     def __post_init__(self) -> None:
         """Check every field."""

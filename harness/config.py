@@ -92,11 +92,16 @@ class MotionConfig:
     """How the stack asks the body to move; the body's own limits stand in its spec.
 
     Attributes:
+        limits: Speed, acceleration and turning of a built-in robot: `full` is what it was measured
+            to bear with a reserve; `cautious` is what it had before; `auto` is
+            `cautious` in a world with things that are known to move and on slopes, else `full`. A
+            log says which.
         speed_fraction: Share of the body's greatest speed that navigation asks for.
         altitude_low: Lowest altitude that any part of a flying robot may take, m.
         altitude_high: Highest, m.
     """
 
+    limits: Literal["auto", "full", "cautious"] = "cautious"
     speed_fraction: Annotated[float, Bounds(0.05, 1.0)] = 1.0
     altitude_low: Annotated[float, Bounds(-1e4, 1e4, "m")] = 0.2
     altitude_high: Annotated[float, Bounds(-1e4, 1e4, "m")] = 2.8
@@ -405,12 +410,20 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
         document = msgspec.json.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"config: {error}") from None
+    if isinstance(document, dict):
+        document.setdefault("motion", {})  # the oldest logs lack it
+        document.setdefault("behaviour", {})
     planner, mapped = _section(document, "planner"), _section(document, "map")
+    moved = _section(document, "motion")
     planner.setdefault("grain", 0.0)  # recorded before there was one
     mapped.setdefault("ground_fit", False)  # likewise
     if isinstance(document, dict):
         document.setdefault("costmap", {})
     _section(document, "costmap").setdefault("window", 0.0)  # likewise
+    moved.setdefault("limits", "cautious")  # likewise
+    behaviour = _section(document, "behaviour")
+    behaviour.setdefault("keep_moving", False)  # likewise
+    behaviour.setdefault("narrow_speed_fraction", 1.0)  # likewise
     name = planner.get("name")
     if not allow_plugins and isinstance(name, str) and PLUGIN in name:
         raise InputError(

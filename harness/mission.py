@@ -33,6 +33,8 @@ class Mission:
         goal: Base origin at the goal, m.
         discs: Offset along the body's x axis and radius of each disc of an elongated body, m;
             none for a body that is one disc or ball of the radius.
+        sideways_speed: Speed of a ground robot in any direction, whatever it faces, m/s; 0 for one
+            that turns before it moves.
         waypoints: Goals before the last one, in their order, m; at each the robot comes to rest.
         rest_height: Height of the base origin above the ground when standing, m: where the feet of
             one that climbs are; 0 for all others.
@@ -54,6 +56,7 @@ class Mission:
     discs: tuple[tuple[float, float], ...] = ()
     waypoints: tuple[tuple[float, float, float], ...] = ()
     rest_height: float = 0.0
+    sideways_speed: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse bodies and areas that no robot has, before a map of that size is allocated."""
@@ -69,6 +72,10 @@ class Mission:
             raise ValueError("max_yaw_rate, step_height: expected those of a robot")
         if not 0.0 <= self.rest_height <= 1e4:
             raise ValueError(f"rest_height: got {self.rest_height:g} m, expected 0 to 1e4")
+        if not 0.0 <= self.sideways_speed <= self.max_speed:
+            raise ValueError(
+                f"sideways_speed: got {self.sideways_speed:g}, expected 0 to max_speed"
+            )
         if not abs(self.start_heading) <= 100.0:
             raise ValueError(f"start_heading: got {self.start_heading:g} rad")
         if not all(-1e4 <= a < b <= 1e4 for a, b in zip(self.low, self.high, strict=True)):
@@ -93,9 +100,9 @@ class Mission:
         return (*self.waypoints, self.goal)
 
     def to_json(self) -> bytes:
-        """Encode for the log; floats come back bit by bit. Waypoints and height only if given."""
+        """Encode for the log; floats come back bit by bit. What is empty or 0 has no field."""
         document = msgspec.to_builtins(self)
-        for name in ("waypoints", "rest_height"):
+        for name in ("waypoints", "rest_height", "sideways_speed"):
             if not getattr(self, name):
                 document.pop(name, None)  # nor has one that was decoded without it
         return msgspec.json.format(msgspec.json.encode(document), indent=1)

@@ -15,15 +15,28 @@ from numpy.typing import NDArray
 from wayproof.planners import jerk_limited
 from wayproof.planners._jit import kernel
 from wayproof.planners.jerk_limited import AxisLimits, Profile, State
-from wayproof.planners.kernels.angles import edge_headings, rate_limited, wrap
+from wayproof.planners.kernels.angles import edge_headings, rate_limited, wrap, yaw_of_direction
 from wayproof.planners.kernels.grid import Floats
-from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits, truncate
+from wayproof.planners.path import (
+    arc_lengths,
+    edge_lengths,
+    edge_tangents,
+    speed_limits,
+    tangent_at,
+    truncate,
+)
 from wayproof.planners.speed_profile import LEAST_ZONE, SpeedZone, time_parameterize
 
 Integers = NDArray[np.int64]
 
 HEADING_STEP = 0.01
 """Time step of headings that follow a path, s."""
+
+TURNING = 0.25
+"""Heading error from which on a body that moves still turns into its path, rad."""
+
+TURN_LAG = 0.3
+"""Time that a body takes to begin and to end a turn while it moves, s."""
 
 LEAST_SPEED = 0.02
 """Smallest speed limit, m/s: below it a profile would take hours."""
@@ -212,6 +225,7 @@ def follow_path(
     limits: MotionLimits,
     speed_cap: float,
     reverse: bool = False,
+    sideways_speed: float = 0.0,
 ) -> Trajectory:
     """Fastest trajectory from a state on a path to rest at the path's end.
 
@@ -225,6 +239,7 @@ def follow_path(
         limits: Limits of the robot.
         speed_cap: A further limit of the speed, m/s; at or below 2 cm/s the robot stops.
         reverse: Whether it moves tail first.
+        sideways_speed: Speed until the heading has turned into the path, m/s; 0 for no such limit.
 
     Returns:
         A trajectory whose arc lengths are those of `path`.
@@ -237,7 +252,12 @@ def follow_path(
     cap = min(limits.speed, speed_cap)
     motion = None
     if cap > LEAST_SPEED and length > LEAST_ZONE:
-        zones = speed_zones(path, state.position, cap, limits)
+        zones = speed_zones(path, state.position, cap, limits, sideways_speed)
+        if sideways_speed > 0.0:
+            turn = _turn_into(path, state.position, start.heading, math.pi if reverse else 0.0)
+            if turn > TURNING:
+                length = sideways_speed * (turn / limits.yaw_rate + TURN_LAG)
+                zones = slow_at_first(zones, length, sideways_speed)
         motion = time_parameterize(state, zones, limits.along)
     if motion is None:
         motion = jerk_limited.stop(state, limits.along)
@@ -298,13 +318,58 @@ def _feasible(s: float, speed: float, acceleration: float, limits: MotionLimits)
     return State(s, speed, max(acceleration, -math.sqrt(2.0 * limits.jerk * speed)))
 
 
-def speed_zones(path: Floats, s: float, cap: float, limits: MotionLimits) -> list[SpeedZone]:
+def speed_zones(
+    path: Floats, s: float, cap: float, limits: MotionLimits, sideways_speed: float = 0.0
+) -> list[SpeedZone]:
     """Cut a path from an arc length on where its curvature begins or ceases to limit the speed."""
     arcs = arc_lengths(path)
     allowed = speed_limits(path, limits.lateral_acceleration, limits.yaw_rate)
+    if sideways_speed > 0.0:
+        allowed = _allow_sideways(path, arcs, allowed, limits, sideways_speed)
     lengths, speeds = np.empty(len(path)), np.empty(len(path))
     count = cut_zones(arcs, allowed, s, cap, lengths, speeds)
     return list(map(SpeedZone, lengths[:count].tolist(), speeds[:count].tolist()))
+
+
+def _allow_sideways(
+    path: Floats, arcs: Floats, allowed: Floats, limits: MotionLimits, sideways_speed: float
+) -> Floats:
+    """Speeds (n,) of a body that need not have turned at a speed that it has in any direction.
+
+    Where its turn falls behind the path's, it keeps to that speed until it has caught up.
+    """
+    lateral = speed_limits(path, limits.lateral_acceleration, math.inf)
+    turns = np.abs(np.diff(edge_headings(edge_tangents(path), 0.0))).tolist()  # (n - 2,)
+    speeds = np.minimum(lateral, np.maximum(allowed, sideways_speed))
+    behind = 0.0  # rad
+    for k in range(1, len(path)):
+        taken = (arcs[k] - arcs[k - 1]) / sideways_speed
+        behind = max(behind - limits.yaw_rate * taken, 0.0)
+        if k <= len(turns) and allowed[k] < sideways_speed:
+            behind += turns[k - 1]
+        if behind > TURNING:
+            speeds[k] = min(speeds[k], sideways_speed)
+    result: Floats = speeds
+    return result
+
+
+def _turn_into(path: Floats, s: float, heading: float, off: float) -> float:
+    """Turn from a heading into a path at an arc length, rad, not negative."""
+    tangent = tangent_at(path, s)
+    return abs(float(wrap(yaw_of_direction(tangent[0], tangent[1]) - off - heading)))
+
+
+def slow_at_first(zones: list[SpeedZone], length: float, speed: float) -> list[SpeedZone]:
+    """Limit the speed over a first length, m, to a speed, m/s."""
+    slowed = []
+    for zone in zones:
+        first = min(zone.length, length)
+        length -= first
+        if first > LEAST_ZONE:
+            slowed.append(SpeedZone(first, min(zone.speed, speed)))
+        if zone.length - first > LEAST_ZONE:
+            slowed.append(SpeedZone(zone.length - first, zone.speed))
+    return slowed
 
 
 @kernel

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 from wayproof.harness.config import HASH_SEPARATOR, Config
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.scenario.named import find_named
-from wayproof.models.robots import ROBOTS, Robot, custom
+from wayproof.models.robots import FAST_ROBOTS, ROBOTS, Robot, custom
 from wayproof.models.robots.custom import (
     CONTROLLERS,
     CustomRobot,
@@ -20,6 +21,7 @@ from wayproof.models.robots.custom import (
 )
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.world_files.reading import read_text
+from wayproof.models.worlds import World
 
 EXAMPLES = Path(custom.__file__).parent / "examples"
 """Spec files of robots whose models are packages of their own."""
@@ -43,7 +45,27 @@ def find_robot(config: Config) -> Robot:
             f"unknown robot '{config.robot}'; its spec file is here: --robot {example} "
             f"(available by name: {', '.join(sorted(ROBOTS))})"
         )
-    return find_named("robot", config.robot, ROBOTS, ENDING, read_robot)
+    return find_named("robot", config.robot, built_in(config), ENDING, read_robot)
+
+
+def built_in(config: Config) -> Mapping[str, Robot]:
+    """The built-in robots by name, with the limits that a config asks for."""
+    return FAST_ROBOTS if config.motion.limits == "full" else ROBOTS
+
+
+def resolve_limits(config: Config, world: World) -> Config:
+    """The config with the limits that `motion.limits=auto` stands for in a world.
+
+    A robot stops within the space that is admitted. What moves can come into it meanwhile, so
+    where the operator knows of such things, the robot goes more slowly. So it does where it is to
+    walk on slopes, where it was not measured at speed.
+    """
+    if config.motion.limits != "auto":
+        return config
+    moving = any(len(mover.route) > 1 for mover in world.movers)
+    careful = moving or config.costmap.max_slope > 0.0
+    limits: Literal["full", "cautious"] = "cautious" if careful else "full"
+    return replace(config, motion=replace(config.motion, limits=limits))
 
 
 UNUSED: dict[str, tuple[str, ...]] = {
@@ -91,7 +113,7 @@ def find_logged_robot(config: Config, scene: str) -> Robot:
         InputError: No such robot, or no spec of it.
     """
     if config.robot in ROBOTS:
-        return ROBOTS[config.robot]
+        return built_in(config)[config.robot]
     if HASH_SEPARATOR not in config.robot or not config.robot_file:
         raise unknown_name("robot", config.robot, ROBOTS)
     try:

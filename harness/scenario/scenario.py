@@ -14,7 +14,12 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
 from wayproof.harness.prior.sources import with_prior
 from wayproof.harness.scenario.places import goals_of, refuse_no_way
-from wayproof.harness.scenario.robots import find_robot, log_robot_identity
+from wayproof.harness.scenario.robots import (
+    built_in,
+    find_robot,
+    log_robot_identity,
+    resolve_limits,
+)
 from wayproof.harness.scenario.routes import route_between
 from wayproof.harness.scenario.terrain import check_climb
 from wayproof.harness.scenario.worlds import (
@@ -24,7 +29,7 @@ from wayproof.harness.scenario.worlds import (
 )
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.checks import check
-from wayproof.models.robots import ROBOTS, Robot, RobotSpec
+from wayproof.models.robots import Robot, RobotSpec
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.scene import Scene, bind, compose, device_name, resolve
 from wayproof.models.sensors.caster import Caster
@@ -96,9 +101,11 @@ def build(config: Config, world: World | None = None) -> Scenario:
             walks would have to climb; a scene that cannot be compiled or cast, or whose sensors
             would see wrongly.
     """
+    world = find_world(config) if world is None else world
+    config = resolve_limits(config, world)
     robot = find_robot(config)
     spec = robot.spec
-    world = apply_world_perturbation(find_world(config) if world is None else world, config)
+    world = apply_world_perturbation(world, config)
     start = _place(world.start[:2] if config.start is None else config.start, world, spec)
     *waypoints, goal = (_place(one, world, spec) for one in goals_of(config, world))
     for name, point in (
@@ -137,7 +144,7 @@ def edit_scene(scenario: Scenario, edit: Callable[[mujoco.MjSpec], None]) -> Sce
     edit(spec)
     spec.compile()
     config = scenario.config
-    scene = bind(spec.to_xml(), ROBOTS[config.robot], config.sensors, config.threads)
+    scene = bind(spec.to_xml(), built_in(config)[config.robot], config.sensors, config.threads)
     return replace(scenario, scene=scene)
 
 
@@ -259,6 +266,7 @@ def _mission(world: World, spec: RobotSpec, config: Config, points: Sequence[Poi
         discs=spec.discs,
         waypoints=tuple(waypoints),
         rest_height=spec.rest_height if climbs else 0.0,
+        sideways_speed=spec.sideways_speed,
     )
 
 

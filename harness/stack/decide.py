@@ -29,7 +29,12 @@ from wayproof.harness.stack.maneuvers import (
     wait_at_blocked_goal,
 )
 from wayproof.harness.stack.path_following import follow_global_path
-from wayproof.harness.stack.recovery import escape_inflation, recover_after_timeout
+from wayproof.harness.stack.recovery import (
+    continue_escape,
+    escape_inflation,
+    is_escaping,
+    recover_after_timeout,
+)
 from wayproof.harness.stack.types import (
     Decided,
     PathLoss,
@@ -92,6 +97,10 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
         state = replace(state, global_path=None, exploration=None)
     if is_stationary(start) and not footprint_free(input.traversable, start):
         return recover_after_timeout(input, start, escape_inflation(input, state, start))
+    if is_escaping(input, state, start):
+        escaping = continue_escape(input, state, start)
+        if escaping is not None:
+            return escaping
     mission_goal, within = input.goal, goal_within(input, state, start)
     intermediate = within is not mission_goal
     goal = within if intermediate else project_goal_to_free(input)

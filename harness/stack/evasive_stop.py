@@ -11,6 +11,7 @@ import numpy as np
 from wayproof.harness.stack.types import Array, PlannerInput, arc_length
 from wayproof.maps.elementary import norm, sines_cosines
 from wayproof.planners import TrajectorySample, stopping_distance, tangent_at, truncate
+from wayproof.planners.path import edge_tangents
 
 STEP = 0.05
 """Spacing of the points of a bend, m."""
@@ -57,7 +58,16 @@ def _with_length(path: Array, length: float) -> Array:
 def _clearance(input: PlannerInput, path: Array) -> float:
     """Least clearance along a path plus the clearance at its end, m."""
     space = input.traversable
-    return space.least_clearance(path) + space.least_clearance(path[[-1, -1]])
+    if not space.discs or not input.behaviour.keep_moving:
+        return space.least_clearance(path) + space.least_clearance(path[[-1, -1]])
+    # A long body swings its ends out where it bends.
+    ahead = edge_tangents(path)[[*range(len(path) - 1), -1]]
+    paths = [path + disc.offset * ahead for disc in space.discs]
+    along, at_end = (
+        min(space.least_clearance(one) for one in some)
+        for some in (paths, [one[[-1, -1]] for one in paths])
+    )
+    return along + at_end
 
 
 def _bends(

@@ -58,12 +58,17 @@ def decide_with_footprint(
         oriented = make_oriented()
         return FootprintDecision(*decide(oriented, state), oriented)
     wide = decide(circumscribed, replace(state, oriented=False))
+    keeps_moving = circumscribed.behaviour.keep_moving
     limit = DETOUR_RATIO * _length_left(state, circumscribed) + DETOUR_LENGTH
-    if _leads_on(wide) and _path_length(wide.state) <= limit:
+    wide_leads = _leads_on(wide) and not (keeps_moving and _brakes(wide))
+    if wide_leads and _path_length(wide.state) <= limit:
         return FootprintDecision(*wide, circumscribed)
     oriented = make_oriented()
     narrow = decide(oriented, replace(state, oriented=True))
-    if _leads_on(narrow) and (not _leads_on(wide) or _path_length(narrow.state) <= limit):
+    narrow_leads = _leads_on(narrow) and not (keeps_moving and _brakes(narrow))
+    if narrow_leads and (not wide_leads or _path_length(narrow.state) <= limit):
+        return FootprintDecision(*narrow, oriented)
+    if keeps_moving and state.oriented and _brakes(wide) and _brakes(narrow):
         return FootprintDecision(*narrow, oriented)
     return FootprintDecision(*wide, circumscribed)
 
@@ -102,3 +107,8 @@ def _leads_on(decided: Decided) -> bool:
     if command.reason.kind in STUCK_INSIDE or command.action == "abort":
         return False
     return command.action != "stop_and_wait" or command.trajectory.duration_s > 0.0
+
+
+def _brakes(decided: Decided) -> bool:
+    """Whether a robot in motion comes to rest."""
+    return decided.command.action == "stop_and_wait" and decided.command.trajectory.duration_s > 0.0

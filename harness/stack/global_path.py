@@ -30,6 +30,9 @@ from wayproof.planners import (
 ARRIVED = 0.05
 """Length below which a path counts as driven, m."""
 
+STOP_SLACK = 1e-3
+"""Length by which the rest of a stop may be shorter than a stop from there, by rounding, m."""
+
 GOAL_MOVED = 3.0
 """Distance beyond which a projected goal counts as another one, cells."""
 
@@ -70,11 +73,14 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
     path = None if state.global_path is None else remaining(state.global_path, start.arc_length)
     if state.exploring and path is not None and arc_length(path) < ARRIVED:
         path = None
+    driven = path
+    if path is None and input.behaviour.keep_moving:  # on from the stop that is under way
+        driven = remaining(state.trajectory.path, start.arc_length)
     valid = path is not None and _is_valid(input, state, path)
     improve_due = input.time_ns - state.improved_ns >= input.behaviour.replan_period * 1e9
     if valid and not improve_due:
         return GlobalPlan(replace(state, global_path=path))
-    prefix = _prefix_to_keep(input, start, path)
+    prefix = _prefix_to_keep(input, start, driven, slack=STOP_SLACK if driven is not path else 0.0)
     if prefix is None:
         if valid:  # it is too late to bend it, as where the robot brakes to its end
             return GlobalPlan(replace(state, global_path=path))
@@ -103,7 +109,7 @@ def _is_valid(input: PlannerInput, state: PlannerState, path: Array) -> bool:
 
 
 def _prefix_to_keep(
-    input: PlannerInput, start: TrajectorySample, path: Array | None
+    input: PlannerInput, start: TrajectorySample, path: Array | None, slack: float
 ) -> Array | None:
     """The part (n, 3) that the robot drives before a new path can bend off; None if blocked.
 
@@ -115,7 +121,7 @@ def _prefix_to_keep(
         return None
     traversable = input.traversable.free_length(path)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
-    if traversable < braking:
+    if traversable < braking - slack:
         return None
     return truncate(path, min(braking, arc_length(path)))
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.decision import Action, Label
@@ -56,6 +58,9 @@ MAX_SHORTENINGS = 4
 MISFIT_MARGIN = 0.02
 """Distance kept before the first place where the footprint does not fit, m."""
 
+MAX_STEP = 0.5
+"""Maximum length of a step aside, m."""
+
 CORNER_OVERRUN = 0.03
 """Distance beyond a corner within which an elongated body that stops still turns into it, m."""
 
@@ -73,7 +78,9 @@ def follow_global_path(
     """
     path = state.path
     traversable = input.traversable.free_length(path)
-    corner = first_stop(path, 0.0, input.behaviour.max_corner_angle)
+    corner = arc_length(path)
+    if not input.sideways_speed:
+        corner = first_stop(path, 0.0, input.behaviour.max_corner_angle)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     overrun = CORNER_OVERRUN if input.traversable.discs else 0.0
     if corner < braking - overrun:  # too late to stop there: the profile slows down for it
@@ -83,17 +90,24 @@ def follow_global_path(
     if end < braking - 1e-3 - (overrun if end == corner else 0.0):
         return brake_on_path(input, state, start, end, blocked)
     if is_stationary(start) and blocked and end < input.behaviour.min_advance:
+        stepped = step_aside(input, state, start)
+        if stepped is not None:
+            return stepped
         least = input.behaviour.min_advance
         found = obstruction.on_path(input, path, end, input.unknown_blocks)
         reason, label = way_ahead_reason(WAITS, found, limit_m=least)
         return wait(input, state, start, label, reason)
     if is_stationary(start) and input.traversable.discs:
         return set_out(input, state, start, end, blocked)
-    if is_stationary(start) and input.turns_in_place:
+    if is_stationary(start) and input.turns_in_place and not input.sideways_speed:
         target = heading_at(path, min(0.2, 0.5 * arc_length(path)))
         if abs(wrap_angle(target - start.heading)) > input.behaviour.rotate_in_place_angle:
             return turn_into_path(input, state, start, target)
     tail_first = moves_tail_first(input, start, path)
+    if tail_first and input.sideways_speed:
+        turning = turn_while_driving(input, state, start, end, blocked, tail_first=False)
+        if turning is not None:
+            return turning
     driven = drive_along(input, state, start, end, blocked, tail_first)
     return driven or keep_course(input, state, start, previous)
 
@@ -125,11 +139,63 @@ def set_out(
             driven = drive_along(input, state, start, end, blocked, backwards)
             if driven is not None:
                 return driven
+        elif input.sideways_speed:
+            driven = turn_while_driving(input, state, start, end, blocked, backwards)
+            if driven is not None:
+                return driven
         if error > ALIGNED:
             return turn_into_path(input, state, start, target)
     along = plan_trajectory(input, start, truncate(path, end), speed_share=1.0)
     reason = diagnose_no_room(input, start, along, nose_first)
     return wait(input, replace(state, global_path=None), start, "no_path", reason)
+
+
+def step_aside(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided | None:
+    """Leave rest along the global path at the heading that an elongated body has.
+
+    For a body that has room at its heading, and not at that of its path.
+
+    Returns:
+        None if it has no room so either, or cannot move sideways.
+    """
+    if not input.traversable.discs or not input.sideways_speed:
+        return None
+    share = input.sideways_speed / input.limits.speed
+    path = truncate(state.path, min(MAX_STEP, arc_length(state.path)))
+    for _ in range(MAX_SHORTENINGS):
+        trajectory = plan_trajectory(input, start, path, share).facing(start.heading)
+        misfit = first_misfit(input.traversable, trajectory)
+        if misfit is None:
+            reason = Reason("stepping_aside", distance_m=arc_length(path))
+            command = Command("follow", reason, "none", trajectory, state.path)
+            return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
+        end = misfit - MISFIT_MARGIN
+        if end < MIN_PATH:
+            return None
+        path = truncate(path, end)
+    return None
+
+
+def turn_while_driving(
+    input: PlannerInput,
+    state: PlannerState,
+    start: TrajectorySample,
+    end: float,
+    blocked: bool,
+    tail_first: bool,
+) -> Decided | None:
+    """Drive the global path and turn into it meanwhile, with a body that can move sideways.
+
+    Returns:
+        None if the footprint does not fit until it has turned; else as of `drive_along`.
+    """
+    driven = drive_along(input, state, start, end, blocked, tail_first)
+    if driven is None:
+        return None
+    trajectory = driven.command.trajectory
+    reached = heading_at(trajectory.path, arc_length(trajectory.path))
+    left = wrap_angle(reached + (np.pi if tail_first else 0.0) - _final_heading(trajectory))
+    return driven if abs(left) <= ALIGNED else None
 
 
 def turn_into_path(
@@ -222,6 +288,8 @@ def fit_trajectory(
     """
     if tail_first:
         speed_share = min(speed_share, input.behaviour.reverse_speed_fraction)
+    if input.traversable.discs:
+        speed_share = min(speed_share, input.behaviour.narrow_speed_fraction)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     for _ in range(MAX_SHORTENINGS):
         trajectory = plan_trajectory(input, start, path, speed_share, tail_first)
@@ -249,6 +317,7 @@ def plan_trajectory(
         input.limits,
         speed_share * input.limits.speed,
         tail_first,
+        input.sideways_speed,
     )
 
 

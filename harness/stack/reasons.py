@@ -24,6 +24,7 @@ Kind = Literal[
     "blocked_ahead",
     "through_unknown",
     "turning_into_path",
+    "stepping_aside",
     "keeping_course",
     "looking_elsewhere",
     "at_viewpoint",
@@ -165,6 +166,10 @@ MEANINGS: dict[Kind, Meaning] = {
         ("unknown_ahead",),
     ),
     "turning_into_path": Meaning("turning {turn_degrees:.0f} degrees into the path", ("follow",)),
+    "stepping_aside": Meaning(
+        "stepping {distance_m:.2f} m along the path at its own heading: no room at the path's",
+        ("follow",),
+    ),
     "keeping_course": Meaning(
         "no room to take the new path in motion: following the last trajectory", ("follow",)
     ),

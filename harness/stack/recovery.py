@@ -11,7 +11,7 @@ from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.backtrack import backtrack_path
 from wayproof.harness.stack.diagnosis import inflation_reason
-from wayproof.harness.stack.footprint_checks import keeps_clearance
+from wayproof.harness.stack.footprint_checks import footprint_free, keeps_clearance
 from wayproof.harness.stack.global_path import drop_duplicates
 from wayproof.harness.stack.maneuvers import seconds_waited, wait
 from wayproof.harness.stack.path_following import follow_global_path, plan_trajectory
@@ -22,15 +22,19 @@ from wayproof.harness.stack.types import (
     Exploration,
     PlannerInput,
     PlannerState,
+    arc_length,
     distance,
+    is_stationary,
 )
 from wayproof.planners import (
     Plan,
+    Trajectory,
     TrajectorySample,
     best_frontier,
     blend_corners,
     plan,
     plan_seed,
+    remaining,
     turn_in_place,
 )
 
@@ -42,6 +46,9 @@ ESCAPE_TURNS = [sign * 0.1 * n for n in range(1, 9) for sign in (1, -1)]
 
 ESCAPE_SPEED_SHARE = 0.3
 """Share of full speed at which the robot leaves the inflation."""
+
+SIDESTEP_SPEED_SHARE = 0.2
+"""The same with `behaviour.keep_moving`, where it does so in any direction."""
 
 MAX_FRONTIERS = 4
 """Number of frontiers that an elongated body, which cannot get to each, tries to plan to."""
@@ -68,10 +75,8 @@ def escape_inflation(input: PlannerInput, state: PlannerState, start: Trajectory
         return wait(input, state, start, "start_blocked", reason)
     path = np.stack([start.position, escape.position])
     if escape.heading == start.heading:
-        trajectory = plan_trajectory(input, start, path, ESCAPE_SPEED_SHARE)
+        trajectory = _sidestep(input, start, path)
         reason = inflation_reason("escaping_inflation", found, distance_m=away)
-        if input.traversable.discs:
-            trajectory = trajectory.facing(escape.heading)
     else:
         trajectory = turn_in_place(
             start.position, input.effect_ns, start.heading, escape.heading, input.limits
@@ -83,6 +88,46 @@ def escape_inflation(input: PlannerInput, state: PlannerState, start: Trajectory
         state, trajectory=trajectory, global_path=None, exploration=None, rest_since_ns=-1
     )
     return Decided(command, state)
+
+
+def is_escaping(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> bool:
+    """Whether a body in motion inside the inflation is on its way out of it."""
+    return (
+        input.behaviour.keep_moving
+        and not is_stationary(start)
+        and state.path_loss is not None
+        and state.path_loss.kind == "escaping_inflation"
+        and not footprint_free(input.traversable, start)
+    )
+
+
+def continue_escape(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample
+) -> Decided | None:
+    """Move on along an escape that is under way; None if it has ceased to lead out."""
+    path = remaining(state.trajectory.path, start.arc_length)
+    if not footprint_free(input.traversable, start._replace(position=path[-1])):
+        return None
+    if not all(
+        keeps_clearance(space, start, path[-1], start.heading)
+        for space in (input.traversable, input.optimistic)
+    ):
+        return None
+    found = obstruction.at_place(input, start.position, start.heading, input.unknown_blocks)
+    reason = inflation_reason("escaping_inflation", found, distance_m=arc_length(path))
+    trajectory = _sidestep(input, start, path)
+    command = Command("recover", reason, "start_blocked", trajectory, path)
+    return Decided(command, replace(state, trajectory=trajectory))
+
+
+def _sidestep(input: PlannerInput, start: TrajectorySample, path: Array) -> Trajectory:
+    """A slow motion along a path (n, 3), of a body on the ground at the heading that it has."""
+    if not input.behaviour.keep_moving:
+        trajectory = plan_trajectory(input, start, path, ESCAPE_SPEED_SHARE)
+        return trajectory.facing(start.heading) if input.traversable.discs else trajectory
+    trajectory = plan_trajectory(input, start, path, SIDESTEP_SPEED_SHARE)
+    still = input.traversable.discs or input.sideways_speed
+    return trajectory.facing(start.heading) if still else trajectory
 
 
 class _Pose(NamedTuple):

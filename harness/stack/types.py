@@ -99,6 +99,8 @@ class PlannerInput:
         limits: Greatest speed, acceleration, jerk and yaw rate of a command.
         planner: Settings of the search.
         behaviour: Settings of the decision.
+        sideways_speed: Speed of a body on the ground in any direction, whatever it faces, m/s; 0 if
+            it turns before it moves.
         mission_goal: (3,) the mission's goal where `goal` is its projection to free space, or an
             intermediate goal, m.
         plan: Path planner: space, start, goal, settings, seed, heading.
@@ -129,6 +131,7 @@ class PlannerInput:
     limits: MotionLimits
     planner: PlannerConfig
     behaviour: BehaviourConfig
+    sideways_speed: float = 0.0
     mission_goal: Array | None = None
     plan: PlanPath = plan
     localization: Localization | None = None

@@ -71,8 +71,12 @@ def mismatch(log: Log, planned: Planned) -> str:
     if planned.source is not None:
         key = _key_of(log.config, log)
         return "" if key == planned.key else _difference(log, log.config, expected)
+    limits = log.config.motion.limits  # that the robot had in its world
+    if expected.motion.limits == "auto":
+        limits = "auto"
     open_again = replace(
         log.config,
+        motion=replace(log.config.motion, limits=limits),
         start=expected.start,
         goal=expected.goal,
         waypoints=expected.waypoints,

@@ -1,7 +1,9 @@
 """Robots by name; a new one is a sub-package and a line here."""
 
 from wayproof.models.robots.quadrotor import Quadrotor
+from wayproof.models.robots.quadrotor.robot import FAST_QUADROTOR
 from wayproof.models.robots.quadruped import Quadruped
+from wayproof.models.robots.quadruped.robot import FAST_QUADRUPED
 from wayproof.models.robots.robot import Controller, Robot, RobotSpec, Setpoint
 
 ROBOTS: dict[str, Robot] = {
@@ -9,4 +11,10 @@ ROBOTS: dict[str, Robot] = {
     "quadruped": Quadruped(),
 }
 
-__all__ = ["ROBOTS", "Controller", "Robot", "RobotSpec", "Setpoint"]
+FAST_ROBOTS: dict[str, Robot] = {
+    "drone": FAST_QUADROTOR,
+    "quadruped": FAST_QUADRUPED,
+}
+"""The same bodies at the speed that they were measured to bear."""
+
+__all__ = ["FAST_ROBOTS", "ROBOTS", "Controller", "Robot", "RobotSpec", "Setpoint"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -74,6 +74,24 @@ class Setpoint:
         return f"Setpoint({motion}, heading={self.heading}, yaw_rate={self.yaw_rate})"
 
 
+class SpeedLimits(NamedTuple):
+    """What navigation may ask of a body.
+
+    Attributes:
+        speed: m/s.
+        acceleration: m/s^2, also across the path.
+        jerk: m/s^3.
+        yaw_rate: rad/s.
+        sideways_speed: In any direction, whatever it faces, m/s; 0 if it moves ahead only.
+    """
+
+    speed: float
+    acceleration: float
+    jerk: float
+    yaw_rate: float
+    sideways_speed: float = 0.0
+
+
 @dataclass(frozen=True)
 class RobotSpec:
     """The body as the navigation stack knows it.
@@ -95,6 +113,8 @@ class RobotSpec:
         discs: Offset along the body's x axis and radius of discs that hold a body that is longer
             than wide while it walks ahead and turns, m; as far ahead as behind, so that it is free
             tail first where it is nose first. None: its body is a disc of its radius.
+        sideways_speed: Speed in any direction, whatever it faces, m/s; 0 for a body that turns
+            before it moves. Of no use to a robot that flies.
     """
 
     name: str
@@ -110,6 +130,7 @@ class RobotSpec:
     max_tilt: float
     mounts: tuple[Mount, ...]
     discs: tuple[tuple[float, float], ...] = ()
+    sideways_speed: float = 0.0
 
 
 class Controller(Protocol):

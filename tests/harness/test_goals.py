@@ -245,3 +245,12 @@ def test_a_goal_that_was_altered_is_found(recorded, tmp_path):
 def test_a_wrong_goal_is_refused(settings, expected):
     with pytest.raises(InputError, match=expected):
         build(override(Config("empty", "drone", 1), settings))
+
+
+def test_a_body_that_does_not_move_sideways_has_no_such_field():
+    ahead = mission((1.0, 1.0, 0.3))
+    assert b"sideways_speed" not in ahead.to_json()
+    aside = replace(ahead, sideways_speed=0.5)
+    assert Mission.from_json(aside.to_json()) == aside
+    with pytest.raises(ValueError, match="sideways_speed: got 2, expected 0 to max_speed"):
+        replace(ahead, sideways_speed=2.0)

@@ -112,6 +112,16 @@ def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
         yield f"the path leads {off:.2f} rad off where it turns to"
 
 
+def stepping_aside(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+    """The body moves as far as it says along its path, and does not turn."""
+    yield from same("distance_m", reason.distance_m, length(scene.path))
+    headings = scene.decision.trajectory.heading
+    if max(headings) - min(headings) > TURNED_INTO:
+        yield "the body turns"
+    if len(scene.global_path) < 2 or scene.apart(scene.global_path[0], scene.path[0]) > NEAR:
+        yield "the trajectory does not begin on the path"
+
+
 def keeping_course(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The trajectory is the last one."""
     last = past.trajectories[-1] if past.trajectories else None

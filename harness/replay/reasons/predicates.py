@@ -31,6 +31,7 @@ PREDICATES: dict[str, Claim] = {
     "blocked_ahead": driving.driving_ahead,
     "through_unknown": driving.through_unknown,
     "turning_into_path": driving.turning_into_path,
+    "stepping_aside": driving.stepping_aside,
     "keeping_course": driving.keeping_course,
     "looking_elsewhere": elsewhere.looking_elsewhere,
     "at_viewpoint": elsewhere.at_viewpoint,

@@ -113,3 +113,10 @@ class Parameters(NamedTuple):
     airframe: Airframe = Airframe()
     gains: Gains = Gains()
     smoothing: Smoothing = Smoothing()
+
+
+FAST = Parameters(smoothing=Smoothing(bandwidth=25.0, limits=(6.0, 12.0, 150.0, 4000.0)))
+"""For navigation at 4 m/s and 4 m/s^2.
+
+`wayproof bench robots` flies between points at up to 5 m/s with these, in gusts too.
+"""

@@ -9,16 +9,22 @@ import numpy as np
 
 from wayproof.models.robots.quadrotor.controller import QuadrotorController
 from wayproof.models.robots.quadrotor.model import BOTTOM, TOP, circumscribed_radius, quadrotor_mjcf
-from wayproof.models.robots.quadrotor.parameters import Parameters
-from wayproof.models.robots.robot import RobotSpec, Setpoint
+from wayproof.models.robots.quadrotor.parameters import FAST, Parameters
+from wayproof.models.robots.robot import RobotSpec, Setpoint, SpeedLimits
 from wayproof.models.sensors.devices import Mount
 from wayproof.models.sensors.devices.ideal_altimeter import IDEAL_ALTIMETER
 from wayproof.models.sensors.devices.ideal_depth_camera import IDEAL_DEPTH_CAMERA
 from wayproof.models.sensors.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
 
+FULL = SpeedLimits(speed=4.0, acceleration=4.0, jerk=20.0, yaw_rate=2.0)
+"""Well inside what the controller tracks with `FAST`, which leaves navigation a reserve."""
 
-def _spec(parameters: Parameters) -> RobotSpec:
-    """Return limits well inside what the controller tracks, which leaves navigation a reserve."""
+CAUTIOUS = SpeedLimits(speed=2.0, acceleration=2.5, jerk=12.0, yaw_rate=1.5)
+"""For the controller with its plain parameters."""
+
+
+def _spec(parameters: Parameters, limits: SpeedLimits) -> RobotSpec:
+    """Return the spec."""
     return RobotSpec(
         name="drone",
         motion="air",
@@ -26,10 +32,10 @@ def _spec(parameters: Parameters) -> RobotSpec:
         height=TOP - BOTTOM,
         step_height=0.0,
         rest_height=1.0,
-        max_speed=2.0,
-        max_acceleration=2.5,
-        max_jerk=12.0,
-        max_yaw_rate=1.5,
+        max_speed=limits.speed,
+        max_acceleration=limits.acceleration,
+        max_jerk=limits.jerk,
+        max_yaw_rate=limits.yaw_rate,
         max_tilt=1.2,
         mounts=(
             Mount("lidar", "lidar", IDEAL_LIDAR_WIDE),
@@ -45,15 +51,17 @@ class Quadrotor:
 
     Attributes:
         parameters: Airframe, gains and smoothing.
+        limits: What navigation may ask of it.
         spec: The body as the navigation stack knows it.
     """
 
     parameters: Parameters = field(default_factory=Parameters)
+    limits: SpeedLimits = CAUTIOUS
     spec: RobotSpec = field(init=False)
 
     def __post_init__(self) -> None:
         """Derive the spec from the parameters."""
-        object.__setattr__(self, "spec", _spec(self.parameters))
+        object.__setattr__(self, "spec", _spec(self.parameters, self.limits))
 
     def mjcf(self) -> str:
         """Write the robot alone: root body `base` with a free joint, geoms in ROBOT_GROUP."""
@@ -66,6 +74,10 @@ class Quadrotor:
     def warm_up(self) -> None:
         """Compile the controller's kernels, or load them from the cache."""
         warm_up()
+
+
+FAST_QUADROTOR = Quadrotor(FAST, FULL)
+"""The same body at its full speed."""
 
 
 def warm_up() -> None:

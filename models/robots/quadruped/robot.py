@@ -8,34 +8,41 @@ import mujoco
 
 from wayproof.models.robots.quadruped.controller import QuadrupedController
 from wayproof.models.robots.quadruped.model import LIDAR_SITE, quadruped_mjcf
-from wayproof.models.robots.quadruped.parameters import Parameters
-from wayproof.models.robots.robot import RobotSpec, Setpoint
+from wayproof.models.robots.quadruped.parameters import FAST, Parameters
+from wayproof.models.robots.robot import RobotSpec, Setpoint, SpeedLimits
 from wayproof.models.sensors.devices import Mount
 from wayproof.models.sensors.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
 
+FULL = SpeedLimits(speed=1.5, acceleration=2.0, jerk=15.0, yaw_rate=1.5, sideways_speed=0.35)
+"""Well inside what the controller tracks with `FAST`, which leaves navigation a reserve."""
 
-def _spec(parameters: Parameters) -> RobotSpec:
-    """Return limits well inside what the controller tracks, which leaves navigation a reserve.
+CAUTIOUS = SpeedLimits(speed=1.0, acceleration=1.5, jerk=15.0, yaw_rate=1.0)
+"""For the controller with its plain parameters."""
 
-    Radius: legs at full stride reached 0.440 m at up to 1.0 m/s and 1.0 rad/s; standing, 0.387 m.
-    Discs: at these speeds, and not walking sideways, it reached 0.418 m behind, 0.34 m ahead and
-    0.199 m to the sides, and no point of it was farther than 0.236 m from the nearest centre.
-    Height: the lidar's top bobs up to 7 mm above where it is in standing. Step height: well below
-    what `wayproof bench robots` shows it to cross unseen.
+
+def _spec(parameters: Parameters, limits: SpeedLimits, top: float) -> RobotSpec:
+    """Return the spec.
+
+    Radius: legs at full stride reached 0.440 m at up to 1.5 m/s and 1.5 rad/s; standing, 0.387 m.
+    Discs: at these speeds, and not walking sideways, it reached 0.418 m behind, 0.38 m ahead and
+    0.21 m to the sides, and no point of it was farther than 0.236 m from the nearest centre.
+    Height: the lidar's top was up to 0.466 m above the ground, 0.445 m in standing. Step height:
+    well below what `wayproof bench robots` shows it to cross unseen.
     """
     return RobotSpec(
         name="quadruped",
         motion="ground",
         radius=0.45,
-        height=parameters.gait.height + LIDAR_SITE[2] + 0.04,
+        height=parameters.gait.height + LIDAR_SITE[2] + top,
         step_height=0.03,
         rest_height=parameters.gait.height,
-        max_speed=1.0,
-        max_acceleration=1.5,
-        max_jerk=15.0,
-        max_yaw_rate=1.0,
+        max_speed=limits.speed,
+        max_acceleration=limits.acceleration,
+        max_jerk=limits.jerk,
+        max_yaw_rate=limits.yaw_rate,
         max_tilt=1.0,
         mounts=(Mount("lidar", "lidar", IDEAL_LIDAR_FLOOR),),
+        sideways_speed=limits.sideways_speed,
         discs=((-0.245, 0.235), (0.0, 0.235), (0.245, 0.235)),
     )
 
@@ -46,15 +53,19 @@ class Quadruped:
 
     Attributes:
         parameters: Geometry, motors, gait and gains.
+        limits: What navigation may ask of it.
+        top: Highest that the body gets above the lidar's site in walking, m.
         spec: The body as the navigation stack knows it.
     """
 
     parameters: Parameters = field(default_factory=Parameters)
+    limits: SpeedLimits = CAUTIOUS
+    top: float = 0.04
     spec: RobotSpec = field(init=False)
 
     def __post_init__(self) -> None:
         """Derive the spec from the parameters."""
-        object.__setattr__(self, "spec", _spec(self.parameters))
+        object.__setattr__(self, "spec", _spec(self.parameters, self.limits, self.top))
 
     def mjcf(self) -> str:
         """Write the robot alone: root body `base` with a free joint, geoms in ROBOT_GROUP."""
@@ -67,6 +78,10 @@ class Quadruped:
     def warm_up(self) -> None:
         """Compile the controller's kernels, or load them from the cache."""
         warm_up()
+
+
+FAST_QUADRUPED = Quadruped(FAST, FULL, top=0.05)
+"""The same body at its full speed."""
 
 
 def warm_up() -> None:

@@ -131,6 +131,7 @@ PLANTED = {
     "through_unknown": {"free_m": 1.0, "speed_share": 0.4, "cell_state": "unknown"},
     "path_to_corner": {"free_m": 1.0, "path_m": 3.0},
     "turning_into_path": {"turn_rad": 1.0},
+    "stepping_aside": {"distance_m": 0.5},
     "looking_elsewhere": {"path_m": 2.0, "since": 0, "places": 1},
     "at_viewpoint": {"path_m": 0.1},
     "backing_up": {"path_m": 1.0, "since": 0},

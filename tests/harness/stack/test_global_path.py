@@ -19,6 +19,7 @@ from tests.harness.stack.make_input import (
     next_input,
     place,
 )
+from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import (
     ARRIVED,
     drop_duplicates,
@@ -28,6 +29,7 @@ from wayproof.harness.stack.global_path import (
 )
 from wayproof.harness.stack.types import BehaviourConfig, Exploration, arc_length, distance
 from wayproof.maps import OCCUPIED
+from wayproof.planners import arc_lengths
 
 STRAIGHT = np.array([place(*START), place(*GOAL)])
 DETOUR = np.array([place(*START), place(3.05, 3.55), place(*GOAL)])
@@ -220,3 +222,31 @@ def test_of_two_paths_that_a_prior_map_blocks_the_cheaper_one_without_it_is_take
     input = make_input(make_states(unknown=BEHIND), sequence=20, guided=lambda: guide)
     planned = replanned(input, at_rest(global_path=DETOUR))
     assert arc_length(planned.state.global_path) < arc_length(DETOUR) - 0.3
+
+
+def stop_before_a_wall(keep_moving):
+    """A robot that began to stop before a wall, which then turned out to be narrow."""
+    state = drive(8)
+    x = round(state.trajectory.at(9 * PERIOD_NS).position[0], 1)
+    wall = make_states(occupied=[(x + 0.7, 8.0, 0.0, 4.0)])
+    _, state = decide(next_input(state, 8, states=wall), state)
+    assert state.global_path is None
+    post = make_states(occupied=[(x + 2.0, x + 2.3, 1.8, 2.3)])
+    behaviour = BehaviourConfig(keep_moving=keep_moving)
+    return next_input(state, 9, states=post, behaviour=behaviour), state
+
+
+def test_a_path_is_planned_from_the_end_of_a_stop_that_is_under_way():
+    input, state = stop_before_a_wall(keep_moving=True)
+    start = state.trajectory.at(input.effect_ns)
+    assert start.speed > 0.5
+    path = keep_or_replan(input, state, start).state.global_path
+    assert path[-1] == pytest.approx(place(*GOAL))
+    np.testing.assert_allclose(path[0], start.position, atol=1e-9)
+    assert input.traversable.free_length(path) == pytest.approx(arc_lengths(path)[-1])
+
+
+def test_without_keep_moving_it_comes_to_rest_first():
+    input, state = stop_before_a_wall(keep_moving=False)
+    planned = keep_or_replan(input, state, state.trajectory.at(input.effect_ns))
+    assert (planned.state.global_path, planned.search) == (None, None)

@@ -20,6 +20,8 @@ from tests.harness.stack.make_input import (
     place,
     top_speed,
 )
+from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.footprint_checks import first_misfit
 from wayproof.harness.stack.path_following import (
     brake_on_path,
     drive_along,
@@ -28,6 +30,7 @@ from wayproof.harness.stack.path_following import (
     keep_course,
     plan_trajectory,
     set_out,
+    step_aside,
     turn_into_path,
 )
 from wayproof.harness.stack.types import BehaviourConfig, Exploration
@@ -227,3 +230,27 @@ def test_a_trajectory_begins_with_the_speed_of_its_start():
     assert planned.start_ns == 9 * PERIOD_NS
     assert planned.at(planned.start_ns).speed == pytest.approx(start.speed)
     assert planned.at(planned.start_ns + 2 * 10**9).speed == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_body_that_moves_sideways_sets_out_at_once_and_turns_meanwhile():
+    input = make_input(heading=2.0, turns_in_place=True, sideways_speed=0.4)
+    state = at_rest(heading=2.0)
+    command, _ = decide(input, state)
+    assert command.reason.kind == "path_to_goal"
+    turning, _ = decide(replace(input, sideways_speed=0.0), state)
+    assert turning.reason.kind == "turning_into_path"
+
+
+def test_a_long_body_steps_aside_at_its_heading_where_it_has_no_room_at_that_of_its_path():
+    """Across a lane that is as wide as the body is long: it cannot turn into the way along it."""
+    lane = make_states(occupied=[(0.0, 8.0, 0.0, 1.4), (0.0, 8.0, 2.7, 4.0)])
+    input = make_input(lane, LONG, heading=np.pi / 2, turns_in_place=True, sideways_speed=0.4)
+    assert input.traversable.pose_free(input.position, np.pi / 2)
+    state = at_rest(heading=np.pi / 2, global_path=np.array([place(*START), place(*GOAL)]))
+    start = state.trajectory.at(input.effect_ns)
+    stepped = step_aside(input, state, start)
+    end = final_sample(stepped.command.trajectory)
+    assert end.heading == np.pi / 2
+    assert end.position[0] - START[0] == pytest.approx(0.5, abs=0.05)
+    assert first_misfit(input.traversable, stepped.command.trajectory) is None
+    assert step_aside(replace(input, sideways_speed=0.0), state, start) is None

@@ -13,6 +13,7 @@ from tests.harness.stack.make_input import (
     final_sample,
     make_input,
     make_states,
+    next_input,
     place,
     top_speed,
 )
@@ -206,3 +207,31 @@ def test_backtracking_follows_the_breadcrumbs_as_an_exploration():
     assert command.reason.target[0] == pytest.approx(2.15, abs=1e-5)
     assert after.exploration == Exploration(since=9, backtracking=True)
     assert after.backtracks == 1
+
+
+def test_an_escape_that_is_under_way_goes_on_until_the_body_is_free():
+    """At the heading that it has, one decision after the other, and then to the goal."""
+    room = {"states": make_states(occupied=[(0.0, 0.95, 0.0, 4.0)]), "sideways_speed": 0.3}
+    room["behaviour"] = BehaviourConfig(keep_moving=True)
+    state, kinds = at_rest(heading=1.0), []
+    for sequence in range(25):
+        command, state = decide(next_input(state, sequence, **room), state)
+        kinds.append(command.reason.kind)
+        if command.reason.kind == "escaping_inflation":
+            assert final_sample(command.trajectory).heading == 1.0
+    escapes = kinds.count("escaping_inflation")
+    assert escapes > 3
+    assert kinds[:escapes] == ["escaping_inflation"] * escapes
+    assert "stop_and_wait" not in kinds
+    assert kinds[-1] == "path_to_goal"
+
+
+def test_an_escape_whose_end_was_taken_is_given_up():
+    first, keeps = make_states(occupied=[(0.0, 0.95, 0.0, 4.0)]), BehaviourConfig(keep_moving=True)
+    state = at_rest()
+    for sequence in range(3):
+        _, state = decide(next_input(state, sequence, states=first, behaviour=keeps), state)
+    end = final_sample(state.trajectory).position
+    taken = make_states(occupied=[(0.0, 0.95, 0.0, 4.0), (end[0] + 0.2, 8.0, 0.0, 4.0)])
+    command, _ = decide(next_input(state, 3, states=taken, behaviour=keeps), state)
+    assert command.action == "stop_and_wait"

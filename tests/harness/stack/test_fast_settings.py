@@ -1,0 +1,29 @@
+"""Settings of fast motion: off by default, and in a log as they were."""
+
+import json
+
+from wayproof.harness.config import Config, document_of, from_json, override, to_json
+from wayproof.harness.scenario.scenario import build
+
+FAST = ("motion.limits=auto", "behaviour.keep_moving=true", "behaviour.narrow_speed_fraction=0.7")
+
+
+def test_they_are_off_by_default_and_in_logs_without_them():
+    config = Config("empty", "quadruped", 0)
+    settings = config.motion.limits, config.behaviour.keep_moving
+    assert (*settings, config.behaviour.narrow_speed_fraction) == ("cautious", False, 1.0)
+    document = document_of(override(config, FAST))
+    del document["motion"]["limits"], document["behaviour"]["keep_moving"]
+    del document["behaviour"]["narrow_speed_fraction"]
+    assert from_json(json.dumps(document).encode()) == config
+
+
+def test_a_log_says_which_limits_a_robot_had_in_its_world():
+    for robot, slow, fast in (("quadruped", 1.0, 1.5), ("drone", 2.0, 4.0)):
+        still = build(override(Config("empty", robot, 0), FAST))
+        assert (still.config.motion.limits, still.mission.max_speed) == ("full", fast)
+        assert from_json(to_json(still.config)) == still.config
+        moving = build(override(Config("crossing", robot, 0), FAST))
+        assert (moving.config.motion.limits, moving.mission.max_speed) == ("cautious", slow)
+        former = build(Config("empty", robot, 0)).mission
+        assert (former.max_speed, former.sideways_speed) == (slow, 0.0)
