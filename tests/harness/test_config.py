@@ -135,6 +135,8 @@ def test_logs_of_former_formats_open_with_the_settings_of_a_new_one(version):
     later.append(f"keyframe_period={current.keyframe_period}")
     assert (former.map.ground_fit, current.map.ground_fit) == (False, True)
     later.append("map.ground_fit=true")
+    assert (former.costmap.window, current.costmap.window) == (0.0, 32.0)
+    later.append("costmap.window=32.0")
     assert override(former, ["planner.name=astar", *later]) == current
 
 

@@ -60,6 +60,6 @@ def test_one_part_alone(capsys):
     assert "unknown part of bench map 'hover' (available: accuracy, " in capsys.readouterr().err
     assert main(["bench", "rays", "--only", "hover"]) == 2
     assert (
-        "--only: got bench rays, expected one of: coverage, loop, map, odometry, robots"
+        "--only: got bench rays, expected one of: coverage, halls, loop, map, odometry, robots"
         in capsys.readouterr().err
     )
