@@ -149,8 +149,8 @@ class MotionFilter:
         self._covariance = stays + product(product(gain, noise), gain.T)
         along = product(unheld.T, unheld)
         prior = inverse(product(held, seen[POSITION]) + along + LEAST_VARIANCE * np.eye(3))
-        told = (product(held, prior) * (held * shift).sum(axis=1)).sum(axis=1)
-        change: Array = (product(kept, seen)[BEYOND] * told).sum(axis=1)
+        gained = (product(held, prior) * (held * shift).sum(axis=1)).sum(axis=1)
+        change: Array = (product(kept, seen)[BEYOND] * gained).sum(axis=1)
         return change
 
     def _in_base(self, axis: Array) -> Array:

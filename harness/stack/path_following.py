@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -162,18 +163,17 @@ def step_aside(input: PlannerInput, state: PlannerState, start: TrajectorySample
         return None
     share = input.sideways_speed / input.limits.speed
     path = truncate(state.path, min(MAX_STEP, arc_length(state.path)))
-    for _ in range(MAX_SHORTENINGS):
-        trajectory = plan_trajectory(input, start, path, share).facing(start.heading)
-        misfit = first_misfit(input.traversable, trajectory)
-        if misfit is None:
-            reason = Reason("stepping_aside", distance_m=arc_length(path))
-            command = Command("follow", reason, "none", trajectory, state.path)
-            return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
-        end = misfit - MISFIT_MARGIN
-        if end < MIN_PATH:
-            return None
-        path = truncate(path, end)
-    return None
+    trajectory = _shortened_to_fit(
+        input,
+        path,
+        MIN_PATH,
+        lambda way: plan_trajectory(input, start, way, share).facing(start.heading),
+    )
+    if trajectory is None:
+        return None
+    reason = Reason("stepping_aside", distance_m=arc_length(trajectory.path))
+    command = Command("follow", reason, "none", trajectory, state.path)
+    return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
 
 
 def turn_while_driving(
@@ -291,13 +291,25 @@ def fit_trajectory(
     if input.traversable.discs:
         speed_share = min(speed_share, input.behaviour.narrow_speed_fraction)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    return _shortened_to_fit(
+        input,
+        path,
+        max(braking, MIN_PATH),
+        lambda way: plan_trajectory(input, start, way, speed_share, tail_first),
+    )
+
+
+def _shortened_to_fit(
+    input: PlannerInput, path: Array, least: float, plan: Callable[[Array], Trajectory]
+) -> Trajectory | None:
+    """Plan along a path (n, 3), shortened until the footprint fits; None below `least`, m."""
     for _ in range(MAX_SHORTENINGS):
-        trajectory = plan_trajectory(input, start, path, speed_share, tail_first)
+        trajectory = plan(path)
         misfit = first_misfit(input.traversable, trajectory)
         if misfit is None:
             return trajectory
         end = misfit - MISFIT_MARGIN
-        if end < max(braking, MIN_PATH):
+        if end < least:
             return None
         path = truncate(path, end)
     return None

@@ -122,7 +122,7 @@ def test_a_part_that_is_held_is_told_as_if_it_were_alone():
 
 
 def test_what_is_known_of_the_bias_bounds_the_drift_without_sweeps():
-    """Half the bias times the square of the time, at the start; less once sweeps have told it."""
+    """Half the bias times the square of the time, at the start; less once sweeps determine it."""
     drifts = []
     for sweeps in (0, 100):
         motion = MotionFilter(EstimateConfig(accelerometer_bias=0.1))
