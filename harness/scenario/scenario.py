@@ -9,7 +9,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
-from wayproof.harness.config import Config
+from wayproof.harness.config import HASH_SEPARATOR, Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
 from wayproof.harness.prior.sources import with_prior
@@ -33,6 +33,7 @@ from wayproof.models.robots import Robot, RobotSpec
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.scene import Scene, bind, compose, device_name, resolve
 from wayproof.models.sensors.caster import Caster
+from wayproof.models.world_files import WorldFileError, world_in_scene
 from wayproof.models.worlds import World
 from wayproof.models.worlds.solvability import AIR_BANDS
 
@@ -69,22 +70,35 @@ class Scenario:
         plane, at one of two altitudes. SPL (Anderson et al. 2018) compares the way travelled with
         it.
         """
-        if self.world.route_length is not None and not self.mission.waypoints:
-            return self.world.route_length
-        mission = self.mission
+        world, mission = self._scored_world(), self.mission
+        if world.route_length is not None and not mission.waypoints:
+            return world.route_length
         total = 0.0
         for begin, end in pairwise((mission.start, *mission.goals)):
-            length = self._leg_length(begin, end)
+            length = self._leg_length(world, begin, end)
             if length is None:
                 return None
             total += length
         return total
 
-    def _leg_length(self, begin: Point, end: Point) -> float | None:
+    def _scored_world(self) -> World:
+        """The world; of one from a file the scene's, which is all that a log holds of it.
+
+        Raises:
+            InputError: The scene is of no world file.
+        """
+        if HASH_SEPARATOR not in self.config.world:
+            return self.world
+        try:
+            return world_in_scene(self.scene.model, self.scene.base)
+        except WorldFileError as error:
+            raise InputError(str(error)) from None
+
+    def _leg_length(self, world: World, begin: Point, end: Point) -> float | None:
         """Length of the shortest way between two places, m; None if there is none."""
         spec = self.spec
         bands = AIR_BANDS if spec.motion == "air" else ((spec.step_height, spec.height),)
-        ways = [route_between(self.world, spec.radius, band, begin, end) for band in bands]
+        ways = [route_between(world, spec.radius, band, begin, end) for band in bands]
         return min((way for way in ways if way is not None), default=None)
 
 

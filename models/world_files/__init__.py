@@ -8,7 +8,13 @@ from wayproof.models.world_files.importer import (
 )
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.reading import WorldFileError
-from wayproof.models.world_files.world_file import FileWorld, read_world_file, world_of, world_text
+from wayproof.models.world_files.world_file import (
+    FileWorld,
+    read_world_file,
+    world_in_scene,
+    world_of,
+    world_text,
+)
 
 __all__ = [
     "FORMATS",
@@ -20,6 +26,7 @@ __all__ = [
     "read_scene",
     "read_world_file",
     "world_from",
+    "world_in_scene",
     "world_of",
     "world_text",
 ]

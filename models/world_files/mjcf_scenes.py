@@ -123,10 +123,15 @@ def is_world_file(tree: Element) -> bool:
     return any(child.attributes.get("name") == f"{CUSTOM_PREFIX}format" for child in custom)
 
 
-def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
+def found_in(model: mujoco.MjModel, path: Path | str, robot: int | None = None) -> Found:
     """Return the parts of a compiled scene, and the contents of its `<custom>`.
 
     Geoms that meet no contact are left out, unless none does.
+
+    Args:
+        model: The scene.
+        path: For what is said if a geom cannot be taken over.
+        robot: Body of a robot in it, which is no part of the world.
 
     Raises:
         WorldFileError: A geom that cannot be taken over.
@@ -138,6 +143,8 @@ def found_in(model: mujoco.MjModel, path: Path | str) -> Found:
     solid = (model.geom_contype | model.geom_conaffinity) != 0
     if not solid.any():
         solid[:] = True
+    if robot is not None:
+        solid &= model.body_rootid[model.geom_bodyid] != model.body_rootid[robot]
     if solid.sum() > MAX_SOLIDS:
         raise WorldFileError(path, f"{solid.sum()} geoms, expected at most {MAX_SOLIDS}")
     found, texts = Found(), _texts(model)

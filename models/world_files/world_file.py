@@ -143,7 +143,29 @@ def world_of(text: str, path: Path | str = "world") -> FileWorld:
     """
     try:
         model = mujoco.MjModel.from_xml_string(text)
-        found = found_in(model, path)
+    except ValueError as error:
+        raise WorldFileError(path, _line(error)) from None
+    return _world_in(model, text, path, robot=None)
+
+
+def world_in_scene(model: mujoco.MjModel, robot: int) -> FileWorld:
+    """Return the world of a scene that was composed of a world file and a robot.
+
+    A scene is written with fewer digits than a world file: lengths may differ in the last ones.
+
+    Args:
+        model: The scene.
+        robot: Body of the robot.
+
+    Raises:
+        WorldFileError: The scene is of no world file.
+    """
+    return _world_in(model, "", "scene", robot)
+
+
+def _world_in(model: mujoco.MjModel, text: str, path: Path | str, robot: int | None) -> FileWorld:
+    try:
+        found = found_in(model, path, robot)
         found.plane = any(not plane.point[2] and plane.normal[2] == 1.0 for plane in found.planes)
     except ValueError as error:
         raise (

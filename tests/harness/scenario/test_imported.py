@@ -14,6 +14,7 @@ from wayproof.harness.recompute.rebuild import rebuild
 from wayproof.harness.recompute.side_by_side import changed_mission
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.replay import replay
+from wayproof.harness.replay.verify import verify
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.scenario.scene_text import safe_scene
@@ -128,6 +129,23 @@ def test_an_actor_walks_in_an_episode_that_runs_again_from_its_log(tmp_path):
     assert last.position == pytest.approx([3.0, -2.0 + seconds, 0.0], abs=0.01)
     assert replay(log.path).identical
     assert run_episode(rebuild(log), tmp_path / "again.mcap").chain == first.chain
+
+
+@pytest.mark.parametrize("robot", ["quadruped", "drone"])
+def test_a_log_is_verified_where_the_shortest_way_of_its_file_is_not_straight(tmp_path, robot):
+    path = tmp_path / "wall.world"
+    ground = "<include><uri>model://ground_plane</uri></include>"
+    wall = (
+        "<model name='w'><static>1</static><pose>3 0 0 0 0 0.33333333</pose><link name='l'>"
+        "<collision name='c'><geometry><box><size>0.2 3 6</size></box></geometry></collision>"
+        "</link></model>"
+    )
+    path.write_text(f"<sdf version='1.6'><world name='w'>{ground}{wall}</world></sdf>")
+    world, _ = import_world(path, None, (0.0, 0.0, 0.0), (6.0, 0.0, 0.0))
+    config = override(Config(saved(tmp_path, world), robot, 0), ["episode.time_limit=0.5"])
+    result = run_episode(build(config), tmp_path / "a.mcap")
+    assert 6.5 < result.route_length_m < 8.0  # 6.0 straight through the wall
+    assert verify(tmp_path / "a.mcap").findings == ()
 
 
 def test_what_a_walker_steps_on_does_not_block_its_start(tmp_path):
