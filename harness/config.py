@@ -15,7 +15,7 @@ from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.perturbations import AnyPerturbation
-from wayproof.harness.prediction_config import NO_PREDICTOR, PredictionConfig
+from wayproof.harness.prediction_config import NO_PREDICTOR, PredictionConfig, is_outside
 from wayproof.harness.prior_config import NO_PRIOR, PriorConfig
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.renamed import current_value, renamed, with_current_names
@@ -229,6 +229,11 @@ class Config:
         predicted = self.prediction.source != NO_PREDICTOR and self.prediction.policy != "ignore"
         return prior or predicted
 
+    @property
+    def asks_predictor(self) -> bool:
+        """Whether a predictor from outside is run, whose predictions are inputs of decisions."""
+        return is_outside(self.prediction.source) and self.prediction.policy != "ignore"
+
 
 def _check_places(config: Config) -> None:
     """Raise a ValueError unless start and goals are 2 or 3 numbers, or goals names of places."""
@@ -280,7 +285,7 @@ FILLED_IN = ("prior_map",)
 NUMBERS = ("int", "float")
 """Types of settings that are numbers; a switch is none."""
 
-CODE = ("planner.name", "stack.name")
+CODE = ("planner.name", "stack.name", "prediction.source")
 """Settings that may name code of the user's own."""
 
 RECORDING = "recording"

@@ -16,7 +16,7 @@ from wayproof.harness.ending import Verdict
 from wayproof.harness.errors import NeverReturned
 from wayproof.harness.goals import goal_message, goals_claimed
 from wayproof.harness.inputs import Inputs, inputs_from_messages, serialized
-from wayproof.harness.interface.errors import StackError
+from wayproof.harness.interface.errors import OutsideError
 from wayproof.harness.log.writer import TRACEBACK, LogWriter
 from wayproof.harness.result import Outcome, Result
 from wayproof.harness.scenario.scenario import Scenario
@@ -29,6 +29,7 @@ from wayproof.harness.sim.snapshot import Stateful, restore_parts
 from wayproof.harness.sim.termination import TerminationMonitor, first_contact
 from wayproof.harness.stack.keyframe import Schedule, keyframe_of
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.prediction import Predicted
 from wayproof.harness.supervision import bound_memory
 from wayproof.harness.user_code import PASSED_ON, Watchdog, failure_of
 from wayproof.planners import Trajectory
@@ -40,12 +41,15 @@ class Sensed(NamedTuple):
     """What was sensed at one instant, as it is logged.
 
     Attributes:
-        messages: Sweeps, pose and the goal of a mission with several, with their bytes.
+        messages: Sweeps, pose, the goal of a mission with several, and what a predictor from
+            outside said, with their bytes.
         sense_ms: Wall time of casting the sweeps, ms.
+        predict_ms: Wall time until the prediction came, ms.
     """
 
     messages: tuple[tuple[Message, bytes], ...]
     sense_ms: float
+    predict_ms: float = 0.0
 
 
 class Episode:
@@ -145,11 +149,18 @@ class Episode:
             sweeps, pose, sense_ms = self._sensors.sense(self._sequence, time_ns)
             self._navigator.announce()
             goal = goal_message(self._scenario.mission, self._reached, self._sequence, time_ns)
-            messages = (*sweeps, pose) if goal is None else (*sweeps, pose, goal)
+            predicted = self._predict(time_ns)
+            prediction = None if predicted is None else predicted.message
+            given = (*sweeps, pose, goal, prediction)
+            messages = [message for message in given if message is not None]
             written = [serialized(message) for message in messages]
-            self.inputs = inputs_from_messages(pose, sweeps, written, goal)
+            self.inputs = inputs_from_messages(pose, sweeps, written, goal, prediction)
             self._simulation.estimate.integrate(self.inputs)
-            self._sensed = Sensed((*zip(messages, written, strict=True),), sense_ms)
+            self._sensed = Sensed(
+                (*zip(messages, written, strict=True),),
+                sense_ms,
+                0.0 if predicted is None else predicted.took_ms,
+            )
 
     def step(self, answer: pb.StackCommand | None = None) -> None:
         """Decide on what was sensed, simulate up to the next decision, and sense there.
@@ -196,11 +207,17 @@ class Episode:
         except (Exception, NeverReturned) as error:
             self.result = self._failed(error)
 
+    def _predict(self, time_ns: int) -> Predicted | None:
+        """Ask a predictor from outside about the map of the decision before."""
+        with self._watchdog.watching():
+            return self._navigator.predict(self._sequence, time_ns)
+
     def _decide(self, answer: pb.StackCommand | None) -> pb.Decision:
         """Decide and log; the trajectory takes effect when its start time comes."""
         inputs = self.inputs
         with self._watchdog.watching():
             decision = self._navigator.step(inputs, self._sensed.sense_ms, answer)
+        decision.stages.predict_ms = self._sensed.predict_ms
         latency = self._latency(decision, inputs.time_ns)
         self._navigator.commit(decision, latency.delay_s)
         if not decision.deadline_missed:
@@ -271,7 +288,7 @@ class Episode:
             error.add_note(f"{place}; the log is {self._log.path}")
             self.fault = error
         result = self._result("error", failure.reason)
-        if isinstance(error, StackError):
+        if isinstance(error, OutsideError):
             result = replace(
                 result,
                 cause=error.cause,

@@ -25,6 +25,7 @@ from wayproof.harness.listed_beams import (
     read_mount,
     read_ranges,
 )
+from wayproof.harness.prediction.predicted_box import PredictedBox, read_prediction
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps.sweep import Ranges
 from wayproof.models.classes import CLASSES
@@ -269,6 +270,8 @@ class Inputs:
         digest: Hash of the messages that these were read from.
         goal: (3,) m, goal of this decision; None if it is the mission's.
         goals_reached: Number of goals reached before; 0 of a recording.
+        prediction: What a predictor from outside said of the map before; None without one, and
+            where it has no opinion.
     """
 
     time_ns: int
@@ -278,6 +281,7 @@ class Inputs:
     digest: str
     goal: NDArray[np.float64] | None = None
     goals_reached: int = 0
+    prediction: PredictedBox | None = None
 
 
 def inputs_from_messages(
@@ -285,6 +289,7 @@ def inputs_from_messages(
     sweeps: Sequence[pb.Sweep],
     written: Sequence[bytes] | None = None,
     goal: pb.Goal | None = None,
+    prediction: pb.Prediction | None = None,
 ) -> Inputs:
     """Read the inputs of one decision back from its messages.
 
@@ -293,15 +298,16 @@ def inputs_from_messages(
     Args:
         pose: The estimated pose.
         sweeps: In the order in which they are integrated.
-        written: Sweeps, pose and goal serialized, if that is done already.
+        written: Sweeps, pose, goal and prediction serialized, if that is done already.
         goal: Goal of this decision; of recordings, and of missions with several goals.
+        prediction: What a predictor from outside said before this decision.
 
     Raises:
         InputError: A sweep's codec is unknown, or its size is wrong.
     """
     if written is None:
-        goals = () if goal is None else (goal,)
-        written = [serialized(message) for message in (*sweeps, pose, *goals)]
+        given = (*sweeps, pose, goal, prediction)
+        written = [serialized(message) for message in given if message is not None]
     return Inputs(
         time_ns=pose.timestamp.ToNanoseconds(),
         sequence=pose.sequence,
@@ -319,6 +325,7 @@ def inputs_from_messages(
         digest=inputs_digest(written),
         goal=None if goal is None else _goal(goal),
         goals_reached=0 if goal is None else goal.index,
+        prediction=None if prediction is None else read_prediction(prediction),
     )
 
 
@@ -340,7 +347,7 @@ def decode_classes(sweep: pb.Sweep) -> NDArray[np.uint8] | None:  # (rows * colu
 
 
 def inputs_digest(written: Sequence[bytes]) -> str:
-    """Hash of a decision's inputs as they are logged: sweeps, then pose, then goal if any."""
+    """Hash of a decision's inputs as they are logged: sweeps, pose, goal, prediction."""
     digest = hashlib.blake2b(digest_size=16)
     for data in written:
         digest.update(data)

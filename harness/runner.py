@@ -13,8 +13,10 @@ from wayproof.harness.episode import Episode, Observer
 from wayproof.harness.inputs import Beams, beams_from_info
 from wayproof.harness.interface.build import live_navigator
 from wayproof.harness.interface.connect import Session
+from wayproof.harness.interface.predictors.asking import predictions_for
+from wayproof.harness.interface.predictors.connect import PredictorSession
 from wayproof.harness.log.copy import thin
-from wayproof.harness.log.writer import PLUGINS, STDERR, LogWriter, hold_log
+from wayproof.harness.log.writer import PLUGINS, PREDICTOR_STDERR, STDERR, LogWriter, hold_log
 from wayproof.harness.mission import Mission
 from wayproof.harness.outputs import Draft
 from wayproof.harness.result import Result
@@ -22,6 +24,7 @@ from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.prediction import Predictions
 from wayproof.harness.supervision import announce
 from wayproof.harness.user_code import bounded, plugin_digests
 
@@ -36,6 +39,7 @@ def run_episode(
     record: str | None = None,
     stack: NavigatorFactory | None = None,
     session: Session | None = None,
+    predictions: Predictions | None = None,
 ) -> Result:
     """Run one episode and write its log.
 
@@ -48,12 +52,14 @@ def run_episode(
         stack: In place of the built-in one.
         session: In place of the stack that the config names, such as a log's recorded answers;
             without one a stack of the user's own is run.
+        predictions: In place of the predictor from outside that the config names, such as those of
+            a log; without them it is run.
 
     Raises:
         InputError: No map can be made for the mission, or the log cannot be written.
         Exception: A fault of Wayproof's own ended the episode; its log is finished as `error`.
     """
-    with open_episode(scenario, log_path, observe, stack, session) as opened:
+    with open_episode(scenario, log_path, observe, stack, session, predictions) as opened:
         opened.episode.delays.update(delays or {})
         opened.episode.run()
         return opened.end(record)
@@ -70,6 +76,7 @@ class OpenEpisode:
         log: Partial until the episode has ended.
         draft: The log's name.
         session: Stack on trial, if it is asked for its answers.
+        predictor: Predictor from outside, if one is asked.
     """
 
     episode: Episode
@@ -78,6 +85,7 @@ class OpenEpisode:
     log: LogWriter
     draft: Draft
     session: Session | None
+    predictor: PredictorSession | None = None
 
     def end(self, record: str | None = None) -> Result:
         """Write the result of the episode, which has ended, and give the log its name.
@@ -92,6 +100,8 @@ class OpenEpisode:
         with publishing_failures(self.draft, self.log):
             if self.session is not None and (text := self.session.stderr()):
                 self.log.attach(STDERR, bounded(text))
+            if self.predictor is not None and (text := self.predictor.stderr()):
+                self.log.attach(PREDICTOR_STDERR, bounded(text))
             result = with_cause(self.episode.result, self.scenario, self.log)
             result = finish(self.episode, self.log, result)
         return settle_log(self.draft, result, record or self.scenario.config.record)
@@ -104,6 +114,7 @@ def open_episode(
     observe: Observer | None = None,
     stack: NavigatorFactory | None = None,
     session: Session | None = None,
+    predictions: Predictions | None = None,
 ) -> Iterator[OpenEpisode]:
     """Begin an episode and its log, which stays partial unless the episode is ended.
 
@@ -113,6 +124,7 @@ def open_episode(
         observe: Likewise.
         stack: Likewise.
         session: Likewise.
+        predictions: Likewise.
 
     Raises:
         InputError: No map can be made for the mission, or the log cannot be written.
@@ -122,6 +134,7 @@ def open_episode(
     config, mission = to_json(scenario.config), scenario.mission.to_json()
     with (
         _navigator(scenario, infos, stack, session) as (navigator, session),
+        _predictions(scenario, infos, predictions) as (navigator.predictions, predictor),
         log_path if isinstance(log_path, Draft) else hold_log(log_path) as draft,
         LogWriter(draft, config, mission, scenario.scene.mjcf) as log,
     ):
@@ -131,7 +144,7 @@ def open_episode(
         for info in infos:
             log.write(f"/sensor/{info.name}/info", info, 0)
         episode = Episode(scenario, navigator, log, observe)
-        yield OpenEpisode(episode, scenario, navigator, log, draft, session)
+        yield OpenEpisode(episode, scenario, navigator, log, draft, session, predictor)
 
 
 @contextlib.contextmanager
@@ -149,6 +162,19 @@ def _navigator(
     sensors = {info.name: info for info in infos}
     with live_navigator(config, mission, sensors, session) as live:
         yield live
+
+
+@contextlib.contextmanager
+def _predictions(
+    scenario: Scenario, infos: list[pb.SensorInfo], given: Predictions | None
+) -> Iterator[tuple[Predictions | None, PredictorSession | None]]:
+    """The given predictions, or those of the predictor from outside that a scenario names."""
+    if given is not None:
+        yield given, None
+        return
+    period_s = 1.0 / infos[0].rate_hz
+    with predictions_for(scenario.config, scenario.mission, period_s) as asked:
+        yield asked
 
 
 def finish(episode: Episode, log: LogWriter, result: Result) -> Result:

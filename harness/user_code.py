@@ -18,7 +18,8 @@ from types import FrameType
 from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.errors import InputError, NeverReturned, printable
 from wayproof.harness.interface.connect import runs_in_process, stack_digest
-from wayproof.harness.interface.errors import StackError
+from wayproof.harness.interface.errors import OutsideError
+from wayproof.harness.interface.predictors import connect as predictors
 from wayproof.harness.supervision import stacks_file
 from wayproof.models._plugin import UserCodeError as ControllerError
 from wayproof.planners.ompl._plugin import UserCodeError as PlannerError
@@ -59,6 +60,9 @@ def plugins_of(config: Config) -> list[str]:
     names = [config.planner.name]
     if runs_in_process(config.stack.name):
         names.append(config.stack.name)
+    source = config.prediction.source
+    if config.asks_predictor and PLUGIN in source and predictors.runs_in_process(source):
+        names.append(source)
     if config.robot_file:
         from wayproof.models.robots.custom import (  # it loads the simulator
             RobotSpecError,
@@ -71,8 +75,12 @@ def plugins_of(config: Config) -> list[str]:
 
 
 def plugin_digests(config: Config) -> dict[str, str]:
-    """SHA-256 of the file of each of the user's classes, and of a policy, by name."""
-    return {name: stack_digest(name) for name in plugins_of(config)}
+    """SHA-256 of the file of each of the user's classes, of a policy and a network, by name."""
+    digests = {name: stack_digest(name) for name in plugins_of(config)}
+    source = config.prediction.source
+    if config.asks_predictor and predictors.runs_in_process(source):
+        digests[source] = predictors.predictor_digest(source)
+    return digests
 
 
 def failure_of(error: BaseException, place: str, names: list[str]) -> Failure:
@@ -85,7 +93,7 @@ def failure_of(error: BaseException, place: str, names: list[str]) -> Failure:
     """
     raised = error.__cause__ if isinstance(error, USER_CODE_ERRORS) else None
     text = bounded("".join(traceback.format_exception(raised or error)))
-    if isinstance(error, StackError) and raised is None:
+    if isinstance(error, OutsideError) and raised is None:
         text = bounded(error.traceback) if error.traceback else ""  # ours would say nothing of it
     if isinstance(error, USER_CODE_ERRORS):
         line = f"{error.who} {raised}" if isinstance(raised, NeverReturned) else str(error)

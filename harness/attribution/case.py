@@ -46,6 +46,7 @@ class Moment:
         answer: Of the stack on trial; None of the built-in one.
         goal: Of its own, in a recording.
         added_delay_s: Part of the delay that a perturbation added, s.
+        prediction: Of a predictor from outside; None without one.
     """
 
     pose: pb.Pose
@@ -56,11 +57,14 @@ class Moment:
     answer: pb.StackCommand | None = None
     goal: pb.Goal | None = None
     added_delay_s: float = 0.0
+    prediction: pb.Prediction | None = None
 
     @property
     def inputs(self) -> Inputs:
         """Inputs of the decision."""
-        return inputs_from_messages(self.pose, list(self.sweeps), goal=self.goal)
+        return inputs_from_messages(
+            self.pose, list(self.sweeps), goal=self.goal, prediction=self.prediction
+        )
 
     @property
     def time_ns(self) -> int:
@@ -249,6 +253,7 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
     pose, latency, decision = pb.Pose(), pb.Latency(), pb.Decision()
     answer: pb.StackCommand | None = None
     goal: pb.Goal | None = None
+    prediction: pb.Prediction | None = None
     motion: pb.RecordedMotion | None = None
     added_s = 0.0
     for message in messages:
@@ -262,6 +267,8 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
             answer = message
         elif isinstance(message, pb.Goal):
             goal = message
+        elif isinstance(message, pb.Prediction):
+            prediction = message
         elif isinstance(message, pb.RecordedMotion):
             motion = message
         elif isinstance(message, pb.Perturbation):
@@ -270,12 +277,15 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
             decision = message
             if motion is not None:
                 truth = as_truth(motion)
-                yield Moment(pose, tuple(sweeps), latency, decision, truth, answer, goal)
-                sweeps, answer, motion, goal = [], None, None, None
+                held = tuple(sweeps)
+                yield Moment(
+                    pose, held, latency, decision, truth, answer, goal, prediction=prediction
+                )
+                sweeps, answer, motion, goal, prediction = [], None, None, None, None
         elif isinstance(message, pb.Truth):
             held = tuple(sweeps)
-            yield Moment(pose, held, latency, decision, message, answer, goal, added_s)
-            sweeps, answer, goal, added_s = [], None, None, 0.0
+            yield Moment(pose, held, latency, decision, message, answer, goal, added_s, prediction)
+            sweeps, answer, goal, added_s, prediction = [], None, None, 0.0, None
 
 
 def yaw_of(quaternion: Sequence[float]) -> float:

@@ -22,6 +22,9 @@ CAUSES = (
     "stack_hung",
     "stack_broken",
     "stack_held",
+    "predictor_died",
+    "predictor_hung",
+    "predictor_broken",
     "exploration",
     "unexplained",
 )

@@ -31,11 +31,10 @@ from wayproof.harness.prediction.completion import (
     features_at,
     places_of,
 )
-from wayproof.harness.prediction.predictor import BAND, STEPS
+from wayproof.harness.prediction.predictor import BAND, STEPS, view_of
 from wayproof.harness.prior.truth import grid_of_world
 from wayproof.harness.scenario.worlds import generate
 from wayproof.harness.stack.mapping import Mapper
-from wayproof.harness.stack.prediction import view_of
 from wayproof.maps import OCCUPIED
 from wayproof.maps.columns import WORD_BITS, Window
 from wayproof.maps.grid import FLOOR_LAYER

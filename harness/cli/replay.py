@@ -144,7 +144,7 @@ def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]
 
     path = options.log[0]
     log = open_log(path, options.allow_plugins)
-    if options.allow_plugins:
+    if options.allow_plugins or log.config.asks_predictor:
         warn_of_changed_plugins(log)
     _refuse_worlds(options.set)
     config = override(log.as_of(options.at).config, options.set)

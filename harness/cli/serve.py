@@ -1,4 +1,4 @@
-"""`wayproof serve`: a stack of Python for a harness in another process."""
+"""`wayproof serve`: a stack or a predictor of Python for a harness in another process."""
 
 from __future__ import annotations
 
@@ -10,24 +10,29 @@ from wayproof.harness.cli.verb import Document, Verb
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Serve a stack on standard input and output, or on a socket, until it is ended."""
+    """Serve a stack or a predictor on standard input and output, or on a socket."""
     from wayproof.harness.interface.serve import listen, serve
 
     if options.listen is not None:
-        listen(options.stack, options.listen)
-    serve(options.stack)
+        listen(options.stack, options.listen, options.predictor)
+    serve(options.stack, options.predictor)
     return 0, {}
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("stack", metavar="STACK", help="a name of 'wayproof list' or module:Class")
     parser.add_argument(
+        "--predictor",
+        action="store_true",
+        help="serve a predictor, as prediction.source takes it: module:Class or FILE.onnx",
+    )
+    parser.add_argument(
         "--listen", metavar="ADDRESS", help="unix:PATH or tcp:HOST:PORT in place of the pipes"
     )
 
 
 VERB = Verb(
-    help="serve a stack to a harness in another process, on standard input and output",
+    help="serve a stack or a predictor to a harness in another process, on its pipes or a socket",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof run office --robot drone --seed 1 --stack 'exec:wayproof serve gap'",

@@ -23,9 +23,10 @@ from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.log.reader import Log
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.perturbations.perturbation import Changes
+from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.prior_config import NO_PRIOR
 from wayproof.harness.recompute.rebuild import rebuild
-from wayproof.harness.replay.answers import AskedAgain
+from wayproof.harness.replay.answers import AskedAgain, RecordedPredictions
 from wayproof.harness.replay.fork import live_through
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.scenario import Scenario
@@ -274,6 +275,8 @@ def go_on(
     scenario = replace(rebuild(log, config), mission=case.mission)
     scenario = change.scenario(with_recorded_movers(scenario, case))
     past = live_through(log, at, scenario, asked)
+    if is_outside(log.config.prediction.source):  # it is not run again
+        past.navigator.predictions = RecordedPredictions(log)
     if session is not None and isinstance(past.navigator, TrialNavigator):
         past.navigator.session = session
     with tempfile.TemporaryDirectory() as folder:

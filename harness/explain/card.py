@@ -222,6 +222,7 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
             "map": stages.map_ms,
             "costmap": stages.costmap_ms,
             "plan": stages.plan_ms,
+            **({"predict": stages.predict_ms} if stages.predict_ms else {}),
         },
         delay_s=decision.delay_s,
         expected_delay_s=case.config.latency.expected,
@@ -244,7 +245,7 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         else f"{perturbation.kind} {perturbation.amount:g} {perturbation.unit}",
         stack="" if moment.answer is None else case.config.stack.name,
         verdict=_verdict(decision),
-        **_of_prior(case, decision),
+        **_of_prior(case, moment),
         **_of_stack(case, number, navigator),
     )
 
@@ -269,14 +270,14 @@ class _OfPrior(TypedDict, total=False):
     global_evidence: dict[str, float]
 
 
-def _of_prior(case: Case, decision: pb.Decision) -> _OfPrior:
-    config = case.config
+def _of_prior(case: Case, moment: Moment) -> _OfPrior:
+    config, decision = case.config, moment.decision
     prior, prediction = config.prior, config.prediction
     used = []
     if prior.source != NO_PRIOR:
         used.append(f"prior map {prior.source}, {prior.policy}")
     if prediction.source != NO_PREDICTOR:
-        used.append(f"prediction {prediction.source}, {prediction.policy}")
+        used.append(f"prediction {prediction.source}, {prediction.policy}{_answered(moment)}")
     if not used:
         return {}
     return {
@@ -284,6 +285,14 @@ def _of_prior(case: Case, decision: pb.Decision) -> _OfPrior:
         "committed_evidence": _lengths(decision.committed_evidence),
         "global_evidence": _lengths(decision.global_evidence),
     }
+
+
+def _answered(moment: Moment) -> str:
+    """Return how a predictor from outside calls itself, and whether its answer came late."""
+    if moment.prediction is None:
+        return ""
+    late = ", too late" if moment.prediction.late else ""
+    return f" ('{moment.prediction.predictor}'{late})"
 
 
 def _lengths(evidence: pb.Evidence) -> dict[str, float]:

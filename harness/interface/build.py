@@ -48,6 +48,8 @@ def live_navigator(
 ) -> Iterator[tuple[Navigator, Session | None]]:
     """A navigator and the stack behind it, which is closed in the end.
 
+    A predictor from outside is no part of it: `predictions_for` asks one.
+
     Args:
         config: Settings; `stack.name` is the stack.
         mission: Of the episode.

@@ -14,9 +14,10 @@ from typing import Protocol, runtime_checkable
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.errors import InputError, NeverReturned, unknown_name
 from wayproof.harness.interface.command_messages import CommandError, command_message
+from wayproof.harness.interface.connection import ChildProcess, Socket
 from wayproof.harness.interface.errors import StackError
 from wayproof.harness.interface.policy import PolicyStack
-from wayproof.harness.interface.remote import STARTING_S, ChildProcess, RemoteStack, Socket
+from wayproof.harness.interface.remote import STARTING_S, RemoteStack
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.interface.types import Observation, Stack, Task
 from wayproof.harness.schema import stack_pb2 as sb

@@ -1,4 +1,4 @@
-"""Failures of a stack on trial, each with the cause that it is of an episode's end."""
+"""Failures of code from outside, each with the cause that it is of an episode's end."""
 
 from __future__ import annotations
 
@@ -9,19 +9,60 @@ from wayproof.planners.ompl._plugin import UserCodeError
 StackCause = Literal["stack_died", "stack_hung", "stack_broken"]
 """Ended by itself; gave no answer in time; raised, or sent what is no command."""
 
+PredictorCause = Literal["predictor_died", "predictor_hung", "predictor_broken"]
+"""Likewise, of a predictor from outside; the last: raised, or answered what is no prediction."""
 
-class StackError(UserCodeError):
-    """A stack on trial that cannot go on.
+Way = Literal["died", "hung", "broken"]
+"""Way in which code from outside fails."""
+
+
+class OutsideError(UserCodeError):
+    """Code from outside that cannot go on.
 
     Attributes:
         cause: Of the episode's end.
-        traceback: Of the stack, as another process sent it; empty without one.
+        traceback: Of that code, as another process sent it; empty without one.
     """
+
+    def __init__(
+        self, who: str, what: str, cause: StackCause | PredictorCause, traceback: str = ""
+    ) -> None:
+        """Name the code and say what it did, in one line."""
+        super().__init__(who, what)
+        self.cause = cause
+        self.traceback = traceback
+
+
+class StackError(OutsideError):
+    """A stack on trial that cannot go on."""
 
     def __init__(
         self, who: str, what: str, cause: StackCause = "stack_broken", traceback: str = ""
     ) -> None:
         """Name the stack and say what it did, in one line."""
-        super().__init__(who, what)
-        self.cause = cause
-        self.traceback = traceback
+        super().__init__(who, what, cause, traceback)
+
+
+class PredictorError(OutsideError):
+    """A predictor from outside that cannot go on."""
+
+    def __init__(
+        self, who: str, what: str, cause: PredictorCause = "predictor_broken", traceback: str = ""
+    ) -> None:
+        """Name the predictor and say what it did, in one line."""
+        super().__init__(who, what, cause, traceback)
+
+
+STACK_CAUSES: dict[Way, StackCause] = {
+    "died": "stack_died",
+    "hung": "stack_hung",
+    "broken": "stack_broken",
+}
+"""Cause of each way in which a stack fails."""
+
+PREDICTOR_CAUSES: dict[Way, PredictorCause] = {
+    "died": "predictor_died",
+    "hung": "predictor_hung",
+    "broken": "predictor_broken",
+}
+"""Likewise of a predictor."""

@@ -105,8 +105,12 @@ class Session(Protocol):
         """The outputs of these names."""
 
 
-def load_model(path: Path) -> Session:
+def load_model(path: Path, what: str = "policy") -> Session:
     """Load an ONNX model that is whole in its file.
+
+    Args:
+        path: The file.
+        what: What the model is, for messages.
 
     Raises:
         InputError: It cannot be loaded, or ONNX Runtime is not installed.
@@ -115,14 +119,14 @@ def load_model(path: Path) -> Session:
         import onnxruntime
     except ImportError:
         raise InputError(
-            f"policy '{path}': expected onnxruntime to be installed (the extra 'policy')"
+            f"{what} '{path}': expected onnxruntime to be installed (the extra 'policy')"
         ) from None
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
     options.use_deterministic_compute = True
     options.log_severity_level = 4  # what is wrong is raised
-    data = read_policy(path)
+    data = read_model(path, what)
     with tempfile.TemporaryDirectory(prefix="wayproof-") as empty:  # of weights in other files
         options.add_session_config_entry(EXTERNAL_FOLDER, empty)
         try:
@@ -136,7 +140,7 @@ def load_model(path: Path) -> Session:
                     "has weights in other files, expected all in one: "
                     "onnx.save(onnx.load(FILE), OTHER)"
                 )
-            raise InputError(f"policy '{path}': {line}") from None
+            raise InputError(f"{what} '{path}': {line}") from None
     return session
 
 
@@ -144,23 +148,27 @@ EXTERNAL_FOLDER = "session.model_external_initializers_file_folder_path"
 """Key of ONNX Runtime for the folder of weights that are not in the model itself."""
 
 
-def read_policy(path: Path) -> bytes:
-    """The bytes of a policy's file.
+def read_model(path: Path, what: str = "policy") -> bytes:
+    """The bytes of a model's file.
+
+    Args:
+        path: The file.
+        what: What the model is, for messages.
 
     Raises:
         InputError: It is no file, too large, or cannot be read.
     """
     if not path.is_file():
-        raise InputError(f"policy '{path}': no such file, expected policy:FILE.onnx")
+        raise InputError(f"{what} '{path}': no such file, expected an ONNX model")
     if path.stat().st_size > MAX_BYTES:
         raise InputError(
-            f"policy '{path}': {path.stat().st_size / 2**20:.0f} MiB, expected at most "
+            f"{what} '{path}': {path.stat().st_size / 2**20:.0f} MiB, expected at most "
             f"{MAX_BYTES / 2**20:.0f} MiB"
         )
     try:
         return path.read_bytes()
     except OSError as error:
-        raise InputError(f"policy '{path}': {error.strerror}") from None
+        raise InputError(f"{what} '{path}': {error.strerror}") from None
 
 
 def _check_nodes(path: Path, inputs: Sequence[Node], outputs: Sequence[Node]) -> None:

@@ -1,4 +1,7 @@
-"""Serve a stack of Python to a harness in another process: the other end of `exec:` and sockets."""
+"""Serve a stack or a predictor of Python to a harness in another process.
+
+It is the other end of `exec:` and of sockets.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from io import RawIOBase
-from typing import IO
+from typing import IO, Protocol
 
 import numpy as np
 
@@ -31,30 +34,44 @@ from wayproof.harness.interface.observation_messages import (
     trail_from,
 )
 from wayproof.harness.interface.observations import read_only
+from wayproof.harness.interface.predictors.served import ServedPredictor
 from wayproof.harness.interface.types import Observation, Sensor, Stack, Sweep, Task
+from wayproof.harness.prediction.predicted_box import PredictionError
 from wayproof.harness.schema import stack_pb2 as sb
 
 POLLED_S = 2e-3
 """Time for which an announced observation is polled for, s: the harness makes it in a tenth."""
 
 
-def serve(name: str) -> None:
-    """Serve a stack on standard input and output; what it prints goes to standard error."""
-    make_stack(name)  # an unknown one is refused before the pipes are taken
+def serve(name: str, predictor: bool = False) -> None:
+    """Serve a stack on standard input and output; what it prints goes to standard error.
+
+    Args:
+        name: As `--stack` takes it, or as `prediction.source` does.
+        predictor: Whether it is a predictor.
+    """
+    make = served_predictor if predictor else served_stack
+    made = make(name)  # an unknown one is refused before the pipes are taken
     read = os.fdopen(os.dup(0), "rb", buffering=0)
     write = os.fdopen(os.dup(1), "wb", buffering=2**20)
     os.dup2(2, 1)
     sys.stdout = sys.stderr
-    answer_all(make_stack(name), name, read, write)
+    answer_all(made, read, write)
 
 
-def listen(name: str, address: str) -> None:
+def listen(name: str, address: str, predictor: bool = False) -> None:
     """Serve a stack to one harness after the other, on `unix:PATH` or `tcp:HOST:PORT`.
+
+    Args:
+        name: As `--stack` takes it, or as `prediction.source` does.
+        address: Where to listen.
+        predictor: Whether it is a predictor.
 
     Raises:
         InputError: The address cannot be listened on.
     """
-    make_stack(name)  # refused before anything listens
+    make = served_predictor if predictor else served_stack
+    make(name)  # refused before anything listens
     with _listening(address) as server:
         while True:
             connection, _ = server.accept()
@@ -63,7 +80,7 @@ def listen(name: str, address: str) -> None:
                     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 read, write = connection.makefile("rb", buffering=0), connection.makefile("wb")
                 with contextlib.suppress(BrokenPipeError, ConnectionResetError), read, write:
-                    answer_all(make_stack(name), name, read, write)
+                    answer_all(make(name), read, write)
 
 
 def _listening(address: str) -> socket.socket:
@@ -85,51 +102,95 @@ def _listening(address: str) -> socket.socket:
     return server
 
 
-def answer_all(stack: Stack, name: str, read: RawIOBase, write: IO[bytes]) -> None:
-    """Answer the harness until it closes the connection.
+class Served(Protocol):
+    """A stack or a predictor behind the messages of the harness."""
+
+    def answer(self, message: sb.ToStack) -> sb.FromStack | None:
+        """The answer to a message; None to one that has none.
+
+        Raises:
+            CommandError: What it returned is no command.
+            PredictionError: What it returned is no prediction.
+        """
+
+    def rehearse(self) -> None:
+        """Get ready for a message that was announced."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+def answer_all(served: Served, read: RawIOBase, write: IO[bytes]) -> None:
+    """Answer the harness until it closes the connection, or what is served fails.
 
     Args:
-        stack: That answers.
-        name: That it is called by.
+        served: What answers.
         read: Messages of the harness.
         write: Answers.
     """
-    served = _Served(stack, name, write)
-    while (message := _receive(read, served.rehearse)) is not None and served.answer(message):
-        pass
-    stack.close()
+    while (message := _receive(read, served.rehearse)) is not None:
+        answer, fails = _answer(served, message)
+        if answer is not None:
+            _send(write, answer)
+        if fails or message.WhichOneof("kind") == "close":
+            break
+    served.close()
 
 
-class _Served:
+def _answer(served: Served, message: sb.ToStack) -> tuple[sb.FromStack | None, bool]:
+    """The answer to a message, and whether it is a failure."""
+    try:
+        return served.answer(message), False
+    except CommandError as error:
+        failure = sb.Failure(text=f"returned a command with {error}"[:300])
+    except PredictionError as error:
+        failure = sb.Failure(text=f"predicted what is none: {error}"[:300])
+    except Exception as error:
+        text = printable(f"{type(error).__name__}: {' '.join(str(error).split())}")[:300]
+        failure = sb.Failure(text=text, traceback=traceback.format_exc()[-16_000:])
+        traceback.print_exc()
+    return sb.FromStack(failure=failure), True
+
+
+def served_stack(name: str) -> Served:
+    """A stack, as `--stack` takes it.
+
+    Raises:
+        InputError: There is none.
+    """
+    return _ServedStack(make_stack(name), name)
+
+
+def served_predictor(source: str) -> Served:
+    """A predictor, as `prediction.source` takes it.
+
+    Raises:
+        InputError: There is none.
+    """
+    return ServedPredictor(source)
+
+
+class _ServedStack:
     """A stack behind the messages of the harness."""
 
-    def __init__(self, stack: Stack, name: str, write: IO[bytes]) -> None:
-        self._stack, self._name, self._write = stack, name, write
+    def __init__(self, stack: Stack, name: str) -> None:
+        self._stack, self._name = stack, name
         self._task: Task | None = None
         self._observed: sb.Observation | None = None
 
-    def answer(self, message: sb.ToStack) -> bool:
-        """Answer one message; whether the next one is to be read."""
+    def answer(self, message: sb.ToStack) -> sb.FromStack | None:
         kind = message.WhichOneof("kind")
-        try:
-            if kind == "hello":
-                _send(self._write, sb.FromStack(hello=hello(self._name, announced=True)))
-            elif kind == "task":
-                self._task = task_from(message.task)
-                self._stack.start(self._task)
-            elif kind == "observation":
-                self._step(message.observation)
-        except CommandError as error:
-            failure = sb.Failure(text=f"returned a command with {error}"[:300])
-            _send(self._write, sb.FromStack(failure=failure))
-            return False
-        except Exception as error:
-            text = printable(f"{type(error).__name__}: {' '.join(str(error).split())}")[:300]
-            failure = sb.Failure(text=text, traceback=traceback.format_exc()[-16_000:])
-            traceback.print_exc()
-            _send(self._write, sb.FromStack(failure=failure))
-            return False
-        return bool(kind != "close")
+        if kind == "hello":
+            return sb.FromStack(hello=hello(self._name, announced=True))
+        if kind == "task":
+            self._task = task_from(message.task)
+            self._stack.start(self._task)
+        elif kind == "observation":
+            return sb.FromStack(command=self._step(message.observation))
+        return None
+
+    def close(self) -> None:
+        self._stack.close()
 
     def rehearse(self) -> None:
         """Decode the last observation again: the next is on its way, and finds all in the caches.
@@ -139,11 +200,11 @@ class _Served:
         if self._observed is not None and self._task is not None:
             observation_from(self._observed, self._task)
 
-    def _step(self, message: sb.Observation) -> None:
+    def _step(self, message: sb.Observation) -> sb.Command:
         assert self._task is not None
         self._observed = message
         command = self._stack.step(observation_from(message, self._task))
-        _send(self._write, sb.FromStack(command=command_message(command, message.sequence)))
+        return command_message(command, message.sequence)
 
 
 def observation_from(message: sb.Observation, task: Task) -> Observation:

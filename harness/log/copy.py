@@ -10,7 +10,7 @@ from google.protobuf.message import Message
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import ATTACHMENTS, LONGEST_NS, Head, open_log, read_head
-from wayproof.harness.log.writer import STDERR, TRACEBACK, LogWriter
+from wayproof.harness.log.writer import PREDICTOR_STDERR, STDERR, TRACEBACK, LogWriter
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 GLOBAL_PATH_PERIOD_NS = 1_000_000_000
@@ -19,6 +19,7 @@ GLOBAL_PATH_PERIOD_NS = 1_000_000_000
 TOPICS: dict[type[Message], str] = {
     pb.Pose: "/pose",
     pb.Goal: "/goal",
+    pb.Prediction: "/prediction",
     pb.RecordedMotion: "/recorded",
     pb.Latency: "/latency",
     pb.StackCommand: "/command",
@@ -95,7 +96,7 @@ def write_copy(
         for message in messages:
             if not isinstance(message, pb.SensorInfo):
                 log.write(topic_of(message), message, time_of(message))
-        for name in (TRACEBACK, STDERR):
+        for name in (TRACEBACK, STDERR, PREDICTOR_STDERR):
             if name in head.attachments:
                 log.attach(name, head.attachments[name].decode(errors="replace"))
         log.finish(result)

@@ -34,6 +34,7 @@ from wayproof.harness.log.writer import (
     digest_name,
 )
 from wayproof.harness.mission import Mission
+from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
@@ -230,7 +231,7 @@ class Log:
         self.check_sweeps()
         sweeps: list[pb.Sweep] = []
         pose, latency, state, answer = pb.Pose(), pb.Latency(), None, None
-        goal, motion = None, None
+        goal, prediction, motion = None, None, None
         count, time_ns = 0, -1
         if after is not None:
             count, time_ns = after.sequence + 1, after.timestamp.ToNanoseconds()
@@ -243,6 +244,8 @@ class Log:
                 latency = message
             elif isinstance(message, pb.Goal):
                 goal = message
+            elif isinstance(message, pb.Prediction):
+                prediction = self._prediction(message, count)
             elif isinstance(message, pb.RecordedMotion):
                 motion = message
             elif isinstance(message, pb.State):
@@ -250,15 +253,30 @@ class Log:
             elif isinstance(message, pb.StackCommand):
                 answer = message
             elif isinstance(message, pb.Decision):
-                inputs = inputs_from_messages(pose, sweeps, goal=goal if self.has_goals else None)
+                inputs = inputs_from_messages(
+                    pose,
+                    sweeps,
+                    goal=goal if self.has_goals else None,
+                    prediction=prediction,
+                )
                 self._check_order(inputs, count, time_ns)
                 if answer is not None and answer.sequence != count:
                     answer = None  # of another decision: this one has none
                 yield Record(inputs, latency, message, state, answer, motion)
                 sweeps, state, answer, goal, motion = [], None, None, None, None
+                prediction = None
                 count, time_ns = count + 1, inputs.time_ns
             else:
                 yield message
+
+    def _prediction(self, message: pb.Prediction, count: int) -> pb.Prediction:
+        """Return a prediction, which must be an input of the next decision."""
+        if message.sequence != count or not is_outside(self.config.prediction.source):
+            raise InputError(
+                f"log '{self.path}': a prediction for decision {message.sequence} before decision "
+                f"{count}, expected it before its own, and with a predictor from outside"
+            )
+        return message
 
     @property
     def has_goals(self) -> bool:

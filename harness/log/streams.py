@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 GOAL = "goal"
@@ -27,6 +28,9 @@ GOAL = "goal"
 
 COMMAND = "command"
 """The stream of the answers of a stack on trial: inputs that follow from the other streams."""
+
+PREDICTION = "prediction"
+"""The stream of what a predictor from outside said: inputs that follow from the other streams."""
 
 PRIOR = "prior"
 """The stream of the prior map, which is one from the start on."""
@@ -44,7 +48,8 @@ def own_streams(config: Config) -> list[str]:
     on_trial = [COMMAND] if config.stack.name != BUILTIN else []
     several = [GOAL] if config.recording is not None or config.waypoints else []
     prior = [PRIOR] if config.prior_map else []
-    return ["pose", *several, "latency", *on_trial, *prior]
+    predicted = [PREDICTION] if is_outside(config.prediction.source) else []
+    return ["pose", *several, *predicted, "latency", *on_trial, *prior]
 
 
 class StreamHashes:
@@ -111,7 +116,7 @@ def compare_hashes(
     compared = 0
     for sequence, one, other in pairs:
         differing = {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
-        differing.discard(COMMAND)
+        differing -= {COMMAND, PREDICTION}
         if CONTROL in one:  # of an episode, whose goals follow from its decisions
             differing.discard(GOAL)
         if differing and first_change is None:

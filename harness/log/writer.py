@@ -5,9 +5,9 @@ complete it gets its own name by an atomic rename. `log_time` is simulated time;
 through the file.
 
 Topics: `/sensor/<name>/info`, `/sensor/<name>`, `/pose` and `/latency` are inputs, and `/goal` of a
-recording or of a mission with several goals; a replay compares `/decision`; `/truth`, or
-`/recorded` of a recording, is for scoring, `/state` for forks, and `/keyframe` to replay from
-there.
+recording or of a mission with several goals, and `/prediction` of a predictor from outside; a
+replay compares `/decision`; `/truth`, or `/recorded` of a recording, is for scoring, `/state` for
+forks, and `/keyframe` to replay from there.
 """
 
 from __future__ import annotations
@@ -65,6 +65,9 @@ PLUGINS = "plugins"
 
 STDERR = "stack.stderr.txt"
 """Attachment: the end of what a stack in another process wrote to standard error."""
+
+PREDICTOR_STDERR = "predictor.stderr.txt"
+"""Attachment: likewise of a predictor in another process."""
 
 TRACEBACK = "error.txt"
 """Attachment with the traceback of an episode that ended as `error`."""

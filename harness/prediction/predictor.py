@@ -1,7 +1,7 @@
-"""The interface of predictors: measured states in, log-odds of occupancy out.
+"""The interface of our own predictors: measured states in, log-odds of occupancy out.
 
-A predictor is part of what a replay recomputes: the same states must give the same log-odds, bit
-by bit, on every machine.
+Such a predictor is part of what a replay recomputes: the same states must give the same log-odds,
+bit by bit, on every machine. One from outside has the interface of `map_box`.
 """
 
 from __future__ import annotations
@@ -10,6 +10,9 @@ from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from wayproof.maps.columns import WORD_BITS, Window, layer_bits
+from wayproof.maps.grid import FLOOR_LAYER
 
 STEPS = 64
 """Steps of a log-odds to a unit."""
@@ -52,3 +55,13 @@ class Predictor(Protocol):
 
         `NO_OPINION` where it says nothing; measured columns need no answer.
         """
+
+
+def view_of(window: Window, occupied: NDArray[np.uint64], free: NDArray[np.uint64]) -> View:
+    """What a predictor sees of the columns of bits (nx, ny, words) of a window."""
+    size, bottom = window.resolution, window.first[2]
+    first, end = (FLOOR_LAYER + round(height / size) - bottom for height in BAND)
+    band = layer_bits(max(first, 0), max(end, 0), WORD_BITS * occupied.shape[2])
+    held = ((occupied & band) != 0).any(axis=2)
+    counts = np.bitwise_count(free & band).astype(np.int64).sum(axis=2)
+    return View(held, (2 * counts >= end - first) & ~held, size)

@@ -1,4 +1,4 @@
-"""Answers in place of those of a live stack: a log's, or those of a stack that is asked again."""
+"""Answers in place of those of a live stack or predictor: a log's, or those of one asked again."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.connect import Session, connect
 from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.trial import TrialNavigator
@@ -18,6 +19,8 @@ from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, message_differences
+from wayproof.harness.stack.prediction import Predicted
+from wayproof.maps.columns import ColumnMap
 
 
 class RecordedAnswers:
@@ -63,6 +66,25 @@ class RecordedAnswers:
     def stderr(self) -> str:
         """Nothing."""
         return ""
+
+
+class RecordedPredictions:
+    """The predictions of a log, in place of the predictor that made them: nothing is run."""
+
+    def __init__(self, log: Log) -> None:
+        """Read them all."""
+        self._messages = {
+            message.sequence: message
+            for message in read_messages(log.path)
+            if isinstance(message, pb.Prediction)
+        }
+
+    def of(
+        self, measured: ColumnMap, newest: Inputs, sequence: int, time_ns: int
+    ) -> Predicted | None:
+        """The recorded prediction of this number; None past the end of the log."""
+        message = self._messages.get(sequence)
+        return None if message is None else Predicted(message, 0.0)
 
 
 @dataclass

@@ -20,9 +20,10 @@ from wayproof.harness.log.digest import CONTENT
 from wayproof.harness.log.machine import other_than_here
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.writer import is_regenerated
+from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.recompute.rebuild import is_made_from_seed, made_otherwise, rebuild
 from wayproof.harness.recompute.segments import segments_of
-from wayproof.harness.replay.answers import RecordedAnswers
+from wayproof.harness.replay.answers import RecordedAnswers, RecordedPredictions
 from wayproof.harness.replay.fork import fork_with
 from wayproof.harness.result import ends_in_error
 from wayproof.harness.runner import run_episode
@@ -33,7 +34,7 @@ SAME = 1e-9
 """Relative difference up to which two figures of a result are equal."""
 
 INPUTS: tuple[type[Message], ...] = (
-    *(pb.SensorInfo, pb.Sweep, pb.Pose, pb.Goal, pb.Latency, pb.StackCommand),
+    *(pb.SensorInfo, pb.Sweep, pb.Pose, pb.Goal, pb.Prediction, pb.Latency, pb.StackCommand),
 )
 
 BEFORE_ALL = -1
@@ -178,12 +179,27 @@ def _simulate(log: Log, target: Path, folder: Path) -> None:
     forks = segments_of(log)[1:]
     steps = [folder / f"{number}.mcap" for number in range(len(forks))] + [target]
     answers = None if log.config.stack.name == BUILTIN else RecordedAnswers(log)
+    predictions = RecordedPredictions(log) if is_outside(log.config.prediction.source) else None
     scenario = rebuild(log.as_of(BEFORE_ALL))
-    run_episode(scenario, steps[0], delays=delays, record="full", session=answers)
+    run_episode(
+        scenario,
+        steps[0],
+        delays=delays,
+        record="full",
+        session=answers,
+        predictions=predictions,
+    )
     for run, before, after in zip(forks, steps[:-1], steps[1:], strict=True):
         parent = open_log(before, allow_plugins=True)
         fork_with(
-            parent, run.begin, run.config, after, delays=delays, record="full", session=answers
+            parent,
+            run.begin,
+            run.config,
+            after,
+            delays=delays,
+            record="full",
+            session=answers,
+            predictions=predictions,
         )
 
 

@@ -20,7 +20,7 @@ from wayproof.harness.ending import BETWEEN_DECISIONS, Limits
 from wayproof.harness.errors import InputError
 from wayproof.harness.goals import distance_left, goals_before_last
 from wayproof.harness.inputs import unit_quaternion
-from wayproof.harness.interface.errors import StackCause
+from wayproof.harness.interface.errors import PredictorCause, StackCause
 from wayproof.harness.log.digest import CONTENT
 from wayproof.harness.log.reader import Log
 from wayproof.harness.log.streams import own_streams
@@ -283,7 +283,11 @@ def _cause(subject: Subject) -> Iterator[Difference]:
     """Only a failure has a cause."""
     cause, outcome = subject.log.result.get("cause", ""), subject.log.result["outcome"]
     on_trial = subject.log.config.stack.name != BUILTIN
-    if outcome == "error" and on_trial and cause in get_args(StackCause):
+    predicts = subject.log.config.asks_predictor
+    if outcome == "error" and (
+        (on_trial and cause in get_args(StackCause))
+        or (predicts and cause in get_args(PredictorCause))
+    ):
         return
     if cause and outcome in ("success", "error"):
         yield Difference("result.cause", cause, "none")

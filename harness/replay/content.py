@@ -15,7 +15,11 @@ from wayproof.harness.log.copy import topic_of
 from wayproof.harness.log.digest import ContentDigest
 from wayproof.harness.log.reader import Log
 from wayproof.harness.log.streams import PRIOR, StreamHashes, own_streams
+from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.schema import wayproof_pb2 as pb
+
+INPUTS = (pb.Sweep, pb.Pose, pb.Goal, pb.Prediction, pb.Latency, pb.StackCommand)
+"""Messages that are hashed stream by stream."""
 
 
 @dataclass(frozen=True)
@@ -117,10 +121,11 @@ class _Running:
         self._written: list[bytes] = []
         self._pose = b""
         self._goal: list[bytes] = []
+        self._prediction: list[bytes] = []
         self._arrived: set[str] = set()
 
     def add(self, message: Message) -> None:
-        if not isinstance(message, (pb.Sweep, pb.Pose, pb.Goal, pb.Latency, pb.StackCommand)):
+        if not isinstance(message, INPUTS):
             return
         data = serialized(message)
         if isinstance(message, pb.Sweep):
@@ -137,12 +142,18 @@ class _Running:
                     f"log '{self._log.path}': a goal in it, but no recording or waypoints"
                 )
             self._goal = [data]
+        elif isinstance(message, pb.Prediction):
+            if not is_outside(self._log.config.prediction.source):
+                raise InputError(
+                    f"log '{self._log.path}': a prediction in it, but no predictor from outside"
+                )
+            self._prediction = [data]
         self._streams.update(topic_of(message)[1:], data)
 
     def close(self) -> InputRecord:
         """Return the hashes of the inputs of one decision, and start the next."""
         hashes = {one.name: one.hash for one in self._streams.message(0, 0).streams}
-        digest = inputs_digest([*self._written, self._pose, *self._goal])
+        digest = inputs_digest([*self._written, self._pose, *self._goal, *self._prediction])
         record = InputRecord(digest, hashes, frozenset(self._arrived))
-        self._written, self._arrived, self._goal = [], set(), []
+        self._written, self._arrived, self._goal, self._prediction = [], set(), [], []
         return record

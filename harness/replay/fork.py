@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from wayproof.harness.goals import goals_claimed
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.observations import task_of
+from wayproof.harness.interface.predictors.asking import predictions_for
 from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.interface.types import Task
 from wayproof.harness.log.codec.container import walk
@@ -20,6 +22,7 @@ from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import time_of, topic_of
 from wayproof.harness.log.reader import Log, before, fork_note, open_log, read_head
 from wayproof.harness.log.writer import FORMAT_VERSION, PLUGINS, STDERR, LogWriter, hold_log
+from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.recompute.rebuild import rebuild, segment_of
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.answers import AskedAgain, sensors_of
@@ -29,6 +32,7 @@ from wayproof.harness.runner import finish, publishing_failures, settle_log
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.prediction import Predictions
 from wayproof.harness.user_code import bounded, plugin_digests
 from wayproof.planners import Trajectory
 
@@ -88,7 +92,9 @@ def fork(
     log = open_log(path, allow_plugins)
     if target.resolve() == path.resolve():
         raise InputError(f"--log {target}: the log itself, expected another name")
-    config = override(log.as_of(at).config, settings)
+    before = log.as_of(at).config
+    config = override(before, settings)
+    refuse_unnamed_predictor(before, config, settings)
     if asked is not None:
         config = replace(config, stack=replace(config.stack, name=asked.stack))
     return fork_with(log, at, config, target, observe, asked=asked)
@@ -104,6 +110,7 @@ def fork_with(
     record: str | None = None,
     asked: AskedAgain | None = None,
     session: Session | None = None,
+    predictions: Predictions | None = None,
 ) -> Result:
     """Simulate the episode of a log from one decision on with another config.
 
@@ -117,6 +124,7 @@ def fork_with(
         record: Extent of the new log; by default the config's `record`.
         asked: The stack that goes on, where one was on trial.
         session: In its place, such as recorded answers; nothing is asked before the fork.
+        predictions: In place of the predictor from outside that the config names, which is run.
 
     Raises:
         InputError: A changed setting determines the beginning of the episode, there is no such
@@ -130,6 +138,7 @@ def fork_with(
         )
     log = log.as_of(at)
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
+    refuse_predictor(log.config, config)
     on_trial = log.config.stack.name != BUILTIN
     if on_trial and asked is None and session is None:
         raise InputError(
@@ -150,7 +159,10 @@ def fork_with(
         if session is not None and isinstance(past.navigator, TrialNavigator):
             past.navigator.session = session
         head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
-        with LogWriter(draft, *head) as writer:
+        with (
+            LogWriter(draft, *head) as writer,
+            _predictions(scenario, predictions) as past.navigator.predictions,
+        ):
             if digests := plugin_digests(scenario.config):
                 writer.note(PLUGINS, digests)
             _write_past(writer, log, at, scenario)
@@ -163,6 +175,38 @@ def fork_with(
                     writer.attach(STDERR, bounded(text))
                 result = finish(episode, writer, ended)
         return settle_log(draft, result, record or config.record)
+
+
+@contextlib.contextmanager
+def _predictions(scenario: Scenario, given: Predictions | None) -> Iterator[Predictions | None]:
+    """The given predictions, or those of the predictor that the settings of a fork name."""
+    if given is not None:
+        yield given
+        return
+    period_s = 1.0 / sensor_info(scenario.scene.casters[0]).rate_hz
+    with predictions_for(scenario.config, scenario.mission, period_s) as (asked, _):
+        yield asked
+
+
+def refuse_unnamed_predictor(before: Config, config: Config, settings: Sequence[str]) -> None:
+    """Raise an InputError if a fork would run a predictor that a log names, and nobody else."""
+    named = any(one.startswith("prediction.source=") for one in settings)
+    if config.asks_predictor and not named:
+        source = before.prediction.source
+        raise InputError(
+            f"predictor '{source}': a fork runs it, and only the log names it; expected "
+            f"--set prediction.source={source}, or prediction.policy=ignore"
+        )
+
+
+def refuse_predictor(old: Config, new: Config) -> None:
+    """Raise an InputError if a fork begins or ends to have predictions as inputs."""
+    before, after = old.prediction.source, new.prediction.source
+    if is_outside(before) != is_outside(after):
+        raise InputError(
+            f"--set prediction.source={after}: goes on from '{before}'; expected a predictor from "
+            "outside after one, and none but then; prediction.policy=ignore switches one off"
+        )
 
 
 def _check_goals(log: Log, scenario: Scenario, at: int) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
+from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.recompute.side_by_side import SideBySide
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import differences, path_of
@@ -150,6 +151,7 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
             "--set stack.name: a log holds no answers of another stack; expected run --stack"
         )
     refuse_sensed(log.config, changed, "these need the simulator: --from N forks the episode")
+    _refuse_other_predictions(log.config, changed)
     began = time.perf_counter()
     twin = SideBySide(log, log.config, changed)
     changes = []
@@ -205,6 +207,21 @@ def refuse_sensed(old: Config, new: Config, advice: str, names: Sequence[str] = 
                 f"--set prior.{name}: the log holds the cells of the prior map as placed; "
                 "expected prior.policy"
             )
+
+
+def _refuse_other_predictions(old: Config, new: Config) -> None:
+    """Raise an InputError if settings ask for predictions that a log does not hold."""
+    before, after = old.prediction, new.prediction
+    outside = is_outside(before.source) or is_outside(after.source)
+    if outside and (before.source, before.reach) != (after.source, after.reach):
+        raise InputError(
+            "--set prediction.source or reach: the log holds what the predictor said; expected "
+            "prediction.policy, occupied_from or free_below, or --from N"
+        )
+    if new.asks_predictor and not old.asks_predictor:
+        raise InputError(
+            "--set prediction.policy: the predictor was not run, so the log holds no predictions"
+        )
 
 
 def compare(old: pb.Decision, new: pb.Decision, flat: bool) -> Change | None:

@@ -7,36 +7,42 @@ from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class ToStack(_message.Message):
-    __slots__ = ("hello", "task", "observation", "close")
+    __slots__ = ("hello", "task", "observation", "close", "map_box")
     HELLO_FIELD_NUMBER: _ClassVar[int]
     TASK_FIELD_NUMBER: _ClassVar[int]
     OBSERVATION_FIELD_NUMBER: _ClassVar[int]
     CLOSE_FIELD_NUMBER: _ClassVar[int]
+    MAP_BOX_FIELD_NUMBER: _ClassVar[int]
     hello: Hello
     task: Task
     observation: Observation
     close: Close
-    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., task: _Optional[_Union[Task, _Mapping]] = ..., observation: _Optional[_Union[Observation, _Mapping]] = ..., close: _Optional[_Union[Close, _Mapping]] = ...) -> None: ...
+    map_box: MapBox
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., task: _Optional[_Union[Task, _Mapping]] = ..., observation: _Optional[_Union[Observation, _Mapping]] = ..., close: _Optional[_Union[Close, _Mapping]] = ..., map_box: _Optional[_Union[MapBox, _Mapping]] = ...) -> None: ...
 
 class FromStack(_message.Message):
-    __slots__ = ("hello", "command", "failure")
+    __slots__ = ("hello", "command", "failure", "prediction")
     HELLO_FIELD_NUMBER: _ClassVar[int]
     COMMAND_FIELD_NUMBER: _ClassVar[int]
     FAILURE_FIELD_NUMBER: _ClassVar[int]
+    PREDICTION_FIELD_NUMBER: _ClassVar[int]
     hello: Hello
     command: Command
     failure: Failure
-    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., failure: _Optional[_Union[Failure, _Mapping]] = ...) -> None: ...
+    prediction: Prediction
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., failure: _Optional[_Union[Failure, _Mapping]] = ..., prediction: _Optional[_Union[Prediction, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
-    __slots__ = ("version", "name", "announced")
+    __slots__ = ("version", "name", "announced", "role")
     VERSION_FIELD_NUMBER: _ClassVar[int]
     NAME_FIELD_NUMBER: _ClassVar[int]
     ANNOUNCED_FIELD_NUMBER: _ClassVar[int]
+    ROLE_FIELD_NUMBER: _ClassVar[int]
     version: int
     name: str
     announced: bool
-    def __init__(self, version: _Optional[int] = ..., name: _Optional[str] = ..., announced: _Optional[bool] = ...) -> None: ...
+    role: str
+    def __init__(self, version: _Optional[int] = ..., name: _Optional[str] = ..., announced: _Optional[bool] = ..., role: _Optional[str] = ...) -> None: ...
 
 class Close(_message.Message):
     __slots__ = ()
@@ -324,3 +330,35 @@ class Grid(_message.Message):
     height: int
     cells: bytes
     def __init__(self, x: _Optional[float] = ..., y: _Optional[float] = ..., resolution: _Optional[float] = ..., width: _Optional[int] = ..., height: _Optional[int] = ..., cells: _Optional[bytes] = ...) -> None: ...
+
+class MapBox(_message.Message):
+    __slots__ = ("time_ns", "sequence", "resolution", "origin", "shape", "states", "position", "quaternion")
+    TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    RESOLUTION_FIELD_NUMBER: _ClassVar[int]
+    ORIGIN_FIELD_NUMBER: _ClassVar[int]
+    SHAPE_FIELD_NUMBER: _ClassVar[int]
+    STATES_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    QUATERNION_FIELD_NUMBER: _ClassVar[int]
+    time_ns: int
+    sequence: int
+    resolution: float
+    origin: Vector
+    shape: _containers.RepeatedScalarFieldContainer[int]
+    states: bytes
+    position: Vector
+    quaternion: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, time_ns: _Optional[int] = ..., sequence: _Optional[int] = ..., resolution: _Optional[float] = ..., origin: _Optional[_Union[Vector, _Mapping]] = ..., shape: _Optional[_Iterable[int]] = ..., states: _Optional[bytes] = ..., position: _Optional[_Union[Vector, _Mapping]] = ..., quaternion: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Prediction(_message.Message):
+    __slots__ = ("sequence", "offset", "shape", "log_odds")
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_FIELD_NUMBER: _ClassVar[int]
+    SHAPE_FIELD_NUMBER: _ClassVar[int]
+    LOG_ODDS_FIELD_NUMBER: _ClassVar[int]
+    sequence: int
+    offset: _containers.RepeatedScalarFieldContainer[int]
+    shape: _containers.RepeatedScalarFieldContainer[int]
+    log_odds: bytes
+    def __init__(self, sequence: _Optional[int] = ..., offset: _Optional[_Iterable[int]] = ..., shape: _Optional[_Iterable[int]] = ..., log_odds: _Optional[bytes] = ...) -> None: ...

@@ -146,18 +146,20 @@ class Latency(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., mode: _Optional[str] = ..., delay_s: _Optional[float] = ...) -> None: ...
 
 class StageLatency(_message.Message):
-    __slots__ = ("sense_ms", "map_ms", "costmap_ms", "plan_ms", "answer_ms")
+    __slots__ = ("sense_ms", "map_ms", "costmap_ms", "plan_ms", "answer_ms", "predict_ms")
     SENSE_MS_FIELD_NUMBER: _ClassVar[int]
     MAP_MS_FIELD_NUMBER: _ClassVar[int]
     COSTMAP_MS_FIELD_NUMBER: _ClassVar[int]
     PLAN_MS_FIELD_NUMBER: _ClassVar[int]
     ANSWER_MS_FIELD_NUMBER: _ClassVar[int]
+    PREDICT_MS_FIELD_NUMBER: _ClassVar[int]
     sense_ms: float
     map_ms: float
     costmap_ms: float
     plan_ms: float
     answer_ms: float
-    def __init__(self, sense_ms: _Optional[float] = ..., map_ms: _Optional[float] = ..., costmap_ms: _Optional[float] = ..., plan_ms: _Optional[float] = ..., answer_ms: _Optional[float] = ...) -> None: ...
+    predict_ms: float
+    def __init__(self, sense_ms: _Optional[float] = ..., map_ms: _Optional[float] = ..., costmap_ms: _Optional[float] = ..., plan_ms: _Optional[float] = ..., answer_ms: _Optional[float] = ..., predict_ms: _Optional[float] = ...) -> None: ...
 
 class Point(_message.Message):
     __slots__ = ("x", "y", "z")
@@ -256,6 +258,24 @@ class StackCommand(_message.Message):
     sequence: int
     command: bytes
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., command: _Optional[bytes] = ...) -> None: ...
+
+class Prediction(_message.Message):
+    __slots__ = ("timestamp", "sequence", "predictor", "first", "shape", "log_odds", "late")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    SEQUENCE_FIELD_NUMBER: _ClassVar[int]
+    PREDICTOR_FIELD_NUMBER: _ClassVar[int]
+    FIRST_FIELD_NUMBER: _ClassVar[int]
+    SHAPE_FIELD_NUMBER: _ClassVar[int]
+    LOG_ODDS_FIELD_NUMBER: _ClassVar[int]
+    LATE_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    sequence: int
+    predictor: str
+    first: _containers.RepeatedScalarFieldContainer[int]
+    shape: _containers.RepeatedScalarFieldContainer[int]
+    log_odds: bytes
+    late: bool
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., predictor: _Optional[str] = ..., first: _Optional[_Iterable[int]] = ..., shape: _Optional[_Iterable[int]] = ..., log_odds: _Optional[bytes] = ..., late: _Optional[bool] = ...) -> None: ...
 
 class Verdict(_message.Message):
     __slots__ = ("verdict", "free_m", "cut", "limited")

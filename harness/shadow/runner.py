@@ -14,6 +14,7 @@ from wayproof.harness.config import to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import inputs_from_messages, serialized
 from wayproof.harness.interface.build import live_navigator
+from wayproof.harness.interface.predictors.asking import predictions_for
 from wayproof.harness.log.copy import topic_of
 from wayproof.harness.log.streams import StreamHashes, own_streams
 from wayproof.harness.log.writer import LogWriter, hold_log
@@ -59,6 +60,10 @@ def run_recording(
     infos = {info.name: info for info in prepared.infos}
     with (
         live_navigator(config, mission, infos) as (navigator, _),
+        predictions_for(config, mission, prepared.recorded.decision_period) as (
+            navigator.predictions,
+            _,
+        ),
         log_path if isinstance(log_path, Draft) else hold_log(log_path) as draft,
     ):
         with LogWriter(draft, to_json(config), mission.to_json(), SCENE) as log:
@@ -93,11 +98,15 @@ class ShadowRun:
         sequence, began = len(self.decisions), time.perf_counter()
         given = self._inputs.write(batch, sequence)
         pose, goal, motion = given.pose, given.goal, given.motion
-        messages = (*given.sweeps, pose, goal)
-        written = [serialized(message) for message in messages]
-        inputs = inputs_from_messages(pose, given.sweeps, written, goal)
         sense_ms = (time.perf_counter() - began) * 1e3
+        predicted = self._navigator.predict(sequence, batch.time_ns)
+        prediction = None if predicted is None else predicted.message
+        messages = [*given.sweeps, pose, goal, *([] if prediction is None else [prediction])]
+        written = [serialized(message) for message in messages]
+        inputs = inputs_from_messages(pose, given.sweeps, written, goal, prediction)
         decision = self._navigator.step(inputs, sense_ms)
+        if predicted is not None:
+            decision.stages.predict_ms = predicted.took_ms
         latency = self._latency(decision, batch.time_ns)
         self._navigator.commit(decision, latency.delay_s)
         self._record([*zip(messages, written, strict=True)], latency, motion, decision)

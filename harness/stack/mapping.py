@@ -49,6 +49,7 @@ class Mapper:
         costmap: Inflated for the mission's body: what the stack may enter.
         stages: The evidence by provenance, each with a costmap; the measured one first.
         guide: Costmap of all evidence, for the search of a global path; None if `costmap` is it.
+        newest: Inputs of the newest decision that the map holds; None before the first.
         on_integrated: Callback after each integration; only counterfactuals set one.
         on_placed: Callback with each placed sweep, its range, m, and its time, ns; only the
             assessment of a recording sets one.
@@ -91,6 +92,7 @@ class Mapper:
         self.measured = with_class_margins(self.map, self.labels, config.costmap.class_margins)
         self._layers = layers_of(config, mission)
         self.stages, self.costmap, self.guide = stages_of(self.measured, self._layers, costmap_of)
+        self.newest: Inputs | None = None
         self.on_integrated: Callable[[Inputs], None] | None = None
         self.on_placed: Callable[[WorldSweep, float, int], None] | None = None
         self._declare_start_free()
@@ -105,6 +107,7 @@ class Mapper:
 
     def integrate(self, inputs: Inputs) -> None:
         """Integrate the sweeps of one instant into the map."""
+        self.newest = inputs
         self.map.advance(inputs.time_ns)
         for sweep in inputs.sweeps:
             beams = self._beams[sweep.sensor]
@@ -144,7 +147,7 @@ class Mapper:
         widening = margin.widening
         for layer in self._layers:
             if layer.follow is not None:
-                layer.follow(self.map)
+                layer.follow(self.map, inputs)
         feet = np.subtract(inputs.pose.position, (0.0, 0.0, self._mission.rest_height))
         for stage in self.stages:
             if self._climbs:

@@ -20,6 +20,7 @@ from wayproof.harness.stack.decision import chain_hash
 from wayproof.harness.stack.footprint_mode import FootprintDecision, decide_with_footprint
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder, PlannerInputBuilder
+from wayproof.harness.stack.prediction import Predicted, Predictions
 from wayproof.harness.stack.record import StageClock, record, record_missed_deadline
 from wayproof.harness.stack.types import PlannerInput, PlannerState, for_next_goal
 from wayproof.planners import Trajectory, hold
@@ -33,10 +34,12 @@ class Navigator:
         state: Planner state after the last committed decision.
         chain: Hash over all decisions so far.
         answer: Logged answer of a stack on trial to the last inputs; the built-in one has none.
+        predictions: Of a predictor from outside; None without one, and where they come from a log.
     """
 
     SPACES = FreeSpaceBuilder
     answer: pb.StackCommand | None = None
+    predictions: Predictions | None = None
 
     def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
         """Start at rest, with an unknown map but for the start area."""
@@ -72,6 +75,24 @@ class Navigator:
 
     def announce(self) -> None:
         """Say that the next inputs are on their way; a stack on trial may have to wake."""
+
+    def predict(self, sequence: int, time_ns: int) -> Predicted | None:
+        """Have the map predicted as it is now, for the inputs of the next decision.
+
+        Args:
+            sequence: Number of that decision.
+            time_ns: Its simulated time.
+
+        Returns:
+            The prediction; None without a predictor from outside, and before the first decision.
+
+        Raises:
+            PredictorError: The predictor failed.
+        """
+        newest = self.mapper.newest
+        if self.predictions is None or newest is None:
+            return None
+        return self.predictions.of(self.map, newest, sequence, time_ns)
 
     def step(
         self, inputs: Inputs, sense_ms: float = 0.0, answer: pb.StackCommand | None = None

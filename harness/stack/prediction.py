@@ -1,18 +1,26 @@
-"""Predicted cells of a mission: the measured map through a predictor into a layer."""
+"""Predicted cells of a mission: what a predictor says of the measured map, as a layer below it.
+
+Our own predictors are computed anew from the measured map at each decision. What one from outside
+said is an input of the decision.
+"""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
+from wayproof.harness.inputs import Inputs
 from wayproof.harness.mission import Mission
-from wayproof.harness.prediction import PREDICTED_LAYERS, PREDICTORS, View
-from wayproof.harness.prediction.predictor import BAND, STEPS
+from wayproof.harness.prediction import PREDICTED_LAYERS, PREDICTORS, predicted_box, predictor
+from wayproof.harness.prediction.predictor import view_of
+from wayproof.harness.prediction_config import is_outside
+from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
-from wayproof.maps.columns import WORD_BITS, ColumnMap, Window, layer_bits
+from wayproof.maps.columns import WORD_BITS, ColumnMap, Window
 from wayproof.maps.elementary import logarithm
 from wayproof.maps.grid import FLOOR_LAYER
 from wayproof.maps.overlay import CellLayer
@@ -20,11 +28,80 @@ from wayproof.maps.overlay import CellLayer
 States = NDArray[np.uint8]
 
 
-class PredictedCells:
-    """A layer that follows the measured map.
+class Predicted(NamedTuple):
+    """A prediction as an input of a decision.
 
     Attributes:
-        cells: The layer: predicted columns from the floor up, unknown where nothing is predicted.
+        message: As it is logged.
+        took_ms: Wall time until it came, ms.
+    """
+
+    message: pb.Prediction
+    took_ms: float
+
+
+class Predictions(Protocol):
+    """Predictions of a predictor from outside: it is asked, or a log has them."""
+
+    def of(
+        self, measured: ColumnMap, newest: Inputs, sequence: int, time_ns: int
+    ) -> Predicted | None:
+        """The prediction of a map; None without one.
+
+        Args:
+            measured: The map.
+            newest: Inputs of the decision before, the newest that the map holds.
+            sequence: Number of the decision that the prediction is an input of.
+            time_ns: Simulated time of that decision.
+        """
+
+
+class PredictedLayer(Protocol):
+    """A layer of predicted cells.
+
+    Attributes:
+        cells: Unknown where nothing is predicted.
+    """
+
+    cells: CellLayer
+
+    def follow(self, measured: ColumnMap, inputs: Inputs) -> None:
+        """Bring it up to date for a decision, whose inputs the measured map holds."""
+
+
+def predicted_layer(config: Config, mission: Mission) -> PredictedLayer:
+    """The layer of the predictor of a config, without predictions.
+
+    Raises:
+        ValueError: The predictor is for cells of another size.
+    """
+    kind = GivenCells if is_outside(config.prediction.source) else ComputedCells
+    return kind(config, mission)
+
+
+class Thresholds:
+    """The states that log-odds in whole steps stand for."""
+
+    def __init__(self, config: Config, steps: int) -> None:
+        """Take the probabilities of a config, for log-odds of so many steps to a unit."""
+        settings = config.prediction
+        self._occupied_from = math.ceil(steps * _log_odds(settings.occupied_from))
+        self._free_below = math.floor(steps * _log_odds(settings.free_below))
+
+    def states(self, log_odds: NDArray[np.signedinteger]) -> States:
+        """States of an array of log-odds in steps."""
+        return np.where(
+            log_odds >= self._occupied_from,
+            np.uint8(OCCUPIED),
+            np.where(log_odds <= self._free_below, np.uint8(FREE), np.uint8(UNKNOWN)),
+        )
+
+
+class ComputedCells:
+    """Cells that one of our own predictors computes from the measured map.
+
+    Attributes:
+        cells: The layer: predicted columns from the floor up.
     """
 
     def __init__(self, config: Config, mission: Mission) -> None:
@@ -33,54 +110,103 @@ class PredictedCells:
         Raises:
             ValueError: The predictor is for cells of another size.
         """
-        settings, size = config.prediction, config.map.resolution
-        self._predictor = PREDICTORS[settings.source]()
-        self._window = Window.covering(mission.low, mission.high, size)
+        self._predictor = PREDICTORS[config.prediction.source]()
+        self._window = Window.covering(mission.low, mission.high, config.map.resolution)
         self.cells = CellLayer(self._window)
-        self._occupied_from = math.ceil(STEPS * _log_odds(settings.occupied_from))
-        self._free_below = math.floor(STEPS * _log_odds(settings.free_below))
+        self._thresholds = Thresholds(config, predictor.STEPS)
         self._columns = np.zeros(self._window.shape[:2], np.uint8)
-        low, high = (FLOOR_LAYER + round(height / size) for height in PREDICTED_LAYERS)
-        bottom = self._window.first[2]
-        self._layers = max(low - bottom, 0), min(high - bottom, self._window.shape[2])
+        self._layers = layers_of_columns(self._window)
         none = np.zeros((*self._columns.shape, 1), np.uint64)
         self._predictor.log_odds(view_of(self._window, none, none))
 
-    def follow(self, measured: ColumnMap) -> None:
+    def follow(self, measured: ColumnMap, inputs: Inputs) -> None:
         """Predict anew from a measured map; only what changes is put into the layer."""
         nx, ny, nz = self._window.shape
         words = -(-nz // WORD_BITS)
         odds = self._predictor.log_odds(
             view_of(self._window, *measured.columns(self._window.first, (nx, ny, words)))
         )
-        columns = np.where(
-            odds >= self._occupied_from,
-            np.uint8(OCCUPIED),
-            np.where(odds <= self._free_below, np.uint8(FREE), np.uint8(UNKNOWN)),
-        )
+        columns = self._thresholds.states(odds)
         changed = np.argwhere(columns != self._columns)
         self._columns = columns
         if len(changed):
             self._put(*changed.min(axis=0).tolist(), *(changed.max(axis=0) + 1).tolist())
 
     def _put(self, x0: int, y0: int, x1: int, y1: int) -> None:
-        """Put a box of predicted columns into the layer: free ones have a floor."""
+        """Put a box of predicted columns into the layer."""
         low, high = self._layers
-        columns = self._columns[x0:x1, y0:y1]
-        states = np.repeat(columns[:, :, None], high - low, axis=2)
-        states[:, :, 0] = np.where(columns == UNKNOWN, np.uint8(UNKNOWN), np.uint8(OCCUPIED))
         first = np.add(self._window.first, (x0, y0, low)).tolist()
+        states = standing(self._columns[x0:x1, y0:y1], high - low)
         self.cells.put((first[0], first[1], first[2]), states)
 
 
-def view_of(window: Window, occupied: NDArray[np.uint64], free: NDArray[np.uint64]) -> View:
-    """What a predictor sees of the columns of bits (nx, ny, words) of a window."""
-    size, bottom = window.resolution, window.first[2]
-    first, end = (FLOOR_LAYER + round(height / size) - bottom for height in BAND)
-    band = layer_bits(max(first, 0), max(end, 0), WORD_BITS * occupied.shape[2])
-    held = ((occupied & band) != 0).any(axis=2)
-    counts = np.bitwise_count(free & band).astype(np.int64).sum(axis=2)
-    return View(held, (2 * counts >= end - first) & ~held, size)
+class GivenCells:
+    """Cells that a predictor from outside gave with the inputs of a decision.
+
+    Attributes:
+        cells: The layer: what the newest decision was given; of columns from the floor up.
+    """
+
+    def __init__(self, config: Config, mission: Mission) -> None:
+        """Make a layer without predictions."""
+        self._window = Window.covering(mission.low, mission.high, config.map.resolution)
+        self.cells = CellLayer(self._window)
+        self._thresholds = Thresholds(config, predicted_box.STEPS)
+        self._layers = layers_of_columns(self._window)
+        self._states = np.zeros(self._window.shape, np.uint8)
+
+    def follow(self, measured: ColumnMap, inputs: Inputs) -> None:
+        """Take what the inputs hold in place of all before; only what changes is put anew."""
+        states = np.zeros_like(self._states)
+        if inputs.prediction is not None:
+            self._place(inputs.prediction, states)
+        changed = _least_box(states != self._states)
+        self._states = states
+        if changed is not None:
+            x, y, z = (part.start for part in changed)
+            first = np.add(self._window.first, (x, y, z)).tolist()
+            self.cells.put((first[0], first[1], first[2]), states[changed])
+
+    def _place(self, given: predicted_box.PredictedBox, states: States) -> None:
+        """Write the part of a box that lies in the window into states (nx, ny, nz)."""
+        found, first = self._thresholds.states(given.log_odds), np.array(given.first)
+        if found.ndim == 2:
+            low, high = self._layers
+            found = standing(found, high - low)
+            first[2] = self._window.first[2] + low
+        begin = np.maximum(first, self._window.first)
+        end = np.minimum(first + found.shape, np.add(self._window.first, self._window.shape))
+        if (begin < end).all():
+            here, there = (
+                tuple(slice(a, b) for a, b in zip(begin - low, end - low, strict=True))
+                for low in (self._window.first, first)
+            )
+            states[here] = found[there]
+
+
+def layers_of_columns(window: Window) -> tuple[int, int]:
+    """First layer of a window in which predicted columns stand, and the one past the last."""
+    low, high = (FLOOR_LAYER + round(height / window.resolution) for height in PREDICTED_LAYERS)
+    bottom = window.first[2]
+    return max(low - bottom, 0), min(high - bottom, window.shape[2])
+
+
+def standing(columns: States, layers: int) -> States:
+    """States (nx, ny, layers) of columns (nx, ny) from the floor up: known ones have a floor."""
+    states = np.repeat(columns[:, :, None], layers, axis=2)
+    states[:, :, 0] = np.where(columns == UNKNOWN, np.uint8(UNKNOWN), np.uint8(OCCUPIED))
+    return states
+
+
+def _least_box(changed: NDArray[np.bool_]) -> tuple[slice, slice, slice] | None:
+    """The least box that holds all cells that are set; None without any."""
+    parts = []
+    for others in ((1, 2), (0, 2), (0, 1)):
+        held = np.flatnonzero(changed.any(axis=others))
+        if not len(held):
+            return None
+        parts.append(slice(int(held[0]), int(held[-1]) + 1))
+    return parts[0], parts[1], parts[2]
 
 
 def _log_odds(probability: float) -> float:

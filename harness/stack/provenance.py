@@ -14,12 +14,13 @@ import numpy as np
 
 from wayproof.harness.config import Config
 from wayproof.harness.geometry import polyline_length
+from wayproof.harness.inputs import Inputs
 from wayproof.harness.mission import Mission
 from wayproof.harness.prediction_config import NO_PREDICTOR
 from wayproof.harness.prior.cells import prior_layer
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import GRAIN
-from wayproof.harness.stack.prediction import PredictedCells
+from wayproof.harness.stack.prediction import predicted_layer
 from wayproof.harness.stack.types import Array, EvidenceSpace, Provenance
 from wayproof.maps import Costmap
 from wayproof.maps.columns import ColumnMap
@@ -44,13 +45,14 @@ class Layer(NamedTuple):
         provenance: `prior` or `predicted`.
         cells: Its states.
         admits: Whether its free cells admit the body.
-        follow: Brings it up to date with the measured map; None of a layer that does not change.
+        follow: Brings it up to date with the measured map and the inputs of a decision; None of a
+            layer that does not change.
     """
 
     provenance: Provenance
     cells: CellLayer
     admits: bool = False
-    follow: Callable[[ColumnMap], None] | None = None
+    follow: Callable[[ColumnMap, Inputs], None] | None = None
 
 
 class Stage(NamedTuple):
@@ -89,7 +91,7 @@ def layers_of(config: Config, mission: Mission) -> tuple[Layer, ...]:
     if (cells := prior_layer(config, mission)) is not None:
         layers.append(Layer("prior", cells, admits=config.prior.policy == "admit"))
     if config.prediction.source != NO_PREDICTOR and config.prediction.policy == "guide":
-        predicted = PredictedCells(config, mission)
+        predicted = predicted_layer(config, mission)
         layers.append(Layer("predicted", predicted.cells, follow=predicted.follow))
     return tuple(layers)
 

@@ -52,4 +52,6 @@ def curves(moment: Snapshot, axes: int) -> dict[str, float]:
             "delay/delay_ms": decision.delay_s * 1e3,
             "delay/deadline_ms": decision.deadline_s * 1e3,
         }
+    if stages.predict_ms:
+        found["latency/predict_ms"] = stages.predict_ms
     return found

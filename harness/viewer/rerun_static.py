@@ -8,8 +8,10 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from wayproof.harness.config import Config
 from wayproof.harness.log.reader import Log
 from wayproof.harness.mission import Mission
+from wayproof.harness.prediction_config import NO_PREDICTOR
 from wayproof.harness.prior.cells import logged_cells
 from wayproof.harness.viewer import events
 from wayproof.harness.viewer.true_scene import GLASS, GROUND, OBSTACLES, true_scene
@@ -64,7 +66,9 @@ BY_PROVENANCE = {
     "path/global_predicted_m": ("global path, predicted", 0x9650C8FF),
     "path/global_unproven_m": ("global path, by nothing", 0x9696A0FF),
 }
-"""Those of curves that only a log with a prior map has."""
+"""Those of curves that only a log with a prior map or predictions has."""
+
+PREDICTED = "path/global_predicted_m"
 
 ACTIONS = {
     "follow": 0x2E9E4FFF,
@@ -90,7 +94,7 @@ def show_static(stream: rr.RecordingStream, log: Log, root: str) -> frozenset[st
     world = f"{root}/world"
     stream.log(world, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     _show_bodies(stream, log.mission, world)
-    _show_styles(stream, root, layered=log.config.has_layers)
+    _show_styles(stream, root, log.config)
     _show_prior(stream, log, world)
     return _show_scene(stream, log, world)
 
@@ -145,7 +149,20 @@ def _body(mission: Mission, colour: tuple[int, int, int]) -> rr.Cylinders3D | rr
     return rr.Ellipsoids3D(half_sizes=[size], colors=colour, fill_mode=fill)
 
 
-def _show_styles(stream: rr.RecordingStream, root: str, layered: bool) -> None:
+def _curves_of_layers(config: Config) -> dict[str, tuple[str, int]]:
+    """Return the curves of evidence that was not measured; those of predictions with the source."""
+    if not config.has_layers:
+        return {}
+    curves = dict(BY_PROVENANCE)
+    if (source := config.prediction.source) != NO_PREDICTOR:
+        words, colour = curves[PREDICTED]
+        curves[PREDICTED] = f"{words} by {source}", colour
+    if config.asks_predictor:
+        curves["latency/predict_ms"] = "predictor, beside them", colour
+    return curves
+
+
+def _show_styles(stream: rr.RecordingStream, root: str, config: Config) -> None:
     lanes = {"action": ACTIONS, "verdict": VERDICTS}
     lanes["event"] = {kind: _packed(colour) for kind, colour in events.COLOURS.items()}
     for lane, colours in lanes.items():
@@ -175,7 +192,7 @@ def _show_styles(stream: rr.RecordingStream, root: str, layered: bool) -> None:
     for kind, plot in events.PLOTS.items():
         dots = rr.SeriesPoints(colors=events.COLOURS[kind], marker_sizes=4.0, names=kind)
         stream.log(f"{root}/plots/{plot}/{events.name_of(kind)}", dots, static=True)
-    for curve, (name, line) in (CURVES | (BY_PROVENANCE if layered else {})).items():
+    for curve, (name, line) in (CURVES | _curves_of_layers(config)).items():
         stream.log(f"{root}/plots/{curve}", rr.SeriesLines(colors=line, names=name), static=True)
     markdown = rr.TextDocument.from_fields(media_type="text/markdown")
     stream.log(f"{root}/decision", markdown, static=True)

@@ -64,6 +64,7 @@ _MESSAGES: dict[str, type[Message]] = {
         pb.Sweep,
         pb.Pose,
         pb.Goal,
+        pb.Prediction,
         pb.RecordedMotion,
         pb.Latency,
         pb.StackCommand,

@@ -13,7 +13,7 @@ from wayproof.harness.attribution.standstill import lacks_time
 from wayproof.harness.bench.attribution.fault_scenarios import FAULTS
 from wayproof.harness.counterfactual.check import check
 from wayproof.harness.counterfactual.record import read_check, record_check
-from wayproof.harness.interface.errors import StackCause
+from wayproof.harness.interface.errors import PredictorCause, StackCause
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.result import Contact
 
@@ -21,7 +21,8 @@ from wayproof.harness.result import Contact
 def test_every_cause_has_a_test_of_facts_and_a_planted_fault():
     """Those of a stack on trial are found where it is called, see tests/harness/interface."""
     tested = {name for name, _ in (*contacts.TESTS, *standstills.TESTS)}
-    on_trial = {*get_args(StackCause), "stack_late", "stack_held", "exploration"}
+    outside = {*get_args(StackCause), *get_args(PredictorCause)}
+    on_trial = {*outside, "stack_late", "stack_held", "exploration"}
     assert tested | on_trial == set(CAUSES)
     assert tested - on_trial == {*FAULTS, "unexplained"}
     assert tested & on_trial == {"stack_late", "stack_broken", "stack_held", "exploration"}

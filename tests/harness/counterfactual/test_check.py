@@ -16,7 +16,7 @@ from wayproof.harness.counterfactual.recorded_movers import with_recorded_movers
 from wayproof.harness.counterfactual.remedies import REMEDIES
 from wayproof.harness.counterfactual.verdict import Check
 from wayproof.harness.errors import InputError
-from wayproof.harness.interface.errors import StackCause
+from wayproof.harness.interface.errors import PredictorCause, StackCause
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute.rebuild import rebuild
 from wayproof.harness.replay.fork import fork
@@ -73,7 +73,8 @@ def test_a_check_decides_the_cause(found, saving, cause, answer):
 
 def test_every_cause_that_a_change_can_undo_has_a_remedy():
     borne_out = {cause for _, causes in REMEDIES.values() for cause in causes}
-    without = {"unexplained", "exploration", *get_args(StackCause)}
+    outside = {*get_args(StackCause), *get_args(PredictorCause)}
+    without = {"unexplained", "exploration", *outside}
     assert borne_out == set(CAUSES) - without
 
 

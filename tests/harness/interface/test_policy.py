@@ -117,7 +117,7 @@ def test_a_policy_of_another_type_is_one_line(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("data", "text"),
     [
-        (None, "no such file, expected policy:FILE.onnx"),
+        (None, "no such file, expected an ONNX model"),
         (b"", "cannot be loaded"),
         (b"import os", "cannot be loaded"),
         (policies.constant().SerializeToString()[:80], "cannot be loaded"),

@@ -46,5 +46,5 @@ def test_other_cells_and_other_names_are_refused():
     scenario = build(override(Config("empty", "drone", 1), [COMPLETION, "map.resolution=0.2"]))
     with pytest.raises(InputError, match=r"for cells of 0\.1 m"):
         build_navigator(scenario.config, scenario.mission, {})
-    with pytest.raises(InputError, match=r"prediction\.source: invalid enum value"):
+    with pytest.raises(InputError, match=r"prediction\.source: got .oracle., expected"):
         override(Config("empty", "drone", 1), ["prediction.source=oracle"])

@@ -21,8 +21,9 @@ from wayproof.harness.bench.soak.on_trial import (
     run_planted,
     table,
 )
+from wayproof.harness.interface.connection import FileDescriptors
 from wayproof.harness.interface.errors import StackError
-from wayproof.harness.interface.remote import FileDescriptors, RemoteStack
+from wayproof.harness.interface.remote import RemoteStack
 from wayproof.harness.interface.types import Observation, Reference
 from wayproof.harness.schema import stack_pb2 as sb
 

@@ -1,0 +1,1 @@
+"""Predictors from outside: ways in, the questions that they are asked, and their serving."""
