@@ -30,7 +30,8 @@ class PriorConfig:
         source: `none`; `truth`, the geometry of the world; `splat`, Gaussians made of it; or a
             file: an occupancy map (`.yaml`), an OctoMap (`.bt`, `.ot`), our own map (`.map`), the
             map at the end of a log (`.mcap`), a world file (`.xml`), or a 3D Gaussian splat
-            (`.ply`). A log holds the cells that it became, and the name and hash of the file.
+            (`.ply`, `.spz`). A log holds the cells that it became, and the name and hash of the
+            file.
         policy: `guide`: free cells cost a global path less than unknown ones, and occupied ones are
             avoided while there is another way; none is admitted. `admit`: they count as measured
             ones do, until they are measured. `ignore`: nothing.

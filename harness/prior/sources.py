@@ -18,6 +18,7 @@ from wayproof.harness.perturbations.perturbation import Misplacement
 from wayproof.harness.prior.cells import PriorCells, packed
 from wayproof.harness.prior.grid import Grid, Placement, States, known_box, resampled
 from wayproof.harness.prior.splats import poll, read_splat
+from wayproof.harness.prior.spz import read_spz
 from wayproof.harness.prior.truth import grid_of_world
 from wayproof.harness.prior.world_splat import splat_of_world
 from wayproof.harness.prior_config import NO_PRIOR, SPLAT, TRUTH, PriorConfig
@@ -32,8 +33,8 @@ from wayproof.models.worlds import World
 
 T = TypeVar("T")
 
-SPLAT_FILE = ".ply"
-"""Ending of the file of a splat."""
+SPLATS = {".ply": read_splat, ".spz": read_spz}
+"""Readers of splats by the ending of a file."""
 
 HASH_DIGITS = 16
 """Number of hex digits of the hash of a file in a log."""
@@ -119,13 +120,13 @@ def _states(config: Config, shown: World, placed: Placement, window: Window) -> 
     if prior.source == SPLAT:
         return poll(splat_of_world(shown), window, placed).states, SPLAT
     path = Path(prior.source)
-    if path.suffix.lower() == SPLAT_FILE:
-        splat, source = _read(path, read_splat)
+    if (read_gaussians := SPLATS.get(path.suffix.lower())) is not None:
+        splat, source = _read(path, read_gaussians)
         return poll(splat, window, placed, prior.scale, prior.up).states, source
     if path.suffix.lower() not in READERS:
         if HASH_SEPARATOR in path.name:
             raise InputError(f"prior map '{path}' was read from a file: expected the file")
-        files = [f"FILE{one}" for one in (*READERS, SPLAT_FILE)]
+        files = [f"FILE{one}" for one in (*READERS, *SPLATS)]
         raise unknown_name("prior map", prior.source, [NO_PRIOR, TRUTH, SPLAT, *files])
     read = READERS[path.suffix.lower()]
     grid, source = _read(path, lambda path: read(path, config))
