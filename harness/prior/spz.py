@@ -66,7 +66,8 @@ def _fixed_point(bytes_of: NDArray[np.uint8], fraction: int) -> Array:
     """Signed numbers (n, 3) of 3 bytes each, least first, with so many fractional bits."""
     low, middle, high = (bytes_of[:, :, k].astype(np.int64) for k in range(3))
     whole = low + (middle << 8) + (high << 16)
-    return np.where(whole >= 1 << 23, whole - (1 << 24), whole) / float(1 << min(fraction, 62))
+    signed: Array = np.where(whole >= 1 << 23, whole - (1 << 24), whole)
+    return signed / float(1 << min(fraction, 62))
 
 
 def _first_three(rotations: NDArray[np.uint8]) -> Array:
