@@ -49,6 +49,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         seed=options.seed,
         stack=options.stack,
         perturbation=perturbation,
+        prior=options.prior,
     )
     path = options.log or options.logs / f"{log_name(recording, prepared)}.mcap"
     console.print(f"{recording.name}: {recording.chosen}", soft_wrap=True, highlight=False)
@@ -163,6 +164,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the searches (default: 0)")
     add_settings(parser)
+    parser.add_argument(
+        "--prior",
+        metavar="FILE",
+        help="map of another day that may guide: .yaml, .bt, .ot, .map, .mcap, .ply, .spz or a "
+        "world file, in the frame of the log; prior.* says where it lies and what it may do",
+    )
     parser.add_argument(
         "--perturb",
         metavar="KIND:SEVERITY[:MODE]",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,8 +18,11 @@ from wayproof.harness.interface.types import (
     Task,
 )
 from wayproof.harness.mission import Mission
+from wayproof.harness.prior.cells import PriorCells
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.maps.columns import Window
+from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL
 from wayproof.maps.sweep import Ranges
 from wayproof.models.poses import Trail
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
@@ -74,7 +79,18 @@ def task_message(task: Task) -> sb.Task:
             info=info.SerializeToString(deterministic=True),
             measures=info.measures,
         )
+    if task.prior is not None:
+        message.prior.CopyFrom(_prior_message(task.prior))
     return message
+
+
+def _prior_message(cells: PriorCells) -> sb.PriorMap:
+    return sb.PriorMap(
+        resolution=cells.resolution,
+        origin=_vector(cells.window.origin),
+        shape=cells.states.shape,
+        states=cells.states.tobytes(),
+    )
 
 
 def task_from(message: sb.Task) -> Task:
@@ -107,7 +123,23 @@ def task_from(message: sb.Task) -> Task:
         deadline_s=message.deadline_s,
         sensors={sensor.info.name: sensor for sensor in sensors},
         settings=message.settings,
+        prior=_prior_from(message.prior) if message.HasField("prior") else None,
     )
+
+
+def _prior_from(message: sb.PriorMap) -> PriorCells:
+    window = window_at(message.resolution, message.origin, message.shape)
+    states = np.frombuffer(message.states, np.uint8).reshape(window.shape)
+    return PriorCells(window.resolution, window.first, states)
+
+
+def window_at(resolution: float, origin: sb.Vector, shape: Sequence[int]) -> Window:
+    """The cells of a box by its least corner, m, and its size."""
+    shift = np.array([0.0, 0.0, FLOOR_HEIGHT_IN_CELL])
+    corner = np.rint(np.array([origin.x, origin.y, origin.z]) / resolution + shift)
+    x, y, z = corner.astype(np.int64).tolist()
+    nx, ny, nz = shape
+    return Window(resolution, (x, y, z), (nx, ny, nz))
 
 
 def observation_message(observation: Observation, task: Task) -> sb.Observation:

@@ -22,6 +22,7 @@ from wayproof.harness.interface.types import (
     Task,
 )
 from wayproof.harness.mission import Mission
+from wayproof.harness.prior.cells import logged_cells
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.poses import Trail
 from wayproof.planners import Trajectory
@@ -47,6 +48,7 @@ def task_of(config: Config, mission: Mission, infos: Mapping[str, pb.SensorInfo]
         deadline_s=config.latency.deadline,
         sensors={name: Sensor(_copied(info)) for name, info in infos.items()},
         settings=to_json(config).decode(),
+        prior=logged_cells(config) if config.prior.policy != "ignore" else None,
     )
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.inputs import Beams, WorldSweep, beams_from_info
 from wayproof.harness.mission import Mission
+from wayproof.harness.prior.cells import PriorCells
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps.sweep import Ranges
 from wayproof.models.poses import Trail, rotation_matrices
@@ -86,6 +87,7 @@ class Task:
         deadline_s: A command with a longer delay is discarded, s.
         sensors: By name.
         settings: The resolved config of the episode, JSON.
+        prior: A prior map as the settings place it; none without one, and where it is ignored.
     """
 
     robot: str
@@ -97,6 +99,7 @@ class Task:
     deadline_s: float
     sensors: Mapping[str, Sensor]
     settings: str
+    prior: PriorCells | None = None
 
 
 @dataclass(frozen=True)

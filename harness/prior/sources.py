@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from wayproof.harness.config import BUILTIN, HASH_SEPARATOR, Config
+from wayproof.harness.config import HASH_SEPARATOR, Config
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import UNPERTURBED
@@ -21,7 +21,7 @@ from wayproof.harness.prior.splats import poll, read_splat
 from wayproof.harness.prior.spz import read_spz
 from wayproof.harness.prior.truth import grid_of_world
 from wayproof.harness.prior.world_splat import splat_of_world
-from wayproof.harness.prior_config import NO_PRIOR, SPLAT, TRUTH, PriorConfig
+from wayproof.harness.prior_config import MADE_OF_WORLD, NO_PRIOR, SPLAT, TRUTH, PriorConfig
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.maps import FREE, OCCUPIED, VoxelMap
 from wayproof.maps.columns import WORD_BITS, ColumnMap, Window, unpack
@@ -61,10 +61,10 @@ def with_prior(config: Config, world: World) -> Config:
                 "expected prior.source"
             )
         return replace(config, prior_map=b"") if config.prior_map else config
-    if config.stack.name != BUILTIN:
+    if config.recording is not None and prior.source in MADE_OF_WORLD:
         raise InputError(
-            f"prior.source: got '{prior.source}' with the stack '{config.stack.name}', expected "
-            "none: only the built-in stack takes a prior map"
+            f"prior.source: got '{prior.source}' for a recording, whose world is not known; "
+            "expected a file"
         )
     if HASH_SEPARATOR in prior.source and config.prior_map:
         return config  # from a log

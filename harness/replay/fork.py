@@ -234,13 +234,13 @@ def _check_goals(log: Log, scenario: Scenario, at: int) -> None:
 def refuse_other_task(log: Log, scenario: Scenario) -> None:
     """Raise an InputError if the settings of a fork change the task that a stack began with.
 
-    Its `settings` may differ: those of the referee are none of the stack's.
+    Its `settings` may differ: those of the referee are none of the stack's. A prior map cannot.
     """
     infos = {caster.mount.name: sensor_info(caster) for caster in scenario.scene.casters}
     old = task_of(log.config, log.mission, sensors_of(log))
     new = task_of(scenario.config, scenario.mission, infos)
     for field in fields(Task):
-        if field.name in ("settings", "seed"):
+        if field.name in ("settings", "seed", "prior"):
             continue
         if getattr(old, field.name) != getattr(new, field.name):
             raise InputError(

@@ -75,7 +75,7 @@ class Disc(_message.Message):
     def __init__(self, offset: _Optional[float] = ..., radius: _Optional[float] = ...) -> None: ...
 
 class Task(_message.Message):
-    __slots__ = ("robot", "seed", "motion", "radius", "height", "step_height", "max_speed", "max_acceleration", "max_jerk", "max_yaw_rate", "discs", "low", "high", "start", "start_heading", "goal", "goal_tolerance", "period_s", "delay_s", "deadline_s", "sensors", "settings", "waypoints")
+    __slots__ = ("robot", "seed", "motion", "radius", "height", "step_height", "max_speed", "max_acceleration", "max_jerk", "max_yaw_rate", "discs", "low", "high", "start", "start_heading", "goal", "goal_tolerance", "period_s", "delay_s", "deadline_s", "sensors", "settings", "waypoints", "prior")
     ROBOT_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
@@ -99,6 +99,7 @@ class Task(_message.Message):
     SENSORS_FIELD_NUMBER: _ClassVar[int]
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
     WAYPOINTS_FIELD_NUMBER: _ClassVar[int]
+    PRIOR_FIELD_NUMBER: _ClassVar[int]
     robot: str
     seed: int
     motion: str
@@ -122,7 +123,20 @@ class Task(_message.Message):
     sensors: _containers.RepeatedCompositeFieldContainer[Sensor]
     settings: str
     waypoints: _containers.RepeatedCompositeFieldContainer[Vector]
-    def __init__(self, robot: _Optional[str] = ..., seed: _Optional[int] = ..., motion: _Optional[str] = ..., radius: _Optional[float] = ..., height: _Optional[float] = ..., step_height: _Optional[float] = ..., max_speed: _Optional[float] = ..., max_acceleration: _Optional[float] = ..., max_jerk: _Optional[float] = ..., max_yaw_rate: _Optional[float] = ..., discs: _Optional[_Iterable[_Union[Disc, _Mapping]]] = ..., low: _Optional[_Union[Vector, _Mapping]] = ..., high: _Optional[_Union[Vector, _Mapping]] = ..., start: _Optional[_Union[Vector, _Mapping]] = ..., start_heading: _Optional[float] = ..., goal: _Optional[_Union[Vector, _Mapping]] = ..., goal_tolerance: _Optional[float] = ..., period_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., sensors: _Optional[_Iterable[_Union[Sensor, _Mapping]]] = ..., settings: _Optional[str] = ..., waypoints: _Optional[_Iterable[_Union[Vector, _Mapping]]] = ...) -> None: ...
+    prior: PriorMap
+    def __init__(self, robot: _Optional[str] = ..., seed: _Optional[int] = ..., motion: _Optional[str] = ..., radius: _Optional[float] = ..., height: _Optional[float] = ..., step_height: _Optional[float] = ..., max_speed: _Optional[float] = ..., max_acceleration: _Optional[float] = ..., max_jerk: _Optional[float] = ..., max_yaw_rate: _Optional[float] = ..., discs: _Optional[_Iterable[_Union[Disc, _Mapping]]] = ..., low: _Optional[_Union[Vector, _Mapping]] = ..., high: _Optional[_Union[Vector, _Mapping]] = ..., start: _Optional[_Union[Vector, _Mapping]] = ..., start_heading: _Optional[float] = ..., goal: _Optional[_Union[Vector, _Mapping]] = ..., goal_tolerance: _Optional[float] = ..., period_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., sensors: _Optional[_Iterable[_Union[Sensor, _Mapping]]] = ..., settings: _Optional[str] = ..., waypoints: _Optional[_Iterable[_Union[Vector, _Mapping]]] = ..., prior: _Optional[_Union[PriorMap, _Mapping]] = ...) -> None: ...
+
+class PriorMap(_message.Message):
+    __slots__ = ("resolution", "origin", "shape", "states")
+    RESOLUTION_FIELD_NUMBER: _ClassVar[int]
+    ORIGIN_FIELD_NUMBER: _ClassVar[int]
+    SHAPE_FIELD_NUMBER: _ClassVar[int]
+    STATES_FIELD_NUMBER: _ClassVar[int]
+    resolution: float
+    origin: Vector
+    shape: _containers.RepeatedScalarFieldContainer[int]
+    states: bytes
+    def __init__(self, resolution: _Optional[float] = ..., origin: _Optional[_Union[Vector, _Mapping]] = ..., shape: _Optional[_Iterable[int]] = ..., states: _Optional[bytes] = ...) -> None: ...
 
 class Sensor(_message.Message):
     __slots__ = ("name", "kind", "range_m", "rate_hz", "position_base_sensor", "rotation_base_sensor", "directions", "beams", "info", "measures")

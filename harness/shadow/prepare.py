@@ -12,6 +12,7 @@ from wayproof.harness.config import HASH_SEPARATOR, Config, override, with_pertu
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
 from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.prior.sources import with_prior
 from wayproof.harness.recording_config import RecordingConfig
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.recordings.track import RecordedTrack
@@ -27,6 +28,7 @@ from wayproof.harness.shadow.sweeps import (
 from wayproof.harness.shadow.way import Way
 from wayproof.maps.kernels.beams import MAX_BEAM_CELLS
 from wayproof.models.sensors.beams import LONGEST_LISTED_RANGE
+from wayproof.models.worlds import World
 
 Array = NDArray[np.float64]
 
@@ -96,6 +98,7 @@ def prepare(
     seed: int = 0,
     stack: str | None = None,
     perturbation: AnyPerturbation | None = None,
+    prior: str | None = None,
 ) -> Prepared:
     """Resolve the settings, and declare mission and sensors.
 
@@ -106,11 +109,14 @@ def prepare(
         seed: Of the stack's searches and of a perturbation.
         stack: In place of the built-in one; its goal is the end of the recording.
         perturbation: The one assumption that is off.
+        prior: File of a prior map.
 
     Raises:
         InputError: A setting is refused, or the recording has no sweep.
     """
     settings = list(settings)
+    if prior is not None:
+        settings.append(f"prior.source={prior}")
     if stack is not None and stack.partition(":")[0] in REMOTE:
         raise InputError(
             f"--stack {stack}: the interface to other processes has no sweeps that list their "
@@ -132,6 +138,7 @@ def prepare(
     mission = _mission(way, body, config, start_ns, recording.mission)
     if body.motion == "air" and recording.mission is None:
         config = _within_altitudes(config, mission, settings)
+    config = with_prior(config, _area(config, mission))
     lift = _lift(config, recorded, first) if planar else 0.0
     infos: list[pb.SensorInfo] = []
     writers: dict[str, SweepWriter | TableWriter] = {}
@@ -295,6 +302,20 @@ def _mission(
         )
     except ValueError as error:
         raise InputError(f"recording with robot '{body.identity}': {error}") from None
+
+
+def _area(config: Config, mission: Mission) -> World:
+    """The operating area of a recording as a world in which nothing is known to stand."""
+    return World(
+        name=config.world,
+        seed=config.seed,
+        solids=(),
+        low=mission.low,
+        high=mission.high,
+        start=mission.start,
+        start_heading=mission.start_heading,
+        goal=mission.goal,
+    )
 
 
 def _within_altitudes(config: Config, mission: Mission, settings: list[str]) -> Config:

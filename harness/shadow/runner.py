@@ -16,7 +16,7 @@ from wayproof.harness.inputs import inputs_from_messages, serialized
 from wayproof.harness.interface.build import live_navigator
 from wayproof.harness.interface.predictors.asking import predictions_for
 from wayproof.harness.log.copy import topic_of
-from wayproof.harness.log.streams import StreamHashes, own_streams
+from wayproof.harness.log.streams import PRIOR, StreamHashes, own_streams
 from wayproof.harness.log.writer import LogWriter, hold_log
 from wayproof.harness.outputs import Draft
 from wayproof.harness.recordings.recording import Recording
@@ -88,6 +88,8 @@ class ShadowRun:
         self._prepared, self._navigator, self._log = prepared, navigator, log
         sensors = [f"sensor/{info.name}" for info in prepared.infos]
         self._streams = StreamHashes([*sensors, *own_streams(prepared.config)])
+        if prepared.config.prior_map:
+            self._streams.update(PRIOR, prepared.config.prior_map)
         self._perturbation = RecordedPerturbation(prepared.config, prepared.infos)
         self._inputs = InputWriter(prepared, self._perturbation)
         self.decisions: list[pb.Decision] = []

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.interface.observation_messages import hello
+from wayproof.harness.interface.observation_messages import hello, window_at
 from wayproof.harness.interface.predictors.connect import SETTING, in_process, runs_in_process
 from wayproof.harness.prediction.map_box import MapBox
 from wayproof.harness.prediction.predicted_box import in_steps
 from wayproof.harness.schema import stack_pb2 as sb
-from wayproof.maps.columns import Window
-from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL
 
 
 class ServedPredictor:
@@ -56,16 +54,12 @@ class ServedPredictor:
 
 def box_from(message: sb.MapBox) -> MapBox:
     """A box, in the predictor's process."""
-    size, origin = message.resolution, message.origin
-    shift = np.array([0.0, 0.0, FLOOR_HEIGHT_IN_CELL])
-    corner = np.rint(np.array([origin.x, origin.y, origin.z]) / size + shift)
-    x, y, z = corner.astype(np.int64).tolist()
-    nx, ny, nz = message.shape
+    window = window_at(message.resolution, message.origin, message.shape)
     return MapBox(
         time_ns=message.time_ns,
         sequence=message.sequence,
-        window=Window(size, (x, y, z), (nx, ny, nz)),
-        states=np.frombuffer(message.states, np.uint8).reshape(nx, ny, nz),
+        window=window,
+        states=np.frombuffer(message.states, np.uint8).reshape(window.shape),
         position=np.array([message.position.x, message.position.y, message.position.z]),
         quaternion=np.array(message.quaternion[:]),
     )
