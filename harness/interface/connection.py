@@ -214,13 +214,16 @@ def _die_with_parent() -> None:
 class Socket(FileDescriptors):
     """A stack that listens on a socket, such as one in a container."""
 
-    def __init__(self, address: str, wall_s: float, given: str = "--stack") -> None:
+    def __init__(
+        self, address: str, wall_s: float, given: str = "--stack", who: str = "stack"
+    ) -> None:
         """Connect to `unix:PATH` or `tcp:HOST:PORT`.
 
         Args:
             address: The address.
             wall_s: Wall time to connect in, s.
             given: Option or setting that names it.
+            who: What is to listen there.
 
         Raises:
             InputError: Nobody listens there, or it is no address.
@@ -231,7 +234,7 @@ class Socket(FileDescriptors):
             raise InputError(f"{given} {address}: expected tcp:HOST:PORT") from None
         except OSError as error:
             why = error.strerror or str(error)
-            raise InputError(f"{given} {address}: {why}, expected one that listens") from None
+            raise InputError(f"{given} {address}: {why}, expected a {who} that listens") from None
         super().__init__(self._socket.fileno(), self._socket.fileno())
 
     def close(self) -> None:

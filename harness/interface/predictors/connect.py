@@ -143,7 +143,7 @@ def connect_predictor(source: str, wall_s: float) -> PredictorSession:
         child = ChildProcess(source.removeprefix(EXEC), SETTING)
         return RemotePredictor(child, who, wall_s)
     if source.startswith(SOCKETS):
-        return RemotePredictor(Socket(source, wall_s, SETTING), who, wall_s)
+        return RemotePredictor(Socket(source, wall_s, SETTING, "predictor"), who, wall_s)
     return InProcessPredictor(*in_process(source), who)
 
 

@@ -191,7 +191,10 @@ def test_an_answer_that_is_none_is_named(tmp_path, kind, text):
         ("exec:no-such-command", "prediction.source exec:no-such-command: no-such-command: No"),
         ("exec:cat", "is a stack, expected a predictor"),
         ("exec:true", "ended (exit code 0)"),
-        ("tcp:127.0.0.1:9", "prediction.source tcp:127.0.0.1:9: "),
+        (
+            "tcp:127.0.0.1:9",
+            "tcp:127.0.0.1:9: Connection refused, expected a predictor that listens",
+        ),
         ("no.onnx", "predictor 'no.onnx': no such file, expected an ONNX model"),
         ("{mine}.onnx", "cannot be loaded"),
         ("two.onnx", "got 2 inputs and 1 outputs, expected one of each"),
