@@ -33,8 +33,8 @@ class Mission:
         goal: Base origin at the goal, m.
         discs: Offset along the body's x axis and radius of each disc of an elongated body, m;
             none for a body that is one disc or ball of the radius.
-        sideways_speed: Speed of a ground robot in any direction, whatever it faces, m/s; 0 for one
-            that turns before it moves.
+        sideways_speed: Speed in any direction, whatever the body faces, m/s; 0 for one that turns
+            before it moves, or that flies and takes a bend no faster than it turns.
         waypoints: Goals before the last one, in their order, m; at each the robot comes to rest.
         rest_height: Height of the base origin above the ground when standing, m: where the feet of
             one that climbs are; 0 for all others.

@@ -80,7 +80,7 @@ def follow_global_path(
     path = state.path
     traversable = input.traversable.free_length(path)
     corner = arc_length(path)
-    if not input.sideways_speed:
+    if not (input.sideways_speed and input.turns_in_place):
         corner = first_stop(path, 0.0, input.behaviour.max_corner_angle)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     overrun = CORNER_OVERRUN if input.traversable.discs else 0.0

@@ -203,7 +203,7 @@ class PlannerInputBuilder:
             limits=motion_limits(config, mission),
             planner=config.planner,
             behaviour=config.behaviour,
-            sideways_speed=mission.sideways_speed if mission.planar else 0.0,
+            sideways_speed=mission.sideways_speed,
             plan=memoized_planner(),
             localization=localization_of(inputs.pose, mission.axes),
             guided=self._guided(circumscribed=True),

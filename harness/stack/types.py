@@ -99,8 +99,8 @@ class PlannerInput:
         limits: Greatest speed, acceleration, jerk and yaw rate of a command.
         planner: Settings of the search.
         behaviour: Settings of the decision.
-        sideways_speed: Speed of a body on the ground in any direction, whatever it faces, m/s; 0 if
-            it turns before it moves.
+        sideways_speed: Speed in any direction, whatever the body faces, m/s; 0 if it turns before
+            it moves, or if it flies, if it takes a bend no faster than it turns.
         mission_goal: (3,) the mission's goal where `goal` is its projection to free space, or an
             intermediate goal, m.
         plan: Path planner: space, start, goal, settings, seed, heading.

@@ -114,7 +114,7 @@ class RobotSpec:
             than wide while it walks ahead and turns, m; as far ahead as behind, so that it is free
             tail first where it is nose first. None: its body is a disc of its radius.
         sideways_speed: Speed in any direction, whatever it faces, m/s; 0 for a body that turns
-            before it moves. Of no use to a robot that flies.
+            before it moves, and for one that flies no faster through a bend than it turns.
     """
 
     name: str

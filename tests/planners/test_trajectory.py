@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -330,6 +331,19 @@ def test_a_body_turns_while_it_moves_sideways_no_faster_than_it_can(heading):
     straight = follow_path(LINE, state, QUADRUPED, 9.0)
     slower = turning.duration_s - straight.duration_s
     assert slower == 0.0 if abs(heading) < 0.25 else slower > 0.2
+
+
+def test_a_body_that_moves_at_full_speed_in_any_direction_is_slowed_by_no_turn():
+    angles = np.linspace(0.0, np.pi, 60)
+    arc = 2.0 * np.stack([np.sin(angles), 1.0 - np.cos(angles), np.zeros(60)], axis=1)
+    slow = replace(DRONE, yaw_rate=0.25)  # rad/s: of 0.5 m/s on this arc
+    state = PathState(0, 0.0, 0.0, 0.0, 2.0)
+    turning = follow_path(arc, state, slow, 9.0)
+    assert sampled(turning)["speed"].max() == pytest.approx(0.5, rel=0.02)
+    ahead = follow_path(arc, state, slow, 9.0, sideways_speed=DRONE.speed)
+    assert sampled(ahead)["speed"].max() == pytest.approx(DRONE.speed, rel=0.02)
+    rates = np.diff(sampled(ahead)["heading"]) / 0.002
+    assert np.abs(rates).max() <= 0.25 + 1e-6
 
 
 def test_a_sharp_corner_is_taken_sideways_and_the_turn_is_made_good_behind_it():

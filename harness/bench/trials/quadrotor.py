@@ -210,6 +210,29 @@ def point_to_point(
     return lambda time: legs[bisect_right(begins, time) - 1].at(time)
 
 
+def turning_about(
+    rng: np.random.Generator, seconds: float, yaw_rate: float, limits: Limits | None = None
+) -> Course:
+    """Such flights within 6 m, and turns by up to half a circle at a constant rate all the while.
+
+    So navigation asks for turns: at once at the full rate, whatever the motion.
+
+    Args:
+        rng: Of points, headings and pauses.
+        seconds: To fill.
+        yaw_rate: rad/s.
+        limits: Along the lines.
+    """
+    places = point_to_point(rng, seconds, limits, far=6.0)
+    times, headings = [0.0], [0.0]
+    while times[-1] < seconds:
+        turn = rng.uniform(-math.pi, math.pi)
+        times += [times[-1] + abs(turn) / yaw_rate]
+        times += [times[-1] + rng.uniform(0.0, 0.5)]
+        headings += [headings[-1] + turn] * 2
+    return lambda time: (*places(time)[:3], float(np.interp(time, times, headings)))
+
+
 class _Leg(NamedTuple):
     """One straight flight: its begin, ends, profile and headings."""
 

@@ -8,6 +8,7 @@ import pytest
 from wayproof.harness.bench.trials import quadrotor as flights
 from wayproof.harness.bench.trials.estimate import EstimateNoise
 from wayproof.harness.bench.trials.wind import dryden_gusts
+from wayproof.models.robots import FAST_ROBOTS, ROBOTS
 from wayproof.models.robots.quadrotor import Quadrotor, warm_up
 from wayproof.models.robots.quadrotor.parameters import Airframe
 
@@ -66,6 +67,26 @@ def test_a_noisy_estimate_in_gusts_is_flown_with():
     flown = flights.fly(ROBOT, course, 6.0, 6.0, EstimateNoise(), rng(3))
     assert not flown.crashed
     assert flown.error < 0.12
+
+
+@pytest.mark.parametrize("name", ["plain", "fast"])
+def test_what_navigation_may_ask_is_flown_while_it_turns_about_in_gusts(name):
+    robot = {"plain": ROBOTS, "fast": FAST_ROBOTS}[name]["drone"]
+    asked = robot.limits
+    limits = flights.Limits(asked.speed, asked.acceleration, asked.jerk)
+    for seed in range(4):
+        course = flights.turning_about(rng(seed), 8.0, asked.yaw_rate, limits)
+        flown = flights.fly(robot, course, 8.0, 6.0, EstimateNoise(), rng(seed))
+        assert not flown.crashed
+        assert flown.error < 0.1
+
+
+def test_turns_are_at_the_rate_asked_for_or_none():
+    course = flights.turning_about(rng(7), 10.0, 1.5)
+    turning = np.abs(np.diff([course(k * 0.01)[3] for k in range(1000)])) / 0.01
+    rates = turning[(turning > 1e-9) & (np.abs(turning - 1.5) > 1e-6)]
+    assert len(rates) < 0.02 * len(turning)  # where a turn begins or ends between two times
+    assert 0.3 < np.mean(turning > 1e-9) < 1.0
 
 
 def test_touching_the_floor_is_a_crash():
