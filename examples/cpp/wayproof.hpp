@@ -77,6 +77,8 @@ struct Task {
   double max_acceleration = 0.0;     // m/s^2
   double max_jerk = 0.0;             // m/s^3
   double max_yaw_rate = 0.0;         // rad/s
+  double sideways_speed = 0.0;       // m/s in any direction, whatever the body faces; else 0
+  double rest_height = 0.0;          // of the base above the ground, of one that climbs; else 0, m
   std::vector<Disc> discs;
   Vector low, high;                  // corners of the operating area, m
   Vector start;                      // m
@@ -381,6 +383,8 @@ inline Task read_task(Reader in) {
       case 21: one.sensors.push_back(read_sensor(in.message())); break;
       case 22: one.settings = in.text(); break;
       case 23: one.waypoints.push_back(read_vector(in.message())); break;
+      case 25: one.sideways_speed = in.real(); break;
+      case 26: one.rest_height = in.real(); break;
       default: in.skip();
     }
   return one;

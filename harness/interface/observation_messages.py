@@ -64,6 +64,8 @@ def task_message(task: Task) -> sb.Task:
         deadline_s=task.deadline_s,
         settings=task.settings,
         waypoints=map(_vector, mission.waypoints),
+        sideways_speed=mission.sideways_speed,
+        rest_height=mission.rest_height,
     )
     for sensor in task.sensors.values():
         info = sensor.info
@@ -111,6 +113,8 @@ def task_from(message: sb.Task) -> Task:
         goal=_triple(message.goal),
         discs=tuple((disc.offset, disc.radius) for disc in message.discs),
         waypoints=tuple(map(_triple, message.waypoints)),
+        sideways_speed=message.sideways_speed,
+        rest_height=message.rest_height,
     )
     sensors = [Sensor(pb.SensorInfo.FromString(sensor.info)) for sensor in message.sensors]
     return Task(

@@ -17,6 +17,7 @@ from wayproof.models.arrays import Array
 from wayproof.models.robots.quadrotor.parameters import AIR_DENSITY, Airframe
 from wayproof.models.robots.quadrotor.robot import Quadrotor
 from wayproof.models.robots.robot import ROBOT_PREFIX, Setpoint
+from wayproof.planners import MotionLimits, PathState, follow_path
 
 Course = Callable[[float], tuple[float, float, float, float]]
 """Function from time, s, to x, y, z, m, and heading, rad."""
@@ -231,6 +232,49 @@ def turning_about(
         times += [times[-1] + rng.uniform(0.0, 0.5)]
         headings += [headings[-1] + turn] * 2
     return lambda time: (*places(time)[:3], float(np.interp(time, times, headings)))
+
+
+def winding(rng: np.random.Generator, limits: MotionLimits, corners: int = 14) -> Course:
+    """A path as navigation plans it, through drawn corners in space, at its limits, to rest.
+
+    Args:
+        rng: Of edges of 0.5 to 3 m, turns of up to 1.2 rad and heights of 1 to 3 m.
+        limits: Of the trajectory; the body may face anywhere.
+        corners: Number of edges.
+    """
+    waypoints = [np.array([0.0, 0.0, 2.0])]
+    heading = rng.uniform(-math.pi, math.pi)
+    for _ in range(corners):
+        heading += rng.uniform(-1.2, 1.2)
+        length, climb = rng.uniform(0.5, 3.0), rng.uniform(-0.8, 0.8)
+        x, y, z = waypoints[-1]
+        ahead = x + length * math.cos(heading), y + length * math.sin(heading)
+        waypoints.append(np.array([*ahead, min(max(z + climb, 1.0), 3.0)]))
+    path = _rounded(np.array(waypoints), reach=0.3)
+    start = PathState(0, 0.0, 0.0, 0.0, 0.0)
+    trajectory = follow_path(path, start, limits, limits.speed, sideways_speed=limits.speed)
+
+    def course(time: float) -> tuple[float, float, float, float]:
+        sample = trajectory.at(round(time * 1e9))
+        x, y, z = sample.position.tolist()
+        return x, y, z, sample.heading
+
+    return course
+
+
+def _rounded(waypoints: Array, reach: float) -> Array:
+    """A polyline with a parabola in place of each corner, from up to `reach` before it, m."""
+    share = np.linspace(0.0, 1.0, 7)[:, None]
+    parts = [waypoints[:1]]
+    for before, corner, after in zip(waypoints, waypoints[1:], waypoints[2:], strict=False):
+        begin, end = (
+            corner + (other - corner) * min(0.45, reach / float(np.linalg.norm(other - corner)))
+            for other in (before, after)
+        )
+        parts.append(
+            (1.0 - share) ** 2 * begin + 2.0 * share * (1.0 - share) * corner + share**2 * end
+        )
+    return np.vstack([*parts, waypoints[-1:]])
 
 
 class _Leg(NamedTuple):

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface.observation_messages import task_from, task_message
+from wayproof.harness.interface.types import Task
 from wayproof.harness.replay.asked_again import ask_again
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.closed_loop import simulate_again
@@ -39,12 +42,13 @@ def test_a_stack_in_a_child_process_gives_the_same_chain_as_in_this_one(tmp_path
     assert here.outcome == "timeout"
 
 
+@pytest.mark.parametrize("limits", ["cautious", "full"])
 @pytest.mark.parametrize("robot", ["quadruped", "drone"])
-def test_the_border_loses_nothing_of_the_built_in_stack(tmp_path, robot):
-    stack = "wayproof.harness.interface.builtin:BuiltinStack"
-    direct = trial(tmp_path, "builtin", "cylinders", robot, 2, name="direct")
-    here = trial(tmp_path, stack, "cylinders", robot, 2, name="here")
-    there = trial(tmp_path, f"{CHILD} {stack}", "cylinders", robot, 2, name="there")
+def test_the_border_loses_nothing_of_the_built_in_stack(tmp_path, robot, limits):
+    stack, ours = "wayproof.harness.interface.builtin:BuiltinStack", f"motion.limits={limits}"
+    direct = trial(tmp_path, "builtin", "cylinders", robot, 2, ours, name="direct")
+    here = trial(tmp_path, stack, "cylinders", robot, 2, ours, name="here")
+    there = trial(tmp_path, f"{CHILD} {stack}", "cylinders", robot, 2, ours, name="there")
     assert here.chain == there.chain
     pairs = zip(*(open_log(Path(one.log)).decisions() for one in (direct, here)), strict=True)
     for one, other in pairs:
@@ -52,6 +56,20 @@ def test_the_border_loses_nothing_of_the_built_in_stack(tmp_path, robot):
         assert (one.action, one.label) == (other.action, other.label)
         assert one.map_version == other.map_version
         assert other.verdict.verdict == "admitted"
+
+
+def test_the_border_loses_nothing_of_the_mission():
+    mission = build(Config("empty", "quadruped", 1)).mission
+    whole = replace(
+        mission,
+        waypoints=((1.0, 2.0, 0.3),),
+        discs=((0.1, 0.2),),
+        rest_height=0.31,
+        sideways_speed=0.25,
+    )
+    assert all(getattr(whole, one.name) for one in fields(whole) if one.name != "start_heading")
+    task = Task("quadruped", 7, whole, 0.2, 0.1, 0.05, 0.25, {}, "{}")
+    assert task_from(task_message(task)) == task
 
 
 def test_the_border_loses_nothing_of_a_covariance(tmp_path):

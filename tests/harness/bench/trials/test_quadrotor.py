@@ -11,6 +11,7 @@ from wayproof.harness.bench.trials.wind import dryden_gusts
 from wayproof.models.robots import FAST_ROBOTS, ROBOTS
 from wayproof.models.robots.quadrotor import Quadrotor, warm_up
 from wayproof.models.robots.quadrotor.parameters import Airframe
+from wayproof.planners import MotionLimits
 
 ROBOT = Quadrotor()
 
@@ -79,6 +80,33 @@ def test_what_navigation_may_ask_is_flown_while_it_turns_about_in_gusts(name):
         flown = flights.fly(robot, course, 8.0, 6.0, EstimateNoise(), rng(seed))
         assert not flown.crashed
         assert flown.error < 0.1
+
+
+def limits_of(robot):
+    asked = robot.limits
+    return MotionLimits(
+        asked.speed, asked.acceleration, asked.jerk, asked.acceleration, asked.yaw_rate
+    )
+
+
+def test_paths_of_navigation_are_flown_at_its_limits():
+    robot = ROBOTS["drone"]
+    for seed in range(5):
+        course = flights.winding(rng(seed), limits_of(robot))
+        flown = flights.fly(robot, course, 8.0, 6.0, EstimateNoise(), rng(seed))
+        assert not flown.crashed
+        assert flown.error < 0.1
+
+
+def test_a_winding_path_begins_and_ends_at_rest_and_obeys_its_limits():
+    limits = limits_of(FAST_ROBOTS["drone"])
+    course = flights.winding(rng(1), limits, corners=5)
+    places = np.array([course(k * 0.01) for k in range(2000)])
+    speed = np.linalg.norm(np.diff(places[:, :3], axis=0), axis=1) / 0.01
+    assert speed[0] < 0.1
+    assert speed[-1] == 0.0
+    assert 1.5 < speed.max() < limits.speed + 1e-6
+    assert np.abs(np.diff(places[:, 3])).max() / 0.01 < limits.yaw_rate + 1e-6
 
 
 def test_turns_are_at_the_rate_asked_for_or_none():
