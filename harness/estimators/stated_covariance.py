@@ -45,7 +45,7 @@ class StatedCovariance:
         self._lost_s = 0.0  # time since a sweep was registered
         self._positions: list[Array] = []  # (3,) of the poses of the mapped sweeps, m
         self._covariances: list[Array] = []  # (4, 4) of these
-        self.axes = np.zeros((0, 3))
+        self.axes = np.eye(3)  # until a sweep is registered
         self.information = np.zeros(3)
 
     def predict(self, step: Array, period: float, inertial: Array | None) -> None:
