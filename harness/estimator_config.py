@@ -65,8 +65,8 @@ class EstimateConfig:
     held: Annotated[float, Bounds(0.0, 0.3)] = 0.04
     registered_share: Annotated[float, Bounds(0.0, 1.0)] = 0.4
     sweep_noise_share: Annotated[float, Bounds(0.001, 10.0)] = 0.05
-    map_error_share: Annotated[float, Bounds(0.0, 10.0)] = 0.04
-    surface_roughness: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.0015
+    map_error_share: Annotated[float, Bounds(0.0, 10.0)] = 0.046
+    surface_roughness: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.0004
     position_floor: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.00003
     heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0002
     motion_share: Annotated[float, Bounds(0.0, 1.0)] = 0.03

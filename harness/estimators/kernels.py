@@ -396,6 +396,7 @@ def examine(
     voxels: Voxels,
     distances: Array,
     moment: Array,
+    scatter: Array,
     shares: Array,
 ) -> int:
     """Measure how an aligned sweep lies on the planes of the map.
@@ -410,17 +411,19 @@ def examine(
             written.
         moment: (4, 4) mean of g g' over these points, g the gradient of the distance by the pose;
             written.
+        scatter: (4, 4) mean of w^2 d^2 g g' over them by the square of the mean of w, m^2: d the
+            distance, w its weight in `align`; written.
         shares: (k, 4) by the birth of their voxels: sum of the squares of g; added to.
 
     Returns:
         Number of these points.
     """
-    moment[:] = 0.0
+    moment[:], scatter[:] = 0.0, 0.0
     c, s = cos(correction[3]), sin(correction[3])
     bx, by = predicted[0] + correction[0], predicted[1] + correction[1]
     bz = predicted[2] + correction[2]
     viewer, row = np.array((bx, by, bz)), np.empty(4)
-    inliers = 0
+    inliers, total = 0, 0.0
     for index in range(len(offsets)):
         ox, oy = offsets[index, 0], offsets[index, 1]
         rx, ry = c * ox - s * oy, s * ox + c * oy
@@ -434,12 +437,16 @@ def examine(
         plane = voxels.planes[slot]
         row[0], row[1], row[2] = plane[0], plane[1], plane[2]
         row[3] = plane[1] * rx - plane[0] * ry
+        weight = 1.0 / (1.0 + (distance / SCALE) ** 2)
+        total += weight
         birth = voxels.births[slot]
         for i in range(4):
             shares[birth, i] += row[i] * row[i]
             for j in range(4):
                 moment[i, j] += row[i] * row[j]
+                scatter[i, j] += (weight * distance) ** 2 * row[i] * row[j]
     moment /= max(inliers, 1)
+    scatter *= inliers / max(total, 1.0) ** 2
     return inliers
 
 

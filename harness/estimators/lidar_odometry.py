@@ -30,7 +30,7 @@ ROUGHNESS = 0.003
 MAP_SPACING = 0.1
 """Distance between the points of a sweep that are mapped, m."""
 
-NAME = "lidar/6"
+NAME = "lidar/7"
 """Name and version of the estimator, as it is logged."""
 
 
@@ -107,8 +107,8 @@ class LidarOdometry:
         shift, turn = registration.correction[:3], float(registration.correction[3])
         self._position = self._position + shift
         self._heading += turn
-        if math.isfinite(registration.scatter):
-            self._residual = math.hypot(registration.scatter, ROUGHNESS)
+        if math.isfinite(registration.deviation):
+            self._residual = math.hypot(registration.deviation, ROUGHNESS)
             information = self._information(registration)
             change = self._filter.update(information, shift, registration.unheld)
             self._velocity, self._bias = self._velocity + change[:3], self._bias + change[3:]

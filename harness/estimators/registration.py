@@ -17,12 +17,12 @@ class Registration:
             they sum to 1, and all are 0 where too few were registered.
         unheld: (k, 3) unit directions along which the scene does not hold the pose.
         inliers: Number of registered points.
-        scatter: Standard deviation of their distances from the planes, by the median, m; infinite
-            without any.
+        deviation: Standard deviation of their distances from the planes, by the median, m;
+            infinite without any.
         moment: (4, 4) mean of g g' over these points, g the gradient of the distance by the pose:
             x, y, z and heading.
-        spread: (4, 4) covariance of the registration if a distance had the variance 1, and only one
-            did count; zero along what is not held.
+        scatter: (4, 4) mean of w^2 d^2 g g' over them by the square of the mean of w, m^2: d the
+            distance, w its weight.
         anchors: (k, 4) share of the voxels that each sweep before was the first to meet, in what
             was measured of x, y, z and the heading; each column sums to 1, or is 0.
     """
@@ -31,7 +31,7 @@ class Registration:
     information: Array
     unheld: Array
     inliers: int
-    scatter: float
+    deviation: float
     moment: Array
-    spread: Array
+    scatter: Array
     anchors: Array

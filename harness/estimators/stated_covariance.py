@@ -20,12 +20,23 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators.matrices import projected
+from wayproof.harness.estimators.kernels import FIXED
+from wayproof.harness.estimators.matrices import inverse, projected
 from wayproof.harness.estimators.registration import Registration
 from wayproof.models.arrays import Array
 
 HEADING = 3
 """Row of the heading."""
+
+
+LEAST_LEVER = 1e-3
+"""Mean square of the lever by which distances measure the heading, m^2, that is always there."""
+
+LEAST_SHARE = 1e-3
+"""Least share of the distances that measures an axis, below which there is no mean of them."""
+
+SYSTEMATIC = 4.0
+"""Variance of the error that all distances of a sweep have alike, in that of one distance."""
 
 
 class StatedCovariance:
@@ -141,8 +152,9 @@ class StatedCovariance:
         walk, which averaging does not lessen.
         """
         config = self._config
-        variance = registration.scatter**2 + config.surface_roughness**2
-        own = self._floor + config.map_error_share**2 * variance * registration.spread
+        own = self._floor + config.map_error_share**2 * spread_of(
+            registration, config.surface_roughness
+        )
         known = np.flatnonzero(registration.anchors.any(axis=1)).tolist()
         shares = np.sqrt(registration.anchors[known])
         covariances = np.array([self._covariances[index] for index in known]).reshape(-1, 4, 4)
@@ -157,6 +169,33 @@ class StatedCovariance:
         for axis in self.axes:  # by hand: BLAS orders sums by the machine
             along = along + float((axis * motion).sum()) * axis
         return along
+
+
+def spread_of(registration: Registration, roughness: float) -> Array:
+    """Covariance (4, 4) of a registration if only one of its points did count.
+
+    E^-1 (S + SYSTEMATIC D) E^-1 with E the mean of g g' over the points and S that of their squared
+    distances times g g': the covariance of an estimate of which each equation has an error of its
+    own size (Huber, Robust Statistics, 1981, section 6.3), as trunks are farther off their planes
+    than floors. D is for an error that all distances have alike: along each axis the mean square
+    of the distances that measure it, as if the normals pointed to all sides. Zero along what is not
+    held.
+
+    Args:
+        registration: Of a sweep.
+        roughness: Standard deviation of the planes from the surfaces, m.
+    """
+    moment = registration.moment
+    scatter = registration.scatter + roughness**2 * moment
+    held, fixed = np.eye(4), moment.copy()
+    fixed[HEADING, HEADING] += LEAST_LEVER
+    for axis in registration.unheld:
+        along = np.append(axis, 0.0)[:, None] * np.append(axis, 0.0)
+        held, fixed = held - along, fixed + FIXED * along
+    alike = np.diag(scatter).copy()
+    alike[:3] /= 3.0 * np.maximum(np.diag(moment)[:3], LEAST_SHARE)
+    total = scatter + SYSTEMATIC * np.diag(alike)
+    return projected(held, projected(inverse(fixed), total))
 
 
 def moved_by(covariance: Array, step: Array) -> Array:

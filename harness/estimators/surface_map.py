@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from wayproof.harness.estimators.kernels import (
     EMPTY,
-    FIXED,
     LEAST_INLIERS,
     Voxels,
     add_points,
@@ -18,7 +17,6 @@ from wayproof.harness.estimators.kernels import (
     slot_of,
     spread_out,
 )
-from wayproof.harness.estimators.matrices import inverse, projected
 from wayproof.harness.estimators.registration import Registration
 from wayproof.models.arrays import Array
 
@@ -30,12 +28,6 @@ GOLDEN = 0.6180339887498949
 
 FULL = 0.5
 """Share of used slots above which the table doubles."""
-
-LEAST_LEVER = 1e-3
-"""Mean square of the lever by which distances measure the heading, m^2, that is always there."""
-
-SYSTEMATIC = 3.0
-"""Variance of the error that all distances of a sweep have alike, in that of one distance."""
 
 NO_PRIOR = np.diag([0.0, 0.0, 0.0, 1e-3])
 """Prior of the heading, which the scene always turns but for a round one."""
@@ -101,10 +93,18 @@ class SurfaceMap:
         if inliers < max(LEAST_INLIERS, self._share * len(points)):
             return unregistered(inliers)
         unheld = np.ascontiguousarray(axes[:, information < self._held].T)
-        distances, moment = np.empty(len(points)), np.empty((4, 4))
-        shares = np.zeros((self.sweeps, 4))
+        distances, shares = np.empty(len(points)), np.zeros((self.sweeps, 4))
+        moment, scatter = np.empty((4, 4)), np.empty((4, 4))
         count = examine(
-            offsets, predicted, correction, self._inverse, self.voxels, distances, moment, shares
+            offsets,
+            predicted,
+            correction,
+            self._inverse,
+            self.voxels,
+            distances,
+            moment,
+            scatter,
+            shares,
         )
         if count == 0:
             return unregistered(inliers)
@@ -113,9 +113,9 @@ class SurfaceMap:
             information=information,
             unheld=unheld,
             inliers=inliers,
-            scatter=DEVIATIONS_OF_MEDIAN * float(np.median(distances[:count])),
+            deviation=DEVIATIONS_OF_MEDIAN * float(np.median(distances[:count])),
             moment=moment,
-            spread=spread_of(moment, unheld),
+            scatter=scatter,
             anchors=shares / np.maximum(shares.sum(axis=0), 1e-12),
         )
 
@@ -166,27 +166,11 @@ def unregistered(inliers: int = 0) -> Registration:
         information=np.zeros(3),
         unheld=np.eye(3),
         inliers=inliers,
-        scatter=math.inf,
+        deviation=math.inf,
         moment=np.zeros((4, 4)),
-        spread=np.zeros((4, 4)),
+        scatter=np.zeros((4, 4)),
         anchors=np.zeros((0, 4)),
     )
-
-
-def spread_of(moment: Array, unheld: Array) -> Array:
-    """Covariance (4, 4) of a registration by a moment (4, 4) for residuals of variance 1.
-
-    E^-1 (E + SYSTEMATIC D) E^-1 with E the moment, and D its diagonal if the normals pointed to all
-    sides: an error that each distance has by itself, and one that all have alike. Zero along the
-    axes (k, 3) that are not held.
-    """
-    held, fixed = np.eye(4), moment.copy()
-    fixed[3, 3] += LEAST_LEVER
-    for axis in unheld:
-        along = np.append(axis, 0.0)[:, None] * np.append(axis, 0.0)
-        held, fixed = held - along, fixed + FIXED * along
-    alike = SYSTEMATIC * np.diag([1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0, moment[3, 3]])
-    return projected(held, projected(inverse(fixed), moment + alike))
 
 
 def warm_up() -> None:

@@ -14,7 +14,11 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.motion_filter import MotionFilter
 from wayproof.harness.estimators.registration import Registration
-from wayproof.harness.estimators.stated_covariance import StatedCovariance
+from wayproof.harness.estimators.stated_covariance import (
+    SYSTEMATIC,
+    StatedCovariance,
+    spread_of,
+)
 from wayproof.harness.estimators.surface_map import SurfaceMap, unregistered
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.replay.closed_loop import simulate_again
@@ -94,11 +98,11 @@ def registered(*axes, anchors=((1.0, 1.0, 1.0, 1.0),), scatter=0.01):
     """A sweep of which an eighth is along each axis, by voxels of the sweeps `anchors`."""
     unheld = np.array(axes, float).reshape(-1, 3)
     held = np.eye(3) - unheld.T @ unheld
-    spread = np.diag([*(8.0 * np.diag(held)), 1.0])
     information = np.full(3, 1 / 3)
     anchors = np.array(anchors)
     moment = np.diag([*(0.125 * np.diag(held)), 1.0])
-    return Registration(np.zeros(4), information, unheld, 1000, scatter, moment, spread, anchors)
+    squares = scatter**2 * moment
+    return Registration(np.zeros(4), information, unheld, 1000, scatter, moment, squares, anchors)
 
 
 EXACT_MAP = EstimateConfig(
@@ -155,7 +159,7 @@ def test_a_registration_is_as_uncertain_as_its_part_of_the_map():
     )
     covariance = StatedCovariance(config)
     covariance.add_to_map(np.zeros(3), np.diag([4e-3, 4e-3, 4e-3, 0.0]) ** 2)
-    scatter = 3e-3 / (0.5 * math.sqrt(8.0))
+    scatter = 3e-3 / (0.5 * math.sqrt((0.125 + SYSTEMATIC / 3.0) / 0.125**2))
     covariance.correct(registered(scatter=scatter), np.array([5.0, 0.0, 0.0]))
     assert np.sqrt(np.diag(covariance.position)) == pytest.approx([5e-3] * 3)
     covariance.add_to_map(np.zeros(3), np.diag([0.0, 0.0, 0.0, 1e-3]) ** 2)
@@ -165,6 +169,16 @@ def test_a_registration_is_as_uncertain_as_its_part_of_the_map():
     half = registered(scatter=0.0, anchors=np.full((2, 4), 0.5))
     covariance.correct(half, np.zeros(3))
     assert np.sqrt(np.diag(covariance.position)) == pytest.approx([4e-3 * math.sqrt(0.5)] * 3)
+
+
+def test_an_axis_that_rough_surfaces_measure_is_less_certain():
+    """By hand: what measures x is off ten times as far as what measures y and z."""
+    even = registered(scatter=1e-3)
+    rough = replace(even, scatter=even.scatter * np.array([100.0, 1.0, 1.0, 1.0]))
+    expected = np.diag(spread_of(even, 0.0)) * (100.0, 1.0, 1.0, 1.0)
+    np.testing.assert_allclose(np.diag(spread_of(rough, 0.0)), expected)
+    planes = np.diag(spread_of(replace(even, scatter=np.zeros((4, 4))), 1e-3))
+    np.testing.assert_allclose(planes, np.diag(spread_of(even, 0.0)))
 
 
 def test_a_drone_that_stands_still_without_returns_drifts_by_its_accelerometer():
@@ -233,7 +247,7 @@ def test_the_estimate_is_millimetres_off_and_says_so(episode):
     assert np.abs(off[-1]).max() < 0.01
     assert np.abs(off).max() > 0.0  # it is no truth
     covariance = np.array(poses[-1].covariance).reshape(4, 4)
-    assert poses[-1].estimator == "lidar/6"
+    assert poses[-1].estimator == "lidar/7"
     assert poses[-1].position_sigma == pytest.approx(
         math.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])
     )
