@@ -92,10 +92,10 @@ class MotionConfig:
     """How the stack asks the body to move; the body's own limits stand in its spec.
 
     Attributes:
-        limits: Speed, acceleration and turning of a built-in robot: `full` is what it was measured
-            to bear with a reserve; `cautious` is what it had before; `auto` is
-            `cautious` in a world with things that are known to move and on slopes, else `full`. A
-            log says which.
+        limits: Speed, acceleration and turning of a built-in robot: `full` is what it follows in
+            most trials; `cautious` is what it had before; `auto` is `full` for the quadruped
+            but in a world with things that are known to move and on slopes, else `cautious`. A log
+            says which.
         speed_fraction: Share of the body's greatest speed that navigation asks for.
         altitude_low: Lowest altitude that any part of a flying robot may take, m.
         altitude_high: Highest, m.

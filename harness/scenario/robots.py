@@ -58,12 +58,13 @@ def resolve_limits(config: Config, world: World) -> Config:
 
     A robot stops within the space that is admitted. What moves can come into it meanwhile, so
     where the operator knows of such things, the robot goes more slowly. So it does where it is to
-    walk on slopes, where it was not measured at speed.
+    walk on slopes, where it was not measured at speed, and where it is the drone, which can tip
+    over on winding paths at its full limits.
     """
     if config.motion.limits != "auto":
         return config
     moving = any(len(mover.route) > 1 for mover in world.movers)
-    careful = moving or config.costmap.max_slope > 0.0
+    careful = moving or config.costmap.max_slope > 0.0 or config.robot == "drone"
     limits: Literal["full", "cautious"] = "cautious" if careful else "full"
     return replace(config, motion=replace(config.motion, limits=limits))
 

@@ -20,10 +20,17 @@ def test_they_are_off_by_default_and_in_logs_without_them():
 
 def test_a_log_says_which_limits_a_robot_had_in_its_world():
     for robot, slow, fast in (("quadruped", 1.0, 1.5), ("drone", 2.0, 4.0)):
-        still = build(override(Config("empty", robot, 0), FAST))
-        assert (still.config.motion.limits, still.mission.max_speed) == ("full", fast)
-        assert from_json(to_json(still.config)) == still.config
+        full = build(override(Config("empty", robot, 0), ["motion.limits=full"]))
+        assert (full.config.motion.limits, full.mission.max_speed) == ("full", fast)
         moving = build(override(Config("crossing", robot, 0), FAST))
         assert (moving.config.motion.limits, moving.mission.max_speed) == ("cautious", slow)
         former = build(Config("empty", robot, 0)).mission
         assert (former.max_speed, former.sideways_speed) == (slow, 0.0)
+
+
+def test_of_the_two_only_the_quadruped_is_fast_by_itself():
+    """The drone tips over in some flights along winding paths at its full limits."""
+    for robot, limits in (("quadruped", "full"), ("drone", "cautious")):
+        config = build(override(Config("empty", robot, 0), FAST)).config
+        assert config.motion.limits == limits
+        assert from_json(to_json(config)) == config
