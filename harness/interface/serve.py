@@ -158,7 +158,7 @@ def served_stack(name: str) -> Served:
     Raises:
         InputError: There is none.
     """
-    return _ServedStack(make_stack(name), name)
+    return ServedStack(make_stack(name), name)
 
 
 def served_predictor(source: str) -> Served:
@@ -170,15 +170,21 @@ def served_predictor(source: str) -> Served:
     return ServedPredictor(source)
 
 
-class _ServedStack:
+class ServedStack:
     """A stack behind the messages of the harness."""
 
     def __init__(self, stack: Stack, name: str) -> None:
+        """Serve a stack under a name."""
         self._stack, self._name = stack, name
         self._task: Task | None = None
         self._observed: sb.Observation | None = None
 
     def answer(self, message: sb.ToStack) -> sb.FromStack | None:
+        """The answer to a message; None to one that has none.
+
+        Raises:
+            CommandError: What the stack returned is no command.
+        """
         kind = message.WhichOneof("kind")
         if kind == "hello":
             return sb.FromStack(hello=hello(self._name, announced=True))
@@ -190,6 +196,7 @@ class _ServedStack:
         return None
 
     def close(self) -> None:
+        """End the stack."""
         self._stack.close()
 
     def rehearse(self) -> None:

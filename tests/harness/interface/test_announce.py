@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from wayproof import Config, build, open_log, override, run_episode
-from wayproof.harness.interface.serve import answer_all
+from wayproof.harness.interface.serve import ServedStack, answer_all
 from wayproof.harness.interface.types import Command, Velocity
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import stack_pb2 as sb
@@ -88,7 +88,7 @@ def test_an_announcement_without_an_observation_is_no_step(tmp_path, kept):
     (tmp_path / "input").write_bytes(data + ending[:kept])
     stack, written = Counts(), io.BytesIO()
     with open(tmp_path / "input", "rb", buffering=0) as read:
-        answer_all(stack, "counts", read, written)
+        answer_all(ServedStack(stack, "counts"), read, written)
     assert stack.steps == 0
     assert sb.FromStack.FromString(written.getvalue()[4:]).hello.announced
 

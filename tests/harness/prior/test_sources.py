@@ -152,11 +152,6 @@ def test_a_map_that_does_not_overlap_the_operating_area_is_refused(log):
         prior_of(log.path, "prior.x=500")
 
 
-def test_another_stack_takes_no_prior_map():
-    with pytest.raises(InputError, match="only the built-in stack"):
-        prior_of("truth", "stack.name=blind")
-
-
 def test_a_stale_prior_needs_a_prior():
     stale = 'perturbation={"kind": "stale_prior", "severity": 3}'
     with pytest.raises(InputError, match=r"there is none; expected prior\.source"):
