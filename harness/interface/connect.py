@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from wayproof.harness.config import BUILTIN
-from wayproof.harness.errors import InputError, NeverReturned, unknown_name
+from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.connection import ChildProcess, Socket
-from wayproof.harness.interface.errors import StackError
+from wayproof.harness.interface.errors import STACK_CAUSES, StackError, code_from_outside
 from wayproof.harness.interface.policy import PolicyStack
 from wayproof.harness.interface.remote import STARTING_S, RemoteStack
 from wayproof.harness.interface.stacks import STACKS
@@ -54,21 +53,13 @@ class ShowsReferee(Protocol):
         """Show it from now on, whatever it is updated to."""
 
 
-@contextlib.contextmanager
-def stack_code(who: str) -> Iterator[None]:
+def stack_code(who: str) -> contextlib.AbstractContextManager[None]:
     """Run a stack's code; whatever it raises becomes a `StackError`.
 
     Raises:
         StackError: With the exception as its cause.
     """
-    try:
-        with user_code(who):
-            yield
-    except UserCodeError as error:
-        raised = error.__cause__
-        hung = isinstance(raised, NeverReturned)
-        what = str(error).removeprefix(f"{who} ")
-        raise StackError(who, what, "stack_hung" if hung else "stack_broken") from raised
+    return code_from_outside(who, lambda what, way: StackError(who, what, STACK_CAUSES[way]))
 
 
 class InProcess:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable, Iterator
 from typing import Literal
 
-from wayproof.planners.ompl._plugin import UserCodeError
+from wayproof.harness.errors import NeverReturned
+from wayproof.planners.ompl._plugin import UserCodeError, user_code
 
 StackCause = Literal["stack_died", "stack_hung", "stack_broken"]
 """Ended by itself; gave no answer in time; raised, or sent what is no command."""
@@ -66,3 +69,23 @@ PREDICTOR_CAUSES: dict[Way, PredictorCause] = {
     "broken": "predictor_broken",
 }
 """Likewise of a predictor."""
+
+
+@contextlib.contextmanager
+def code_from_outside(who: str, failure: Callable[[str, Way], OutsideError]) -> Iterator[None]:
+    """Run code from outside; whatever it raises becomes a failure of it.
+
+    Args:
+        who: The code, in words.
+        failure: Makes the error from what the code did, in words, and the way in which it fails.
+
+    Raises:
+        OutsideError: As made by `failure`, with the exception as its cause.
+    """
+    try:
+        with user_code(who):
+            yield
+    except UserCodeError as error:
+        raised = error.__cause__
+        way: Way = "hung" if isinstance(raised, NeverReturned) else "broken"
+        raise failure(str(error).removeprefix(f"{who} "), way) from raised

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.errors import InputError, NeverReturned, printable
+from wayproof.harness.errors import InputError, printable
 from wayproof.harness.interface.connect import EXEC, SOCKETS
 from wayproof.harness.interface.connection import ChildProcess, Connection, Socket
 from wayproof.harness.interface.errors import (
     PREDICTOR_CAUSES,
-    PredictorCause,
     PredictorError,
     Way,
+    code_from_outside,
 )
 from wayproof.harness.interface.remote import Peer
 from wayproof.harness.prediction.map_box import BoxPredictor, MapBox
@@ -196,21 +195,17 @@ def predictor_digest(source: str) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
 
 
-@contextlib.contextmanager
-def predictor_code(who: str) -> Iterator[None]:
+def predictor_code(who: str) -> contextlib.AbstractContextManager[None]:
     """Run a predictor's code; whatever it raises becomes a `PredictorError`.
 
     Raises:
         PredictorError: With the exception as its cause.
     """
-    try:
-        with user_code(who):
-            yield
-    except UserCodeError as error:
-        raised = error.__cause__
-        hung = isinstance(raised, NeverReturned)
-        cause: PredictorCause = "predictor_hung" if hung else "predictor_broken"
-        raise PredictorError(who, str(error).removeprefix(f"{who} "), cause) from raised
+
+    def failure(what: str, way: Way) -> PredictorError:
+        return PredictorError(who, what, PREDICTOR_CAUSES[way])
+
+    return code_from_outside(who, failure)
 
 
 def box_message(box: MapBox) -> sb.MapBox:
