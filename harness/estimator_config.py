@@ -32,15 +32,16 @@ class EstimateConfig:
             n n' over the normals n of the registered points, 0 to 1/3 for the least of three.
             Below it the sweep has no say along the direction (Zhang, Kaess and Singh 2016, ICRA,
             "On degeneracy of optimization-based state estimation problems").
-        registered_share: Least share of a sweep's points near a plane of the map. With less the
-            sweep has no say: noise hides the planes, and what is near one is chance. Most exact
-            sweeps in the worlds have 0.7 and more, those of an OS1 too; of a drone with a noise of
-            3 cm 0.45 to 0.7, with 6 cm 0.15 to 0.36: a map of such planes goes along with the pose.
+        registered_share: Least share of a sweep's points that lie on a plane of the map, among
+            those in voxels that the map knows. With less, beyond chance, the sweep has no say and
+            is not mapped: noise hides the planes, and what is near one is chance. Exact sweeps in
+            the worlds have 0.78 and more, those of an OS1 too; of a drone with a noise of 3 cm 0.6
+            to 0.75, with 4.5 cm 0.25 to 0.45.
         sweep_noise_share: Noise of a sweep's registration, against which the prediction is weighed,
             as if it were by one mean point of it: share of the residuals' standard deviation, which
             is taken from their median. The smaller, the more a sweep counts.
         map_error_share: The same of the error that a registration leaves in the map and in the
-            stated covariance. It is greater, as that of one sweep and the next is alike.
+            stated covariance, which counts anew with each sweep that a part of the map is by.
             Calibrated from logs with truth (docs/estimators.md).
         surface_roughness: Standard deviation of the map's planes from the surfaces in that error,
             m; likewise.
@@ -63,12 +64,12 @@ class EstimateConfig:
     accelerometer_bias: Annotated[float, Bounds(0.0, 10.0, "m/s^2")] = 0.02
     leg_noise: Annotated[float, Bounds(0.0, 1.0, "m/s")] = 0.02
     held: Annotated[float, Bounds(0.0, 0.3)] = 0.04
-    registered_share: Annotated[float, Bounds(0.0, 1.0)] = 0.4
+    registered_share: Annotated[float, Bounds(0.0, 1.0)] = 0.5
     sweep_noise_share: Annotated[float, Bounds(0.001, 10.0)] = 0.05
-    map_error_share: Annotated[float, Bounds(0.0, 10.0)] = 0.046
-    surface_roughness: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.0004
+    map_error_share: Annotated[float, Bounds(0.0, 10.0)] = 0.0115
+    surface_roughness: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.0002
     position_floor: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.00003
-    heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.0002
+    heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.00007
     motion_share: Annotated[float, Bounds(0.0, 1.0)] = 0.03
     motion_walk: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.012
 

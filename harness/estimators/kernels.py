@@ -43,6 +43,10 @@ COARSE = 3
 GATE = 0.15
 """Largest distance of a point from its plane, m."""
 
+NEAR = 2.0 * FLATNESS
+"""Distance from its plane up to which a point agrees with it, m: points that are scattered over a
+voxel lie within the gate of any plane through it."""
+
 SCALE = 0.02
 """Scale of the Cauchy weight of that distance, m."""
 
@@ -63,7 +67,8 @@ class Voxels(NamedTuple):
         squares: (m, 6) sums of products of deviations from the mean, xx xy xz yy yz zz, m^2.
         planes: (m, 4) unit normal to the side that its points were seen from, and 1 if they make a
             plane.
-        births: (m,) number of the sweep that met it first.
+        sweeps: (m,) number of the sweep that they are by: the one that brought `LEAST_POINTS`, or
+            the latest that doubled them.
     """
 
     keys: NDArray[np.int64]
@@ -71,7 +76,7 @@ class Voxels(NamedTuple):
     means: Array
     squares: Array
     planes: Array
-    births: NDArray[np.int64]
+    sweeps: NDArray[np.int64]
 
 
 @kernel
@@ -185,7 +190,7 @@ def is_near(
 
 
 @kernel
-def add_points(points: Array, viewer: Array, inverse: float, voxels: Voxels, birth: int) -> int:
+def add_points(points: Array, viewer: Array, inverse: float, voxels: Voxels, sweep: int) -> int:
     """Add points to the voxels that they lie in, and fit the planes of these again.
 
     Points seen from behind a plane are those of the other face of a thin wall, and left out.
@@ -195,7 +200,7 @@ def add_points(points: Array, viewer: Array, inverse: float, voxels: Voxels, bir
         viewer: (3,) from where they were seen, world, m.
         inverse: One by the edge of a voxel, 1/m.
         voxels: With at least n empty slots; written.
-        birth: Number of the sweep.
+        sweep: Its number.
 
     Returns:
         Number of new voxels.
@@ -207,12 +212,22 @@ def add_points(points: Array, viewer: Array, inverse: float, voxels: Voxels, bir
         slot = slot_of(voxels.keys, key)
         if voxels.keys[slot] == EMPTY:
             voxels.keys[slot] = key
-            voxels.births[slot] = birth
             new += 1
         behind = voxels.planes[slot, 3] == 1.0 and not seen_from(voxels, slot, viewer)
         if voxels.counts[slot] < MOST_POINTS and not behind:
             add_point(voxels, int(slot), x, y, z, viewer)
+            if is_doubled(voxels.counts[slot]):
+                voxels.sweeps[slot] = sweep
     return new
+
+
+@kernel
+def is_doubled(count: int) -> bool:
+    """Whether a number of points is `LEAST_POINTS`, or that doubled once or more."""
+    least = LEAST_POINTS
+    while least < count:
+        least *= 2
+    return least == count
 
 
 @kernel
@@ -319,7 +334,7 @@ def align(
     correction: Array,
     information: Array,
     axes: Array,
-) -> int:
+) -> tuple[int, int, int]:
     """Align a sweep with the planes of the map, by Gauss-Newton on the distances from them.
 
     Args:
@@ -335,23 +350,24 @@ def align(
         axes: (3, 3) their directions, in columns; written.
 
     Returns:
-        Number of points near a plane; below `LEAST_INLIERS` there is no correction.
+        Number of points within the gate of a plane, of those that agree with it, and of points in
+        known voxels. With less than `LEAST_INLIERS` of the first there is no correction.
     """
     correction[:] = 0.0
     information[:] = 0.0
     diagonalize(np.zeros((3, 3)), axes)
     equations, right, moment = np.empty((4, 4)), np.empty(4), np.empty((3, 3))
-    inliers = 0
+    inliers, near, known = 0, 0, 0
     for iteration in range(ITERATIONS):
         gate = 2.0 * GATE if iteration < COARSE else GATE
-        inliers, weight = sum_up(
+        inliers, near, known, weight = sum_up(
             offsets, predicted, correction, inverse, gate, voxels, equations, right, moment
         )
         if inliers < LEAST_INLIERS:
             correction[:] = 0.0
             information[:] = 0.0
             diagonalize(np.zeros((3, 3)), axes)
-            return inliers
+            return inliers, near, known
         diagonalize(moment, axes)
         for axis in range(3):
             information[axis] = moment[axis, axis]
@@ -368,7 +384,27 @@ def align(
             largest = max(largest, abs(right[row]))
         if largest < CONVERGED:
             break
-    return inliers
+    return inliers, near, known
+
+
+@kernel
+def is_known(voxels: Voxels, slot: np.int64, viewer: Array) -> bool:
+    """Whether a voxel has points enough to say if a surface is there, seen from this side."""
+    if voxels.keys[slot] == EMPTY or voxels.counts[slot] < LEAST_POINTS:
+        return False
+    return bool(voxels.planes[slot, 3] == 0.0 or seen_from(voxels, slot, viewer))
+
+
+@kernel
+def count_near(points: Array, viewer: Array, inverse: float, voxels: Voxels) -> tuple[int, int]:
+    """Count the points (n, 3), m, that agree with a plane, and those in known voxels."""
+    near, known = 0, 0
+    for index in range(len(points)):
+        x, y, z = points[index, 0], points[index, 1], points[index, 2]
+        slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+        known += is_known(voxels, slot, viewer)
+        near += abs(distance_from_plane(voxels, slot, x, y, z, viewer)) <= NEAR
+    return near, known
 
 
 @kernel
@@ -413,7 +449,7 @@ def examine(
             written.
         scatter: (4, 4) mean of w^2 d^2 g g' over them by the square of the mean of w, m^2: d the
             distance, w its weight in `align`; written.
-        shares: (k, 4) by the birth of their voxels: sum of the squares of g; added to.
+        shares: (k, 4) by the sweeps of their voxels: sum of the squares of g; added to.
 
     Returns:
         Number of these points.
@@ -439,9 +475,9 @@ def examine(
         row[3] = plane[1] * rx - plane[0] * ry
         weight = 1.0 / (1.0 + (distance / SCALE) ** 2)
         total += weight
-        birth = voxels.births[slot]
+        sweep = voxels.sweeps[slot]
         for i in range(4):
-            shares[birth, i] += row[i] * row[i]
+            shares[sweep, i] += row[i] * row[i]
             for j in range(4):
                 moment[i, j] += row[i] * row[j]
                 scatter[i, j] += (weight * distance) ** 2 * row[i] * row[j]
@@ -461,22 +497,28 @@ def sum_up(
     equations: Array,
     right: Array,
     moment: Array,
-) -> tuple[int, float]:
-    """Sum up the normal equations (4, 4) and (4,), and the weighted mean of n n' (3, 3)."""
+) -> tuple[int, int, int, float]:
+    """Sum up the normal equations (4, 4) and (4,), and the weighted mean of n n' (3, 3).
+
+    Returns:
+        The three numbers of `align`, and the sum of the weights.
+    """
     equations[:], right[:], moment[:] = 0.0, 0.0, 0.0
     c, s = cos(correction[3]), sin(correction[3])
     bx, by = predicted[0] + correction[0], predicted[1] + correction[1]
     bz = predicted[2] + correction[2]
     viewer, row = np.array((bx, by, bz)), np.empty(4)
-    inliers, total = 0, 0.0
+    inliers, near, known, total = 0, 0, 0, 0.0
     for index in range(len(offsets)):
         ox, oy = offsets[index, 0], offsets[index, 1]
         rx, ry = c * ox - s * oy, s * ox + c * oy
         x, y, z = bx + rx, by + ry, bz + offsets[index, 2]
         slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+        known += is_known(voxels, slot, viewer)
         distance = distance_from_plane(voxels, slot, x, y, z, viewer)
         if abs(distance) > gate:
             continue
+        near += abs(distance) <= NEAR
         plane = voxels.planes[slot]
         weight = 1.0 / (1.0 + (distance / SCALE) ** 2)
         row[0], row[1], row[2] = plane[0], plane[1], plane[2]
@@ -490,7 +532,7 @@ def sum_up(
     for i in range(3):
         for j in range(3):
             moment[i, j] = equations[i, j] / total if total > 0.0 else 0.0
-    return inliers, total
+    return inliers, near, known, total
 
 
 @kernel

@@ -30,7 +30,10 @@ ROUGHNESS = 0.003
 MAP_SPACING = 0.1
 """Distance between the points of a sweep that are mapped, m."""
 
-NAME = "lidar/7"
+LEAST_TURNED = 0.5
+"""Sine of the angle from which a direction that was not held is another one."""
+
+NAME = "lidar/8"
 """Name and version of the estimator, as it is logged."""
 
 
@@ -110,6 +113,7 @@ class LidarOdometry:
         if math.isfinite(registration.deviation):
             self._residual = math.hypot(registration.deviation, ROUGHNESS)
             information = self._information(registration)
+            self._filter.find_again(found_again(self.covariance.axes, registration.unheld))
             change = self._filter.update(information, shift, registration.unheld)
             self._velocity, self._bias = self._velocity + change[:3], self._bias + change[3:]
         self.covariance.correct(registration, self._position)
@@ -117,14 +121,20 @@ class LidarOdometry:
         return PoseError((x, y, z), turn)
 
     def add_to_map(self, points: Array, position: Array, covariance: Array) -> None:
-        """Map a sweep.
+        """Map a sweep, unless it contradicts the map at the pose that was found for it.
+
+        A map of sweeps that only a prediction placed goes along with the prediction's error, and
+        confirms it.
 
         Args:
             points: (n, 3) placed by the estimated poses, world, m.
             position: (3,) as it was stated with the sweep, m.
             covariance: (4, 4) likewise.
         """
-        self._surfaces.add(thinned(points, MAP_SPACING), position)
+        mapped = thinned(points, MAP_SPACING)
+        if self._surfaces.contradicts(mapped, position):
+            return
+        self._surfaces.add(mapped, position)
         self.covariance.add_to_map(position, covariance)
 
     @property
@@ -216,6 +226,25 @@ def put_estimate(message: pb.Pose, lidar: LidarOdometry) -> None:
     message.covariance.extend(covariance.pose.ravel().tolist())
     message.information.extend(covariance.information.tolist())
     message.unheld.extend(covariance.axes.ravel().tolist())
+
+
+def found_again(before: Array, unheld: Array) -> Array:
+    """Unit directions (k, 3) that a sweep holds and the one before did not.
+
+    Args:
+        before: (m, 3) unit directions that the sweep before did not hold.
+        unheld: (n, 3) that this one does not hold. A direction that was found a little turned is
+            the same.
+    """
+    found = []
+    for axis in before:
+        rest = axis.copy()
+        for other in unheld:
+            rest = rest - float((axis * other).sum()) * other
+        length = math.sqrt(float((rest * rest).sum()))
+        if length > LEAST_TURNED:
+            found.append(rest / length)
+    return np.array(found).reshape(-1, 3)
 
 
 def _part(state: dict[str, Array], prefix: str) -> dict[str, Array]:

@@ -79,6 +79,21 @@ class MotionFilter:
         weight[3, 3] = variance / self._heading
         return weight
 
+    def find_again(self, directions: Array) -> None:
+        """Take the position along unit directions (k, 3) as independent of velocity and bias.
+
+        To be called before the update by a sweep that holds them where the one before did not. Part
+        of the map that it is held by may have been placed by this same prediction: that it agrees
+        says nothing of the velocity, which the next sweeps measure.
+        """
+        for axis in directions:
+            along = axis[:, None] * axis
+            alone = (along * self._covariance[POSITION, POSITION]).sum()
+            rest = np.eye(9)
+            rest[POSITION, POSITION] -= along
+            self._covariance = product(product(rest, self._covariance), rest.T)
+            self._covariance[POSITION, POSITION] += alone * along
+
     def update(self, information: Array, shift: Array, unheld: Array) -> Array:
         """Take a registration into account; return the corrections of velocity and bias, (6,).
 

@@ -23,7 +23,7 @@ class Registration:
             x, y, z and heading.
         scatter: (4, 4) mean of w^2 d^2 g g' over them by the square of the mean of w, m^2: d the
             distance, w its weight.
-        anchors: (k, 4) share of the voxels that each sweep before was the first to meet, in what
+        anchors: (k, 4) share of the voxels that are by each sweep before, in what
             was measured of x, y, z and the heading; each column sums to 1, or is 0.
     """
 

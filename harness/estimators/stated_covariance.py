@@ -2,10 +2,10 @@
 
 An odometry that registers sweeps with a map of its own is off by what the map is off by. So each
 sweep that is mapped keeps the covariance of its pose, and a sweep that is registered has that of
-the sweeps whose voxels hold it, and an error of its own on top. The inverse of the normal
+the sweeps that its voxels are by, and an error of its own on top. The inverse of the normal
 equations says nothing of the size of that error: residuals of neighbouring beams are one error.
-It is taken as that of few independent distances, with the residuals' standard deviation and that
-of the planes from the surfaces.
+It is taken as a share of that of a single distance, calibrated from logs with truth, with the
+residuals' standard deviation and that of the planes from the surfaces.
 
 Along each direction that the sweeps do not hold it grows by a share of the whole predicted motion
 since they last did, and by a walk with the length of the way: steps err to the side, too. Where
@@ -35,7 +35,7 @@ LEAST_LEVER = 1e-3
 LEAST_SHARE = 1e-3
 """Least share of the distances that measures an axis, below which there is no mean of them."""
 
-SYSTEMATIC = 4.0
+SYSTEMATIC = 5.0
 """Variance of the error that all distances of a sweep have alike, in that of one distance."""
 
 
@@ -149,7 +149,9 @@ class StatedCovariance:
         """Covariance (4, 4) of a registered pose: of the sweeps that hold it, and its own error.
 
         The errors of these sweeps count as one error each in its share: they are drifts of one
-        walk, which averaging does not lessen.
+        walk, which averaging does not lessen. Away from one, its pose is no surer along any axis
+        than it was: at some distance the errors of place and heading would cancel, as they are
+        correlated, and in a tunnel a tenth of the true error was stated there.
         """
         config = self._config
         own = self._floor + config.map_error_share**2 * spread_of(
@@ -160,7 +162,10 @@ class StatedCovariance:
         covariances = np.array([self._covariances[index] for index in known]).reshape(-1, 4, 4)
         steps = position - np.array([self._positions[index] for index in known]).reshape(-1, 3)
         weights = shares[:, :, None] * shares[:, None, :]
-        total: Array = own + (weights * moved_by(covariances, steps)).sum(axis=0)
+        moved = moved_by(covariances, steps)
+        surer = np.diagonal(covariances - moved, axis1=-2, axis2=-1)
+        moved = moved + np.maximum(surer, 0.0)[..., None] * np.eye(4)
+        total: Array = own + (weights * moved).sum(axis=0)
         return total
 
     def _unheld(self, motion: Array) -> Array:

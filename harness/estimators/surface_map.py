@@ -13,6 +13,7 @@ from wayproof.harness.estimators.kernels import (
     Voxels,
     add_points,
     align,
+    count_near,
     examine,
     slot_of,
     spread_out,
@@ -28,6 +29,9 @@ GOLDEN = 0.6180339887498949
 
 FULL = 0.5
 """Share of used slots above which the table doubles."""
+
+CHANCE = 2.0
+"""Standard deviations of a binomial count beyond which it is not by chance."""
 
 NO_PRIOR = np.diag([0.0, 0.0, 0.0, 1e-3])
 """Prior of the heading, which the scene always turns but for a round one."""
@@ -54,8 +58,8 @@ class SurfaceMap:
         Args:
             voxel: Edge of a voxel, m.
             held: Least information of a direction that the scene holds.
-            registered_share: Least share of a sweep's points near a plane of the map; with less the
-                sweep is not registered.
+            registered_share: Least share of the points in known voxels that agree with a plane; a
+                sweep with less contradicts the map.
         """
         self._inverse, self._held, self._share = 1.0 / voxel, held, registered_share
         self.voxels = _table(SLOTS)
@@ -69,6 +73,11 @@ class SurfaceMap:
         self.count += add_points(points, viewer, self._inverse, self.voxels, self.sweeps)
         self.sweeps += 1
 
+    def contradicts(self, points: Array, viewer: Array) -> bool:
+        """Whether points (n, 3) lie in known voxels, m, but too few of them on a plane."""
+        near, known = count_near(points, viewer, self._inverse, self.voxels)
+        return known >= LEAST_INLIERS and near < self._least_near(known)
+
     def register(self, points: Array, predicted: Array, prior: Array | None = None) -> Registration:
         """Align points with the map.
 
@@ -79,7 +88,7 @@ class SurfaceMap:
         """
         correction, information, axes = np.empty(4), np.empty(3), np.empty((3, 3))
         offsets = points - predicted
-        inliers = align(
+        inliers, near, known = align(
             offsets,
             predicted,
             self._inverse,
@@ -90,7 +99,7 @@ class SurfaceMap:
             information,
             axes,
         )
-        if inliers < max(LEAST_INLIERS, self._share * len(points)):
+        if inliers < LEAST_INLIERS or near < self._least_near(known):
             return unregistered(inliers)
         unheld = np.ascontiguousarray(axes[:, information < self._held].T)
         distances, shares = np.empty(len(points)), np.zeros((self.sweeps, 4))
@@ -118,6 +127,11 @@ class SurfaceMap:
             scatter=scatter,
             anchors=shares / np.maximum(shares.sum(axis=0), 1e-12),
         )
+
+    def _least_near(self, known: int) -> float:
+        """Number of points that agree with a plane, of those in known voxels, beyond chance."""
+        share = self._share
+        return share * known + CHANCE * math.sqrt(share * (1.0 - share) * known)
 
     def _double(self) -> None:
         old = self.voxels
@@ -155,7 +169,7 @@ def _table(slots: int) -> Voxels:
         means=np.zeros((slots, 3)),
         squares=np.zeros((slots, 6)),
         planes=np.zeros((slots, 4)),
-        births=np.zeros(slots, np.int64),
+        sweeps=np.zeros(slots, np.int64),
     )
 
 

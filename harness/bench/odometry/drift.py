@@ -143,7 +143,9 @@ def _ours(sweeps: Sweeps) -> Measured:
         placed = points @ inputs.pose.rotation.T + inputs.pose.position
         began = time.process_time()
         surfaces.register(thinned(placed, config.spacing), inputs.pose.position)
-        surfaces.add(thinned(placed, MAP_SPACING), inputs.pose.position)
+        mapped = thinned(placed, MAP_SPACING)
+        if not surfaces.contradicts(mapped, inputs.pose.position):
+            surfaces.add(mapped, inputs.pose.position)
         seconds.append(time.process_time() - began)
     return _measured(sweeps.estimates, sweeps, np.array(seconds))
 

@@ -9,8 +9,10 @@ from wayproof.harness.estimators.kernels import (
     SCALE,
     add_points,
     align,
+    count_near,
     diagonalize,
     fit_plane,
+    slot_of,
     solve,
     voxel_key,
 )
@@ -176,6 +178,49 @@ def test_the_table_grows_and_keeps_what_it_has():
     assert set(small.voxels.keys.tolist()) == {*keys, kernels.EMPTY}
 
 
+def test_points_are_counted_by_what_is_known_of_their_voxels(python_versions):
+    surfaces = SurfaceMap(0.5, held=0.04, registered_share=0.0)
+    surfaces.add(room(3000), np.zeros(3))
+    rng = np.random.default_rng(6)
+    sweep = np.concatenate([room(300, seed=5), rng.uniform(-6.0, 6.0, (300, 3))])
+    near = known = 0
+    for point in sweep:
+        slot = slot_of(surfaces.voxels.keys, voxel_key(*point, 2.0))
+        if surfaces.voxels.counts[slot] < kernels.LEAST_POINTS:
+            continue
+        normal, mean = surfaces.voxels.planes[slot], surfaces.voxels.means[slot]
+        if normal[3] == 1.0 and normal[:3] @ -mean < 0.0:
+            continue  # seen from behind
+        known += 1
+        near += normal[3] == 1.0 and abs(normal[:3] @ (point - mean)) <= kernels.NEAR
+    assert 50 < near < known < len(sweep)
+    assert count_near(sweep, np.zeros(3), 2.0, surfaces.voxels) == (near, known)
+    python_versions()
+    assert kernels.count_near(sweep, np.zeros(3), 2.0, surfaces.voxels) == (near, known)
+
+
+def test_a_sweep_is_registered_by_the_part_of_it_that_the_map_knows():
+    """Half of the second sweep was below a share of all points, and mapped where predicted."""
+    surfaces, predicted = SurfaceMap(0.3, held=0.04, registered_share=0.5), np.zeros(3)
+    whole = room(20_000)
+    surfaces.add(whole[whole[:, 0] < -0.8], np.zeros(3))
+    shift = np.array([0.02, -0.01, 0.01])
+    sweep = room(4000, seed=9) + shift
+    found = surfaces.register(sweep, predicted)
+    assert found.inliers < 0.45 * len(sweep)
+    assert np.abs(found.correction[:3] + shift).max() < 0.003
+
+
+def test_a_sweep_contradicts_the_map_by_the_voxels_that_it_knows():
+    surfaces, origin = SurfaceMap(0.3, held=0.04, registered_share=0.5), np.zeros(3)
+    assert not surfaces.contradicts(room(4000), origin)  # an empty map
+    surfaces.add(room(20_000), origin)
+    assert not surfaces.contradicts(room(4000, seed=9), origin)
+    assert not surfaces.contradicts(room(4000, seed=9) + 50.0, origin)  # nothing known there
+    scattered = room(4000, seed=9) + np.random.default_rng(3).normal(0.0, 0.5, (4000, 3))
+    assert surfaces.contradicts(scattered, origin)
+
+
 @pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0, 0.0), (0.05, -0.04, 0.03, 0.02)])
 def test_a_displaced_sweep_is_moved_back(shift):
     surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.0)
@@ -197,10 +242,10 @@ def test_compiled_and_interpreted_alignment_give_the_same_bits(python_versions):
     sweep = room(300, seed=5) + predicted
     prior = np.diag([0.1, 0.2, 0.3, 0.4])
     compiled = [np.empty(4), np.empty(3), np.empty((3, 3))]
-    inliers = align(sweep - predicted, predicted, 2.0, 0.04, prior, surfaces.voxels, *compiled)
+    counts = align(sweep - predicted, predicted, 2.0, 0.04, prior, surfaces.voxels, *compiled)
     python_versions()
     again = [np.empty(4), np.empty(3), np.empty((3, 3))]
-    assert inliers == kernels.align(
+    assert counts == kernels.align(
         sweep - predicted, predicted, 2.0, 0.04, prior, surfaces.voxels, *again
     )
     for one, other in zip(compiled, again, strict=True):

@@ -12,7 +12,9 @@ from wayproof.harness.attribution.case import read_case
 from wayproof.harness.counterfactual.remedies import go_on, nothing, true_pose
 from wayproof.harness.errors import InputError
 from wayproof.harness.estimator_config import EstimateConfig
+from wayproof.harness.estimators.lidar_odometry import NAME, LidarOdometry, found_again
 from wayproof.harness.estimators.motion_filter import MotionFilter
+from wayproof.harness.estimators.motion_sensors import Motion
 from wayproof.harness.estimators.registration import Registration
 from wayproof.harness.estimators.stated_covariance import (
     SYSTEMATIC,
@@ -84,7 +86,7 @@ def test_without_returns_nothing_is_held():
 
 def test_a_sweep_that_is_noise_holds_nothing():
     """A quarter of its points near planes by chance moved the pose by half a metre, unsaid."""
-    surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.25)
+    surfaces = SurfaceMap(0.3, 0.04, EstimateConfig().registered_share)
     surfaces.add(corridor(np.zeros(3), 0), np.zeros(3))
     noisy = corridor(np.zeros(3), 1) + 0.4 * np.random.default_rng(2).standard_normal((1, 3))
     scattered = noisy + np.random.default_rng(3).normal(0.0, 0.5, noisy.shape)
@@ -199,6 +201,77 @@ def test_a_drone_that_stands_still_without_returns_drifts_by_its_accelerometer()
         assert math.sqrt(covariance.position[axis, axis]) < 0.1
 
 
+def test_a_position_found_again_says_nothing_of_the_velocity():
+    """It is that of a map that the same prediction may have placed."""
+
+    def after(config, directions):
+        motion = MotionFilter(config)
+        for _ in range(100):
+            motion.predict(np.zeros(3), 0.1, np.eye(3))
+        before = motion.covariance
+        motion.find_again(np.array(directions).reshape(-1, 3))
+        change = motion.update(1e6 * np.eye(4), np.array([0.1, 0.1, 0.1]), np.zeros((0, 3)))
+        return before, motion.covariance, change
+
+    config = EstimateConfig(accelerometer_bias=0.1)
+    before, now, change = after(config, [])
+    assert (np.abs(change) > 1e-3).all()
+    assert (np.diag(now)[3:6] < 0.1 * np.diag(before)[3:6]).all()
+    before, now, change = after(config, [[1.0, 0.0, 0.0]])
+    assert abs(change[0]) < 1e-9 < abs(change[1])
+    assert now[3, 3] == pytest.approx(before[3, 3])
+    assert now[4, 4] < 0.1 * before[4, 4]
+    assert math.sqrt(now[0, 0]) == pytest.approx(1e-3, rel=0.01)  # the position is the sweep's
+    assert np.linalg.eigvalsh(now).min() > -1e-12
+
+
+def test_a_direction_that_turned_a_little_is_not_found_again():
+    x, y, z = np.eye(3)
+    turned = np.array([math.cos(0.05), math.sin(0.05), 0.0])
+    assert len(found_again(np.array([x]), np.array([turned]))) == 0
+    assert len(found_again(np.zeros((0, 3)), np.array([x]))) == 0
+    np.testing.assert_allclose(found_again(np.array([x]), np.zeros((0, 3))), [x])
+    np.testing.assert_allclose(found_again(np.eye(3), np.array([x])), [y, z])
+    diagonal = (x + y) / math.sqrt(2.0)
+    across = np.abs(found_again(np.eye(3), np.array([diagonal])) @ diagonal)
+    assert across.max() < 1e-12
+
+
+class Still:
+    """Sensors of motion of a body at rest, whose accelerometer is off by 0.1 m/s^2 along x."""
+
+    period = 0.1
+
+    def measure(self, turn):
+        fall = np.array([0.1, 0.0, 0.0]) * self.period
+        return Motion(fall, turn, None, axes=np.eye(3))
+
+    def state(self):
+        return {}
+
+    def restore(self, state):
+        pass
+
+
+def test_sweeps_that_contradict_the_map_are_not_mapped():
+    """Mapped where they were predicted, they confirmed a prediction that went off by metres."""
+    odometry = LidarOdometry(EstimateConfig(), np.zeros(3), 0.0, Still())
+    rng, walls = np.random.default_rng(0), corridor(np.zeros(3), 0)
+    odometry.correct(walls)
+    odometry.add_to_map(walls, np.zeros(3), odometry.covariance.pose)
+    for _ in range(30):
+        odometry.advance(np.zeros(3), 0.0)
+        noisy = corridor(np.zeros(3), 1) + rng.normal(0.0, 0.4, (1, 3))
+        noisy = noisy + rng.normal(0.0, 0.4, noisy.shape)
+        at = np.array(odometry.error.shift)
+        assert odometry.correct(noisy + at).shift == (0.0, 0.0, 0.0)
+        odometry.add_to_map(noisy + at, at, odometry.covariance.pose)
+    assert odometry.error.shift[0] == pytest.approx(0.5 * 0.1 * 3.0**2, rel=0.01)
+    moved = odometry.correct(corridor(np.zeros(3), 2) + np.array(odometry.error.shift))
+    assert moved.shift[1] == pytest.approx(0.0, abs=5e-3)
+    assert len(odometry.covariance.axes) == 1  # registered, with the corridor of the start
+
+
 def test_the_check_of_a_cause_goes_on_from_the_same_map(tmp_path):
     """The control of a counterfactual ends as the log does, and the true pose is the truth."""
     path = tmp_path / "log.mcap"
@@ -247,7 +320,7 @@ def test_the_estimate_is_millimetres_off_and_says_so(episode):
     assert np.abs(off[-1]).max() < 0.01
     assert np.abs(off).max() > 0.0  # it is no truth
     covariance = np.array(poses[-1].covariance).reshape(4, 4)
-    assert poses[-1].estimator == "lidar/7"
+    assert poses[-1].estimator == NAME
     assert poses[-1].position_sigma == pytest.approx(
         math.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])
     )
