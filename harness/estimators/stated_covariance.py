@@ -32,6 +32,10 @@ HEADING = 3
 LEAST_LEVER = 1e-3
 """Mean square of the lever by which distances measure the heading, m^2, that is always there."""
 
+HELD_LEVER = 0.01
+"""Mean square of that lever below which a sweep does not hold the heading, m^2: a floor alone has
+1e-4 m^2 by the tilt of its planes, a bare tunnel has some square metres."""
+
 LEAST_SHARE = 1e-3
 """Least share of the distances that measures an axis, below which there is no mean of them."""
 
@@ -53,10 +57,11 @@ class StatedCovariance:
         self._floor = np.diag([config.position_floor**2] * 3 + [config.heading_floor**2])
         self._held = self._floor.copy()  # without the motion that nothing holds
         self._moved = np.zeros(3)  # motion by feet or odometry since the sweeps held all of it
-        self._lost_s = 0.0  # time since a sweep was registered
+        self._turned_s = 0.0  # time since a sweep held the heading
         self._positions: list[Array] = []  # (3,) of the poses of the mapped sweeps, m
         self._covariances: list[Array] = []  # (4, 4) of these
         self.axes = np.eye(3)  # until a sweep is registered
+        self._heading_held = False
         self.information = np.zeros(3)
 
     def predict(self, step: Array, period: float, inertial: Array | None) -> None:
@@ -79,10 +84,10 @@ class StatedCovariance:
             if inertial is not None:
                 grown = max(0.0, float((axis[:, None] * inertial * axis).sum()))
             self._held[:3, :3] += grown * axis[:, None] * axis[None, :]
-        if len(self.axes) == 3:
-            before = config.gyro_bias * self._lost_s
-            self._lost_s += period
-            self._held[HEADING, HEADING] += (config.gyro_bias * self._lost_s) ** 2 - before**2
+        if not self._heading_held:
+            before = config.gyro_bias * self._turned_s
+            self._turned_s += period
+            self._held[HEADING, HEADING] += (config.gyro_bias * self._turned_s) ** 2 - before**2
             self._held[HEADING, HEADING] += config.gyro_noise**2 * period
 
     def correct(self, registration: Registration, position: Array) -> None:
@@ -93,14 +98,19 @@ class StatedCovariance:
             position: (3,) estimated by it, m.
         """
         self.axes, self.information = registration.unheld, registration.information
+        lever = float(registration.moment[HEADING, HEADING])
+        self._heading_held = len(self.axes) < 3 and lever >= HELD_LEVER
         if len(self.axes) == 3:
             return
-        self._lost_s = 0.0
         self._moved = self._unheld(self._moved)
         held, unheld = np.eye(4), np.zeros((4, 4))
         for axis in self.axes:
             along = np.append(axis, 0.0)[:, None] * np.append(axis, 0.0)
             held, unheld = held - along, unheld + along
+        if self._heading_held:
+            self._turned_s = 0.0
+        else:
+            held[HEADING, HEADING], unheld[HEADING, HEADING] = 0.0, 1.0
         stays = projected(unheld, self._held)
         self._held = stays + projected(held, self._by_map(registration, position))
 
@@ -132,7 +142,8 @@ class StatedCovariance:
         return {
             "held": self._held.copy(),
             "moved": self._moved.copy(),
-            "lost_s": np.array(self._lost_s),
+            "turned_s": np.array(self._turned_s),
+            "heading_held": np.array(self._heading_held),
             "axes": self.axes.copy(),
             "information": self.information.copy(),
         }
@@ -141,7 +152,8 @@ class StatedCovariance:
         """Continue from what `state` returned."""
         self._held = np.array(state["held"], np.float64)
         self._moved = np.array(state["moved"], np.float64)
-        self._lost_s = float(state["lost_s"])
+        self._turned_s = float(state["turned_s"])
+        self._heading_held = bool(state["heading_held"])
         self.axes = np.array(state["axes"], np.float64)
         self.information = np.array(state["information"], np.float64)
 

@@ -173,6 +173,24 @@ def test_a_registration_is_as_uncertain_as_its_part_of_the_map():
     assert np.sqrt(np.diag(covariance.position)) == pytest.approx([4e-3 * math.sqrt(0.5)] * 3)
 
 
+def test_a_floor_alone_does_not_hold_the_heading():
+    config = replace(EXACT_MAP, gyro_bias=1e-3, gyro_noise=0.0)
+    x, y, z = np.eye(3)
+
+    def after(lever):
+        covariance = StatedCovariance(config)
+        covariance.add_to_map(np.zeros(3), covariance.pose)
+        floor = registered(x, y, scatter=0.0)
+        floor.moment[3, 3] = lever
+        for _ in range(100):
+            covariance.predict(0.1 * x, 0.1, None)
+            covariance.correct(floor, np.zeros(3))
+        return math.sqrt(covariance.heading)
+
+    assert after(1e-4) == pytest.approx(1e-3 * 10.0, rel=1e-3)
+    assert after(1.0) < 1e-6
+
+
 def test_an_axis_that_rough_surfaces_measure_is_less_certain():
     """By hand: what measures x is off ten times as far as what measures y and z."""
     even = registered(scatter=1e-3)
