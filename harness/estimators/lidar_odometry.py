@@ -22,7 +22,7 @@ from wayproof.models.arrays import Array
 from wayproof.models.pose_model import ERROR_STEP, PoseError
 
 FIRST_RESIDUAL = 0.01
-"""Standard deviation of the distances of points from planes before the first sweep tells it, m."""
+"""Standard deviation of the distances of points from planes before the first registration, m."""
 
 ROUGHNESS = 0.003
 """Standard deviation of the planes from the surfaces, by which the prediction counts, m."""

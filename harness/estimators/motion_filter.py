@@ -99,7 +99,7 @@ class MotionFilter:
 
         What it does not hold stays as uncertain as it was, as considered states do (Schmidt 1966,
         Advances in Control Systems 3): the direction of a tunnel is found anew with each sweep,
-        some hundredths of a radian off, and its walls would seem to tell the way along it.
+        some hundredths of a radian off, and its walls would seem to measure the way along it.
 
         Args:
             information: (4, 4) of the sweep; zero along `unheld`.

@@ -175,7 +175,7 @@ def test_a_registration_is_as_uncertain_as_its_part_of_the_map():
 
 def test_a_floor_alone_does_not_hold_the_heading():
     config = replace(EXACT_MAP, gyro_bias=1e-3, gyro_noise=0.0)
-    x, y, z = np.eye(3)
+    x, y, _ = np.eye(3)
 
     def after(lever):
         covariance = StatedCovariance(config)

@@ -18,6 +18,7 @@ from tests.harness.stack.make_input import (
 from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.inputs import Pose
 from wayproof.harness.metrics import read_trace, score
+from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.replay.audit.moment import believed_of
 from wayproof.harness.replay.audit.run import audit
 from wayproof.harness.replay.replay import replay
@@ -196,3 +197,17 @@ def test_its_error_is_what_it_states(lost_episode):
     assert figures["coverage_x"] >= 0.9
     assert figures["coverage_y"] >= 0.93
     assert 0.0 < figures["nees"] < 3.0
+
+
+def test_noise_that_hides_the_planes_ends_in_a_lost_pose_and_no_collision(tmp_path):
+    """Sweeps placed by prediction were mapped, and the drone flew into a shelf 1.8 m away."""
+    config = override(Config("warehouse", "drone", 4), ["estimate.kind=lidar"])
+    config = replace(config, perturbation=perturbation_from("depth_noise:2.5"))
+    run_episode(build(config), tmp_path / "noise.mcap")
+    log = open_log(tmp_path / "noise.mcap")
+    assert log.result["outcome"] == "aborted"
+    assert "the pose is lost" in log.result["reason"]
+    figures = score(read_trace(log))
+    assert figures["coverage_x"] >= 0.9
+    assert figures["coverage_y"] >= 0.9
+    assert figures["ate"] > 0.1  # it was off indeed
