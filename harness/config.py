@@ -19,6 +19,7 @@ from wayproof.harness.prediction_config import NO_PREDICTOR, PredictionConfig, i
 from wayproof.harness.prior_config import NO_PRIOR, PriorConfig
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.renamed import current_value, renamed, with_current_names
+from wayproof.kernel_cache import load_without_compiler
 from wayproof.maps import MAPS, CostmapConfig, MapConfig
 from wayproof.maps.bounds import Bounds, check_fields
 from wayproof.models.classes import CLASSES
@@ -27,6 +28,8 @@ from wayproof.models.pose_model import PoseModelConfig
 from wayproof.models.sensors.devices import DEVICES, OWN, SensorConfig
 from wayproof.models.world_parameters import WorldParameters
 from wayproof.planners import FORMER_NAMES, PLANNERS, PlannerConfig
+
+load_without_compiler()  # here, as whatever runs kernels has settings, and numba is loaded by now
 
 MOST_THREADS = 64
 MOST_WAYPOINTS = 100

@@ -35,11 +35,13 @@ def package(tmp_path):
     return root
 
 
-def answer(package, *imports):
+def answer(package, *imports, then="pass"):
     """What the kernel gives in a new process, which finds what the last one compiled."""
     here = {"PYTHONPATH": str(package.parent), "XDG_CACHE_HOME": str(package.parent / "caches")}
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | here
-    code = "; ".join((*imports, "from wayproof.maps.caller import answer", "print(answer(20))"))
+    code = "; ".join(
+        (*imports, "from wayproof.maps.caller import answer", "print(answer(20))", then)
+    )
     ended = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
     )
@@ -57,6 +59,13 @@ def test_a_change_of_a_callee_or_a_constant_in_another_file_is_seen(package):
     assert answer(package) == 65
     assert len(list(caches.iterdir())) == 3
     assert all(any(cache.rglob("*.nbc")) for cache in caches.iterdir())
+
+
+def test_what_is_cached_is_loaded_without_what_a_compiler_needs(package):
+    lean = "from wayproof.kernel_cache import load_without_compiler", "load_without_compiler()"
+    compiler = "{'numba.np.arraymath', 'numba.np.npyimpl', 'scipy.linalg'} & set(sys.modules)"
+    assert answer(package, "import sys", *lean, then=f"assert {compiler}") == 41
+    assert answer(package, "import sys", *lean, then=f"assert not {compiler}") == 41
 
 
 def test_files_that_no_kernel_imports_do_not_matter(package):

@@ -8,7 +8,7 @@ from wayproof.planners._jit import kernel
 from wayproof.planners.kernels.angles import yaw_of_direction
 from wayproof.planners.kernels.grid import Discs, Floats, Grid, Point, Pose
 from wayproof.planners.kernels.polyline import between, distance
-from wayproof.planners.kernels.shortcut import LEAST_GAIN
+from wayproof.planners.kernels.shortcut import LEAST_GAIN, total
 from wayproof.planners.kernels.sweep import pose_between, pose_row
 from wayproof.planners.kernels.sweep_cost import (
     least_sweep_cost,
@@ -41,7 +41,7 @@ def shortcut_poses(grid: Grid, discs: Discs, weight: float, poses: Floats, draws
         j, v = pose_at(points, arcs, max(draw[0], draw[1]) * arcs[-1])
         middle = between(u[:3], v[:3], 0.5)
         apex = (middle[0] + draw[2], middle[1] + draw[3], middle[2] + draw[4])
-        old = np.sum(costs[i : j + 1])
+        old = total(costs[i : j + 1])
         fresh[0] = points[i]
         for bent in (False, True):
             end = write_detour(u, apex, v, bent, fresh)

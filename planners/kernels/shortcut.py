@@ -55,7 +55,7 @@ def shortcut(
         middle = between(u, v, 0.5)
         apex = (middle[0] + draw[2], middle[1] + draw[3], middle[2] + draw[4])
         ends = (row(points, i), u, v, row(points, j + 1))
-        old = np.sum(costs[i : j + 1]) + corner_cost * (j - i)
+        old = total(costs[i : j + 1]) + corner_cost * (j - i)
         added, a, b, c, d = detour(grid, threshold, weight, ends, apex, old, corner_cost)
         changed = added > 0
         if changed:
@@ -73,6 +73,15 @@ def shortcut(
                 costs[i + n] = fresh[n]
             count = last
     return fewest_corners(grid, threshold, weight, corner_cost, points[:count])
+
+
+@kernel
+def total(values: Floats) -> float:
+    """Sum from the first to the last; numpy's is slow to compile, and to load once compiled."""
+    found = 0.0
+    for value in values:
+        found += value
+    return found
 
 
 @kernel

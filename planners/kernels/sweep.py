@@ -144,6 +144,7 @@ def free_headings(
         (m, 2). Tail first counts only where the body turns by a quarter at most.
     """
     free = np.zeros((len(headings), 2), np.bool_)
+    found = False
     for n in range(len(places)):
         for m in range(len(headings)):
             for gear in range(2):
@@ -152,7 +153,8 @@ def free_headings(
                     continue  # nose first the turn is no longer
                 pose = (places[n, 0], places[n, 1], start[2], there)
                 free[m, gear] = sweep_free(grid, discs, start, pose)
-        if free.any():
+                found |= free[m, gear]
+        if found:
             return n, free
     return 0, free
 

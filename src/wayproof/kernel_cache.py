@@ -13,6 +13,7 @@ import os
 import re
 import sys
 import time
+from typing import Any
 
 PACKAGES = ("harness", "maps", "models", "planners")
 
@@ -53,35 +54,52 @@ def any_cached() -> bool:
     return any(name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
 
 
+def load_without_compiler() -> None:
+    """Let numba load kernels from its cache without what only a compiler needs, scipy among it.
+
+    Numba imports and registers its implementation of the language before it looks into the cache,
+    in every process again. It does so before it compiles, too, so a kernel that is not in the cache
+    finds all of it.
+    """
+    from numba.core.caching import Cache
+    from numba.core.runtime import rtsys
+
+    def load_overload(self: Any, sig: Any, target_context: Any) -> Any:
+        rtsys.initialize(target_context)  # what compiled code allocates arrays with
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+    Cache.load_overload = load_overload
+
+
 def kernel_digest(root: str) -> str:
     """Hash of every file with kernels in the packages of a folder, and of all that these import."""
-    texts = {path: text for path, text in _sources(root) if DECORATOR in text}
-    left = list(texts)
+    sources = _sources(root)
+    taken = {path for path, text in sources.items() if DECORATOR in text}
+    left = list(taken)
     while left:
-        for path in _imported(texts[left.pop()]):
-            file = os.path.join(root, f"{path}.py")
-            if path not in texts and os.path.isfile(file):
-                with open(file, "rb") as source:
-                    texts[path] = source.read()
-                left.append(path)
+        imported = (_imported(sources[left.pop()]) & sources.keys()) - taken
+        taken |= imported
+        left += imported
     digest = hashlib.blake2b(digest_size=8)
-    for path in sorted(texts):
-        digest.update(f"{path} {len(texts[path])}\n".encode())
-        digest.update(texts[path])
+    for path in sorted(taken):
+        digest.update(f"{path} {len(sources[path])}\n".encode())
+        digest.update(sources[path])
     return digest.hexdigest()
 
 
-def _sources(root: str) -> list[tuple[str, bytes]]:
-    """Every module of the packages: its path without the ending, and its text."""
-    found = []
-    for package in PACKAGES:
-        for folder, _, names in os.walk(os.path.join(root, package)):
-            for name in names:
-                if name.endswith(".py"):
-                    file = os.path.join(folder, name)
-                    with open(file, "rb") as source:
-                        path = os.path.relpath(file, root).removesuffix(".py")
-                        found.append((path.replace(os.sep, "/"), source.read()))
+def _sources(root: str) -> dict[str, bytes]:
+    """Text of every module of the packages, by its path without the ending."""
+    found = {}
+    folders = list(PACKAGES)
+    while folders:
+        folder = folders.pop()
+        for entry in os.scandir(f"{root}/{folder}"):
+            if entry.name.endswith(".py"):
+                with open(entry.path, "rb", buffering=0) as source:
+                    found[f"{folder}/{entry.name[:-3]}"] = source.read()
+            elif entry.name != "__pycache__" and entry.is_dir():
+                folders.append(f"{folder}/{entry.name}")
     return found
 
 

@@ -88,6 +88,29 @@ def test_replay_needs_no_simulator(recorded):
     assert "identical" in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("robot", "command"),
+    [
+        ("drone", ["replay", "--jobs", "1"]),
+        ("quadruped", ["replay", "--jobs", "1"]),
+        ("drone", ["explain", "9"]),
+    ],
+)
+def test_cached_kernels_are_loaded_without_a_compiler(recorded, robot, command):
+    words = [command[0], str(recorded(*SHORT[robot]).log), *command[1:]]
+    script = (
+        "import sys\n"
+        "from wayproof.harness.cli.main import main\n"
+        f"assert main({words}) == 0\n"
+        "print(sorted({'numba.np.arraymath', 'numba.np.npyimpl'} & set(sys.modules)))"
+    )
+    for _ in range(2):  # the first may compile
+        shown = subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True, check=True
+        )
+    assert shown.stdout.splitlines()[-1] == "[]"
+
+
 def test_a_log_of_decisions_is_small_and_simulated_again(recorded, tmp_path, capsys):
     full = recorded(*SHORT["quadruped"])
     small = recorded(*SHORT["quadruped"], "record=decisions")
