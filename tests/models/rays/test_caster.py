@@ -9,6 +9,7 @@ from wayproof.models import rays
 from wayproof.models.poses import Trail
 from wayproof.models.rays import TileCaster, bounds, cut_grid, cut_scattered, tile_kernels, tiles
 from wayproof.models.rays.geometry import Geometry
+from wayproof.models.rays.surface_kernels import meet_tiles
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import compose
 from wayproof.models.sensors.beams import directions as beams_of
@@ -689,3 +690,16 @@ def test_nothing_is_compiled_after_the_warm_up():
     caster.cast(data, cut_scattered(directions, indices), data.geom_xpos[:7], R)
     caster.cast(data, cut_grid(directions[::-2][:9], 3, 3), data.geom_xpos[0], R.T)
     assert before == {name: len(kernel.signatures) for name, kernel in everything.items()}
+
+
+def test_nothing_is_compiled_after_a_caster_of_triangles_is_made():
+    head = '<asset><mesh name="wedge" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'
+    model, data = posed('<geom type="mesh" mesh="wedge"/>', head)
+    caster = TileCaster(model, ALL, LIDAR.range, threads=2)
+    before = len(meet_tiles.signatures)
+    assert before > 0
+    directions = directions_of(LIDAR)
+    caster.cast(data, pattern_of(LIDAR), np.ones(3), np.eye(3))
+    scattered = cut_scattered(directions, np.arange(len(directions)) % 7)
+    caster.cast(data, scattered, np.ones((7, 3)), np.broadcast_to(np.eye(3), (7, 3, 3)))
+    assert len(meet_tiles.signatures) == before
