@@ -74,6 +74,7 @@ MOST_TABLES = 1000
 """Maximum number of beam tables in a file, those before its forks among them."""
 
 HEAD = struct.Struct("<BQ")  # opcode, length
+MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, time of the log, time of publication
 
 
 class Attachment(NamedTuple):
@@ -138,20 +139,31 @@ class _Broken(Exception):
 class _Cursor:
     """Reader of the fields of one record, never beyond its end."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, begin: int = 0, end: int | None = None) -> None:
         self._data = data
-        self._place = 0
+        self._place = begin
+        self._end = len(data) if end is None else end
 
     @property
     def left(self) -> int:
-        return len(self._data) - self._place
+        return self._end - self._place
+
+    def skip(self, count: int) -> int:
+        """Pass over some bytes, and return where they begin."""
+        begin = self._place
+        if begin + count > self._end:
+            raise _Broken(f"a field of {count} bytes in a record with {self.left} left")
+        self._place = begin + count
+        return begin
 
     def take(self, count: int) -> bytes:
-        if count > self.left:
-            raise _Broken(f"a field of {count} bytes in a record with {self.left} left")
-        piece = self._data[self._place : self._place + count]
-        self._place += count
-        return piece
+        begin = self.skip(count)
+        return self._data[begin : begin + count]
+
+    def part(self, count: int) -> _Cursor:
+        """Return a reader of the next bytes, which are not copied: a sweep takes many."""
+        begin = self.skip(count)
+        return _Cursor(self._data, begin, begin + count)
 
     def number(self, size: int) -> int:
         return int.from_bytes(self.take(size), "little")
@@ -163,7 +175,7 @@ class _Cursor:
             raise _Broken("text that is no UTF-8") from None
 
     def pairs(self) -> dict[str, str]:
-        inner = _Cursor(self.take(self.number(4)))
+        inner = self.part(self.number(4))
         fields = {}
         while inner.left:
             key = inner.text()
@@ -301,11 +313,10 @@ class _Walk:
         elif opcode == Opcode.METADATA:
             yield Metadata(cursor.text(), cursor.pairs())
         else:
-            yield from self._parse_in_chunk(opcode, body)
+            yield from self._parse_in_chunk(opcode, cursor)
 
-    def _parse_in_chunk(self, opcode: int, body: bytes) -> Iterator[Packet]:
+    def _parse_in_chunk(self, opcode: int, cursor: _Cursor) -> Iterator[Packet]:
         """Parse a record of a chunk, or of a file without chunks."""
-        cursor = _Cursor(body)
         if opcode == Opcode.SCHEMA:
             number = cursor.number(2)
             self._schemas[number] = cursor.text()
@@ -313,10 +324,7 @@ class _Walk:
             number, schema = cursor.number(2), cursor.number(2)
             self._channels[number] = cursor.text(), self._schemas.get(schema, "")
         elif opcode == Opcode.MESSAGE:
-            number = cursor.number(2)
-            cursor.take(4)
-            time_ns = cursor.number(8)
-            cursor.take(8)
+            number, _, time_ns, _ = MESSAGE.unpack(cursor.take(MESSAGE.size))
             if number not in self._channels:
                 raise _Broken(f"a message on channel {number}, which was never declared")
             topic, schema_name = self._channels[number]
@@ -324,7 +332,7 @@ class _Walk:
             yield Packet(schema_name, topic, time_ns, cursor.take(cursor.left))
 
     def _unpack(self, cursor: _Cursor) -> Iterator[Packet]:
-        cursor.take(16)
+        cursor.skip(16)
         size, checksum = cursor.number(8), cursor.number(4)
         compression, packed = cursor.text(), cursor.take(cursor.number(8))
         self._unpacked += size
@@ -340,7 +348,7 @@ class _Walk:
             opcode, length = HEAD.unpack(inner.take(HEAD.size))
             if opcode != Opcode.MESSAGE:
                 self._census.count_declared()
-            yield from self._parse_in_chunk(opcode, inner.take(length))
+            yield from self._parse_in_chunk(opcode, inner.part(length))
 
     def _check_data(self, body: bytes, checksum: int) -> None:
         expected = _Cursor(body).number(4)

@@ -153,31 +153,37 @@ def _check_motion(message: pb.RecordedMotion) -> None:
 
 def _check_texts(message: Message) -> None:
     """Raise a ValueError if a text has control characters that a terminal would obey."""
-    texts_of = _singular_texts(message.DESCRIPTOR)
-    if texts_of is not None:
-        if not texts_of(message).isprintable():
-            raise ValueError(message.DESCRIPTOR.name)
-        return
-    for field in _fields_with_texts(message.DESCRIPTOR):
-        value = getattr(message, field.name)
-        for one in value if field.is_repeated else (value,):
-            if isinstance(one, Message):
-                _check_texts(one)
-            elif not one.isprintable():
-                raise ValueError(field.name)
+    texts: list[str] = []
+    _texts_of(message.DESCRIPTOR)(message, texts)
+    if not "".join(texts).isprintable():
+        raise ValueError(message.DESCRIPTOR.name)
 
 
 @functools.cache
-def _singular_texts(descriptor: Descriptor) -> Callable[[Message], str] | None:
-    """Return a function that joins all texts of a message, if each is a field of one text.
+def _texts_of(descriptor: Descriptor) -> Callable[[Message, list[str]], None]:
+    """Return a function that appends all texts of a message, at any depth, to a list.
 
-    A state has some twenty arrays with such texts, and their checks took half of its decoding.
+    It is made once for each type: looking every field up took half of a state's decoding.
     """
-    fields = _fields_with_texts(descriptor)
-    if any(field.is_repeated or field.message_type for field in fields):
-        return None
-    names = [field.name for field in fields]
-    return lambda message: "".join([getattr(message, name) for name in names])
+    fields = [
+        (
+            field.name,
+            field.is_repeated,
+            None if field.message_type is None else _texts_of(field.message_type),
+        )
+        for field in _fields_with_texts(descriptor)
+    ]
+
+    def append(message: Message, texts: list[str]) -> None:
+        for name, repeated, inner in fields:
+            value = getattr(message, name)
+            if inner is None:
+                texts += value if repeated else (value,)
+            else:
+                for one in value if repeated else (value,):
+                    inner(one, texts)
+
+    return append
 
 
 @functools.cache
