@@ -101,7 +101,7 @@ def track(
     )
     R_world_desired = desired_attitude(force, reference[0, 3])
     rates = desired_rates(reference, R_world_desired, sqrt(dot(force, force)))
-    torque = desired_torque(airframe, gains, R_world_desired, R_world_body, rates, qvel[3:])
     thrust = airframe.mass * dot(force, R_world_body[:, 2])
+    torque = desired_torque(airframe, gains, R_world_desired, R_world_body, rates, qvel[3:], thrust)
     rotors = allocate(airframe, gains, thrust, torque)
     command[:] = invert_lag(airframe, gains, rotors, memory.lag, timestep)

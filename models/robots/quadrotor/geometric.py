@@ -110,12 +110,11 @@ def desired_torque(
     R_world_body: Array,
     rates: tuple[Array, Array],
     angular_velocity: Array,
+    thrust: float,
 ) -> Array:  # (3,)
     """Compute the body torque, Nm: LLM equation 16, with gains multiplied by the inertia.
 
-    Roll and pitch are limited together: one rotor at its least thrust would otherwise force the
-    collective up, the climb would take lift from the desired force, and less lift asks for
-    faster turns.
+    Roll and pitch are limited together, to the `tilt_room` beside the thrust.
 
     Args:
         airframe: Body.
@@ -124,6 +123,7 @@ def desired_torque(
         R_world_body: (3, 3).
         rates: Angular velocity and acceleration by `desired_rates`.
         angular_velocity: (3,) body axes, rad/s.
+        thrust: Collective demanded meanwhile, N.
     """
     rate, acceleration = np.empty(3), np.empty(3)  # the same in body axes
     momentum = np.empty(3)
@@ -144,5 +144,24 @@ def desired_torque(
         angular -= gains.rate[i] * (angular_velocity[i] - rate[i])
         torque[i] = airframe.inertia[i] * angular + gyroscopic[i]
     spread = 0.25 * (abs(torque[0]) / airframe.arm_y + abs(torque[1]) / airframe.arm_x)
-    torque[:2] *= min(1.0, gains.tilt_share * airframe.thrust_max / max(spread, 1e-9))
+    torque[:2] *= min(1.0, tilt_room(airframe, gains, thrust) / max(spread, 1e-9))
     return torque
+
+
+@kernel
+def tilt_room(airframe: Airframe, gains: Gains, thrust: float) -> float:
+    """Return the thrust, N, that roll and pitch together may add to or take from a rotor's share.
+
+    A torque that takes more than lies between that share and idle forces the collective up. The
+    craft then accelerates sideways by more than its tilt was chosen for, so position feedback is
+    too strong; it climbs, and a climb takes lift from the demand, which leaves less room. It
+    tipped over so, with more torque more often.
+
+    Args:
+        airframe: Body.
+        gains: `tilt_share`, `tilt_floor` and `idle`.
+        thrust: Collective demanded, N.
+    """
+    room = 0.25 * thrust - gains.idle * airframe.thrust_max
+    room = max(room, gains.tilt_floor * airframe.thrust_max)
+    return min(room, gains.tilt_share * airframe.thrust_max)

@@ -66,6 +66,9 @@ class Gains(NamedTuple):
         idle: Least thrust demanded of a rotor, as a share of the largest.
         tilt_share: Largest thrust that roll and pitch together add to or take from a rotor, as a
             share of the largest: the hover thrust, so that violent turns do not lift the craft.
+        tilt_floor: Share of the largest thrust that they have however little thrust is demanded;
+            beyond it they have what lies between demand and idle. As large as `tilt_share`: they
+            always have that, and lift a craft that is to sink.
         yaw_share: Largest yaw torque as a share of what all rotors could give.
     """
 
@@ -81,6 +84,7 @@ class Gains(NamedTuple):
     lag_filter: float = 0.02
     idle: float = 0.01
     tilt_share: float = 0.25
+    tilt_floor: float = 0.25
     yaw_share: float = 0.15
 
 
@@ -115,7 +119,19 @@ class Parameters(NamedTuple):
     smoothing: Smoothing = Smoothing()
 
 
-FAST = Parameters(smoothing=Smoothing(bandwidth=25.0, limits=(6.0, 12.0, 150.0, 4000.0)))
+def room_at_least_lift(airframe: Airframe, gains: Gains) -> float:
+    """Return the `tilt_floor` beside the least lift ever demanded of an upright craft.
+
+    A craft far from the attitude that it needs has less thrust along it, and turns to it by this.
+    """
+    hover = 0.25 * airframe.mass * GRAVITY / airframe.thrust_max
+    return gains.least_lift * hover - gains.idle
+
+
+FAST = Parameters(
+    gains=Gains(tilt_floor=room_at_least_lift(Airframe(), Gains())),
+    smoothing=Smoothing(bandwidth=25.0, limits=(6.0, 12.0, 150.0, 4000.0)),
+)
 """For navigation at 4 m/s and 4 m/s^2.
 
 `wayproof bench robots` flies between points at up to 5 m/s with these, in gusts too.
