@@ -25,6 +25,7 @@ from wayproof.harness.bench.trials.quadruped_sim import TIMESTEP, Conditions, Tr
 from wayproof.models.robots.quadrotor import Quadrotor
 from wayproof.models.robots.quadrotor import warm_up as warm_up_quadrotor
 from wayproof.models.robots.quadrotor.parameters import Parameters, Smoothing
+from wayproof.models.robots.quadrotor.robot import FAST_QUADROTOR
 from wayproof.models.robots.quadruped import Quadruped
 from wayproof.models.robots.quadruped import warm_up as warm_up_quadruped
 
@@ -267,6 +268,12 @@ def _fast_flight(rng: np.random.Generator) -> Run:
     return _flight(rng, course, robot=Quadrotor(Parameters(smoothing=smoothing)))
 
 
+def _winding(rng: np.random.Generator, wind: float = 0.0) -> Run:
+    """Paths as navigation plans them, at the full limits; a noisy estimate."""
+    draw = partial(flights.winding, limits=flights.motion_limits(FAST_QUADROTOR))
+    return _flight(rng, draw, wind, NOISE, FAST_QUADROTOR)
+
+
 _eight = flights.figure_of_eight
 _points = partial(flights.point_to_point, seconds=FLIGHT_TIME)
 
@@ -296,6 +303,8 @@ CASES = (
     Case("drone", "figure of eight, gusts", 1, partial(_flight, draw_course=_eight, wind=GUSTS)),
     Case("drone", "points, gusts", 1, partial(_flight, draw_course=_points, wind=GUSTS)),
     Case("drone", "random flights", 10, _random_flight),
+    Case("drone", "winding 4 m/s", 10, _winding),
+    Case("drone", "winding 4 m/s, gusts", 10, partial(_winding, wind=GUSTS)),
 )  # fmt: skip
 """Names of the parts, in the order of the rows."""
 

@@ -234,6 +234,14 @@ def turning_about(
     return lambda time: (*places(time)[:3], float(np.interp(time, times, headings)))
 
 
+def motion_limits(robot: Quadrotor) -> MotionLimits:
+    """What navigation asks of a robot at most, as limits of its trajectories."""
+    asked = robot.limits
+    return MotionLimits(
+        asked.speed, asked.acceleration, asked.jerk, asked.acceleration, asked.yaw_rate
+    )
+
+
 def winding(rng: np.random.Generator, limits: MotionLimits, corners: int = 14) -> Course:
     """A path as navigation plans it, through drawn corners in space, at its limits, to rest.
 

@@ -103,6 +103,18 @@ def attitude_error(R_world_desired: Array, R_world_body: Array) -> Array:  # (3,
 
 
 @kernel
+def tilt_error(R_world_desired: Array, R_world_body: Array) -> tuple[float, float]:
+    """Return the part of the attitude error that tilts, about the body's x and y axes.
+
+    The shortest rotation between the two z axes (Brescianini and D'Andrea, "Tilt-prioritized
+    quadrocopter attitude control", IEEE TCST 2020), sine of its angle. `attitude_error` is this
+    where the headings agree; where they differ by an angle, it is turned by half of that.
+    """
+    z = R_world_desired[:, 2]
+    return dot(z, R_world_body[:, 1]), -dot(z, R_world_body[:, 0])
+
+
+@kernel
 def desired_torque(
     airframe: Airframe,
     gains: Gains,
@@ -135,6 +147,8 @@ def desired_torque(
             rate[i] += turn * rates[0][j]
             acceleration[i] += turn * rates[1][j]
     error = attitude_error(R_world_desired, R_world_body)
+    if gains.tilt_first:
+        error[0], error[1] = tilt_error(R_world_desired, R_world_body)
     gyroscopic, transport = np.empty(3), np.empty(3)
     cross(angular_velocity, momentum, gyroscopic)
     cross(angular_velocity, rate, transport)

@@ -69,6 +69,8 @@ class Gains(NamedTuple):
         tilt_floor: Share of the largest thrust that they have however little thrust is demanded;
             beyond it they have what lies between demand and idle. As large as `tilt_share`: they
             always have that, and lift a craft that is to sink.
+        tilt_first: Whether roll and pitch ignore an error of heading. Yaw gets the torque that
+            they leave, so that error can grow; it would then turn their torque aside.
         yaw_share: Largest yaw torque as a share of what all rotors could give.
     """
 
@@ -85,6 +87,7 @@ class Gains(NamedTuple):
     idle: float = 0.01
     tilt_share: float = 0.25
     tilt_floor: float = 0.25
+    tilt_first: bool = False
     yaw_share: float = 0.15
 
 
@@ -129,7 +132,7 @@ def room_at_least_lift(airframe: Airframe, gains: Gains) -> float:
 
 
 FAST = Parameters(
-    gains=Gains(tilt_floor=room_at_least_lift(Airframe(), Gains())),
+    gains=Gains(tilt_floor=room_at_least_lift(Airframe(), Gains()), tilt_first=True),
     smoothing=Smoothing(bandwidth=25.0, limits=(6.0, 12.0, 150.0, 4000.0)),
 )
 """For navigation at 4 m/s and 4 m/s^2.

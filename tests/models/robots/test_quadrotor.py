@@ -17,8 +17,16 @@ from wayproof.models.robots.quadrotor.geometric import (
     desired_attitude,
     desired_rates,
     desired_torque,
+    tilt_error,
+    tilt_room,
 )
-from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Smoothing
+from wayproof.models.robots.quadrotor.parameters import (
+    FAST,
+    GRAVITY,
+    Airframe,
+    Gains,
+    Smoothing,
+)
 from wayproof.models.robots.quadrotor.rotors import ROTOR_SPIN, ROTOR_X, ROTOR_Y, allocate
 from wayproof.models.robots.quadrotor.smoothing import smooth_setpoint
 from wayproof.models.robots.robot import Setpoint
@@ -334,6 +342,39 @@ def test_mixer_gives_a_feasible_wrench_exactly():
         np.testing.assert_allclose(given, rotors, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("gains", "thrust", "expected"),
+    [
+        (GAINS, 0.0, 3.25),  # a quarter of 13 N, whatever the thrust
+        (GAINS, 13.0, 3.25),
+        (FAST.gains, 9.0, 2.12),  # 9 N / 4 less idle, 1 % of 13 N
+        (FAST.gains, 40.0, 3.25),
+        (FAST.gains, -3.0, 0.5 * 1.325 * 9.81 / 4 - 0.13),  # as at the least lift
+    ],
+)
+def test_room_for_roll_and_pitch_by_hand(gains, thrust, expected):
+    assert tilt_room(AIRFRAME, gains, thrust) == pytest.approx(expected)
+
+
+def test_turns_of_the_fast_drone_do_not_lift_it():
+    rng = np.random.default_rng(4)
+    lifted = 0
+    for _ in range(200):
+        desired, actual = Rotation.random(2, random_state=int(rng.integers(1 << 30))).as_matrix()
+        thrust = rng.uniform(GAINS.least_lift * 1.325 * GRAVITY, 30.0)
+        rates = np.zeros(3), rng.normal(0.0, 40.0, 3)
+        for gains in (FAST.gains, GAINS):
+            torque = desired_torque(
+                AIRFRAME, gains, desired, actual, rates, rng.normal(size=3), thrust
+            )
+            given = allocate(AIRFRAME, gains, thrust, torque).sum()
+            if gains == GAINS:
+                lifted += given > thrust + 0.1
+            else:
+                assert given == pytest.approx(thrust)
+    assert lifted > 20
+
+
 def test_attitude_error_matches_the_matrix_formula_and_the_logarithm():
     rng = np.random.default_rng(3)
     for _ in range(50):
@@ -346,6 +387,22 @@ def test_attitude_error_matches_the_matrix_formula_and_the_logarithm():
     np.testing.assert_allclose(error, [0.01, -0.02, 0.015], rtol=2e-4)
     logarithm = np.real(logm(desired.T @ small))
     np.testing.assert_allclose(error[2], logarithm[1, 0], rtol=2e-4)
+
+
+def test_tilt_error_ignores_the_heading_and_is_the_attitude_error_without_one():
+    rng = np.random.default_rng(6)
+    for _ in range(50):
+        actual = Rotation.random(random_state=int(rng.integers(1 << 30)))
+        angle, sideways = rng.uniform(0.0, 1.5), rng.uniform(-pi, pi)
+        off = angle * np.array([cos(sideways), sin(sideways), 0.0])
+        desired = actual * Rotation.from_rotvec(-off)
+        expected = sin(angle) * off[:2] / angle
+        got = tilt_error(desired.as_matrix(), actual.as_matrix())
+        np.testing.assert_allclose(got, expected, atol=1e-12)
+        whole = attitude_error(desired.as_matrix(), actual.as_matrix())
+        np.testing.assert_allclose([*got, 0.0], whole, atol=1e-12)
+        turned = (desired * Rotation.from_rotvec([0.0, 0.0, 1.0])).as_matrix()
+        np.testing.assert_allclose(tilt_error(turned, actual.as_matrix()), expected, atol=1e-12)
 
 
 def smooth_reference(t):
@@ -450,7 +507,9 @@ def test_kernels_equal_their_python():
     for kernel, arguments in (
         (desired_attitude, (np.array([1.0, 2.0, 9.0]), 0.3)),
         (attitude_error, (R, desired_rotation(1.1))),
-        (desired_torque, (AIRFRAME, GAINS, R, desired_rotation(1.1), rates, torque)),
+        (desired_torque, (AIRFRAME, FAST.gains, R, desired_rotation(1.1), rates, torque, 9.0)),
+        (tilt_error, (R, desired_rotation(1.1))),
+        (tilt_room, (AIRFRAME, FAST.gains, 9.0)),
         (desired_rates, (smooth_reference(1.0), R, 11.0)),
         (allocate, (AIRFRAME, GAINS, 13.0, torque)),
         (air_drag, (AIRFRAME, R, torque)),

@@ -11,7 +11,6 @@ from wayproof.harness.bench.trials.wind import dryden_gusts
 from wayproof.models.robots import FAST_ROBOTS, ROBOTS
 from wayproof.models.robots.quadrotor import Quadrotor, warm_up
 from wayproof.models.robots.quadrotor.parameters import Airframe
-from wayproof.planners import MotionLimits
 
 ROBOT = Quadrotor()
 
@@ -82,24 +81,18 @@ def test_what_navigation_may_ask_is_flown_while_it_turns_about_in_gusts(name):
         assert flown.error < 0.1
 
 
-def limits_of(robot):
-    asked = robot.limits
-    return MotionLimits(
-        asked.speed, asked.acceleration, asked.jerk, asked.acceleration, asked.yaw_rate
-    )
-
-
-def test_paths_of_navigation_are_flown_at_its_limits():
-    robot = ROBOTS["drone"]
-    for seed in range(5):
-        course = flights.winding(rng(seed), limits_of(robot))
+@pytest.mark.parametrize("name", ["plain", "fast"])
+def test_paths_of_navigation_are_flown_at_its_limits(name):
+    robot = {"plain": ROBOTS, "fast": FAST_ROBOTS}[name]["drone"]
+    for seed in range(8):
+        course = flights.winding(rng(seed), flights.motion_limits(robot))
         flown = flights.fly(robot, course, 8.0, 6.0, EstimateNoise(), rng(seed))
         assert not flown.crashed
         assert flown.error < 0.1
 
 
 def test_a_winding_path_begins_and_ends_at_rest_and_obeys_its_limits():
-    limits = limits_of(FAST_ROBOTS["drone"])
+    limits = flights.motion_limits(FAST_ROBOTS["drone"])
     course = flights.winding(rng(1), limits, corners=5)
     places = np.array([course(k * 0.01) for k in range(2000)])
     speed = np.linalg.norm(np.diff(places[:, :3], axis=0), axis=1) / 0.01
