@@ -96,9 +96,9 @@ class MotionConfig:
 
     Attributes:
         limits: Speed, acceleration and turning of a built-in robot: `full` is what it follows in
-            most trials; `cautious` is what it had before; `auto` is `full` for the quadruped
-            but in a world with things that are known to move and on slopes, else `cautious`. A log
-            says which.
+            trials; `cautious` is what it had before; `auto` is what the robot's registry says,
+            `full` for both, but `cautious` in a world with things that are known to move and on
+            slopes. A log says which.
         speed_fraction: Share of the body's greatest speed that navigation asks for.
         altitude_low: Lowest altitude that any part of a flying robot may take, m.
         altitude_high: Highest, m.

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from wayproof.harness.config import HASH_SEPARATOR, Config
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.scenario.named import find_named
-from wayproof.models.robots import FAST_ROBOTS, ROBOTS, Robot, custom
+from wayproof.models.robots import FAST_ROBOTS, LIMITS_IN_STATIC_WORLDS, ROBOTS, Robot, custom
 from wayproof.models.robots.custom import (
     CONTROLLERS,
     CustomRobot,
@@ -58,14 +57,14 @@ def resolve_limits(config: Config, world: World) -> Config:
 
     A robot stops within the space that is admitted. What moves can come into it meanwhile, so
     where the operator knows of such things, the robot goes more slowly. So it does where it is to
-    walk on slopes, where it was not measured at speed, and where it is the drone, which can tip
-    over on winding paths at its full limits.
+    walk on slopes, where it was not measured at speed. Elsewhere the registry of robots decides.
     """
     if config.motion.limits != "auto":
         return config
     moving = any(len(mover.route) > 1 for mover in world.movers)
-    careful = moving or config.costmap.max_slope > 0.0 or config.robot == "drone"
-    limits: Literal["full", "cautious"] = "cautious" if careful else "full"
+    limits = LIMITS_IN_STATIC_WORLDS.get(config.robot, "full")  # no other robot has two
+    if moving or config.costmap.max_slope > 0.0:
+        limits = "cautious"
     return replace(config, motion=replace(config.motion, limits=limits))
 
 

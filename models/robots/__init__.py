@@ -1,5 +1,7 @@
 """Robots by name; a new one is a sub-package and a line here."""
 
+from typing import Literal
+
 from wayproof.models.robots.quadrotor import Quadrotor
 from wayproof.models.robots.quadrotor.robot import FAST_QUADROTOR
 from wayproof.models.robots.quadruped import Quadruped
@@ -17,4 +19,19 @@ FAST_ROBOTS: dict[str, Robot] = {
 }
 """The same bodies at the speed that they were measured to bear."""
 
-__all__ = ["FAST_ROBOTS", "ROBOTS", "Controller", "Robot", "RobotSpec", "Setpoint"]
+LIMITS_IN_STATIC_WORLDS: dict[str, Literal["full", "cautious"]] = {
+    "drone": "full",
+    "quadruped": "full",
+}
+"""What a robot is asked for by itself where nothing is known to move: `full` once neither trials
+along the paths of navigation nor episodes showed a fall at `FAST_ROBOTS`."""
+
+__all__ = [
+    "FAST_ROBOTS",
+    "LIMITS_IN_STATIC_WORLDS",
+    "ROBOTS",
+    "Controller",
+    "Robot",
+    "RobotSpec",
+    "Setpoint",
+]

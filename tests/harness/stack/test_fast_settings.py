@@ -4,6 +4,7 @@ import json
 
 from wayproof.harness.config import Config, document_of, from_json, override, to_json
 from wayproof.harness.scenario.scenario import build
+from wayproof.models.robots import FAST_ROBOTS, LIMITS_IN_STATIC_WORLDS, ROBOTS
 
 FAST = ("motion.limits=auto", "behaviour.keep_moving=true", "behaviour.narrow_speed_fraction=0.7")
 
@@ -28,9 +29,13 @@ def test_a_log_says_which_limits_a_robot_had_in_its_world():
         assert (former.max_speed, former.sideways_speed) == (slow, 0.0)
 
 
-def test_of_the_two_only_the_quadruped_is_fast_by_itself():
-    """The drone tips over in some flights along winding paths at its full limits."""
-    for robot, limits in (("quadruped", "full"), ("drone", "cautious")):
-        config = build(override(Config("empty", robot, 0), FAST)).config
-        assert config.motion.limits == limits
-        assert from_json(to_json(config)) == config
+def test_both_robots_are_fast_by_themselves_but_where_something_is_known_to_move():
+    for robot in ROBOTS:
+        for world, limits in (("empty", "full"), ("crossing", "cautious")):
+            config = build(override(Config(world, robot, 0), FAST)).config
+            assert config.motion.limits == limits
+            assert from_json(to_json(config)) == config
+
+
+def test_the_registry_says_of_every_robot_what_auto_stands_for():
+    assert set(LIMITS_IN_STATIC_WORLDS) == set(FAST_ROBOTS) == set(ROBOTS)
