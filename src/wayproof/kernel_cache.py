@@ -62,14 +62,15 @@ def load_without_compiler() -> None:
     finds all of it.
     """
     from numba.core.caching import Cache
-    from numba.core.runtime import rtsys
+    from numba.core.runtime.nrt import rtsys
 
     def load_overload(self: Any, sig: Any, target_context: Any) -> Any:
         rtsys.initialize(target_context)  # what compiled code allocates arrays with
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
 
-    Cache.load_overload = load_overload
+    cache: Any = Cache
+    cache.load_overload = load_overload
 
 
 def kernel_digest(root: str) -> str:
