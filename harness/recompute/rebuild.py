@@ -17,7 +17,7 @@ from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
 from wayproof.harness.scenario.robots import find_logged_robot
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.scenario.scene_text import safe_scene
-from wayproof.harness.scenario.worlds import apply_world_perturbation, generate
+from wayproof.harness.scenario.worlds import apply_world_perturbation, bare_world, generate
 from wayproof.harness.stack.decision import Difference
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import bind, resolve
@@ -105,18 +105,7 @@ def _world(log: Log, model: mujoco.MjModel) -> World:
     """
     if log.config.world in WORLDS:
         return apply_world_perturbation(generate(log.config), log.config)
-    mission = log.mission
-    return World(
-        name=log.config.world,
-        seed=log.config.seed,
-        solids=(),
-        low=mission.low,
-        high=mission.high,
-        start=mission.start,
-        start_heading=mission.start_heading,
-        goal=mission.goal,
-        movers=movers_in(model),
-    )
+    return bare_world(log.config, log.mission, movers_in(model))
 
 
 def segment_of(scenario: Scenario, begin: int = 0) -> Segment:

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
+from wayproof.harness.mission import Mission
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.scenario.named import find_named
 from wayproof.models.world_files import FileWorld, read_world_file
 from wayproof.models.worlds import WORLDS, World, with_traffic
+from wayproof.models.worlds.movers import Mover
 
 ENDING = ".xml"
 """Suffix of a world file, given in place of a world's name."""
@@ -24,6 +26,21 @@ def find_world(config: Config) -> World:
     """
     found = find_named("world", config.world, WORLDS, ENDING, read_world_file)
     return found if isinstance(found, World) else generate(config)
+
+
+def bare_world(config: Config, mission: Mission, movers: tuple[Mover, ...] = ()) -> World:
+    """Return a mission's operating area as a world of which no solid is known."""
+    return World(
+        name=config.world,
+        seed=config.seed,
+        solids=(),
+        low=mission.low,
+        high=mission.high,
+        start=mission.start,
+        start_heading=mission.start_heading,
+        goal=mission.goal,
+        movers=movers,
+    )
 
 
 def generate(config: Config) -> World:

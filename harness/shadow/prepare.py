@@ -17,6 +17,7 @@ from wayproof.harness.recording_config import RecordingConfig
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.recordings.track import RecordedTrack
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.scenario.worlds import bare_world
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.body import Body
 from wayproof.harness.shadow.sweeps import (
@@ -28,7 +29,6 @@ from wayproof.harness.shadow.sweeps import (
 from wayproof.harness.shadow.way import Way
 from wayproof.maps.kernels.beams import MAX_BEAM_CELLS
 from wayproof.models.sensors.beams import LONGEST_LISTED_RANGE
-from wayproof.models.worlds import World
 
 Array = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ def prepare(
     mission = _mission(way, body, config, start_ns, recording.mission)
     if body.motion == "air" and recording.mission is None:
         config = _within_altitudes(config, mission, settings)
-    config = with_prior(config, _area(config, mission))
+    config = with_prior(config, bare_world(config, mission))
     lift = _lift(config, recorded, first) if planar else 0.0
     infos: list[pb.SensorInfo] = []
     writers: dict[str, SweepWriter | TableWriter] = {}
@@ -302,20 +302,6 @@ def _mission(
         )
     except ValueError as error:
         raise InputError(f"recording with robot '{body.identity}': {error}") from None
-
-
-def _area(config: Config, mission: Mission) -> World:
-    """The operating area of a recording as a world in which nothing is known to stand."""
-    return World(
-        name=config.world,
-        seed=config.seed,
-        solids=(),
-        low=mission.low,
-        high=mission.high,
-        start=mission.start,
-        start_heading=mission.start_heading,
-        goal=mission.goal,
-    )
 
 
 def _within_altitudes(config: Config, mission: Mission, settings: list[str]) -> Config:
