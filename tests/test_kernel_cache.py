@@ -68,6 +68,18 @@ def test_what_is_cached_is_loaded_without_what_a_compiler_needs(package):
     assert answer(package, "import sys", *lean, then=f"assert not {compiler}") == 41
 
 
+UFUNC = "import numba\n\n\n@numba.vectorize(['float64(float64)'], cache=True)\n"
+UFUNC += "def doubled(x):\n    return 2.0 * x\n"
+
+
+def test_kernels_of_others_are_loaded_as_numba_does(package):
+    """A cached ufunc of a stack could not be imported a second time."""
+    (package.parent / "stack.py").write_text(UFUNC)
+    lean = "from wayproof.kernel_cache import load_without_compiler", "load_without_compiler()"
+    for _ in range(2):
+        assert answer(package, *lean, then="import stack; assert stack.doubled(1.0) == 2.0") == 41
+
+
 def test_files_that_no_kernel_imports_do_not_matter(package):
     before = kernel_digest(str(package))
     (package / "models" / "world.py").write_text("SIZE = 3\n")

@@ -25,6 +25,9 @@ OURS = re.compile(
 )
 """What a file imports of ours."""
 
+OURS_PREFIX = "wayproof."
+"""Start of the names of our modules."""
+
 KEPT_S = 14 * 24 * 3600.0
 """Caches that no process has used for so long are deleted, s."""
 
@@ -55,16 +58,20 @@ def any_cached() -> bool:
 
 
 def load_without_compiler() -> None:
-    """Let numba load kernels from its cache without what only a compiler needs, scipy among it.
+    """Let numba load our kernels from its cache without what only a compiler needs, scipy among it.
 
     Numba imports and registers its implementation of the language before it looks into the cache,
     in every process again. It does so before it compiles, too, so a kernel that is not in the cache
-    finds all of it.
+    finds all of it. Kernels of others are loaded as numba does: a ufunc needs all of it.
     """
     from numba.core.caching import Cache
     from numba.core.runtime.nrt import rtsys
 
+    load_with_compiler: Any = Cache.load_overload
+
     def load_overload(self: Any, sig: Any, target_context: Any) -> Any:
+        if not self._py_func.__module__.startswith(OURS_PREFIX):
+            return load_with_compiler(self, sig, target_context)
         rtsys.initialize(target_context)  # what compiled code allocates arrays with
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
