@@ -113,7 +113,7 @@ class LidarOdometry:
         if math.isfinite(registration.deviation):
             self._residual = math.hypot(registration.deviation, ROUGHNESS)
             information = self._information(registration)
-            self._filter.find_again(found_again(self.covariance.axes, registration.unheld))
+            self._filter.decorrelate(regained(self.covariance.axes, registration.unheld))
             change = self._filter.update(information, shift, registration.unheld)
             self._velocity, self._bias = self._velocity + change[:3], self._bias + change[3:]
         self.covariance.correct(registration, self._position)
@@ -228,7 +228,7 @@ def put_estimate(message: pb.Pose, lidar: LidarOdometry) -> None:
     message.unheld.extend(covariance.axes.ravel().tolist())
 
 
-def found_again(before: Array, unheld: Array) -> Array:
+def regained(before: Array, unheld: Array) -> Array:
     """Unit directions (k, 3) that a sweep holds and the one before did not.
 
     Args:

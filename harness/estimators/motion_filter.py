@@ -79,7 +79,7 @@ class MotionFilter:
         weight[3, 3] = variance / self._heading
         return weight
 
-    def find_again(self, directions: Array) -> None:
+    def decorrelate(self, directions: Array) -> None:
         """Take the position along unit directions (k, 3) as independent of velocity and bias.
 
         To be called before the update by a sweep that holds them where the one before did not. Part

@@ -12,7 +12,7 @@ from wayproof.harness.attribution.case import read_case
 from wayproof.harness.counterfactual.remedies import go_on, nothing, true_pose
 from wayproof.harness.errors import InputError
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators.lidar_odometry import NAME, LidarOdometry, found_again
+from wayproof.harness.estimators.lidar_odometry import NAME, LidarOdometry, regained
 from wayproof.harness.estimators.motion_filter import MotionFilter
 from wayproof.harness.estimators.motion_sensors import Motion
 from wayproof.harness.estimators.registration import Registration
@@ -219,7 +219,7 @@ def test_a_drone_that_stands_still_without_returns_drifts_by_its_accelerometer()
         assert math.sqrt(covariance.position[axis, axis]) < 0.1
 
 
-def test_a_position_found_again_says_nothing_of_the_velocity():
+def test_a_position_that_is_regained_says_nothing_of_the_velocity():
     """It is that of a map that the same prediction may have placed."""
 
     def after(config, directions):
@@ -227,7 +227,7 @@ def test_a_position_found_again_says_nothing_of_the_velocity():
         for _ in range(100):
             motion.predict(np.zeros(3), 0.1, np.eye(3))
         before = motion.covariance
-        motion.find_again(np.array(directions).reshape(-1, 3))
+        motion.decorrelate(np.array(directions).reshape(-1, 3))
         change = motion.update(1e6 * np.eye(4), np.array([0.1, 0.1, 0.1]), np.zeros((0, 3)))
         return before, motion.covariance, change
 
@@ -243,15 +243,15 @@ def test_a_position_found_again_says_nothing_of_the_velocity():
     assert np.linalg.eigvalsh(now).min() > -1e-12
 
 
-def test_a_direction_that_turned_a_little_is_not_found_again():
+def test_a_direction_that_turned_a_little_is_not_regained():
     x, y, z = np.eye(3)
     turned = np.array([math.cos(0.05), math.sin(0.05), 0.0])
-    assert len(found_again(np.array([x]), np.array([turned]))) == 0
-    assert len(found_again(np.zeros((0, 3)), np.array([x]))) == 0
-    np.testing.assert_allclose(found_again(np.array([x]), np.zeros((0, 3))), [x])
-    np.testing.assert_allclose(found_again(np.eye(3), np.array([x])), [y, z])
+    assert len(regained(np.array([x]), np.array([turned]))) == 0
+    assert len(regained(np.zeros((0, 3)), np.array([x]))) == 0
+    np.testing.assert_allclose(regained(np.array([x]), np.zeros((0, 3))), [x])
+    np.testing.assert_allclose(regained(np.eye(3), np.array([x])), [y, z])
     diagonal = (x + y) / math.sqrt(2.0)
-    across = np.abs(found_again(np.eye(3), np.array([diagonal])) @ diagonal)
+    across = np.abs(regained(np.eye(3), np.array([diagonal])) @ diagonal)
     assert across.max() < 1e-12
 
 
