@@ -1,6 +1,5 @@
 """Stacks on trial, end to end: the same by every way in, judged, logged, replayed and broken."""
 
-import math
 import subprocess
 import sys
 import time
@@ -56,13 +55,29 @@ def test_the_border_loses_nothing_of_the_built_in_stack(tmp_path, robot, limits)
         assert one.trajectory == other.trajectory
         assert (one.action, one.label) == (other.action, other.label)
         assert one.map_version == other.map_version
-        # At 4 m/s the samples are 13 cm apart, and chords between them cut bends by millimetres.
-        all_but = length_of(other.trajectory) - 0.01 if limits == "full" else math.inf
-        assert other.verdict.verdict == "admitted" or other.verdict.free_m > all_but
 
 
-def length_of(trajectory):
-    return trajectory.arc_length[-1] - trajectory.arc_length[0]
+CHORDS = pytest.mark.xfail(
+    strict=True,
+    reason="samples of 4 m/s are 13 cm apart: chords between them cut bends by millimetres, and "
+    "the stack checks its path, not the chords",
+)
+
+
+@pytest.mark.parametrize(
+    ("robot", "limits"),
+    [
+        ("quadruped", "cautious"),
+        ("quadruped", "full"),
+        ("drone", "cautious"),
+        pytest.param("drone", "full", marks=CHORDS),
+    ],
+)
+def test_the_referee_admits_what_the_built_in_stack_commands(tmp_path, robot, limits):
+    stack, ours = "wayproof.harness.interface.builtin:BuiltinStack", f"motion.limits={limits}"
+    ended = trial(tmp_path, stack, "cylinders", robot, 2, ours)
+    verdicts = {one.verdict.verdict for one in open_log(Path(ended.log)).decisions()}
+    assert verdicts == {"admitted"}
 
 
 def test_the_border_loses_nothing_of_the_mission():
