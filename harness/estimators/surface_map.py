@@ -193,3 +193,4 @@ def warm_up() -> None:
     grid: NDArray[np.float64] = np.mgrid[:8, :8, :1].reshape(3, -1).T * 0.07
     surfaces.add(thinned(grid, 0.01), np.array([0.0, 0.0, 1.0]))
     surfaces.register(grid, np.array([0.0, 0.0, 1.0]))
+    surfaces.contradicts(grid, np.array([0.0, 0.0, 1.0]))
