@@ -23,8 +23,8 @@ LIMITS_IN_STATIC_WORLDS: dict[str, Literal["full", "cautious"]] = {
     "drone": "full",
     "quadruped": "full",
 }
-"""What a robot is asked for by itself where nothing is known to move: `full` once neither trials
-along the paths of navigation nor episodes showed a fall at `FAST_ROBOTS`."""
+"""Limits that `motion.limits=auto` stands for where nothing is known to move: `full` once neither
+trials along the paths of navigation nor episodes showed a fall at `FAST_ROBOTS`."""
 
 __all__ = [
     "FAST_ROBOTS",
