@@ -175,6 +175,12 @@ class Case:
         update_as_decided(navigator, self.moments[number].decision)
         return navigator
 
+    def empty_navigator_at(self, number: int) -> Navigator:
+        """Return a stack with the grid and the margin of one decision, and nothing in its map."""
+        navigator = SegmentedStack(self.as_of(number).segments).go_to(number)
+        update_as_decided(navigator, self.moments[number].decision)
+        return navigator
+
 
 def update_as_decided(navigator: Navigator, decision: pb.Decision) -> None:
     """Update a costmap with the margin that a decision had."""

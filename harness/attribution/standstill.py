@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -69,9 +70,9 @@ class StandstillFacts:
         iterations: Iterations of the last search.
         without_path: Fraction of all searches that found no path.
         pose: Error of the pose over the window.
-        ranges: Reported ranges against the true ones.
         truth: Paths that truly exist.
-        map: Paths in the map.
+        measure_ranges: Returns `ranges`, which takes long.
+        measure_map: Returns `map`, likewise.
         answered_late: Fraction of the window that a stack on trial answered past the deadline.
         answer: Median time to its answers in the window, s.
         on_trial: Whether a stack on trial commanded.
@@ -102,9 +103,9 @@ class StandstillFacts:
     iterations: int
     without_path: float
     pose: PoseFacts
-    ranges: RangeFacts
     truth: TrueWays
-    map: MapWays
+    measure_ranges: Callable[[], RangeFacts]
+    measure_map: Callable[[], MapWays]
     answered_late: float = 0.0
     answer: float = 0.0
     on_trial: bool = False
@@ -112,6 +113,16 @@ class StandstillFacts:
     cut_blocked: int = 0
     beyond_area: int | None = None
     claimed_at: float = 0.0
+
+    @cached_property
+    def ranges(self) -> RangeFacts:
+        """Reported ranges against the true ones."""
+        return self.measure_ranges()
+
+    @cached_property
+    def map(self) -> MapWays:
+        """Paths in the map."""
+        return self.measure_map()
 
     @property
     def on_its_way(self) -> bool:
@@ -399,14 +410,14 @@ def cause_of_standstill(case: Case) -> Finding:
 
 
 def standstill_facts(case: Case) -> StandstillFacts:
-    """Measure the facts for the tests."""
+    """Measure the facts for the tests; those that take long when a test asks for them."""
     last = case.moments[-1]
     window = _window(case)
     numbers = range(len(case.moments) - window, len(case.moments))
     recent = case.moments[-window:]
     offs = [_off(case, number) for number in numbers]
     tolerance = case.config.behaviour.tracking_tolerance
-    mapped, navigator = map_ways(case, numbers[0])
+    navigator = case.empty_navigator_at(numbers[-1])
     left = [
         one.decision.label == "localization_lost" and one.decision.predicate.kind not in LOST
         for one in case.moments
@@ -441,9 +452,9 @@ def standstill_facts(case: Case) -> StandstillFacts:
         iterations=searches[-1].planner_iterations if searches else 0,
         without_path=float(np.mean([one.label == NO_PATH for one in searches] or [False])),
         pose=pose_facts(case, numbers),
-        ranges=range_facts(case, len(case.moments) - 1),
         truth=true_ways(case, navigator, numbers[0]),
-        map=mapped,
+        measure_ranges=partial(range_facts, case, numbers[-1]),
+        measure_map=partial(map_ways, case, numbers[0]),
     )
 
 
@@ -457,7 +468,7 @@ def _lost_sigma(last: Moment) -> float | None:
 def lacks_time(case: Case) -> bool:
     """Return whether the shortest path that is wide enough takes longer than the time limit."""
     last = len(case.moments) - 1
-    truth = true_ways(case, case.navigator_at(last), last)
+    truth = true_ways(case, case.empty_navigator_at(last), last)
     return truth.exists and truth.shortest_s > case.config.episode.time_limit
 
 

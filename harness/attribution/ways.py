@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -43,24 +44,34 @@ class TrueWays:
     Attributes:
         radius: Half the width that a path needs with a certain pose, m; a long body has to be able
             to turn in it too.
-        widest: Half the width of the widest path without movers, m; 0 without one.
         exists: Whether a path exists for this body and margin.
-        open_at_end: Whether one exists with the movers as they are at the end.
         at_start: Distance from the start to the nearest obstacle, m.
         shortest_s: Least time along the shortest path from rest to rest, through all goals of the
             mission, s; 0 unless time ran out.
         left_m: Remaining path length when time ran out, m; inf without a path.
         gained_m: Path length covered over the last decisions, m.
+        measure_widest: Returns `widest`, which takes long.
+        measure_open_at_end: Returns `open_at_end`, likewise.
     """
 
     radius: float
-    widest: float
     exists: bool
-    open_at_end: bool
     at_start: float
     shortest_s: float
     left_m: float
     gained_m: float
+    measure_widest: Callable[[], float]
+    measure_open_at_end: Callable[[], bool]
+
+    @cached_property
+    def widest(self) -> float:
+        """Half the width of the widest path without movers, m; 0 without one."""
+        return self.measure_widest()
+
+    @cached_property
+    def open_at_end(self) -> bool:
+        """Whether a path exists with the movers as they are at the end."""
+        return self.measure_open_at_end()
 
 
 @dataclass(frozen=True)
@@ -99,46 +110,55 @@ class MapWays:
 
 
 def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
-    """Search the true scene on the grid of the map; progress counts from a decision on."""
+    """Search the true scene on the grid of a stack; progress counts from a decision on."""
     costmap, last = navigator.costmap, case.moments[-1]
     size, radius = costmap.resolution, certain_radius(case, navigator)
     goal, reach = goal_of(case, navigator)
     start = cell_of(navigator, np.array(case.mission.start))
+    here = cell_of(navigator, last.true_position)
     case.space.place_movers(last.truth, present=False)
     still = clearances(true_occupancy(case, navigator), size)
-    case.space.place_movers(last.truth)
-    gaps = clearances(true_occupancy(case, navigator), size)
     offsets = offsets_of(case)
     exists = joined_for(offsets, size, still > radius, start, goal, reach)
-    lengths = np.full(still.shape, np.inf)
+
+    @cache
+    def lengths_to(end: tuple[int, ...]) -> Array:
+        return distances_from(still > radius, end, reach, size) / DETOUR[case.axes]
+
+    def open_at_end() -> bool:
+        case.space.place_movers(last.truth)
+        gaps = clearances(true_occupancy(case, navigator), size)
+        return joined_for(offsets, size, gaps > radius, here, goal, reach)
+
+    shortest, left, before = 0.0, math.inf, math.inf
     if exists and case.outcome == "timeout":  # time decides no other outcome
-        lengths = distances_from(still > radius, goal, reach, size) / DETOUR[case.axes]
-    here = cell_of(navigator, last.true_position)
-    left = _nearby(lengths, here, reach)
-    before = _nearby(lengths, cell_of(navigator, case.moments[since].true_position), reach)
+        shortest = _least_time(case, navigator, lengths_to, reach)
+        left = _nearby(lengths_to(goal), here, reach)
+        then = cell_of(navigator, case.moments[since].true_position)
+        before = _nearby(lengths_to(goal), then, reach)
     return TrueWays(
         radius=radius,
-        widest=widest(still, start, goal, reach, offsets, size),
         exists=exists,
-        open_at_end=joined_for(offsets, size, gaps > radius, here, goal, reach),
         at_start=float(still[start]),
-        shortest_s=_least_time(case, navigator, still > radius, reach)
-        if exists and case.outcome == "timeout"
-        else 0.0,
+        shortest_s=shortest,
         left_m=left,
         gained_m=before - left if math.isfinite(before) and math.isfinite(left) else 0.0,
+        measure_widest=lambda: widest(still, start, goal, reach, offsets, size),
+        measure_open_at_end=open_at_end,
     )
 
 
-def _least_time(case: Case, navigator: Navigator, free: Cells, reach: int) -> float:
-    """Return the least time for the whole mission through free cells, s; see `rest_to_rest`."""
-    mission, size = case.segments[-1].mission, navigator.costmap.resolution
+def _least_time(
+    case: Case, navigator: Navigator, lengths_to: Callable[[tuple[int, ...]], Array], reach: int
+) -> float:
+    """Return the least time for the whole mission, s, by `rest_to_rest`.
+
+    `lengths_to` a cell gives the shortest way there from each cell, m.
+    """
+    mission = case.segments[-1].mission
     cells = [cell_of(navigator, np.array(place)) for place in (mission.start, *mission.goals)]
     return sum(
-        rest_to_rest(
-            _nearby(distances_from(free, end, reach, size) / DETOUR[case.axes], begin, reach),
-            mission,
-        )
+        rest_to_rest(_nearby(lengths_to(end), begin, reach), mission)
         for begin, end in pairwise(cells)
     )
 
@@ -152,8 +172,8 @@ class _Look:
     certain: bool
 
 
-def map_ways(case: Case, since: int) -> tuple[MapWays, Navigator]:
-    """Search the maps of some decisions from one on; return also the stack of the last one."""
+def map_ways(case: Case, since: int) -> MapWays:
+    """Search the maps of some decisions from one on."""
     numbers = range(since, len(case.moments))
     ever = [k for k, one in enumerate(case.moments) if one.decision.label == NO_PATH]
     in_vain = [k for k in ever if k >= since]
@@ -177,7 +197,7 @@ def map_ways(case: Case, since: int) -> tuple[MapWays, Navigator]:
         held_up=float(np.mean(held_up or [False])),
         unknown=float((navigator.costmap.state == UNKNOWN).mean()),
         **ghosts(case, navigator),
-    ), navigator
+    )
 
 
 def _look(case: Case, navigator: Navigator, moment: Moment) -> _Look:

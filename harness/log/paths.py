@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -19,11 +18,15 @@ SAME_PLACE = 0.02
 
 def densely(path: Array, spacing: float) -> Array:
     """Return points (m, 3) along a path (n, 3), its own among them, at most `spacing` m apart."""
-    pieces = [path[:1]]
-    for a, b in itertools.pairwise(path):
-        count = max(math.ceil(float(np.linalg.norm(b - a)) / spacing), 1)
-        pieces.append(a + np.linspace(0.0, 1.0, count + 1)[1:, None] * (b - a))
-    return np.concatenate(pieces)
+    steps = np.diff(path, axis=0)
+    lengths = [math.sqrt(step.dot(step)) for step in steps]
+    counts = np.array([max(math.ceil(one / spacing), 1) for one in lengths], np.int64)
+    ends = np.cumsum(counts)
+    number = np.arange(1, int(counts.sum()) + 1) - np.repeat(ends - counts, counts)  # in its step
+    share = number * np.repeat(1.0 / counts, counts)
+    share[ends - 1] = 1.0
+    whole = np.repeat(path[:-1], counts, axis=0) + share[:, None] * np.repeat(steps, counts, axis=0)
+    return np.concatenate([path[:1], whole])
 
 
 def arc_lengths(path: Array) -> Array:
