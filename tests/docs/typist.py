@@ -52,6 +52,7 @@ UNTYPED = {
     r"\. \.venv/bin/activate": "the tests run in an environment already",
     r"pip install .*": "installs from the network",
     r"wayproof robot check my_robot.*": "the reader's own robot",
+    r"wayproof bench loop --only light .*": "tests/harness/bench/micro/test_loop.py runs it",
     r"wayproof bench rays .*": "tests/harness/bench/micro/test_rays.py runs it",
     r"wayproof study .* --check-determinism .*": "tests/harness/study/test_determinism.py runs it",
     r"wayproof calibrate .*": "tests/harness/study/test_calibration.py runs it",
@@ -101,7 +102,6 @@ STAGES_SMALLER = {
     "plan": "--repeats 2".split(),
     "map": "--repeats 1 --only ghosts".split(),
     "robots": "--repeats 1 --only hover".split(),
-    "loop": "--repeats 1 --only light".split(),
     "halls": "--repeats 1 --only 20".split(),
 }
 """Additional options of a stage of `bench`: one episode or problem after the kept ones."""

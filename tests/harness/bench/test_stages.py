@@ -1,29 +1,9 @@
-import contextlib
-import io
 import json
 
 import pytest
 
 from wayproof.harness.bench.stages import STAGES
 from wayproof.harness.cli.main import main
-
-PEERS = {"open3d", "embree"}  # where they are installed
-
-
-@pytest.fixture(scope="module")
-def printed():
-    """What the command prints, once for all tests: it casts at every scene."""
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        assert main(["bench", "rays", "--repeats", "1", "--json"]) == 0
-    assert err.getvalue() == ""
-    return json.loads(out.getvalue())
-
-
-@pytest.fixture(scope="module")
-def rows(printed):
-    return [row for row in printed["rows"] if row["engine"] not in PEERS]
-
 
 NAMES = ", ".join(sorted(STAGES))
 
