@@ -25,7 +25,7 @@ from wayproof.harness.stack.types import Array, EvidenceSpace, Provenance
 from wayproof.maps import Costmap
 from wayproof.maps.columns import ColumnMap
 from wayproof.maps.overlay import CellLayer, Overlaid
-from wayproof.planners import point_at
+from wayproof.planners import arc_lengths
 
 SPACING = 0.5
 """Distance of the places along a path at which its evidence is looked up, cells."""
@@ -127,11 +127,22 @@ def evidence_along(path: Array | None, spaces: Sequence[EvidenceSpace]) -> pb.Ev
         return evidence
     count = max(math.ceil(total / (SPACING * spaces[0].known_free.resolution)), 1)
     found = dict.fromkeys((*FIELDS.values(), "unproven_m"), 0)
-    for k in range(count):
-        found[_field_at(point_at(path, (k + 0.5) * total / count), spaces)] += 1
+    for point in places_along(path, (np.arange(count) + 0.5) * total / count):
+        found[_field_at(point, spaces)] += 1
     for name, places in found.items():
         setattr(evidence, name, float(np.rint(places * total / count / GRAIN) * GRAIN))
     return evidence
+
+
+def places_along(path: Array, s: Array) -> Array:
+    """Points (m, 3) of a path (n, 3) at arc lengths (m,), m: those of `point_at`, all at once."""
+    arcs = arc_lengths(path)
+    places = np.repeat(path[-1:], len(s), axis=0)
+    (before,) = np.nonzero(s < arcs[-1])
+    here = np.maximum(np.searchsorted(arcs, s[before], side="right") - 1, 0)
+    share = (np.maximum(s[before], 0.0) - arcs[here]) / (arcs[here + 1] - arcs[here])
+    places[before] = path[here] + share[:, None] * (path[here + 1] - path[here])
+    return places
 
 
 def _field_at(point: Array, spaces: Sequence[EvidenceSpace]) -> str:

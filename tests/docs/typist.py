@@ -53,6 +53,9 @@ UNTYPED = {
     r"pip install .*": "installs from the network",
     r"wayproof robot check my_robot.*": "the reader's own robot",
     r"wayproof bench loop --only light .*": "tests/harness/bench/micro/test_loop.py runs it",
+    r"wayproof bench robots(?! --only).*": "tests/harness/bench/test_stages.py runs it",
+    r"wayproof study barn --worlds .*": "tests/harness/bench/published/test_barn.py runs it",
+    r"wayproof falsify .*--budget 100": "tests/harness/study/falsify/test_falsify.py runs it",
     r"wayproof bench rays .*": "tests/harness/bench/micro/test_rays.py runs it",
     r"wayproof study .* --check-determinism .*": "tests/harness/study/test_determinism.py runs it",
     r"wayproof calibrate .*": "tests/harness/study/test_calibration.py runs it",
@@ -96,6 +99,7 @@ ONCE = (*MANY, "bench", "demo")
 """Verbs whose command on a small scale runs once, though several blocks hold it."""
 
 STAGES_SMALLER = {
+    "threshold": "--episodes 2".split(),
     "coverage": "--repeats 2".split(),
     "crossing": "--repeats 1 --rows kept-crossing.jsonl".split(),
     "worlds": "--repeats 1 --rows kept-worlds.jsonl".split(),

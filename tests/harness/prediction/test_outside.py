@@ -31,7 +31,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
 SERVE = f"exec:{sys.executable} -m wayproof serve --predictor"
-SHORT = "episode.time_limit=2.5"
+SHORT = "episode.time_limit=1.4"
 
 
 def run(folder, source, *settings, world="warehouse", robot="drone", seed=1, name="log"):

@@ -13,7 +13,7 @@ from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.build import build_navigator
 
-SHORT = "episode.time_limit=6"
+SHORT = "episode.time_limit=5"
 COMPLETION = "prediction.source=completion"
 
 

@@ -9,6 +9,7 @@ import pytest
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import override
 from wayproof.harness.errors import InputError
+from wayproof.harness.geometry import polyline_length
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.metrics import read_trace, score
@@ -18,8 +19,10 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.what_if import what_if
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.build import build_navigator
+from wayproof.harness.stack.provenance import places_along
+from wayproof.planners import arc_lengths, point_at
 
-SHORT = "episode.time_limit=8"
+SHORT = "episode.time_limit=5"
 ROBOTS = ("quadruped", "drone")
 TRUTH = "prior.source=truth"
 
@@ -163,3 +166,14 @@ def test_settings_are_checked_within_their_bounds(recorded):
     for setting in ("prior.policy=believe", "prior.yaw=4", "prior.x=nan", "prior.up=w"):
         with pytest.raises(InputError, match="prior"):
             override(config, [setting])
+
+
+def test_places_along_a_path_are_those_of_each_arc_length():
+    rng = np.random.default_rng(5)
+    for count in (2, 3, 40):
+        path = np.round(rng.normal(size=(count, 3)).cumsum(axis=0), 2)
+        path = np.repeat(path, rng.integers(1, 3, count), axis=0)
+        beyond = polyline_length(path) + 1.0
+        s = np.concatenate([arc_lengths(path), rng.uniform(0.0, beyond, 50)])
+        each = np.stack([point_at(path, one) for one in s.tolist()])
+        assert places_along(path, s).tobytes() == each.tobytes()

@@ -236,7 +236,8 @@ def test_a_failed_gate_comes_after_missing_episodes(tmp_path: Path) -> None:
 def test_packaged_gates_can_be_held_by_their_own_seeds(path: Path) -> None:
     """Where every episode reaches the goal and touches nothing."""
     study = read_study(path.stem)
-    rows = [row(one.seed, one.arm) for one in plan_episodes(study)]
-    first = plan_episodes(study)[0].arm.variant
-    results = judge(samples_of(rows, first), [read_gate(one) for one in study.gates], 60.0)
+    planned = plan_episodes(study)
+    rows = [row(one.seed, one.arm) for one in planned]
+    samples = samples_of(rows, planned[0].arm.variant)
+    results = judge(samples, [read_gate(one) for one in study.gates], 60.0)
     assert {one.verdict for one in results} <= {"held"}
