@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 
@@ -29,12 +30,27 @@ def check_fields(config: object, section: str) -> None:
     Raises:
         ValueError: A value lies outside of its bounds, is NaN, or is none of its choices.
     """
-    for name, hint in get_type_hints(type(config), include_extras=True).items():
+    kind: type = type(config)
+    for name, choices, intervals in _checks_of(kind):
         value = getattr(config, name)
-        if get_origin(hint) is Literal and value not in get_args(hint):
-            available = ", ".join(get_args(hint))
-            raise ValueError(f"{section}{name}: got {value!r}, expected one of {available}")
-        for bounds in getattr(hint, "__metadata__", ()):
-            if isinstance(bounds, Bounds) and not bounds.low <= value <= bounds.high:  # nor NaN
-                expected = f"{bounds.low:g} to {bounds.high:g} {bounds.unit}".rstrip()
+        if choices and value not in choices:
+            raise ValueError(
+                f"{section}{name}: got {value!r}, expected one of {', '.join(choices)}"
+            )
+        for low, high, unit in intervals:
+            if not low <= value <= high:  # nor NaN
+                expected = f"{low:g} to {high:g} {unit}".rstrip()
                 raise ValueError(f"{section}{name}: got {value:g}, expected {expected}")
+
+
+@cache
+def _checks_of(kind: type) -> tuple[tuple[str, tuple[str, ...], tuple[Bounds, ...]], ...]:
+    """Return name, choices and bounds of each field to be checked, read once for each class."""
+    checks = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        choices = get_args(hint) if get_origin(hint) is Literal else ()
+        metadata = getattr(hint, "__metadata__", ())
+        intervals = tuple(one for one in metadata if isinstance(one, Bounds))
+        if choices or intervals:
+            checks.append((name, choices, intervals))
+    return tuple(checks)

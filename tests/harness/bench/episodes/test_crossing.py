@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 import pytest
 
+from tests.harness.bench.episodes.halves import Half, half
 from wayproof.harness.bench.episodes.crossing import ALONE, CrossingRow, run_one, summarise
 from wayproof.harness.bench.jobs import KeptRows, rows_of
 from wayproof.harness.bench.stages import STAGES, run_stage
@@ -34,32 +35,24 @@ def test_a_drone_stops_short_of_a_person_who_comes_into_its_way():
     assert among.job == ("drone", "voxel", 9)
 
 
-def half(number, parity):
-    return CrossingRow("drone", parity, number, "success", 0, 0, number / 2, 1.0, "", "")
-
-
 def test_rows_are_kept_as_they_come_and_not_run_again(tmp_path):
     path = tmp_path / "rows.jsonl"
-    jobs = [("drone", parity, n) for n in range(3) for parity in ("odd", "even")]
-    first = KeptRows(path, CrossingRow)
-    for _, parity, number in jobs[:4]:
-        first.add(half(number, parity))
+    jobs = [(parity, n) for n in range(3) for parity in ("odd", "even")]
+    first = KeptRows(path, Half)
+    for job in jobs[:4]:
+        first.add(half(*job))
     with path.open("a") as file:
-        file.write('{"robot": "dro')  # killed while it wrote
-    kept = KeptRows(path, CrossingRow)
+        file.write('{"parity": "o')  # killed while it wrote
+    kept = KeptRows(path, Half)
     assert list(kept.rows) == jobs[:4]
     lines = []
-    rows = rows_of(jobs, one_of, kept, lines.append)
+    rows = rows_of(jobs, half, kept, lines.append)
     assert [one.job for one in rows] == jobs
     assert len(lines) == 2
     assert lines[0].startswith("5 of 6: ")
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert lines[:4] == [asdict(one) for one in rows[:4]]
     assert len(lines) == 6
-
-
-def one_of(robot, way, seed):
-    return half(seed, way)
 
 
 def test_a_file_of_something_else_is_refused(tmp_path):
