@@ -1,25 +1,23 @@
 """Stacks as an axis of a study: planned, identified, paired, tabulated and compared."""
 
-import functools
 import json
 
 import pyarrow.parquet as pq
 import pytest
 
+from tests.harness.study.here import run_here
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_of
 from wayproof.harness.study.compare import compare
 from wayproof.harness.study.file import Arm, plan_episodes, read_study
-from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.report.plots import COLOURS, Curve, dose_response
 from wayproof.harness.study.rows import Row, reference_of
 from wayproof.harness.study.stack_table import stack_table
 from wayproof.harness.study.statistics.exact import Interval
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
-from wayproof.harness.worker_pool import Bounds
 
 STUDY = """
 name = "stacks"
@@ -60,8 +58,7 @@ def ran(folder, *stacks, limit=1, more=""):
     """Run a study and return its folder."""
     study, episodes = planned(folder, *stacks, limit=limit, more=more)
     store = Store(folder / "out")
-    engine = functools.partial(run_in_processes, workers=1, bounds=Bounds())
-    result = run_study(study, episodes, store, engine, lambda done: None)
+    result = run_study(study, episodes, store, run_here, lambda done: None)
     assert (result.missing, result.errors) == (0, 0)
     return store.folder
 

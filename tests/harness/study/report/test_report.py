@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import html
 import json
 import re
@@ -13,14 +12,13 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from tests.harness.study.here import run_here
 from wayproof.harness.cli.main import main, verb_parsers
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.file import plan_episodes, read_study
-from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.report.provenance import run_command
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
-from wayproof.harness.worker_pool import Bounds
 
 STUDY = """
 name = "page"
@@ -40,8 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = folder / "study.toml"
     path.write_text(STUDY)
     study = read_study(str(path))
-    engine = functools.partial(run_in_processes, workers=1, bounds=Bounds())
-    run_study(study, plan_episodes(study), Store(folder / "out"), engine, lambda done: None)
+    run_study(study, plan_episodes(study), Store(folder / "out"), run_here, lambda done: None)
     return folder / "out"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import http.server
 import json
 import re
@@ -16,12 +15,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.harness.study.here import run_here
 from wayproof.harness.cli.main import main
 from wayproof.harness.study.file import plan_episodes, read_study
-from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
-from wayproof.harness.worker_pool import Bounds
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 
@@ -57,8 +55,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = folder / "study.toml"
     path.write_text(STUDY)
     study = read_study(str(path))
-    engine = functools.partial(run_in_processes, workers=1, bounds=Bounds())
-    run_study(study, plan_episodes(study), Store(folder / "out"), engine, lambda done: None)
+    run_study(study, plan_episodes(study), Store(folder / "out"), run_here, lambda done: None)
     assert main(["report", str(folder / "out")]) == 0
     return folder / "out" / "report.html"
 

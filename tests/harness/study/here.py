@@ -1,0 +1,17 @@
+"""Episodes of a study in this process, for tests of what is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from wayproof.harness.study.job import Done, Job, run_job
+
+
+def run_here(
+    jobs: Sequence[Job], stacks: Sequence[bytes], finished: Callable[[Done], None]
+) -> None:
+    """Run every job in turn, as an engine of `run_study`; tests/harness/study/test_study.py tests
+    the one with worker processes.
+    """
+    for job in jobs:
+        finished(run_job(job))
