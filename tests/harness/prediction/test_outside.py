@@ -69,6 +69,14 @@ def predictions(log):
     return [one for one in read_messages(Path(log)) if isinstance(one, pb.Prediction)]
 
 
+@pytest.fixture(scope="module")
+def walls(tmp_path_factory):
+    """Source and result of an episode with a class that sees walls go on."""
+    folder = tmp_path_factory.mktemp("walls")
+    source = own(folder, "Walls")
+    return source, run(folder, source)
+
+
 @pytest.mark.parametrize(
     ("kind", "robot"),
     [
@@ -113,8 +121,8 @@ def test_predicted_free_space_guides_and_admits_nothing(tmp_path, robot):
     assert found.rests.unmeasured == 0
 
 
-def test_a_process_gives_the_same_decisions_as_its_class(tmp_path):
-    inside = run(tmp_path, own(tmp_path, "Walls"), name="a")
+def test_a_process_gives_the_same_decisions_as_its_class(walls, tmp_path):
+    _, inside = walls
     outside = run(tmp_path, f"{SERVE} {own(tmp_path, 'Walls')}", name="b")
     assert inside.chain == outside.chain
     assert {one.predictor for one in predictions(outside.log)} == {"walls 1"}
@@ -234,9 +242,9 @@ def test_nothing_is_run_because_a_log_names_it(tmp_path):
     assert not mark.exists()
 
 
-def test_a_fork_runs_the_predictor_that_it_is_given(tmp_path):
-    source = own(tmp_path, "Walls")
-    log = Path(run(tmp_path, source).log)
+def test_a_fork_runs_the_predictor_that_it_is_given(walls, tmp_path):
+    source, result = walls
+    log = Path(result.log)
     recorded = open_log(log).result["chain"]
     named = [f"prediction.source={source}"]
     assert fork(log, 7, named, tmp_path / "same.mcap").chain == recorded
@@ -251,9 +259,8 @@ def test_a_fork_runs_the_predictor_that_it_is_given(tmp_path):
         fork(log, 7, ["prediction.source=none"], tmp_path / "none.mcap")
 
 
-def test_other_thresholds_are_asked_of_the_log_and_another_predictor_is_not(tmp_path):
-    log = Path(run(tmp_path, own(tmp_path, "Walls")).log)
-    shutil.rmtree(tmp_path / "mine.py", ignore_errors=True)
+def test_other_thresholds_are_asked_of_the_log_and_another_predictor_is_not(walls, tmp_path):
+    log = Path(walls[1].log)
     assert what_if(log, ["prediction.free_below=0.001"]).faithful
     for setting in ("prediction.source=completion", "prediction.reach=5"):
         with pytest.raises(InputError, match="the log holds what the predictor said"):
@@ -280,12 +287,12 @@ def test_what_takes_longer_than_a_period_is_left_out_where_latencies_are_measure
     assert not any(one.late for one in predictions(modelled.log))
 
 
-def test_a_log_with_another_prediction_does_not_replay(tmp_path):
+def test_a_log_with_another_prediction_does_not_replay(walls, tmp_path):
     from wayproof.harness.log.codec.container import walk
     from wayproof.harness.log.copy import write_copy
     from wayproof.harness.log.reader import read_head
 
-    log = Path(run(tmp_path, own(tmp_path, "Walls")).log)
+    log = Path(walls[1].log)
     head = read_head(walk(log, head_only=True), log, allow_plugins=True)
     before = {one.sequence: one for one in predictions(log)}
 
