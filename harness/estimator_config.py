@@ -53,6 +53,12 @@ class EstimateConfig:
             costs 1 to 2.5 % of the way in `tunnel` and `hall`.
         motion_walk: Standard deviation that the feet, or an odometry, add along each of these
             directions, also across the way, m for the root of a metre; from the same episodes.
+        turn_share: Standard deviation of a turn by an odometry, as a share of it, beside the
+            gyroscope's errors. A recording of planar lasers has 0.2, as wheels alone give the turn
+            there (with `turn_walk` and `motion_share` of 0.1 the defaults of GMapping: Grisetti,
+            Stachniss and Burgard 2007, T-RO 23).
+        turn_walk: Standard deviation of the heading that an odometry adds by the length of the
+            step, rad/m; 0.1 for planar lasers.
     """
 
     kind: EstimatorKind = "model"
@@ -72,6 +78,8 @@ class EstimateConfig:
     heading_floor: Annotated[float, Bounds(0.0, 1.0, "rad")] = 0.00007
     motion_share: Annotated[float, Bounds(0.0, 1.0)] = 0.03
     motion_walk: Annotated[float, Bounds(0.0, 1.0, "m")] = 0.012
+    turn_share: Annotated[float, Bounds(0.0, 1.0)] = 0.0
+    turn_walk: Annotated[float, Bounds(0.0, 1.0, "rad/m")] = 0.0
 
     def __post_init__(self) -> None:
         """Check every field."""

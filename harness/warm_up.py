@@ -15,7 +15,7 @@ from multiprocessing import get_context
 
 from wayproof import maps, planners
 from wayproof.harness.config import Config
-from wayproof.harness.estimators import surface_map
+from wayproof.harness.estimators import line_map, surface_map
 from wayproof.harness.scenario.robots import find_robot, warm_up_robot
 from wayproof.maps import ground_fit
 from wayproof.models import rays, step_kernels, truth
@@ -48,6 +48,7 @@ def compile_perception(config: Config) -> None:
     solvability.warm_up()
     if config.estimate.kind == "lidar":
         surface_map.warm_up()
+        line_map.warm_up()
 
 
 def compile_planning(config: Config) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, floor, inf, sin, sqrt
+from math import cos, floor, inf, isfinite, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -405,6 +405,73 @@ def count_near(points: Array, viewer: Array, inverse: float, voxels: Voxels) -> 
         known += is_known(voxels, slot, viewer)
         near += abs(distance_from_plane(voxels, slot, x, y, z, viewer)) <= NEAR
     return near, known
+
+
+@kernel
+def count_on_planes(
+    points: Array, viewer: Array, inverse: float, voxels: Voxels
+) -> tuple[int, int, int]:
+    """Count points (n, 3), m, that agree with a plane, that have one, and in known voxels."""
+    near, planar, known = 0, 0, 0
+    for index in range(len(points)):
+        x, y, z = points[index, 0], points[index, 1], points[index, 2]
+        slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+        known += is_known(voxels, slot, viewer)
+        distance = abs(distance_from_plane(voxels, slot, x, y, z, viewer))
+        planar += isfinite(distance)
+        near += distance <= NEAR
+    return near, planar, known
+
+
+@kernel
+def search_start(
+    offsets: Array,
+    predicted: Array,
+    inverse: float,
+    shift: float,
+    shifts: int,
+    turn: float,
+    turns: int,
+    voxels: Voxels,
+    start: Array,
+) -> int:
+    """Find the shift and turn at which most points agree with a plane (Olson 2009, ICRA).
+
+    Of equals the one of fewer steps is taken, of these the first.
+
+    Args:
+        offsets: As of `align`.
+        predicted: As of `align`.
+        inverse: As of `align`.
+        shift: Step of the shift along x and y, m.
+        shifts: Number of steps to either side.
+        turn: Step of the turn about the vertical, rad.
+        turns: Number of steps to either side.
+        voxels: The map.
+        start: (3,) shift along x and y, m, and turn, rad; written.
+
+    Returns:
+        Number of candidates.
+    """
+    most, least, count = -1, 0, 0
+    viewer = predicted.copy()
+    for k in range(-turns, turns + 1):
+        c, s = cos(k * turn), sin(k * turn)
+        for i in range(-shifts, shifts + 1):
+            for j in range(-shifts, shifts + 1):
+                viewer[0], viewer[1] = predicted[0] + i * shift, predicted[1] + j * shift
+                near, steps = 0, abs(i) + abs(j) + abs(k)
+                for index in range(len(offsets)):
+                    ox, oy = offsets[index, 0], offsets[index, 1]
+                    x, y = viewer[0] + c * ox - s * oy, viewer[1] + s * ox + c * oy
+                    z = viewer[2] + offsets[index, 2]
+                    slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+                    near += abs(distance_from_plane(voxels, slot, x, y, z, viewer)) <= NEAR
+                if near > most or (near == most and steps < least):
+                    most, least = near, steps
+                    start[0], start[1], start[2] = i * shift, j * shift, k * turn
+                count += 1
+    return count
 
 
 @kernel

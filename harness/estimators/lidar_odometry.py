@@ -12,6 +12,7 @@ import numpy as np
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.kernels import diagonalize
 from wayproof.harness.estimators.matrices import projected
+from wayproof.harness.estimators.line_map import LineMap
 from wayproof.harness.estimators.motion_filter import MotionFilter
 from wayproof.harness.estimators.motion_sensors import Motion, MotionSource, turned_by
 from wayproof.harness.estimators.registration import Registration
@@ -36,6 +37,9 @@ LEAST_TURNED = 0.5
 NAME = "lidar/8"
 """Name and version of the estimator, as it is logged."""
 
+PLANAR_NAME = "lidar-planar/1"
+"""The same by planar lasers; `lidar/8` was that, too, before it had a map of its own for them."""
+
 
 class LidarOdometry:
     """The pose of one body by its sweeps and its sensors of motion.
@@ -43,6 +47,7 @@ class LidarOdometry:
     Attributes:
         travelled: Way of the estimate, m.
         covariance: What it states of its error.
+        name: Name and version of the estimator.
     """
 
     def __init__(
@@ -51,6 +56,7 @@ class LidarOdometry:
         position: Array,
         heading: float,
         sensors: MotionSource,
+        planar: bool = False,
     ) -> None:
         """Start at a known pose.
 
@@ -59,9 +65,12 @@ class LidarOdometry:
             position: (3,) world, m.
             heading: rad.
             sensors: Of motion, read at each estimate.
+            planar: Whether the sweeps are of planar lasers, whose points stand for upright walls.
         """
         self._config, self._sensors = config, sensors
-        self._surfaces = SurfaceMap(config.voxel, config.held, config.registered_share)
+        self.name = PLANAR_NAME if planar else NAME
+        kind = LineMap if planar else SurfaceMap
+        self._surfaces = kind(config.voxel, config.held, config.registered_share)
         self._filter = MotionFilter(config)
         self._residual = FIRST_RESIDUAL
         self._position, self._heading = position.copy(), heading  # estimated
@@ -90,8 +99,9 @@ class LidarOdometry:
             step = self._sensors.period * self._velocity
         self._position = self._position + step
         self.travelled += math.sqrt(float((step * step).sum()))
-        grown = self._filter.predict(step, self._sensors.period, axes)
-        self.covariance.predict(step, self._sensors.period, grown if axes is not None else None)
+        period, turned = self._sensors.period, self._turn_variance(motion, step)
+        grown = self._filter.predict(step, period, axes, turned)
+        self.covariance.predict(step, period, grown if axes is not None else None, turned)
 
     def correct(self, points: Array) -> PoseError:
         """Register a sweep; return by how much it moves the estimate: the first one by nothing.
@@ -124,15 +134,19 @@ class LidarOdometry:
         """Map a sweep, unless it contradicts the map at the pose that was found for it.
 
         A map of sweeps that only a prediction placed goes along with the prediction's error, and
-        confirms it.
+        confirms it. The first scan of a planar laser is mapped with all points that the next ones
+        are registered by: three beams in a voxel were no line there, and all of them contradicted
+        what it had made known.
 
         Args:
             points: (n, 3) placed by the estimated poses, world, m.
             position: (3,) as it was stated with the sweep, m.
             covariance: (4, 4) likewise.
         """
-        mapped = thinned(points, MAP_SPACING)
-        if self._surfaces.contradicts(mapped, position):
+        first = self.name == PLANAR_NAME and self._surfaces.sweeps == 0
+        mapped = thinned(points, self._config.spacing if first else MAP_SPACING)
+        registered = len(self.covariance.axes) < 3
+        if self._surfaces.contradicts(mapped, position, registered):
             return
         self._surfaces.add(mapped, position)
         self.covariance.add_to_map(position, covariance)
@@ -198,6 +212,13 @@ class LidarOdometry:
         information: Array = moment / (self._config.sweep_noise_share * self._residual) ** 2
         return information
 
+    def _turn_variance(self, motion: Motion, step: Array) -> float:
+        """Variance that an odometry's turn and step (3,), m, add to that of the heading, rad^2."""
+        if motion.step is None:
+            return 0.0
+        way = float((step * step).sum())
+        return (self._config.turn_share * motion.turn) ** 2 + self._config.turn_walk**2 * way
+
     def _accelerometer_axes(self, motion: Motion) -> Array | None:
         """Rotation (3, 3) of the base in the estimate's axes; none if other sensors predict."""
         if motion.step is not None or motion.foot_velocity is not None or motion.axes is None:
@@ -222,7 +243,7 @@ def put_estimate(message: pb.Pose, lidar: LidarOdometry) -> None:
     """Write what an odometry states of its estimate into a pose."""
     covariance = lidar.covariance
     message.position_sigma, message.heading_sigma = lidar.position_sigma, lidar.heading_sigma
-    message.estimator = NAME
+    message.estimator = lidar.name
     message.covariance.extend(covariance.pose.ravel().tolist())
     message.information.extend(covariance.information.tolist())
     message.unheld.extend(covariance.axes.ravel().tolist())

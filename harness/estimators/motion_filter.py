@@ -55,7 +55,9 @@ class MotionFilter:
         self._heading = LEAST_VARIANCE
         self._axes = np.eye(3)  # T_world_base of the accelerometer when it last predicted
 
-    def predict(self, step: Array, period: float, axes: Array | None) -> Array:
+    def predict(
+        self, step: Array, period: float, axes: Array | None, turn_variance: float = 0.0
+    ) -> Array:
         """Grow over a step; return by how much that of the position did, (3, 3) m^2.
 
         Args:
@@ -63,13 +65,14 @@ class MotionFilter:
             period: Its time, s.
             axes: (3, 3) rotation T_world_base of the accelerometer that predicted it; none if
                 feet or an odometry did.
+            turn_variance: What the step adds to that of the heading beside the gyroscope, rad^2.
         """
         before = self._covariance[POSITION, POSITION]
         if axes is None:
             self._covariance = self._by_step(step, period)
         else:
             self._covariance, self._axes = self._fallen(period, axes), axes
-        self._heading += self._turn * period
+        self._heading += self._turn * period + turn_variance
         return self._covariance[POSITION, POSITION] - before
 
     def weight(self, variance: float) -> Array:

@@ -64,7 +64,9 @@ class StatedCovariance:
         self._heading_held = False
         self.information = np.zeros(3)
 
-    def predict(self, step: Array, period: float, inertial: Array | None) -> None:
+    def predict(
+        self, step: Array, period: float, inertial: Array | None, turn_variance: float = 0.0
+    ) -> None:
         """Grow over a predicted step.
 
         Args:
@@ -73,6 +75,7 @@ class StatedCovariance:
             inertial: (3, 3) by which the covariance of the position has grown in the filter of the
                 motion if the accelerometer predicted the step, m^2; none if feet or an odometry
                 did.
+            turn_variance: What the step adds to that of the heading beside the gyroscope, rad^2.
         """
         config = self._config
         self._held = moved_by(self._held, step)
@@ -88,7 +91,7 @@ class StatedCovariance:
             before = config.gyro_bias * self._turned_s
             self._turned_s += period
             self._held[HEADING, HEADING] += (config.gyro_bias * self._turned_s) ** 2 - before**2
-            self._held[HEADING, HEADING] += config.gyro_noise**2 * period
+            self._held[HEADING, HEADING] += config.gyro_noise**2 * period + turn_variance
 
     def correct(self, registration: Registration, position: Array) -> None:
         """Take over along what is held that of the map; the unheld motion along it has ended.

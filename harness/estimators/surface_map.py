@@ -73,8 +73,14 @@ class SurfaceMap:
         self.count += add_points(points, viewer, self._inverse, self.voxels, self.sweeps)
         self.sweeps += 1
 
-    def contradicts(self, points: Array, viewer: Array) -> bool:
-        """Whether points (n, 3) lie in known voxels, m, but too few of them on a plane."""
+    def contradicts(self, points: Array, viewer: Array, registered: bool = False) -> bool:
+        """Whether points (n, 3) lie in known voxels, m, but too few of them on a plane.
+
+        Args:
+            points: Placed where the sweep was found to be, world, m.
+            viewer: (3,) from where they were seen, m.
+            registered: Whether the sweep was registered; it is judged anew all the same.
+        """
         near, known = count_near(points, viewer, self._inverse, self.voxels)
         return known >= LEAST_INLIERS and near < self._least_near(known)
 
@@ -101,8 +107,20 @@ class SurfaceMap:
         )
         if inliers < LEAST_INLIERS or near < self._least_near(known):
             return unregistered(inliers)
+        return self._examined(offsets, predicted, correction, information, axes, inliers)
+
+    def _examined(
+        self,
+        offsets: Array,
+        predicted: Array,
+        correction: Array,
+        information: Array,
+        axes: Array,
+        inliers: int,
+    ) -> Registration:
+        """What an aligned sweep says; the arguments are those and the results of `align`."""
         unheld = np.ascontiguousarray(axes[:, information < self._held].T)
-        distances, shares = np.empty(len(points)), np.zeros((self.sweeps, 4))
+        distances, shares = np.empty(len(offsets)), np.zeros((self.sweeps, 4))
         moment, scatter = np.empty((4, 4)), np.empty((4, 4))
         count = examine(
             offsets,

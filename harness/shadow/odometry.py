@@ -23,9 +23,9 @@ from wayproof.models.poses import Trail
 
 Array = NDArray[np.float64]
 
-WALL = 0.25
-"""Height above and below the middle of a voxel at which a point of a planar laser is put, in
-voxels: the laser sees walls, which are upright."""
+LEVEL, WALLS = (0.0,), (0.25, -0.25)
+"""Heights from the middle of a voxel at which a point of a planar laser is put, in voxels: once
+where it is registered, twice in the map, as the laser sees walls, which are upright."""
 
 LEAST_PERIOD = 1e-3
 """Least time between two decisions that counts, s."""
@@ -64,6 +64,7 @@ class RecordedOdometry:
         self._config = prepared.config.estimate
         self._beams = {info.name: beams_from_info(info) for info in prepared.infos}
         self._planar = prepared.planar
+        self._only_planar = prepared.planar.issuperset(self._beams)
         self._motion = RecordedMotion()
         self._lidar: LidarOdometry | None = None
         self._before_ns = 0
@@ -80,7 +81,9 @@ class RecordedOdometry:
         position = np.array(message.position)
         heading = yaw_of_quaternion(np.array(message.quaternion))
         if self._lidar is None:
-            self._lidar = LidarOdometry(self._config, position, heading, self._motion)
+            self._lidar = LidarOdometry(
+                self._config, position, heading, self._motion, planar=self._only_planar
+            )
         else:
             elapsed = 1e-9 * (time_ns - self._before_ns)
             self._motion.period = max(elapsed, LEAST_PERIOD)
@@ -90,12 +93,14 @@ class RecordedOdometry:
         inputs = [
             SweepInput(one.sensor, decode_ranges(one), None, read_list(one)) for one in sweeps
         ]
-        self._lidar.correct(self._points(inputs, self._believed(message), message.sequence))
+        believed = self._believed(message)
+        walls = not self._only_planar  # one point for each beam, where there is no other lidar
+        self._lidar.correct(self._points(inputs, believed, message.sequence, walls))
         believed = self._believed(message)
         _put_poses(message, believed)
         put_estimate(message, self._lidar)
         covariance = np.array(message.covariance).reshape(4, 4)
-        points = self._points(inputs, believed, message.sequence)
+        points = self._points(inputs, believed, message.sequence, walls=True)
         self._lidar.add_to_map(points, believed.position, covariance)
 
     def _believed(self, message: pb.Pose) -> Pose:
@@ -112,22 +117,31 @@ class RecordedOdometry:
             trail = estimated_trail(recorded, [error] * len(positions))
         return Pose(last.positions[0], last.quaternions[0], 0.0, trail)
 
-    def _points(self, sweeps: Sequence[SweepInput], pose: Pose, sequence: int) -> Array:
-        """Returns of sweeps, (n, 3) world, m; those of planar lasers as upright walls."""
+    def _points(
+        self, sweeps: Sequence[SweepInput], pose: Pose, sequence: int, walls: bool
+    ) -> Array:
+        """Returns of sweeps, (n, 3) world, m; of planar lasers at the middle of a voxel's height.
+
+        Args:
+            sweeps: Of a decision.
+            pose: At which they are placed.
+            sequence: Of the decision.
+            walls: Whether each return of a planar laser is put above and below that height.
+        """
         placed = [np.zeros((0, 3))]
         for sweep in sweeps:
             points = self._beams[sweep.sensor].place(sweep, pose, sequence).points
             if sweep.sensor in self._planar:
-                points = self._walls(points)
+                points = self._levelled(points, WALLS if walls else LEVEL)
             placed.append(points)
         return np.concatenate(placed)
 
-    def _walls(self, points: Array) -> Array:
-        """Points (n, 3) of a planar laser, each above and below the middle of a voxel."""
-        voxel, walls = self._config.voxel, np.repeat(points, 2, axis=0)
-        middle = np.floor(walls[:, 2] / voxel + 0.5) * voxel
-        walls[:, 2] = middle + voxel * np.tile([WALL, -WALL], len(points))
-        return walls
+    def _levelled(self, points: Array, heights: tuple[float, ...]) -> Array:
+        """Points (n, 3) of a planar laser at heights from the middle of a voxel, in voxels."""
+        voxel, levelled = self._config.voxel, np.repeat(points, len(heights), axis=0)
+        middle = np.floor(levelled[:, 2] / voxel + 0.5) * voxel
+        levelled[:, 2] = middle + voxel * np.tile(heights, len(points))
+        return levelled
 
 
 def _put_poses(message: pb.Pose, pose: Pose) -> None:

@@ -44,9 +44,17 @@ AIR_MARGIN = 2.0
 LEAST_STEP_CELLS = 0.3
 """Least step height, cells: the floor's layer of a map reaches up to a quarter of a cell."""
 
-SCAN_NOISE = 0.2
-"""Default of `estimate.sweep_noise_share` for planar lasers: a scan has a twentieth of a sweep's
-points, so that one says less."""
+SCANS = {
+    "spacing": 0.05,
+    "sweep_noise_share": 0.12,
+    "motion_share": 0.1,
+    "turn_share": 0.2,
+    "turn_walk": 0.1,
+}
+"""Defaults of `estimate` for recordings of planar lasers alone. They see few points, of which one
+for each beam is taken, and some 70 lie on lines: the error of a mean is that of one by the root of
+their number. Wheels predict, which are off as GMapping takes them to be by its defaults (Grisetti,
+Stachniss and Burgard 2007, T-RO 23)."""
 
 FIRST_SWEEPS = 50
 """Number of sweeps that are looked at for the rate and the mount of each sensor."""
@@ -224,8 +232,9 @@ def _config(
     defaults = ["map.kind=grid2d"] if planar else []
     if recording.mission is not None:  # the episode's own map had only its start declared free
         defaults.append("recording.footprint_clearing=false")
-    if planar and override(config, settings).estimate.kind == "lidar":
-        defaults.append(f"estimate.sweep_noise_share={SCAN_NOISE}")
+    lasers = all(sensor.kind == "laser" for sensor in recording.sensors)
+    if lasers and override(config, settings).estimate.kind == "lidar":
+        defaults.extend(f"estimate.{name}={value}" for name, value in SCANS.items())
     if recording.body_height is not None:
         defaults.append(f"recording.body_height={recording.body_height!r}")
     config = override(config, [*defaults, *settings])
