@@ -409,14 +409,17 @@ def count_near(points: Array, viewer: Array, inverse: float, voxels: Voxels) -> 
 
 @kernel
 def count_on_planes(
-    points: Array, viewer: Array, inverse: float, voxels: Voxels
+    points: Array, viewer: Array, inverse: float, voxels: Voxels, least: int
 ) -> tuple[int, int, int]:
-    """Count points (n, 3), m, that agree with a plane, that have one, and in known voxels."""
+    """Count points (n, 3), m, that agree with a plane, that have one, and in known voxels.
+
+    Known are those of `least` points and more.
+    """
     near, planar, known = 0, 0, 0
     for index in range(len(points)):
         x, y, z = points[index, 0], points[index, 1], points[index, 2]
         slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
-        known += is_known(voxels, slot, viewer)
+        known += voxels.counts[slot] >= least and is_known(voxels, slot, viewer)
         distance = abs(distance_from_plane(voxels, slot, x, y, z, viewer))
         planar += isfinite(distance)
         near += distance <= NEAR

@@ -134,17 +134,14 @@ class LidarOdometry:
         """Map a sweep, unless it contradicts the map at the pose that was found for it.
 
         A map of sweeps that only a prediction placed goes along with the prediction's error, and
-        confirms it. The first scan of a planar laser is mapped with all points that the next ones
-        are registered by: three beams in a voxel were no line there, and all of them contradicted
-        what it had made known.
+        confirms it.
 
         Args:
             points: (n, 3) placed by the estimated poses, world, m.
             position: (3,) as it was stated with the sweep, m.
             covariance: (4, 4) likewise.
         """
-        first = self.name == PLANAR_NAME and self._surfaces.sweeps == 0
-        mapped = thinned(points, self._config.spacing if first else MAP_SPACING)
+        mapped = thinned(points, MAP_SPACING)
         registered = len(self.covariance.axes) < 3
         if self._surfaces.contradicts(mapped, position, registered):
             return

@@ -47,13 +47,15 @@ LEAST_STEP_CELLS = 0.3
 SCANS = {
     "spacing": 0.05,
     "sweep_noise_share": 0.12,
+    "map_error_share": 0.05,
     "motion_share": 0.1,
     "turn_share": 0.2,
     "turn_walk": 0.1,
 }
 """Defaults of `estimate` for recordings of planar lasers alone. They see few points, of which one
 for each beam is taken, and some 70 lie on lines: the error of a mean is that of one by the root of
-their number. Wheels predict, which are off as GMapping takes them to be by its defaults (Grisetti,
+their number. The error that a registration leaves is that of a sweep by the root of 20, as a scan
+has a twentieth of its points. Wheels predict, which are off as GMapping takes them to be by its defaults (Grisetti,
 Stachniss and Burgard 2007, T-RO 23)."""
 
 FIRST_SWEEPS = 50

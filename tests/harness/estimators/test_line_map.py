@@ -10,7 +10,7 @@ from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators import kernels
 from wayproof.harness.estimators.kernels import count_on_planes, search_start, slot_of, voxel_key
 from wayproof.harness.estimators.lidar_odometry import PLANAR_NAME, LidarOdometry
-from wayproof.harness.estimators.line_map import FORGOTTEN, LineMap
+from wayproof.harness.estimators.line_map import FORGOTTEN, LINE_POINTS, LineMap
 from wayproof.harness.estimators.motion_sensors import Motion
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
 from wayproof.harness.shadow.prepare import SCANS
@@ -68,8 +68,8 @@ def walls(points):
     return np.concatenate([points + [0, 0, 0.25 * VOXEL], points - [0, 0, 0.25 * VOXEL]])
 
 
-def way(count=150):
-    """True poses (n, 3) of a robot that drives an oval at 0.4 m/s, with five scans a second."""
+def way(count=300):
+    """True poses (n, 3) of a robot that drives an oval twice at 0.3 m/s, with five scans a second."""
     angle = np.linspace(0.0, 4.0 * math.pi, count)
     x, y = 1.6 * np.cos(angle), 1.0 * np.sin(angle) - 1.0
     return np.stack([x, y, np.arctan2(np.cos(angle), -1.6 * np.sin(angle))], axis=1)
@@ -78,7 +78,7 @@ def way(count=150):
 def mapped(kind, legs=LEGS):
     """A map of scans at their true poses."""
     surfaces = kind(VOXEL, CONFIG.held, CONFIG.registered_share)
-    for seed, (x, y, yaw) in enumerate(way()[:40].tolist()):
+    for seed, (x, y, yaw) in enumerate(way()[:150].tolist()):
         points = walls(placed(scan(x, y, yaw, seed, legs=legs), x, y, yaw))
         surfaces.add(thinned(points, 0.1), np.array([x, y, 0.0]))
     return surfaces
@@ -101,7 +101,7 @@ def registered_at(surfaces, true, predicted, legs=LEGS):
 def test_a_scan_among_legs_of_chairs_is_registered_by_the_walls():
     """With the voxels of legs counted against it, it contradicted the map at its true pose."""
     former, lines, counted = mapped(SurfaceMap, CROWD), mapped(LineMap, CROWD), 0
-    for x, y, yaw in way()[10:60:5].tolist():
+    for x, y, yaw in way()[10:130:12].tolist():
         twice = walls(placed(scan(x, y, yaw, 99, legs=CROWD), x, y, yaw))
         asked = former.register(thinned(twice, 0.2), np.array([x, y, 0.0]))
         counted += math.isfinite(asked.deviation)
@@ -131,8 +131,9 @@ def test_a_scan_that_lies_nowhere_in_the_map_is_not_believed(lines, seed):
         found = lines.register(thinned(points, CONFIG.spacing), at)
         assert math.isinf(found.deviation)
         assert (found.correction == 0.0).all()
-        assert lines.contradicts(walls(points), at, registered=False)
-        assert not lines.contradicts(walls(points) + 50.0, at, registered=False)  # unknown there
+    assert lines.contradicts(walls(turned), at, registered=False)
+    assert not lines.contradicts(walls(turned), at, registered=True)
+    assert not lines.contradicts(walls(turned) + 50.0, at, registered=False)  # unknown there
 
 
 def test_a_voxel_without_a_line_is_started_anew():
@@ -210,19 +211,19 @@ def followed(true, wheels, noise=0.01):
     return np.array([one for one, _ in rows]), np.array([one for _, one in rows]), registered
 
 
-@pytest.mark.parametrize("silent", [(), (30, 31, 70)])
+@pytest.mark.parametrize("silent", [(), (60, 61, 140)])
 def test_the_laser_follows_where_its_wheels_go_astray(silent):
     true = way()
     wheels = driven(true, silent)
     assert np.abs(wheels - true)[:, :2].max() > 0.3
     errors, deviations, registered = followed(true, wheels)
-    assert registered >= len(true) - 3
+    assert registered >= len(true) - 8
     assert np.abs(errors[:, :2]).max() < 0.06
-    assert np.abs(errors[:, 2]).max() < 0.03
+    assert np.abs(errors[:, 2]).max() < 0.04
     assert (np.abs(errors) <= 2.0 * deviations + 1e-9).mean() > 0.93
 
 
-@pytest.mark.parametrize(("noise", "most"), [(0.0375, 1.0), (0.045, 0.8), (0.06, 0.8), (0.1, 0.1)])
+@pytest.mark.parametrize(("noise", "most"), [(0.03, 1.0), (0.0375, 0.6), (0.045, 0.1), (0.1, 0.1)])
 def test_what_noise_hides_is_not_believed_unsaid(noise, most):
     """Lines are flat to 3 cm; with more noise few scans are registered, and the error is stated."""
     true = way()
@@ -235,7 +236,7 @@ def naive_count(points, viewer, voxels):
     near = planar = known = 0
     for point in points:
         slot = slot_of(voxels.keys, voxel_key(*point, 1.0 / VOXEL))
-        if voxels.counts[slot] < kernels.LEAST_POINTS:
+        if voxels.counts[slot] < LINE_POINTS:
             continue
         normal, mean = voxels.planes[slot], voxels.means[slot]
         if normal[3] == 1.0 and normal[:3] @ (viewer - mean) < 0.0:
@@ -264,11 +265,11 @@ def test_counting_and_search_are_as_written_naively(monkeypatch):
                     best = (near, -steps, (0.1 * i, 0.1 * j, 0.2 * k))
     asked = (offsets, viewer, 1.0 / VOXEL, 0.1, 1, 0.2, 1, lines.voxels)
     start, again = np.empty(3), np.empty(3)
-    assert count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels) == counted
+    assert count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS) == counted
     assert search_start(*asked, start) == 27
     np.testing.assert_allclose(start, best[2], atol=1e-12)
     with np.errstate(over="ignore"):
         replace_all(monkeypatch)
-        assert kernels.count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels) == counted
+        assert kernels.count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS) == counted
         assert kernels.search_start(*asked, again) == 27
     assert np.array_equal(start, again)

@@ -38,7 +38,7 @@ def test_the_pose_is_the_odometrys_and_the_log_replays(log):
     assert {one.estimator for one in poses} == {PLANAR_NAME}
     assert 0.05 < np.abs(off[:, :2]).max() < 0.5  # from the wheels
     assert np.abs(off[:, 2]).max() < 0.01  # a planar laser measures no height
-    assert np.mean([len(one.unheld) < 9 for one in poses]) > 0.95  # registered
+    assert np.mean([len(one.unheld) < 9 for one in poses]) > 0.9  # registered
     assert all(min(one.information) < 0.05 for one in poses)
     assert replay(log).identical
 
