@@ -11,8 +11,8 @@ import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.kernels import diagonalize
-from wayproof.harness.estimators.matrices import projected
 from wayproof.harness.estimators.line_map import LineMap
+from wayproof.harness.estimators.matrices import projected
 from wayproof.harness.estimators.motion_filter import MotionFilter
 from wayproof.harness.estimators.motion_sensors import Motion, MotionSource, turned_by
 from wayproof.harness.estimators.registration import Registration

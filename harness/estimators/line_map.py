@@ -1,6 +1,6 @@
 """Map of a lidar odometry by planar lasers: a line in each voxel, as an upright plane.
 
-A planar laser among furniture differs from a lidar of many rings in three ways that the map follows:
+A planar laser among furniture differs from a lidar of many rings in three ways:
 
 - A scan has a hundred returns, and many of them are of legs and corners, which make no line. A
   voxel without one says nothing of the pose, so it counts neither for a scan nor against it.
@@ -151,9 +151,7 @@ class LineMap(SurfaceMap):
             return unregistered(inliers)
         there = predicted + correction[:3]
         points = _turned(offsets, float(correction[3])) + there
-        near, on_lines, _ = count_on_planes(
-            points, there, self._inverse, self.voxels, LINE_POINTS
-        )
+        near, on_lines, _ = count_on_planes(points, there, self._inverse, self.voxels, LINE_POINTS)
         least = share * on_lines + deviations * math.sqrt(share * (1.0 - share) * on_lines)
         if on_lines < LEAST_INLIERS or near < least:
             return unregistered(inliers)
@@ -171,8 +169,8 @@ def _turned(offsets: Array, angle: float) -> Array:
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache."""
     lines, viewer = LineMap(0.3, held=0.04, registered_share=0.5), np.array([0.0, 1.0, 0.0])
-    along = np.arange(60) * 0.05
+    along, up = np.arange(60) * 0.05, np.array([0.0, 0.0, 0.075])
     wall = np.stack([along, np.zeros(60), np.zeros(60)], axis=1)
-    lines.add(np.concatenate([wall + [0.0, 0.0, 0.075], wall - [0.0, 0.0, 0.075]]), viewer)
-    lines.register(wall + [0.0, 0.2, 0.0], viewer)
+    lines.add(np.concatenate([wall + up, wall - up]), viewer)
+    lines.register(wall + np.array([0.0, 0.2, 0.0]), viewer)
     lines.contradicts(wall, viewer)

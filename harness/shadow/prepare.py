@@ -55,8 +55,8 @@ SCANS = {
 """Defaults of `estimate` for recordings of planar lasers alone. They see few points, of which one
 for each beam is taken, and some 70 lie on lines: the error of a mean is that of one by the root of
 their number. The error that a registration leaves is that of a sweep by the root of 20, as a scan
-has a twentieth of its points. Wheels predict, which are off as GMapping takes them to be by its defaults (Grisetti,
-Stachniss and Burgard 2007, T-RO 23)."""
+has a twentieth of its points. Wheels predict, which are off as GMapping takes them to be by its
+defaults (Grisetti, Stachniss and Burgard 2007, T-RO 23)."""
 
 FIRST_SWEEPS = 50
 """Number of sweeps that are looked at for the rate and the mount of each sensor."""

@@ -1,6 +1,7 @@
 """Planar lasers in a room with furniture whose truth is known."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -65,11 +66,12 @@ def placed(points, x, y, yaw):
 
 def walls(points):
     """Each point twice, as an upright wall."""
-    return np.concatenate([points + [0, 0, 0.25 * VOXEL], points - [0, 0, 0.25 * VOXEL]])
+    up = np.array([0.0, 0.0, 0.25 * VOXEL])
+    return np.concatenate([points + up, points - up])
 
 
 def way(count=300):
-    """True poses (n, 3) of a robot that drives an oval twice at 0.3 m/s, with five scans a second."""
+    """True poses (n, 3) of a robot that drives an oval twice, with five scans a second."""
     angle = np.linspace(0.0, 4.0 * math.pi, count)
     x, y = 1.6 * np.cos(angle), 1.0 * np.sin(angle) - 1.0
     return np.stack([x, y, np.arctan2(np.cos(angle), -1.6 * np.sin(angle))], axis=1)
@@ -172,7 +174,7 @@ class Wheels:
 def driven(true, silent=()):
     """Poses (n, 3) by wheels of a robot at `true`, off as `SCANS` says."""
     rng, poses = np.random.default_rng(2), [true[0]]
-    for number, (before, now) in enumerate(zip(true[:-1], true[1:], strict=True), start=1):
+    for number, (before, now) in enumerate(pairwise(true), start=1):
         length = math.hypot(*(now - before)[:2])
         turn = math.remainder(now[2] - before[2], 2.0 * math.pi)
         if number in silent:
@@ -258,7 +260,7 @@ def test_counting_and_search_are_as_written_naively(monkeypatch):
     for k in (-1, 0, 1):
         for i in (-1, 0, 1):
             for j in (-1, 0, 1):
-                there = viewer + [0.1 * i, 0.1 * j, 0.0]
+                there = viewer + np.array([0.1 * i, 0.1 * j, 0.0])
                 near = naive_count(placed(offsets, 0, 0, 0.2 * k) + there, there, lines.voxels)[0]
                 steps = abs(i) + abs(j) + abs(k)
                 if (near, -steps) > best[:2]:
@@ -270,6 +272,9 @@ def test_counting_and_search_are_as_written_naively(monkeypatch):
     np.testing.assert_allclose(start, best[2], atol=1e-12)
     with np.errstate(over="ignore"):
         replace_all(monkeypatch)
-        assert kernels.count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS) == counted
+        assert (
+            kernels.count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS)
+            == counted
+        )
         assert kernels.search_start(*asked, again) == 27
     assert np.array_equal(start, again)
