@@ -35,9 +35,9 @@ from wayproof.harness.estimators.surface_map import (
 from wayproof.models.arrays import Array
 
 LINE_POINTS = 16
-"""Number of points, two for each beam, from which a voxel may hold a line. A line through three
-beams, the least for a plane, is flat to `FLATNESS` by chance with any noise; of eight beams with a
-noise of 4.5 cm that is so in 4 % of the voxels (chi-squared of six degrees of freedom)."""
+"""Number of points, two for each beam, from which a voxel may hold a line. With a noise of 4.5 cm
+across it a line through three beams, the least for a plane, is flat enough by chance in 66 % of
+the voxels, one through eight beams in 13 % (chi-squared of one and of six degrees of freedom)."""
 
 FORGOTTEN = 24
 """Number of points from which a voxel without a line is started anew."""
