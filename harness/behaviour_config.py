@@ -42,6 +42,9 @@ class BehaviourConfig:
         max_returns: Times it goes back there before the action is `abort`.
         keep_moving: Whether a stop or an escape that is under way is planned on from; else the
             robot comes to rest first.
+        rules: Version of the rules of a decision; a log keeps its own. From 2 on, trajectories are
+            checked along their paths, not along lines between poses 20 ms apart; and a bend to stop
+            along comes no nearer to what blocks than the path does.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -68,7 +71,18 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = False
+    rules: Annotated[int, Bounds(1, 2)] = 2
 
     def __post_init__(self) -> None:
         """Check every field."""
         check_fields(self, "behaviour.")
+
+    @property
+    def checks_corners(self) -> bool:
+        """Whether trajectories are checked at the points of their paths."""
+        return self.rules >= 2
+
+    @property
+    def bends_keep_clearance(self) -> bool:
+        """Whether a bend to stop along comes no nearer to what blocks than the path does."""
+        return self.rules >= 2

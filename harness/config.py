@@ -432,6 +432,7 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
     behaviour = _section(document, "behaviour")
     behaviour.setdefault("keep_moving", False)  # likewise
     behaviour.setdefault("narrow_speed_fraction", 1.0)  # likewise
+    behaviour.setdefault("rules", 1)  # likewise
     name = planner.get("name")
     if not allow_plugins and isinstance(name, str) and PLUGIN in name:
         raise InputError(

@@ -21,6 +21,7 @@ from wayproof.planners.path import (
     arc_lengths,
     edge_lengths,
     edge_tangents,
+    remaining,
     speed_limits,
     tangent_at,
     truncate,
@@ -162,12 +163,36 @@ class Trajectory:
         """The same motion at a constant heading, rad."""
         return dataclasses.replace(self, turning=jerk_limited.at_rest(heading))
 
-    def poses(self, step: float) -> Floats:
-        """Poses (x, y, z, heading) from the beginning to rest, a step, s, apart, shape (n, 4)."""
+    def path_after(self, elapsed: float) -> Floats:
+        """What is left of the path after a time, s, up to the stop, shape (n, 3), m."""
+        begun = float(self.motion.at(elapsed)[0])
+        return truncate(remaining(self.path, begun), self.motion.end - begun)
+
+    def poses(self, step: float, elapsed: float = 0.0, *, corners: bool = False) -> Floats:
+        """Poses (x, y, z, heading) up to rest, shape (n, 4).
+
+        Args:
+            step: Time between them, s.
+            elapsed: Time that has passed; the first pose is that of the last step before it, s.
+            corners: Whether the path's points between two steps are poses as well, so that straight
+                lines from pose to pose are the path.
+        """
         times = np.append(step * np.arange(math.ceil(self.duration_s / step)), self.duration_s)
-        arcs = self.motion.positions(times)
+        times = times[min(int(max(elapsed, 0.0) / step), len(times) - 1) :]
+        arcs, headings = self.motion.positions(times), self.turning.positions(times)
+        if corners:
+            arcs, headings = self._with_corners(arcs, headings)
         points = [np.interp(arcs, self._arcs, axis) for axis in self.path.T]
-        return np.column_stack((*points, self.turning.positions(times)))
+        return np.column_stack((*points, headings))
+
+    def _with_corners(self, arcs: Floats, headings: Floats) -> tuple[Floats, Floats]:
+        """Insert the path's points between arc lengths (n,), with headings (n,) between theirs."""
+        corners = np.array(self._arcs)
+        corners = corners[(arcs[0] < corners) & (corners < arcs[-1])]
+        at = np.searchsorted(arcs, corners)
+        return np.insert(arcs, at, corners), np.insert(
+            headings, at, np.interp(corners, arcs, headings)
+        )
 
     @cached_property
     def _arcs(self) -> list[float]:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from wayproof.harness.interface.types import Array, Verdict
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.footprint_checks import poses_from
@@ -41,26 +43,46 @@ def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: Planner
         circumscribed: Planner input with the free space of the disc or ball about the body.
         oriented: The same of the body's discs at their heading; of a round body the same.
     """
-    poses = _poses(trajectory, circumscribed)
-    swept = poses if oriented.traversable.discs else poses[:, :3]  # a round body may turn
+    path, poses = _swept(trajectory, oriented)
+    swept = poses if oriented.traversable.discs else path  # a round body may turn
     if (swept == swept[0]).all():  # it keeps its place; a body that creeps does not
         return Judgement("admitted", Obstruction(0.0))
-    if is_free(circumscribed.traversable, oriented.traversable, poses):
-        return Judgement("admitted", Obstruction(arc_length(poses[:, :3])))
+    if is_free(circumscribed.traversable, oriented.traversable, poses, path):
+        return Judgement("admitted", Obstruction(arc_length(path)))
     overlap = obstruction.on_poses(oriented, poses, oriented.unknown_blocks)
-    blocked = not is_free(circumscribed.optimistic, oriented.optimistic, poses)
+    blocked = not is_free(circumscribed.optimistic, oriented.optimistic, poses, path)
     return Judgement("blocked" if blocked else "unknown", overlap)
 
 
-def _poses(trajectory: Trajectory, planner_input: PlannerInput) -> Array:
-    """Poses (n, 4) from the time of effect to rest: x, y, z, m, and heading, rad."""
+def _swept(trajectory: Trajectory, planner_input: PlannerInput) -> tuple[Array, Array]:
+    """Path (m, 3), m, from the time of effect to rest, and poses (n, 4) on it: x, y, z, heading.
+
+    The path of a round body is not divided: a line through the corner of a cell, and its halves,
+    may touch different cells by rounding.
+    """
     elapsed = max((planner_input.effect_ns - trajectory.start_ns) * 1e-9, 0.0)
-    return poses_from(trajectory, elapsed)
+    corners = planner_input.behaviour.checks_corners
+    poses = poses_from(trajectory, elapsed, corners=corners)
+    if not corners:
+        return poses[:, :3], poses
+    path = trajectory.path_after(elapsed)
+    if planner_input.traversable.discs:
+        return path, poses
+    return path, np.column_stack((path, np.zeros(len(path))))
 
 
-def is_free(circumscribed: FreeSpace, oriented: FreeSpace, poses: Array) -> bool:
-    """Whether the body is free at and between all poses: as one disc, or as it is headed."""
-    if fits_along(circumscribed, poses[:, :3]):
+def is_free(
+    circumscribed: FreeSpace, oriented: FreeSpace, poses: Array, path: Array | None = None
+) -> bool:
+    """Whether the body is free at and between all poses: as one disc, or as it is headed.
+
+    Args:
+        circumscribed: Space of the disc or ball about the body.
+        oriented: Space of its discs at their heading.
+        poses: (n, 4), x, y, z, m, and heading, rad.
+        path: (m, 3) that the poses lie on, m; by default straight lines between them.
+    """
+    if fits_along(circumscribed, poses[:, :3] if path is None else path):
         return True
     return bool(oriented.discs) and oriented.free_poses(poses) == len(poses)
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.decision import Action, Label
-from wayproof.harness.stack.footprint_checks import CHECK_STEP
+from wayproof.harness.stack.footprint_checks import poses_from
 from wayproof.harness.stack.global_path import ARRIVED
 from wayproof.harness.stack.obstruction import Obstruction
 from wayproof.harness.stack.reasons import Kind, Reason
@@ -209,5 +209,6 @@ def diagnose_no_room(
     found = obstruction.on_turn(input, start.position, start.heading, start.heading + turn)
     if found.cell is not None:
         return _reason("no_room_to_turn", found, turn_rad=turn)
-    found = obstruction.on_poses(input, along.poses(CHECK_STEP), input.unknown_blocks)
+    poses = poses_from(along, 0.0, corners=input.behaviour.checks_corners)
+    found = obstruction.on_poses(input, poses, input.unknown_blocks)
     return _reason("no_room_along_path", found, free_m=found.free_m)

@@ -6,6 +6,8 @@ the one way that surely leads to it.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wayproof.harness.stack.types import Array, PlannerInput, arc_length
@@ -27,7 +29,7 @@ def clearest_stop(input: PlannerInput, start: TrajectorySample, path: Array) -> 
     """The path to stop along: the one given, unless it leads where the robot may not be.
 
     Then it is the bend that keeps farthest from what is blocked, on the way and at its end, if
-    that is farther than the path does.
+    that is farther than the path does; of those bends that come no nearer on the way.
 
     Args:
         input: Of the decision.
@@ -43,7 +45,10 @@ def clearest_stop(input: PlannerInput, start: TrajectorySample, path: Array) -> 
     if start.speed < MIN_EVASION_SPEED or free:
         return path
     paths = [ahead, *_bends(input, start, tangent_at(path, 0.0), reach)]
-    best = int(np.argmax([_clearance(input, one) for one in paths]))  # of equals the first
+    clearances = [_clearance(input, one) for one in paths]
+    least = clearances[0].along if input.behaviour.bends_keep_clearance else -np.inf
+    kept = [one.along + one.at_end if one.along >= least else -np.inf for one in clearances]
+    best = int(np.argmax(kept))  # of equals the first
     return paths[best] if best else path
 
 
@@ -55,19 +60,24 @@ def _with_length(path: Array, length: float) -> Array:
     return np.vstack([path, path[-1] + beyond * tangent_at(path, arc_length(path))])
 
 
-def _clearance(input: PlannerInput, path: Array) -> float:
-    """Least clearance along a path plus the clearance at its end, m."""
+class _Clearance(NamedTuple):
+    """Distance of a path from what is blocked, m."""
+
+    along: float  # the least
+    at_end: float
+
+
+def _clearance(input: PlannerInput, path: Array) -> _Clearance:
     space = input.traversable
     if not space.discs or not input.behaviour.keep_moving:
-        return space.least_clearance(path) + space.least_clearance(path[[-1, -1]])
+        return _Clearance(space.least_clearance(path), space.least_clearance(path[[-1, -1]]))
     # A long body swings its ends out where it bends.
     ahead = edge_tangents(path)[[*range(len(path) - 1), -1]]
     paths = [path + disc.offset * ahead for disc in space.discs]
-    along, at_end = (
-        min(space.least_clearance(one) for one in some)
-        for some in (paths, [one[[-1, -1]] for one in paths])
+    return _Clearance(
+        min(space.least_clearance(one) for one in paths),
+        min(space.least_clearance(one[[-1, -1]]) for one in paths),
     )
-    return along + at_end
 
 
 def _bends(

@@ -226,11 +226,12 @@ def keep_course(
     """
     trajectory = previous.trajectory
     elapsed = (input.effect_ns - trajectory.start_ns) * 1e-9
-    if first_misfit(input.traversable, trajectory, elapsed) is None:
+    corners = input.behaviour.checks_corners
+    if first_misfit(input.traversable, trajectory, elapsed, corners=corners) is None:
         reason = Reason("keeping_course")
         command = Command("follow", reason, "none", trajectory, previous.global_path)
         return Decided(command, replace(previous, improved_ns=state.improved_ns))
-    poses = poses_from(trajectory, elapsed)
+    poses = poses_from(trajectory, elapsed, corners=corners)
     found = obstruction.on_poses(input, poses, input.unknown_blocks)
     path = remaining(trajectory.path, start.arc_length)
     stop = stopping_distance(start.speed, start.acceleration, input.limits)
@@ -305,7 +306,7 @@ def _shortened_to_fit(
     """Plan along a path (n, 3), shortened until the footprint fits; None below `least`, m."""
     for _ in range(MAX_SHORTENINGS):
         trajectory = plan(path)
-        misfit = first_misfit(input.traversable, trajectory)
+        misfit = first_misfit(input.traversable, trajectory, corners=input.behaviour.checks_corners)
         if misfit is None:
             return trajectory
         end = misfit - MISFIT_MARGIN

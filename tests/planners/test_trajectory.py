@@ -365,3 +365,35 @@ def test_the_first_length_of_zones_is_slowed():
     slowed = trajectory.slow_at_first(zones, 1.5, 0.3)
     assert slowed == [(1.0, 0.3), (0.5, 0.2), (1.5, 0.2)]
     assert trajectory.slow_at_first(zones, 0.0, 0.3) == zones
+
+
+BENT = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.5, 1.0], [3.0, 1.5, 1.0]])
+
+
+def test_poses_with_the_corners_are_the_path_and_without_them_cut_it():
+    along = follow_path(BENT, PathState(0, 0.0, 0.0, 0.0, 0.0), DRONE, 1.0)
+    cut, whole = (along.poses(0.05, corners=corners) for corners in (False, True))
+    assert arc_lengths(cut[:, :3])[-1] < 4.499
+    assert arc_lengths(whole[:, :3])[-1] == pytest.approx(4.5, abs=1e-12)
+    assert len(whole) == len(cut) + 2
+    corners = [np.flatnonzero((whole[:, :3] == corner).all(axis=1)) for corner in BENT[1:3]]
+    assert [len(found) for found in corners] == [1, 1]
+    for (n,) in corners:
+        before, at, after = whole[n - 1 : n + 2, 3]
+        assert min(before, after) <= at <= max(before, after)
+    np.testing.assert_array_equal(np.delete(whole, np.concatenate(corners), axis=0), cut)
+
+
+def test_poses_and_path_after_a_time_are_the_rest_of_the_whole():
+    along = follow_path(BENT, PathState(0, 0.0, 0.0, 0.0, 0.0), DRONE, 1.0)
+    for corners in (False, True):
+        whole = along.poses(0.05, corners=corners)
+        for elapsed in (-1.0, 0.0, 0.52, 1.31, 2.0, 99.0):
+            left = along.poses(0.05, elapsed, corners=corners)
+            np.testing.assert_array_equal(left, whole[len(whole) - len(left) :])
+    for elapsed in (0.0, 0.5, 1.0, 1.5, along.duration_s):
+        left = along.path_after(elapsed)
+        now = along.at(round(elapsed * 1e9))
+        np.testing.assert_allclose(left[0], now.position, atol=1e-9)
+        np.testing.assert_allclose(left[-1], along.stop_point, atol=1e-12)
+        assert arc_lengths(left)[-1] == pytest.approx(along.motion.end - now.arc_length, abs=1e-9)

@@ -15,7 +15,8 @@ from tests.harness.stack.make_input import (
 from wayproof.harness.interface.motion import trajectory_of
 from wayproof.harness.interface.referee import judge
 from wayproof.harness.interface.types import Reference, Samples, Velocity, Waypoints
-from wayproof.planners import hold, turn_in_place
+from wayproof.harness.stack.types import arc_length
+from wayproof.planners import PathState, follow_path, hold, turn_in_place
 
 WALL, FOG = (4.0, 4.2, 0.0, 4.0), (4.0, 5.0, 0.0, 4.0)
 
@@ -120,3 +121,32 @@ def test_a_turn_in_place_sweeps_an_elongated_body_alone():
     turn = turn_in_place(place(1.05, 2.05), PERIOD_NS, 0.0, np.pi / 2, LIMITS)
     assert verdict(turn, LONG, **close).verdict == "blocked"
     assert verdict(turn, ROUND, **close).verdict == "admitted"
+
+
+def test_what_is_free_along_its_path_is_admitted_whichever_corners_of_cells_it_passes():
+    """Straight ways between centres of cells, many through the corner of a cell."""
+    generator = np.random.default_rng(1)
+    admitted = 0
+    for _ in range(40):
+        walls = [(x, x + 0.1, y, y + 0.1) for x, y in generator.integers(20, 40, (3, 2)) * 0.1]
+        input = make_input(make_states(occupied=walls), position=(1.05, 2.05))
+        for x, y in generator.integers(10, 30, (60, 2)) * 0.1 + 0.05:
+            motion = follow_path(
+                np.stack((place(1.05, 2.05), place(1.05 + x, y))),
+                PathState(PERIOD_NS, 0.0, 0.0, 0.0, 0.0),
+                LIMITS,
+                1.0,
+            )
+            free = input.traversable.free_length(motion.path) >= arc_length(motion.path) - 1e-6
+            assert (judge(motion, input, input).verdict == "admitted") == free
+            admitted += free
+    assert 1000 < admitted < 2300  # both are common
+
+
+def test_a_body_that_is_under_way_is_judged_from_where_it_is():
+    path = np.stack((place(1.05, 2.05), place(6.05, 2.05)))
+    motion = follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), LIMITS, 1.0)
+    behind = make_states(occupied=[(1.0, 1.2, 2.0, 2.2)])
+    for passed_ns, expected in ((0, "blocked"), (1_500_000_000, "admitted")):
+        input = make_input(behind, effect_ns=passed_ns)
+        assert judge(motion, input, input).verdict == expected

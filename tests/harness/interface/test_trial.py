@@ -57,20 +57,13 @@ def test_the_border_loses_nothing_of_the_built_in_stack(tmp_path, robot, limits)
         assert one.map_version == other.map_version
 
 
-CHORDS = pytest.mark.xfail(
-    strict=True,
-    reason="samples of 4 m/s are 13 cm apart: chords between them cut bends by millimetres, and "
-    "the stack checks its path, not the chords",
-)
-
-
 @pytest.mark.parametrize(
     ("robot", "limits"),
     [
         ("quadruped", "cautious"),
         ("quadruped", "full"),
         ("drone", "cautious"),
-        pytest.param("drone", "full", marks=CHORDS),
+        ("drone", "full"),
     ],
 )
 def test_the_referee_admits_what_the_built_in_stack_commands(tmp_path, robot, limits):

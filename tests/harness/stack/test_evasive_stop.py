@@ -23,7 +23,7 @@ def space(*blocked):
     return FreeSpace(field.astype(np.uint16), np.zeros(3), CELL, 9, np.ones(REACH**2 + 1))
 
 
-def stop(free_space, speed=2.0, ground=False, path=AHEAD):
+def stop(free_space, speed=2.0, ground=False, path=AHEAD, rules=2):
     now = hold(path[0], 0, 0.0).at(0)._replace(speed=speed)
     input = PlannerInput(
         time_ns=0,
@@ -43,7 +43,7 @@ def stop(free_space, speed=2.0, ground=False, path=AHEAD):
         penalize_unknown=False,
         limits=LIMITS,
         planner=PlannerConfig(),
-        behaviour=BehaviourConfig(),
+        behaviour=BehaviourConfig(rules=rules),
     )
     return clearest_stop(input, now, path)
 
@@ -76,3 +76,21 @@ def test_what_flies_turns_up_and_down_too():
 
 def test_a_slow_robot_just_stops():
     assert stop(space((13, 31, 10)), speed=0.2) is AHEAD
+
+
+def test_a_bend_comes_no_nearer_than_the_path_does():
+    straight = np.array([[1.0, 3.0, 1.0], [2.008, 3.0, 1.0]])  # to where it stops
+    generator, bends = np.random.default_rng(0), 0
+    for _ in range(300):
+        cells = generator.integers((14, 24, 8), (24, 36, 13), (3, 3))
+        around = space(*cells)
+        path = stop(around)
+        bends += path is not AHEAD
+        assert path is AHEAD or around.least_clearance(path) >= around.least_clearance(straight)
+    assert bends > 100
+
+
+def test_of_bends_by_the_rules_before_one_might():
+    around = space((14, 29, 9), (14, 30, 8), (19, 32, 11))
+    now, before = stop(around), stop(around, rules=1)
+    assert around.least_clearance(before) < around.least_clearance(now)
