@@ -65,12 +65,12 @@ class BehaviourConfig:
     max_backtracks: Annotated[int, Bounds(1, 1e6)] = 2
     backtrack_length: Annotated[float, Bounds(1e-9, 1e6, "m")] = 1.0
     reverse_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.4
-    narrow_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 1.0
+    narrow_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.7
     uncertain_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.1
     uncertain_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.5
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
-    keep_moving: bool = False
+    keep_moving: bool = True
     rules: Annotated[int, Bounds(1, 2)] = 2
 
     def __post_init__(self) -> None:

@@ -231,7 +231,9 @@ def _config(
             options=recording.options.changed(),
         ),
     )
-    defaults = ["map.kind=grid2d"] if planar else []
+    defaults = ["motion.limits=cautious"]  # `find_body` knows no others
+    if planar:
+        defaults.append("map.kind=grid2d")
     if recording.mission is not None:  # the episode's own map had only its start declared free
         defaults.append("recording.footprint_clearing=false")
     lasers = all(sensor.kind == "laser" for sensor in recording.sensors)

@@ -137,6 +137,13 @@ def test_logs_of_former_formats_open_with_the_settings_of_a_new_one(version):
     later.append("map.ground_fit=true")
     assert (former.costmap.window, current.costmap.window) == (0.0, 32.0)
     later.append("costmap.window=32.0")
+    assert (former.motion.limits, current.motion.limits) == ("cautious", "full")
+    assert (former.behaviour.keep_moving, current.behaviour.keep_moving) == (False, True)
+    shares = [one.behaviour.narrow_speed_fraction for one in (former, current)]
+    assert shares == [1.0, 0.7]
+    assert (former.behaviour.rules, current.behaviour.rules) == (1, 2)
+    later += ["motion.limits=full", "behaviour.keep_moving=true"]
+    later += ["behaviour.narrow_speed_fraction=0.7", "behaviour.rules=2"]
     assert override(former, ["planner.name=astar", *later]) == current
 
 

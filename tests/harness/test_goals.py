@@ -126,9 +126,9 @@ def test_figures_count_the_whole_mission(recorded):
 
 
 def test_time_that_runs_out_after_the_first_goal(recorded):
-    result = recorded("empty", "drone", 1, *THERE_AND_BACK, "episode.time_limit=3.3")
+    result = recorded("empty", "drone", 1, *THERE_AND_BACK, "episode.time_limit=2.6")
     assert result.outcome == "timeout"
-    assert "from goal 2 of 2 after 3.3 s" in result.reason
+    assert "from goal 2 of 2 after 2.6 s" in result.reason
     trace = read_trace(open_log(Path(result.log)))
     figures = score(trace)
     assert (figures["success"], figures["progress"]) == (0.0, 0.5)
@@ -138,7 +138,7 @@ def test_time_that_runs_out_after_the_first_goal(recorded):
 
 
 def test_the_cause_of_a_mission_that_cannot_be_done_in_time_counts_all_legs(recorded):
-    result = recorded("empty", "drone", 1, *THERE_AND_BACK, "episode.time_limit=2.2")
+    result = recorded("empty", "drone", 1, *THERE_AND_BACK, "episode.time_limit=1.6")
     assert (result.outcome, result.cause) == ("timeout", "impossible"), result.cause_evidence
 
 

@@ -27,7 +27,7 @@ from wayproof.harness.bench.published.trials import (
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config, override
 from wayproof.harness.errors import InputError
-from wayproof.models.robots import ROBOTS, RobotSpec
+from wayproof.models.robots import FAST_ROBOTS, ROBOTS, RobotSpec
 from wayproof.models.world_files import (
     FileWorld,
     ImportOptions,
@@ -213,7 +213,9 @@ def best_score(world: FileWorld, way: float | None) -> float:
     """The score on the shortest way at the body's greatest speed from the first moment on."""
     if way is None:
         return 0.0
-    return barn_score(True, (way - REACHED) / ROBOTS[ROBOT].spec.max_speed, optimal_time(world))
+    return barn_score(
+        True, (way - REACHED) / FAST_ROBOTS[ROBOT].spec.max_speed, optimal_time(world)
+    )
 
 
 def body_radius(spec: RobotSpec) -> float:

@@ -16,7 +16,7 @@ from wayproof.harness.counterfactual.verdict import Check
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 
-BLIND = ("cylinders", "drone", 2, "stack.name=blind")
+BLIND = ("cylinders", "drone", 0, "stack.name=blind")
 
 
 @pytest.mark.parametrize(

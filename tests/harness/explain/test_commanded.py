@@ -83,7 +83,8 @@ def test_pictures_show_plan_and_verdict(followed, guarded, tmp_path, capsys):
         number = first(log, "blocked", cut=cut)
         assert main(["explain", str(log.path), str(number), "--png", str(out)]) == 0
         words = " ".join(capsys.readouterr().out.replace("│", " ").split())
-        assert "planned by the stack, the referee's map admits 0." in words
+        planned = make_card(read_case(log), number)
+        assert f"the referee's map admits {planned.planned_admitted_m:.2f} m" in words
         pixels = np.asarray(Image.open(out).convert("RGB")).reshape(-1, 3)
         colours = {f"#{bytes(pixel).hex()}" for pixel in np.unique(pixels, axis=0)}
         assert {PLANNED, REFUSED} <= colours
@@ -103,7 +104,8 @@ def test_words_name_command_and_verdict(guarded):
     shown = {moment.decision.sequence: moment for moment in moments(guarded)}
     moment = shown[first(guarded, "blocked", cut=True)]
     text = describe(moment.decision, 1.0, moment.commanded)
-    assert "- referee: **blocked**, free for 0." in text
+    free_m = moment.decision.verdict.free_m
+    assert f"- referee: **blocked**, free for {free_m:.2f} m" in text
     assert "the guard braked in its place" in text
     assert "- stack: velocity (" in text
     assert is_warning(moment.decision)

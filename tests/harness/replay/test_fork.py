@@ -121,7 +121,7 @@ def test_the_audit_of_a_fork_reads_each_decision_with_its_own_settings(recorded,
     assert found.violations == ()
 
 
-BLIND = ("cylinders", "drone", 2, "stack.name=blind")
+BLIND = ("cylinders", "drone", 6, "stack.name=blind")
 
 
 def test_a_fork_of_a_stack_on_trial_goes_on_with_the_stack(recorded, tmp_path):

@@ -170,8 +170,12 @@ def test_it_gives_up_at_the_end_of_a_path_to_a_place_in_stead_of_the_goal():
 
 @pytest.fixture(scope="module")
 def lost_episode(tmp_path_factory):
-    """A drone in the middle of a tunnel, where nothing holds its way from the start."""
+    """A drone in the middle of a tunnel, where nothing holds its way from the start.
+
+    It is slow enough to find its way back free.
+    """
     settings = ("estimate.kind=lidar", "start=[15, 1.3]", "behaviour.lost_sigma=0.1")
+    settings += ("motion.limits=cautious",)
     path = tmp_path_factory.mktemp("lost") / "tunnel.mcap"
     run_episode(build(override(Config("tunnel", "drone", 0), settings)), path)
     return path

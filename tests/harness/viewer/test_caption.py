@@ -19,7 +19,8 @@ def test_the_words_are_those_of_the_decision(moment):
     first, figures, reason = head(moment, cost_range=0.6, axes=3)
     assert first == f"2.5 s   decision 25   {moment.decision.action}"
     assert moment.truth.clearance_m == 2.0  # as far as it is measured
-    assert figures.startswith("clearance >= 2.00 m, in the map along the path 0.7")
+    least = moment.decision.least_clearance_m
+    assert figures.startswith(f"clearance >= 2.00 m, in the map along the path {least:.2f} m;")
     assert "pose error 0.0" in figures
     assert reason == moment.decision.reason
 
