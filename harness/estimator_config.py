@@ -55,8 +55,8 @@ class EstimateConfig:
             directions, also across the way, m for the root of a metre; from the same episodes.
         turn_share: Standard deviation of a turn by an odometry, as a share of it, beside the
             gyroscope's errors. A recording of planar lasers has 0.2, as wheels alone give the turn
-            there (with `turn_walk` and `motion_share` of 0.1 the defaults of GMapping: Grisetti,
-            Stachniss and Burgard 2007, T-RO 23).
+            there: default of `stt` in ROS's slam_gmapping (of GMapping: Grisetti, Stachniss and
+            Burgard 2007, T-RO 23), as 0.1 of `turn_walk` and `motion_share` of `str` and `srr`.
         turn_walk: Standard deviation of the heading that an odometry adds by the length of the
             step, rad/m; 0.1 for planar lasers.
     """

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from wayproof.harness.interface.types import Array, Verdict
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.footprint_checks import poses_from
@@ -57,18 +55,13 @@ def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: Planner
 def _swept(trajectory: Trajectory, planner_input: PlannerInput) -> tuple[Array, Array]:
     """Path (m, 3), m, from the time of effect to rest, and poses (n, 4) on it: x, y, z, heading.
 
-    The path of a round body is not divided: a line through the corner of a cell, and its halves,
+    The path is not divided for a round body: a line through the corner of a cell, and its halves,
     may touch different cells by rounding.
     """
     elapsed = max((planner_input.effect_ns - trajectory.start_ns) * 1e-9, 0.0)
     corners = planner_input.behaviour.checks_corners
     poses = poses_from(trajectory, elapsed, corners=corners)
-    if not corners:
-        return poses[:, :3], poses
-    path = trajectory.path_after(elapsed)
-    if planner_input.traversable.discs:
-        return path, poses
-    return path, np.column_stack((path, np.zeros(len(path))))
+    return trajectory.path_after(elapsed) if corners else poses[:, :3], poses
 
 
 def is_free(

@@ -25,7 +25,12 @@ GLASS = "glass"
 POLE = Cylinder((4.5, 3.85, 0.9), (4.5, 3.85, 1.3), 0.015, GLASS)
 """The pole: 3 cm thick, at the height of flight only, 0.85 m beside the straight path."""
 
-SETTINGS = ("episode.time_limit=8", "map.resolution=0.2", "record=decisions")
+SETTINGS = (
+    "episode.time_limit=8",
+    "map.resolution=0.2",
+    "motion.limits=cautious",
+    "record=decisions",
+)
 SPACE = Space("pose_jump", latest=4.0, length=1.0, greatest=3.6)
 """Jumps of up to 0.6 m: after a longer one the stack detects that it is lost."""
 

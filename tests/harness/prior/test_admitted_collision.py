@@ -13,7 +13,12 @@ from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 
-NEAR_IS_UNKNOWN = ("prior.source=truth", "map.minimum_range=4", "episode.time_limit=4.0")
+NEAR_IS_UNKNOWN = (
+    "prior.source=truth",
+    "map.minimum_range=4",
+    "motion.limits=cautious",
+    "episode.time_limit=4.0",
+)
 
 
 def run(policy, path):

@@ -6,8 +6,7 @@ from wayproof.harness.config import Config, override
 from wayproof.harness.scenario.scenario import build
 
 
-def test_whole_episodes_under_one_load(capsys, monkeypatch):
-    monkeypatch.setattr(loop, "WORLD", "empty")  # where episodes are short
+def test_whole_episodes_under_one_load(capsys):
     assert main(["bench", "loop", "--repeats", "1", "--only", "light", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert [row["robot"] for row in rows] == ["quadruped", "drone"]
