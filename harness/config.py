@@ -97,8 +97,8 @@ class MotionConfig:
     Attributes:
         limits: Speed, acceleration and turning of a built-in robot: `full` is what it follows in
             trials; `cautious` is what it had before; `auto` is what the robot's registry says,
-            `full` for both, but `cautious` in a world with things that are known to move, on
-            slopes and on recordings. A log says which.
+            `full` for both, but `cautious` in a world with things that are known to move or
+            appear, on slopes and on recordings. A log says which.
         speed_fraction: Share of the body's greatest speed that navigation asks for.
         altitude_low: Lowest altitude that any part of a flying robot may take, m.
         altitude_high: Highest, m.

@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 SAME_PLACE = 0.02
 """Distance up to which two points count as one, m."""
 
+SAME_POINT = 1e-3
+"""Distance up to which a point is one of another path, m: what rounding leaves in a log."""
+
 
 def densely(path: Array, spacing: float) -> Array:
     """Return points (m, 3) along a path (n, 3), its own among them, at most `spacing` m apart."""
@@ -46,6 +49,19 @@ def rest_of(path: Array, start: Array, reach: float) -> Array:
     first = int(np.linalg.norm(points - start, axis=1).argmin())
     lengths = arc_lengths(points[first:])[1:]
     return points[first : first + 1 + int(np.searchsorted(lengths, reach)) + 1]
+
+
+def refined(thinned: Array, whole: Array) -> Array:
+    """Return a thinned path (n, 3) with all points of the path (m, 3) that its beginning is of.
+
+    A log holds every fifth point of a global path, which may leave out a corner.
+    """
+    if len(thinned) == 0:
+        return thinned
+    gaps = np.linalg.norm(thinned[:, None] - whole[None], axis=2).min(axis=1)
+    left_out = np.flatnonzero(gaps > SAME_POINT)
+    along = int(left_out[0]) if len(left_out) else len(thinned)
+    return np.concatenate([whole, thinned[along:]]) if along else thinned
 
 
 def runs_along(path: Array, earlier: Array) -> bool:

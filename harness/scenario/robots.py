@@ -55,15 +55,15 @@ def built_in(config: Config) -> Mapping[str, Robot]:
 def resolve_limits(config: Config, world: World) -> Config:
     """The config with the limits that `motion.limits=auto` stands for in a world.
 
-    A robot stops within the space that is admitted. What moves can come into it meanwhile, so
-    where the operator knows of such things, the robot goes more slowly. So it does where it is to
-    walk on slopes, where it was not measured at speed. Elsewhere the registry of robots decides.
+    A robot stops within the space that is admitted. What moves or appears can come into it
+    meanwhile, so where the operator knows of such things, the robot goes more slowly. So it does
+    where it is to walk on slopes, where it was not measured at speed. Elsewhere the registry of
+    robots decides.
     """
     if config.motion.limits != "auto":
         return config
-    moving = any(len(mover.route) > 1 for mover in world.movers)
     limits = LIMITS_IN_STATIC_WORLDS.get(config.robot, "full")  # no other robot has two
-    if moving or config.costmap.max_slope > 0.0:
+    if world.movers or config.costmap.max_slope > 0.0:
         limits = "cautious"
     return replace(config, motion=replace(config.motion, limits=limits))
 

@@ -29,6 +29,9 @@ STILL = 0.02
 BESIDE = 0.01
 """Greatest distance of a disc from straight lines between samples, m."""
 
+ROUNDING = 1e-6
+"""Distance up to which a point on the face or corner of a cell may lie in any of its cells, m."""
+
 Discs = tuple[tuple[float, float], ...]
 """Offset along the x axis of the body, and radius, of each disc, m."""
 
@@ -73,8 +76,8 @@ class Body:
 
     @property
     def slack(self) -> float:
-        """Lateral tolerance of the track of a disc, m: an overlap within it does not count."""
-        return BESIDE if self.mission.discs else 0.0
+        """Lateral tolerance of a track, m: an overlap within it does not count."""
+        return BESIDE if self.mission.discs else ROUNDING
 
     def moves(self, trajectory: pb.Trajectory) -> bool:
         """Return whether the body moves, or an elongated one turns in place.

@@ -76,7 +76,7 @@ def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The way is free up to a cell, and slow is what that costs."""
-    yield from obstructed(scene, reason, scene.global_path, scene.unknown_blocks)
+    yield from obstructed(scene, reason, scene.way_ahead, scene.unknown_blocks)
     yield from _committed(scene, reason.free_m)
     limits = scene.mission
     full = stop_from(limits.max_speed * scene.config.motion.speed_fraction, limits)
@@ -88,7 +88,7 @@ def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The committed part leads through unknown space, which the policy lets it, slowly."""
-    yield from obstructed(scene, reason, scene.global_path, unknown_blocks=True)
+    yield from obstructed(scene, reason, scene.way_ahead, unknown_blocks=True)
     if scene.config.costmap.unknown_policy != "penalize":
         yield f"unknown policy {scene.config.costmap.unknown_policy}"
     yield from same(

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wayproof.harness.config import Config
-from wayproof.harness.log.paths import Array
+from wayproof.harness.log.paths import Array, refined
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.cells import NAMES, Cells, cells_around
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -95,6 +95,11 @@ class Scene:
     def global_path(self) -> Array:
         """Global path, (n, 3) m; empty without one."""
         return path_of(self.decision.global_path)
+
+    @cached_property
+    def way_ahead(self) -> Array:
+        """Global path, (n, 3) m, with all points of the committed path where that follows it."""
+        return refined(self.global_path, self.path)
 
     @property
     def goal(self) -> Array:

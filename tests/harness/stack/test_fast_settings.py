@@ -35,9 +35,9 @@ def test_a_log_says_which_limits_a_robot_had_in_its_world():
         assert (former.max_speed, former.sideways_speed) == (slow, 0.0)
 
 
-def test_both_robots_are_fast_by_themselves_but_where_something_is_known_to_move():
+def test_both_robots_are_fast_by_themselves_but_where_something_is_known_to_move_or_appear():
     for robot in ROBOTS:
-        for world, limits in (("empty", "full"), ("crossing", "cautious")):
+        for world, limits in (("empty", "full"), ("crossing", "cautious"), ("ghosts", "cautious")):
             config = build(Config(world, robot, 0)).config
             assert config.motion.limits == limits
             assert from_json(to_json(config)) == config

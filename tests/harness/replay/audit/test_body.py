@@ -4,11 +4,11 @@ import numpy as np
 
 from wayproof.harness.config import Config
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.audit.body import BESIDE, Body
+from wayproof.harness.replay.audit.body import BESIDE, ROUNDING, Body
 from wayproof.maps import VoxelMap
 
 
-def test_only_the_discs_of_a_long_body_have_slack():
+def test_the_discs_of_a_long_body_have_slack_and_a_round_one_that_of_rounding():
     """Free is x < 1; 0.295 m and half a diagonal of 10-cm cells are 3 cells from one's own."""
     mission = Mission(
         "ground", 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
@@ -28,3 +28,7 @@ def test_only_the_discs_of_a_long_body_have_slack():
     assert met(0.705, 0.0)[1] == "unknown"
     assert met(0.705, BESIDE) is None
     assert met(0.715, BESIDE)[1] == "unknown"
+    # On the face itself it lies in either cell, by rounding.
+    assert met(0.7 + 0.5 * ROUNDING, 0.0)[1] == "unknown"
+    assert met(0.7 + 0.5 * ROUNDING, ROUNDING) is None
+    assert met(0.7 + 2.0 * ROUNDING, ROUNDING)[1] == "unknown"
