@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -189,7 +190,10 @@ class Shapes:
         if metric and size is None:
             x, y = float(heights.shape[1] - 1), float(heights.shape[0] - 1)
         elif not metric:
-            heights = heights * (z / max(float(heights.max()), 1e-300))
+            scale = z / max(float(heights.max()), 1e-300)
+            if not math.isfinite(scale):
+                raise WorldFileError(path, f"<heightmap>: no field is {z:g} m high", shape.line)
+            heights = heights * scale
         centre = [0.0] * 3 if pos is None else numbers(path, pos, 3)
         yield height_part(file, heights[::-1], (x, y), centre)
 
