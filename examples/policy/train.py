@@ -43,8 +43,8 @@ FIRST_SEED = 1000
 EPISODES = 6
 """Episodes of each world in a round, each of a seed of its own."""
 
-SETTINGS = ("episode.time_limit=90", "episode.stuck_after=15")
-"""Settings of the episodes, which end early where nothing is learned any more."""
+SETTINGS = ("episode.time_limit=90", "episode.stuck_after=15", "motion.limits=cautious")
+"""Settings of the episodes, which end early where nothing is learned any more, at up to 1 m/s."""
 
 
 class Rollout(NamedTuple):

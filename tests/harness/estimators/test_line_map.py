@@ -105,8 +105,8 @@ def test_a_scan_among_legs_of_chairs_is_registered_by_the_walls():
     former, lines, counted = mapped(SurfaceMap, CROWD), mapped(LineMap, CROWD), 0
     for x, y, yaw in way()[10:130:12].tolist():
         twice = walls(placed(scan(x, y, yaw, 99, legs=CROWD), x, y, yaw))
-        asked = former.register(thinned(twice, 0.2), np.array([x, y, 0.0]))
-        counted += math.isfinite(asked.deviation)
+        found = former.register(thinned(twice, 0.2), np.array([x, y, 0.0]))
+        counted += math.isfinite(found.deviation)
         found, left = registered_at(lines, (x, y, yaw), (x + 0.02, y - 0.02, yaw + 0.01), CROWD)
         assert math.isfinite(found.deviation)
         assert np.abs(left).max() < 0.02
@@ -265,10 +265,10 @@ def test_counting_and_search_are_as_written_naively(monkeypatch):
                 steps = abs(i) + abs(j) + abs(k)
                 if (near, -steps) > best[:2]:
                     best = (near, -steps, (0.1 * i, 0.1 * j, 0.2 * k))
-    asked = (offsets, viewer, 1.0 / VOXEL, 0.1, 1, 0.2, 1, lines.voxels)
+    arguments = (offsets, viewer, 1.0 / VOXEL, 0.1, 1, 0.2, 1, lines.voxels)
     start, again = np.empty(3), np.empty(3)
     assert count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS) == counted
-    assert search_start(*asked, start) == 27
+    assert search_start(*arguments, start) == 27
     np.testing.assert_allclose(start, best[2], atol=1e-12)
     with np.errstate(over="ignore"):
         replace_all(monkeypatch)
@@ -276,5 +276,5 @@ def test_counting_and_search_are_as_written_naively(monkeypatch):
             kernels.count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS)
             == counted
         )
-        assert kernels.search_start(*asked, again) == 27
+        assert kernels.search_start(*arguments, again) == 27
     assert np.array_equal(start, again)
