@@ -65,7 +65,7 @@ class MotionFilter:
             period: Its time, s.
             axes: (3, 3) rotation T_world_base of the accelerometer that predicted it; none if
                 feet or an odometry did.
-            turn_variance: What the step adds to that of the heading beside the gyroscope, rad^2.
+            turn_variance: Variance of the heading that the odometry's step adds, rad^2.
         """
         before = self._covariance[POSITION, POSITION]
         if axes is None:

@@ -75,7 +75,7 @@ class StatedCovariance:
             inertial: (3, 3) by which the covariance of the position has grown in the filter of the
                 motion if the accelerometer predicted the step, m^2; none if feet or an odometry
                 did.
-            turn_variance: What the step adds to that of the heading beside the gyroscope, rad^2.
+            turn_variance: Variance of the heading that the odometry's step adds, rad^2.
         """
         config = self._config
         self._held = moved_by(self._held, step)

@@ -118,7 +118,7 @@ class SurfaceMap:
         axes: Array,
         inliers: int,
     ) -> Registration:
-        """What an aligned sweep says; the arguments are those and the results of `align`."""
+        """Registration of an aligned sweep, from the arguments and results of `align`."""
         unheld = np.ascontiguousarray(axes[:, information < self._held].T)
         distances, shares = np.empty(len(offsets)), np.zeros((self.sweeps, 4))
         moment, scatter = np.empty((4, 4)), np.empty((4, 4))
