@@ -44,7 +44,8 @@ class BehaviourConfig:
             robot comes to rest first.
         rules: Version of the rules of a decision; a log keeps its own. From 2 on, trajectories are
             checked along their paths, not along lines between poses 20 ms apart; and a bend to stop
-            along comes no nearer to what blocks than the path does.
+            along comes no nearer to what blocks than the path does. From 3 on, a cell that an
+            elongated body only grazes is named before one that it overlaps farther on.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -71,7 +72,7 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 2)] = 2
+    rules: Annotated[int, Bounds(1, 3)] = 3
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -86,3 +87,8 @@ class BehaviourConfig:
     def bends_keep_clearance(self) -> bool:
         """Whether a bend to stop along comes no nearer to what blocks than the path does."""
         return self.rules >= 2
+
+    @property
+    def grazes_in_order(self) -> bool:
+        """Whether the cell that ends a path is sought finely before anything farther on is."""
+        return self.rules >= 3

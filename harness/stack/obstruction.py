@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -74,16 +75,28 @@ def on_path(input: PlannerInput, path: Array, free_m: float, unknown_blocks: boo
     if input.traversable.discs:  # anything on the next edge, or in the turn at its end, may end it
         arcs = arc_lengths(path)
         reach, end = REACH, float(np.append(arcs[arcs > free_m + SAME_EDGE], free_m)[0])
-    for fineness, begin in itertools.product(
-        FINENESS, np.arange(free_m, end + reach, reach).tolist()
-    ):
-        beyond = begin + JUST_BEYOND * size + np.arange(0.0, reach, fineness * STEP * size)
+    # What is grazed on that edge or in that turn comes before what is overlapped farther on.
+    turned = end + STEP * size if input.behaviour.grazes_in_order else free_m
+    for begin, length, fineness in _pieces(free_m, turned, end + reach, reach):
+        beyond = begin + JUST_BEYOND * size + np.arange(0.0, length, fineness * STEP * size)
         arcs = np.minimum(beyond, arc_length(path))
         poses = _headed(input, path, arcs, fineness * TURN_STEP)
         found = _first(input, poses, np.full(len(poses), free_m), unknown_blocks)
         if found.cell is not None:
             break
     return found
+
+
+def _pieces(
+    begin: float, turned: float, end: float, reach: float
+) -> Iterator[tuple[float, float, float]]:
+    """Yield the begin and length, m, of each piece of a path to check, and the fineness.
+
+    All pieces up to `turned` are checked coarsely, then finely, before any beyond it.
+    """
+    for first, last, limit in ((begin, turned, turned), (turned, end, math.inf)):
+        for fineness, one in itertools.product(FINENESS, np.arange(first, last, reach).tolist()):
+            yield one, min(reach, limit - one), fineness
 
 
 def on_poses(input: PlannerInput, poses: Array, unknown_blocks: bool) -> Obstruction:
