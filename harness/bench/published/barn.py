@@ -51,11 +51,10 @@ SPEED = 2.0  # m/s, of the reference
 FASTEST, SLOWEST = 2.0, 8.0  # times OT: clipped to these
 REACHED = 1.0  # m from the goal: there a trial is over
 LIMIT = 50.0  # s
-MARGIN = 0.025  # m, for the map's cells: the pose is exact, as in the published simulation
+CELLS_PER_RADIUS = 5
+"""Least number of map cells within the body's inscribed radius."""
 
-SETTINGS = (
-    "map.resolution=0.04",
-    f"costmap.localization_margin={MARGIN}",
+UNCERTAINTIES = (
     "map.half_life=0",
     "pose_model.bias_sigma=0",
     "pose_model.yaw_bias_sigma=0",
@@ -179,7 +178,7 @@ def read_barn(path: Path) -> FileWorld:
             "clip": [FASTEST, SLOWEST],
             "reached": REACHED,
             "reference_m": reference_length(cells),
-            "settings": SETTINGS,
+            "settings": settings(),
         }
     )
     text = world_text(found, complete(found), path.stem)
@@ -205,8 +204,16 @@ def reference_length(cells: NDArray[Any]) -> float:
 def shortest_way(world: FileWorld) -> float | None:
     """Length of the shortest way by the truth for the body with its margin, m; None if none."""
     spec = ROBOTS[ROBOT].spec
-    band, ends = (spec.step_height, spec.height), (world.start, world.goal)
-    return shortest_path_length(world, body_radius(spec), *band, *ends, clearance=MARGIN)
+    radius = inscribed_radius(spec)
+    return shortest_path_length(
+        world,
+        radius,
+        spec.step_height,
+        spec.height,
+        world.start,
+        world.goal,
+        clearance=margin_of(cell_size(radius)),
+    )
 
 
 def best_score(world: FileWorld, way: float | None) -> float:
@@ -218,7 +225,7 @@ def best_score(world: FileWorld, way: float | None) -> float:
     )
 
 
-def body_radius(spec: RobotSpec) -> float:
+def inscribed_radius(spec: RobotSpec) -> float:
     """Radius about which the stack keeps space free, m: what a way has to be wide enough for.
 
     Of a body of discs the least one: where that does not get through, the body does not.
@@ -226,9 +233,30 @@ def body_radius(spec: RobotSpec) -> float:
     return min((radius for _, radius in spec.discs), default=spec.radius)
 
 
+def cell_size(radius: float) -> float:
+    """Greatest size of a map cell, m, in whole centimetres, of which enough fit into a radius."""
+    return math.floor(100.0 * radius / CELLS_PER_RADIUS) / 100.0
+
+
+def margin_of(cell: float) -> float:
+    """Margin for the place of an echo within its cell, m: half a diagonal in the plane.
+
+    The pose is exact, as in the published simulation, so nothing else is to be covered; inflation
+    itself covers the place of the body's centre within its cell.
+    """
+    return round(0.5 * math.sqrt(2.0) * cell, 4)
+
+
+def settings() -> tuple[str, ...]:
+    """Settings of the protocol for the robot: cells and margin follow from its body."""
+    cell = cell_size(inscribed_radius(ROBOTS[ROBOT].spec))
+    sizes = (f"map.resolution={cell:g}", f"costmap.localization_margin={margin_of(cell):g}")
+    return (*sizes, *UNCERTAINTIES)
+
+
 def barn_config(world: FileWorld, seed: int) -> Config:
     """The protocol's settings."""
-    return override(Config(world.name, ROBOT, seed), SETTINGS)
+    return override(Config(world.name, ROBOT, seed), settings())
 
 
 def barn_score(success: bool, time_s: float, optimal_s: float) -> float:

@@ -7,11 +7,13 @@ from tests.harness.bench.published.benchmark_files import barn_folder, finished
 from wayproof.harness.bench.published import barn
 from wayproof.harness.bench.published.trials import Trial, run_trial
 from wayproof.harness.cli.main import main
+from wayproof.harness.config import Config, override
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.models.robots import ROBOTS
 
 
 def test_barn_scores_by_hand():
@@ -19,6 +21,17 @@ def test_barn_scores_by_hand():
     assert barn.barn_score(True, 20.0, 5.0) == 0.25
     assert barn.barn_score(True, 49.0, 5.0) == 0.125  # slower than 8 OT counts as 8 OT
     assert barn.barn_score(False, 4.0, 5.0) == 0.0
+
+
+def test_cells_and_margin_follow_from_the_body():
+    spec = ROBOTS[barn.ROBOT].spec
+    cell = barn.cell_size(barn.inscribed_radius(spec))
+    assert cell == 0.04  # five of 0.047 m fit into 0.235 m
+    assert barn.cell_size(spec.radius) == 0.09
+    assert barn.margin_of(cell) == pytest.approx(math.hypot(0.02, 0.02), abs=1e-4)
+    config = override(Config("warehouse", barn.ROBOT, 0), barn.settings())
+    assert config.map.resolution == cell
+    assert config.costmap.localization_margin == barn.margin_of(cell)
 
 
 def test_a_reference_path_is_measured_from_start_to_goal(tmp_path):
