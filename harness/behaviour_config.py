@@ -45,7 +45,8 @@ class BehaviourConfig:
         rules: Version of the rules of a decision; a log keeps its own. From 2 on, trajectories are
             checked along their paths, not along lines between poses 20 ms apart; and a bend to stop
             along comes no nearer to what blocks than the path does. From 3 on, a cell that an
-            elongated body only grazes is named before one that it overlaps farther on.
+            elongated body only grazes is named before one that it overlaps farther on, and a bend
+            to stop along is judged to where the robot comes to rest.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -91,4 +92,9 @@ class BehaviourConfig:
     @property
     def grazes_in_order(self) -> bool:
         """Whether the cell that ends a path is sought finely before anything farther on is."""
+        return self.rules >= 3
+
+    @property
+    def bends_reach_the_stop(self) -> bool:
+        """Whether a bend to stop along is judged to where the robot comes to rest."""
         return self.rules >= 3

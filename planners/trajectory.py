@@ -39,6 +39,9 @@ TURNING = 0.25
 TURN_LAG = 0.3
 """Time that a body takes to begin and to end a turn while it moves, s."""
 
+REST_SPEED = 1e-9
+"""Speed at which a profile that ended counts as at rest, m/s: rounding can leave it below 0."""
+
 LEAST_SPEED = 0.02
 """Smallest speed limit, m/s: below it a profile would take hours."""
 
@@ -338,8 +341,9 @@ def _start_state(path: Floats, start: PathState, limits: MotionLimits) -> State:
 
 def _feasible(s: float, speed: float, acceleration: float, limits: MotionLimits) -> State:
     """A state whose deceleration can end before the speed would turn negative."""
-    if not speed >= 0.0:
+    if not speed >= -REST_SPEED:
         raise ValueError(f"speed: got {speed}, expected 0 or more")
+    speed = max(speed, 0.0)  # a profile that ends at rest can miss 0 by a rounding
     return State(s, speed, max(acceleration, -math.sqrt(2.0 * limits.jerk * speed)))
 
 

@@ -44,7 +44,10 @@ def clearest_stop(input: PlannerInput, start: TrajectorySample, path: Array) -> 
     free = input.traversable.free_length(ahead) >= arc_length(ahead) - 1e-6
     if start.speed < MIN_EVASION_SPEED or free:
         return path
-    paths = [ahead, *_bends(input, start, tangent_at(path, 0.0), reach)]
+    bends = _bends(input, start, tangent_at(path, 0.0), reach)
+    if input.behaviour.bends_reach_the_stop:  # chords are shorter than the bend
+        bends = [_with_length(bend, reach) for bend in bends]
+    paths = [ahead, *bends]
     clearances = [_clearance(input, one) for one in paths]
     least = clearances[0].along if input.behaviour.bends_keep_clearance else -np.inf
     kept = [one.along + one.at_end if one.along >= least else -np.inf for one in clearances]

@@ -397,3 +397,13 @@ def test_poses_and_path_after_a_time_are_the_rest_of_the_whole():
         np.testing.assert_allclose(left[0], now.position, atol=1e-9)
         np.testing.assert_allclose(left[-1], along.stop_point, atol=1e-12)
         assert arc_lengths(left)[-1] == pytest.approx(along.motion.end - now.arc_length, abs=1e-9)
+
+
+def test_a_motion_goes_on_from_where_rounding_leaves_a_speed_below_zero():
+    limits = MotionLimits(2.0, 4.0, 20.0, 2.5, 2.0)
+    slowing = PathState(0, 0.0, 0.1000000000000001, -1.9999999999999996, 0.0)
+    stop = stop_along(LINE, slowing, limits)
+    last = stop.at(100 * MS)
+    assert -1e-15 < last.speed < 0.0
+    start = PathState(100 * MS, last.arc_length, last.speed, last.acceleration, 0.0)
+    assert follow_path(LINE, start, limits, 1.0).at(300 * MS).speed > 0.0

@@ -6,7 +6,15 @@ import pytest
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack.evasive_stop import clearest_stop
 from wayproof.harness.stack.types import PlannerInput
-from wayproof.planners import FreeSpace, MotionLimits, PlannerConfig, hold
+from wayproof.planners import (
+    FreeSpace,
+    MotionLimits,
+    PathState,
+    PlannerConfig,
+    arc_lengths,
+    hold,
+    stop_along,
+)
 
 LIMITS = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)
 AHEAD = np.array([[1.0, 3.0, 1.0], [2.0, 3.0, 1.0]])
@@ -23,7 +31,7 @@ def space(*blocked):
     return FreeSpace(field.astype(np.uint16), np.zeros(3), CELL, 9, np.ones(REACH**2 + 1))
 
 
-def stop(free_space, speed=2.0, ground=False, path=AHEAD, rules=2):
+def stop(free_space, speed=2.0, ground=False, path=AHEAD, rules=3):
     now = hold(path[0], 0, 0.0).at(0)._replace(speed=speed)
     input = PlannerInput(
         time_ns=0,
@@ -78,16 +86,30 @@ def test_a_slow_robot_just_stops():
     assert stop(space((13, 31, 10)), speed=0.2) is AHEAD
 
 
-def test_a_bend_comes_no_nearer_than_the_path_does():
-    straight = np.array([[1.0, 3.0, 1.0], [2.008, 3.0, 1.0]])  # to where it stops
+def travelled(path, speed):
+    """The path of the stop along a path, to where it ends at rest."""
+    return stop_along(path, PathState(0, 0.0, speed, 0.0, 0.0), LIMITS).path
+
+
+def test_a_bend_comes_no_nearer_than_the_path_does_until_the_robot_is_at_rest():
     generator, bends = np.random.default_rng(0), 0
-    for _ in range(300):
-        cells = generator.integers((14, 24, 8), (24, 36, 13), (3, 3))
-        around = space(*cells)
-        path = stop(around)
+    for n in range(300):
+        speed = (0.4, 0.6, 2.0)[n % 3]
+        around = space(*generator.integers((10, 24, 8), (24, 36, 13), (3, 3)))
+        path = stop(around, speed)
         bends += path is not AHEAD
-        assert path is AHEAD or around.least_clearance(path) >= around.least_clearance(straight)
-    assert bends > 100
+        straight = around.least_clearance(travelled(AHEAD, speed))
+        assert around.least_clearance(travelled(path, speed)) >= straight
+    assert bends > 50
+
+
+@pytest.mark.parametrize(("rules", "beyond"), [(2, 0.021), (3, 0.0)])
+def test_the_chords_of_a_bend_end_where_the_robot_comes_to_rest(rules, beyond):
+    around, speed = space((13, 30, 10)), 0.4
+    bend = stop(around, speed, rules=rules)
+    assert bend is not AHEAD
+    lengths = [arc_lengths(path)[-1] for path in (bend, travelled(bend, speed))]
+    assert lengths[1] - lengths[0] == pytest.approx(beyond, abs=1e-3 if beyond else 1e-12)
 
 
 def test_of_bends_by_the_rules_before_one_might():
