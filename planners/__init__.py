@@ -122,6 +122,7 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
     path = blend_corners(space, corner, blend_length=0.4)
     space.free_length(path)
     first_stop(path, 0.0)
+    tangent_at(truncate(remaining(path, 0.1), 0.2), 0.0)
     space.nearest_free(start, radius=0.5)
     limits = MotionLimits(
         speed=1.0, acceleration=2.0, jerk=10.0, lateral_acceleration=1.0, yaw_rate=1.0

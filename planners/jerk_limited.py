@@ -5,7 +5,7 @@ States", RSS 2021. Only its one-axis position and velocity interfaces are used.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -176,23 +176,34 @@ def _solved(start: State, target: State, speed: float | None, limits: AxisLimits
     Raises:
         RuntimeError: ruckig found none.
     """
-    request = ruckig.InputParameter(1)
-    request.current_position = [start.position]
-    request.current_velocity = [start.velocity]
-    request.current_acceleration = [start.acceleration]
+    request = _request(start, limits)
     request.target_position = [target.position]
     request.target_velocity = [target.velocity]
     request.target_acceleration = [target.acceleration]
-    request.max_acceleration = [limits.acceleration]
-    request.max_jerk = [limits.jerk]
     if speed is None:
         request.control_interface = ruckig.ControlInterface.Velocity
     else:
         request.max_velocity = [speed]
-    found = ruckig.Trajectory(1)
-    result = ruckig.Ruckig(1).calculate(request, found)
+    return _calculated(ruckig.Ruckig(1), request, ruckig.Trajectory(1))
+
+
+def _request(start: State, limits: AxisLimits) -> ruckig.InputParameter:
+    """Input of ruckig, without a target."""
+    request = ruckig.InputParameter(1)
+    request.current_position = [start.position]
+    request.current_velocity = [start.velocity]
+    request.current_acceleration = [start.acceleration]
+    request.max_acceleration = [limits.acceleration]
+    request.max_jerk = [limits.jerk]
+    return request
+
+
+def _calculated(
+    solver: ruckig.Ruckig, request: ruckig.InputParameter, found: ruckig.Trajectory
+) -> ruckig.Profile:
+    result = solver.calculate(request, found)
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise RuntimeError(f"ruckig: {result} from {start} to {target}, speed {speed}, {limits}")
+        raise RuntimeError(f"ruckig: {result} for {request}")
     return found.profiles[0][0]
 
 
@@ -201,10 +212,17 @@ def change_speed(start: State, velocity: float, limits: AxisLimits) -> Leg:
     return solve(start, State(0.0, velocity, 0.0), None, limits)
 
 
-def change_length(start: State, velocity: float, limits: AxisLimits) -> float:
-    """Length covered by `change_speed`."""
-    steps = _solved(start, State(0.0, velocity, 0.0), None, limits)
-    return float(steps.p[-1]) - start.position
+def change_lengths(start: State, limits: AxisLimits) -> Callable[[float], float]:
+    """Return the length covered by `change_speed` from a start, as a function of the velocity."""
+    request = _request(start, limits)
+    request.control_interface = ruckig.ControlInterface.Velocity
+    solver, found = ruckig.Ruckig(1), ruckig.Trajectory(1)
+
+    def length(velocity: float) -> float:
+        request.target_velocity = [velocity]
+        return float(_calculated(solver, request, found).p[-1]) - start.position
+
+    return length
 
 
 def join(legs: Sequence[Leg]) -> Profile:

@@ -13,7 +13,6 @@ from wayproof.planners.kernels import blend, curvature, polyline
 from wayproof.planners.kernels.angles import edge_headings, yaw_of_direction
 from wayproof.planners.kernels.grid import Floats, Pose
 from wayproof.planners.kernels.headed import path_free
-from wayproof.planners.kernels.polyline import LEAST_EDGE
 
 SPACING = 0.05
 """Largest distance between points of a blended path, m."""
@@ -52,43 +51,28 @@ def _dot(a: Floats, b: Floats) -> Floats:
     return products
 
 
-def _edge_at(arcs: Floats, s: float) -> int:
-    """Index of the edge that holds an arc length; at a point, of the edge that begins there."""
-    return min(max(int(np.searchsorted(arcs, s, side="right")) - 1, 0), max(len(arcs) - 2, 0))
-
-
 def point_at(path: Floats, s: float) -> Floats:
     """Point at an arc length, m, clamped to the path, shape (3,)."""
-    arcs = arc_lengths(path)
-    if s >= arcs[-1]:
-        end: Floats = path[-1].copy()
-        return end
-    edge = _edge_at(arcs, s)
-    share = (max(s, 0.0) - arcs[edge]) / (arcs[edge + 1] - arcs[edge])
-    point: Floats = path[edge] + share * (path[edge + 1] - path[edge])
+    point: Floats = polyline.point_at(np.ascontiguousarray(path, np.float64), float(s))
     return point
 
 
 def tangent_at(path: Floats, s: float) -> Floats:
     """Unit tangent at an arc length, m, shape (3,); zero for a path without length."""
-    if len(path) == 1:
-        return np.zeros(3)
-    tangent: Floats = edge_tangents(path)[_edge_at(arc_lengths(path), s)]
+    tangent: Floats = polyline.tangent_at(np.ascontiguousarray(path, np.float64), float(s))
     return tangent
 
 
 def truncate(path: Floats, s: float) -> Floats:
     """The path from its start to an arc length, m, shape (m, 3)."""
-    before = arc_lengths(path) < s - LEAST_EDGE
-    before[0] = True
-    return np.vstack((path[before], point_at(path, s)))
+    kept: Floats = polyline.truncate(np.ascontiguousarray(path, np.float64), float(s))
+    return kept
 
 
 def remaining(path: Floats, s: float) -> Floats:
     """The path from an arc length, m, to its end, shape (m, 3)."""
-    beyond = arc_lengths(path) > s + LEAST_EDGE
-    beyond[-1] = True
-    return np.vstack((point_at(path, s), path[beyond]))
+    kept: Floats = polyline.remaining(np.ascontiguousarray(path, np.float64), float(s))
+    return kept
 
 
 def project(path: Floats, point: Floats) -> float:
@@ -201,5 +185,5 @@ def first_stop(
         The place of the corner, or of the path's end if there is none.
     """
     arcs, tangents = arc_lengths(path), edge_tangents(path)
-    first, least = _edge_at(arcs, s), cosine(angle)
+    first, least = int(polyline.edge_at(arcs, float(s))), cosine(angle)
     return float(curvature.first_sharp_corner(arcs, tangents, first, least, window))

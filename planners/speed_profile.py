@@ -11,7 +11,7 @@ from wayproof.planners.jerk_limited import (
     Leg,
     Profile,
     State,
-    change_length,
+    change_lengths,
     change_speed,
     join,
     solve,
@@ -91,11 +91,7 @@ def _cross(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> list
 
 def _first_leaving(start: State, length: float, speed: float, limits: AxisLimits) -> float | None:
     """Largest speed up to `speed` that can be held after `length`; None if it is too short."""
-
-    def covered(velocity: float) -> float:
-        return change_length(start, velocity, limits)
-
-    room = length - SLACK
+    covered, room = change_lengths(start, limits), length - SLACK
     if covered(speed) <= room:
         return speed
     low, high = settled_velocity(start, limits), speed
@@ -110,9 +106,9 @@ def _first_leaving(start: State, length: float, speed: float, limits: AxisLimits
 def _calm_speed(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> float:
     """Speed at which the acceleration can end soonest, within the limits of zones met meanwhile."""
     speed = settled_velocity(start, limits)
-    begin = 0.0
+    covered, begin = change_lengths(start, limits), 0.0
     for zone in zones:
-        if change_length(start, speed, limits) < begin:
+        if covered(speed) < begin:
             break
         speed = min(speed, zone.speed)
         begin += zone.length

@@ -368,18 +368,30 @@ def _allow_sideways(
     Where its turn falls behind the path's, it keeps to that speed until it has caught up.
     """
     lateral = speed_limits(path, limits.lateral_acceleration, math.inf)
-    turns = np.abs(np.diff(edge_headings(edge_tangents(path), 0.0))).tolist()  # (n - 2,)
-    speeds = np.minimum(lateral, np.maximum(allowed, sideways_speed))
+    turns = np.abs(np.diff(edge_headings(edge_tangents(path), 0.0)))  # (n - 2,)
+    speeds: Floats = np.minimum(lateral, np.maximum(allowed, sideways_speed))
+    slow_while_behind(arcs, turns, allowed, limits.yaw_rate, sideways_speed, speeds)
+    return speeds
+
+
+@kernel
+def slow_while_behind(
+    arcs: Floats,  # (n,)
+    turns: Floats,  # (n - 2,) of the path at its inner points, rad, not negative
+    allowed: Floats,  # (n,) speeds of a body that turns with the path
+    yaw_rate: float,
+    sideways_speed: float,
+    speeds: Floats,  # (n,) in, out
+) -> None:
+    """Limit the speeds at which the heading has not caught up with the path's yet."""
     behind = 0.0  # rad
-    for k in range(1, len(path)):
+    for k in range(1, len(arcs)):
         taken = (arcs[k] - arcs[k - 1]) / sideways_speed
-        behind = max(behind - limits.yaw_rate * taken, 0.0)
+        behind = max(behind - yaw_rate * taken, 0.0)
         if k <= len(turns) and allowed[k] < sideways_speed:
             behind += turns[k - 1]
         if behind > TURNING:
             speeds[k] = min(speeds[k], sideways_speed)
-    result: Floats = speeds
-    return result
 
 
 def _turn_into(path: Floats, s: float, heading: float, off: float) -> float:

@@ -40,7 +40,8 @@ class FarWays:
         origin = np.array([*coarse.origin, -0.5 * coarse.size])  # the layer's centre at z = 0
         self._space = FreeSpace(self._field, origin, coarse.size, BLOCKED, np.zeros(PASSABLE + 1))
         self._goal_field: GoalField | None = None
-        self.way(np.array(mission.start), np.array(mission.goals[0]))
+        for _ in range(2):  # the second time compiles what repairs them, so that no decision waits
+            self.way(np.array(mission.start), np.array(mission.goals[0]))
 
     def way(self, start: Array, goal: Array) -> Array | None:
         """Plan from a position to a goal, both (3,), m.

@@ -24,7 +24,16 @@ MAX_LOGGED = 1 << 16
 EVERYWHERE = np.array([[-(1 << 40)] * 3 + [1 << 40] * 3])
 """One box of cells (1, 6) that holds all of space, where the change log is incomplete."""
 
-MODULUS = 1 << 128
+DIGEST_BYTES = 16
+"""Size of the digest of a slot's content."""
+
+PARTS = DIGEST_BYTES // 4
+"""Parts of 32 bits of a digest: sums of fewer than 2^32 of them fit into 64 bits."""
+
+MODULUS = 1 << 8 * DIGEST_BYTES
+
+NO_DIGEST = bytes(DIGEST_BYTES)
+"""Digest of empty content."""
 
 
 class Layer(NamedTuple):
@@ -108,7 +117,7 @@ class SlotPool:
         self._used = 0  # slots ever used
         self._spare: list[int] = []  # those of them that are not in use
         self._released = ChangeLog()
-        self._digests: dict[int, int] = {}
+        self._digests = np.zeros((capacity, PARTS), np.uint32)  # little-endian; 0 for none
         self._digest_sum = 0
 
     @property
@@ -169,7 +178,8 @@ class SlotPool:
         self.held[slots] = False
         self.dirty[slots] = False
         self._spare.extend(slots[::-1].tolist())
-        self._digest_sum -= sum(self._digests.pop(slot, 0) for slot in slots.tolist())
+        self._digest_sum -= _total(self._digests[slots])
+        self._digests[slots] = 0
         self._released.note(self.keys[slots], stamp)
 
     def changed(self, since: int) -> NDArray[np.int64] | None:
@@ -197,12 +207,13 @@ class SlotPool:
             contents: Returns the bytes to be hashed of each of some slots (k,).
         """
         slots = np.flatnonzero(self.dirty[: self._used])
-        for slot, content in zip(slots.tolist(), contents(slots), strict=True):
-            digest = 0
-            if content:
-                digest = int.from_bytes(hashlib.blake2b(content, digest_size=16).digest(), "little")
-            self._digest_sum += digest - self._digests.get(slot, 0)
-            self._digests[slot] = digest
+        hashed = [
+            hashlib.blake2b(content, digest_size=DIGEST_BYTES).digest() if content else NO_DIGEST
+            for content in contents(slots)
+        ]
+        digests = np.frombuffer(b"".join(hashed), "<u4").reshape(len(slots), PARTS)
+        self._digest_sum += _total(digests) - _total(self._digests[slots])
+        self._digests[slots] = digests
         self.dirty[slots] = False
         self._digest_sum %= MODULUS
         return self._digest_sum
@@ -223,10 +234,16 @@ class SlotPool:
         self.layers = {name: _doubled(layer) for name, layer in self.layers.items()}
         self.keys, self.held = _doubled(self.keys), _doubled(self.held)
         self.observed_ns, self.stamps = _doubled(self.observed_ns), _doubled(self.stamps)
-        self.dirty = _doubled(self.dirty)
+        self.dirty, self._digests = _doubled(self.dirty), _doubled(self._digests)
         self.capacity *= 2
         self._heads, self._links = _empty_directory(self.capacity)
         kernels.insert(self.directory, self.live())
+
+
+def _total(digests: NDArray[np.uint32]) -> int:
+    """Sum of digests (k, PARTS)."""
+    sums: list[int] = digests.sum(axis=0, dtype=np.uint64).tolist()
+    return sum(part << 32 * n for n, part in enumerate(sums))
 
 
 def _empty_directory(capacity: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

@@ -260,21 +260,34 @@ def _grid_graph(free: NDArray[np.bool_]) -> sparse.csr_matrix:
     """Return edges between neighbouring free cells, in metres."""
     from scipy import sparse
 
-    nodes = np.arange(free.size).reshape(free.shape)
-    pairs = [
-        (np.s_[:-1, :], np.s_[1:, :], 1.0),
-        (np.s_[:, :-1], np.s_[:, 1:], 1.0),
-        (np.s_[:-1, :-1], np.s_[1:, 1:], np.sqrt(2.0)),
-        (np.s_[:-1, 1:], np.s_[1:, :-1], np.sqrt(2.0)),
-    ]
-    tails, heads, lengths = [], [], []
-    for tail, head, cells in pairs:
-        both = free[tail] & free[head]
-        tails.append(nodes[tail][both])
-        heads.append(nodes[head][both])
-        lengths.append(np.full(int(both.sum()), cells * RESOLUTION))
-    edges = (np.concatenate(lengths), (np.concatenate(tails), np.concatenate(heads)))
-    return sparse.csr_matrix(edges, shape=(free.size, free.size))
+    most = 4 * np.count_nonzero(free)
+    lengths, heads = np.empty(most), np.empty(most, np.int32)
+    ends = np.zeros(free.size + 1, np.int32)
+    count = list_edges(free, lengths, heads, ends)
+    return sparse.csr_matrix((lengths[:count], heads[:count], ends), (free.size, free.size))
+
+
+@kernel
+def list_edges(
+    free: NDArray[np.bool_],  # (nx, ny)
+    lengths: NDArray[np.float64],  # (edges,) out, m
+    heads: NDArray[np.int32],  # (edges,) out
+    ends: NDArray[np.int32],  # (nx ny + 1,) out
+) -> int:
+    """List the edges of each free cell to those after it, by their number; return how many."""
+    nx, ny = free.shape
+    straight, diagonal = RESOLUTION, np.sqrt(2.0) * RESOLUTION
+    count = 0
+    for i in range(nx):
+        for j in range(ny):
+            for di, dj in ((0, 1), (1, -1), (1, 0), (1, 1)):
+                x, y = i + di, j + dj
+                if free[i, j] and x < nx and 0 <= y < ny and free[x, y]:
+                    heads[count] = x * ny + y
+                    lengths[count] = diagonal if di * dj else straight
+                    count += 1
+            ends[i * ny + j + 1] = count
+    return count
 
 
 def _taut(free: NDArray[np.bool_], cells: NDArray[np.int64]) -> list[int]:
@@ -286,8 +299,10 @@ def _taut(free: NDArray[np.bool_], cells: NDArray[np.int64]) -> list[int]:
 
 
 def warm_up() -> None:
-    """Compile what finds corners."""
-    _taut(np.ones((3, 3), np.bool_), np.array([[0, 0], [1, 1], [2, 2]]))
+    """Compile what finds ways and their corners."""
+    free = np.ones((3, 3), np.bool_)
+    _taut(free, np.array([[0, 0], [1, 1], [2, 2]]))
+    list_edges(free, np.empty(20), np.empty(20, np.int32), np.zeros(10, np.int32))
 
 
 @kernel

@@ -85,6 +85,61 @@ def edge_tangents(path: Floats) -> Floats:
 
 
 @kernel
+def edge_at(arcs: Floats, s: float) -> int:
+    """Index of the edge that holds an arc length; at a point, of the edge that begins there."""
+    edge = 0
+    while edge + 2 < len(arcs) and arcs[edge + 1] <= s:
+        edge += 1
+    return edge
+
+
+@kernel
+def point_at(path: Floats, s: float) -> Floats:
+    """Point at an arc length, m, clamped to the path, shape (3,)."""
+    arcs, s = arc_lengths(path), max(s, 0.0)
+    point: Floats = path[-1].copy()
+    if s < arcs[-1]:
+        edge = edge_at(arcs, s)
+        share = (s - arcs[edge]) / (arcs[edge + 1] - arcs[edge])
+        for i in range(3):
+            point[i] = path[edge, i] + share * (path[edge + 1, i] - path[edge, i])
+    return point
+
+
+@kernel
+def tangent_at(path: Floats, s: float) -> Floats:
+    """Unit tangent at an arc length, m, shape (3,); zero for a path without length."""
+    tangent = np.zeros(3)
+    if len(path) > 1:
+        tangent[:] = edge_tangents(path)[edge_at(arc_lengths(path), s)]
+    return tangent
+
+
+@kernel
+def truncate(path: Floats, s: float) -> Floats:
+    """The path from its start to an arc length, m, shape (m, 3)."""
+    arcs = arc_lengths(path)
+    count = 1
+    while count < len(path) and arcs[count] < s - LEAST_EDGE:
+        count += 1
+    kept = np.empty((count + 1, 3))
+    kept[:count], kept[count] = path[:count], point_at(path, s)
+    return kept
+
+
+@kernel
+def remaining(path: Floats, s: float) -> Floats:
+    """The path from an arc length, m, to its end, shape (m, 3)."""
+    arcs = arc_lengths(path)
+    first = len(path) - 1
+    while first > 0 and arcs[first - 1] > s + LEAST_EDGE:
+        first -= 1
+    kept = np.empty((1 + len(path) - first, 3))
+    kept[0], kept[1:] = point_at(path, s), path[first:]
+    return kept
+
+
+@kernel
 def locate(points: Floats, arcs: Floats, count: int, arc: float) -> tuple[int, Point]:
     """Edge and point at an arc length, m, along the first `count` points."""
     for n in range(count - 1):

@@ -54,6 +54,30 @@ def test_repeated_points_take_the_next_direction():
     assert tangent_at(path, 7.0).tolist() == [0.0, 1.0, 0.0]
 
 
+def test_places_and_parts_of_paths_are_those_of_numpy_bit_by_bit():
+    rng = np.random.default_rng(6)
+    for seed in range(60):
+        path = np.repeat(rng.uniform(-9.0, 9.0, (1 + seed % 7, 3)), rng.integers(1, 3), axis=0)
+        arcs = arc_lengths(path)
+        for s in [*arcs, *rng.uniform(0.0, 1.2 * arcs[-1] + 0.1, 4), max(arcs[-1] - 1e-7, 0.0)]:
+            edge = min(max(int(np.searchsorted(arcs, s, side="right")) - 1, 0), len(path) - 2)
+            point = path[-1]
+            if s < arcs[-1]:
+                share = (s - arcs[edge]) / (arcs[edge + 1] - arcs[edge])
+                point = path[edge] + share * (path[edge + 1] - path[edge])
+            before, beyond = arcs < s - 1e-6, arcs > s + 1e-6
+            before[0] = beyond[-1] = True
+            assert np.array_equal(point_at(path, s), point)
+            assert np.array_equal(truncate(path, s), np.vstack((path[before], point)))
+            assert np.array_equal(remaining(path, s), np.vstack((point, path[beyond])))
+            if len(path) > 1:
+                assert np.array_equal(tangent_at(path, s), edge_tangents(path)[edge])
+            for one in (polyline.point_at, polyline.tangent_at, polyline.truncate):
+                assert np.array_equal(one(path, s), one.py_func(path, s))
+            assert np.array_equal(polyline.remaining.py_func(path, s), remaining(path, s))
+        assert np.array_equal(point_at(path, -1.0), path[0])
+
+
 def test_blends_never_leave_free_space():
     blended = 0
     for seed in range(30):

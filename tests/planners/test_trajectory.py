@@ -46,6 +46,28 @@ def sampled(trajectory: Trajectory, step_ms: int = 2) -> dict[str, np.ndarray]:
     return {name: np.array([getattr(s, name) for s in samples]) for name in samples[0]._fields}
 
 
+def test_lengths_of_changes_of_speed_are_those_of_the_changes():
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        limits = jerk_limited.AxisLimits(*rng.uniform(0.5, 9.0, 2))
+        start = jerk_limited.State(*rng.uniform((-5.0, 0.0, -2.0), (5.0, 3.0, 2.0)))
+        length = jerk_limited.change_lengths(start, limits)
+        for velocity in rng.uniform(0.0, 3.0, 8):
+            end = jerk_limited.change_speed(start, velocity, limits).end
+            assert length(velocity) == end.position - start.position
+
+
+def test_compiled_speeds_of_a_body_that_turns_late_equal_python():
+    rng = np.random.default_rng(5)
+    arcs = np.cumsum(rng.uniform(0.0, 0.1, 90))
+    turns, allowed, speeds = (rng.uniform(0.0, most, n) for most, n in ((1, 88), (2, 90), (2, 90)))
+    slowed, again = speeds.copy(), speeds.copy()
+    trajectory.slow_while_behind(arcs, turns, allowed, 9.0, 0.5, slowed)
+    trajectory.slow_while_behind.py_func(arcs, turns, allowed, 9.0, 0.5, again)
+    assert np.array_equal(slowed, again)
+    assert 0 < np.count_nonzero(slowed < speeds) < 80
+
+
 def random_case(room, seed: int):
     """A winding path, limits, a speed cap and a state (s, speed, acceleration) on the path."""
     rng = np.random.default_rng(seed)
