@@ -47,6 +47,15 @@ SHORT_HEADINGS = {
     "plan_ms_p50": "ms",
     "plan_ms_p99": "p99",
     "agreement_above_floor": "above floor",
+    "solids": "n",
+    "path_ratio": "path",
+    "cpu_ms_p50": "ms",
+    "cpu_ms_p99": "p99",
+    "cpu_ms_max": "max",
+    "costmap_ms": "cost ms",
+    "loop_share": "share",
+    "build_s": "init s",
+    "memory_mib": "MiB",
 }
 """Heading of a field whose name is too wide for a table of 80 columns."""
 

@@ -1,15 +1,18 @@
 """Halls by one rule, and what the bench makes of an episode in one."""
 
 import numpy as np
+from rich.console import Console
 
 from wayproof.harness.bench.episodes.halls import (
     FLOOR_PER_SOLID,
     GAP,
     SIDES,
+    HallRow,
     make_hall,
     peak_memory_mib,
     run_one,
 )
+from wayproof.harness.bench.table import print_rows
 
 
 def test_halls_are_alike_by_area_and_open_everywhere():
@@ -37,3 +40,29 @@ def test_a_row_tells_of_an_episode():
     assert 0.0 < row.cpu_ms_p50 <= row.cpu_ms_p99 <= row.cpu_ms_max
     assert 0.0 < row.loop_share < 1.0
     assert row.memory_mib >= before > 50.0
+
+
+def test_rows_fit_a_table_of_80_columns():
+    row = HallRow(
+        side_m=300.0,
+        solids=1389,
+        robot="quadruped",
+        outcome="success",
+        time_s=249.3,
+        path_ratio=1.03,
+        cpu_ms_p50=17.3,
+        cpu_ms_p99=35.0,
+        cpu_ms_max=110.0,
+        map_ms=18.84,
+        costmap_ms=14.96,
+        plan_ms=18.12,
+        loop_share=0.175,
+        build_s=0.5,
+        memory_mib=710.5,
+    )
+    console = Console(width=80)
+    with console.capture() as printed:
+        print_rows(console, "halls", [row])
+    text = printed.get()
+    assert "\N{HORIZONTAL ELLIPSIS}" not in text
+    assert all(value in text for value in ("0.175", "quadruped", "success", "710", "18.8", "1389"))
