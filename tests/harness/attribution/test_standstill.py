@@ -6,7 +6,7 @@ from tests.harness.attribution.facts import BAD, LIED, cause_of, changed
 from wayproof.harness.attribution import standstill as standstills
 from wayproof.harness.attribution.pose import PoseFacts
 from wayproof.harness.attribution.ranges import RangeFacts
-from wayproof.harness.attribution.standstill import StandstillFacts
+from wayproof.harness.attribution.standstill_facts import StandstillFacts
 from wayproof.harness.attribution.ways import MapWays, TrueWays
 
 TRUTH = TrueWays(
