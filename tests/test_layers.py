@@ -34,7 +34,7 @@ ORDER = (
     *("warm_up", "sim", "episode", "runner"),
     *("warm_up", "sim", "episode", "runner"),
     *("replay", "shadow", "lab", "counterfactual", "study.statistics", "trajectory_error"),
-    *("metrics", "clearance", "explain", "viewer", "tables", "map_files"),
+    *("trace", "metrics", "clearance", "explain", "viewer", "tables", "map_files"),
     *("gym", "worker_pool", "study", "api", "bench", "cli", "bench.soak"),
 )
 """Parts of the harness; each imports only those before it, be it in a function or for types."""

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config, from_document, override, with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
-from wayproof.harness.metrics import read_trace, score
+from wayproof.harness.metrics import score
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.tables.tables import TABLES
+from wayproof.harness.trace import read_trace
 from wayproof.harness.viewer.moments import Moment, moments
 from wayproof.maps import states_in
 from wayproof.maps.grid import cell_box, centres

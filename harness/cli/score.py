@@ -26,7 +26,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Score one or more logs."""
     from wayproof.harness.clearance import true_clearance_is_bound
     from wayproof.harness.log.reader import open_log
-    from wayproof.harness.metrics import METRICS, least_clearance, read_trace, score
+    from wayproof.harness.metrics import METRICS, least_clearance, score
+    from wayproof.harness.trace import read_trace
 
     documents: list[Document] = []
     for path in options.log:

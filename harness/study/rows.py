@@ -16,7 +16,7 @@ from wayproof.harness.log.codec.messages import decode
 from wayproof.harness.log.digest import ContentDigest
 from wayproof.harness.log.reader import Log
 from wayproof.harness.log.streams import Pairing, compare_hashes
-from wayproof.harness.metrics import METRICS, score, trace_of
+from wayproof.harness.metrics import METRICS, score
 from wayproof.harness.replay.consistency import refuse_contradictions
 from wayproof.harness.replay.content import Content
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -24,6 +24,7 @@ from wayproof.harness.study.file import CLEAN, Arm, Planned
 from wayproof.harness.study.matching import open_planned
 from wayproof.harness.study.recorded import Judged, judge_way
 from wayproof.harness.study.store import Store
+from wayproof.harness.trace import trace_of
 
 READ = {
     kind.DESCRIPTOR.full_name

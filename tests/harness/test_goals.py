@@ -15,7 +15,7 @@ from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
 from wayproof.harness.log.reader import open_log, read_head
-from wayproof.harness.metrics import read_trace, score
+from wayproof.harness.metrics import score
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.closed_loop import simulate_again
@@ -25,6 +25,7 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.what_if import what_if
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.trace import read_trace
 
 THERE_AND_BACK = ("waypoints=[[4.5,3.0]]", "goal=home", "start=[3.0,3.0]")
 CLOSE = ("waypoints=[[3.0,3.0],[4.2,3.0],[4.3,3.0]]", "goal=[4.35,3.1]", "start=[3.0,3.0]")

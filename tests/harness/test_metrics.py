@@ -15,10 +15,11 @@ from rich.console import Console
 from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
 from wayproof.harness.cli.falsify import print_found
 from wayproof.harness.cli.main import main
-from wayproof.harness.metrics import METRICS, Beliefs, Trace, read_trace, score
+from wayproof.harness.metrics import METRICS, score
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.study.falsify.falsify import Falsification
 from wayproof.harness.study.falsify.search import Trial
+from wayproof.harness.trace import Beliefs, Trace, read_trace
 from wayproof.harness.trajectory_error import Track
 
 UPRIGHT = np.tile([1.0, 0, 0, 0], (4, 1))
@@ -46,6 +47,7 @@ def trace(**changes: object) -> Trace:
         verdicts=("admitted", "unknown", "blocked", "admitted"),
         cuts=np.array([False, False, True, False]),
         admitted_share=0.9,
+        predicting=np.array([2.0, 3.0, 9.0]),
         committed_evidence=np.array([[3.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 4.0]]),
         global_evidence=np.array([[1.0, 2.0, 1.0, 4.0]]),
         beliefs=Beliefs(
@@ -89,6 +91,7 @@ def test_every_metric_by_hand() -> None:
             "latency_p50": 25.0,
             "latency_p99": 39.7,
             "latency_max": 40.0,
+            "predict_p50": 3.0,
             "deadline_misses": 1.0,
             "not_admitted": 0.5,
             "guard_cuts": 1.0,
@@ -176,7 +179,7 @@ def test_a_least_clearance_that_is_a_bound_says_so(
 ) -> None:
     """Nothing is measured beyond 2 m."""
     log, far = str(COMMITTED / committed_name()), trace(clearances=np.full(4, least))
-    monkeypatch.setattr("wayproof.harness.metrics.read_trace", lambda _: far)
+    monkeypatch.setattr("wayproof.harness.trace.read_trace", lambda _: far)
     assert main(["score", log]) == 0
     assert f"│ least_clearance │ {said} │" in " ".join(capsys.readouterr().out.split())
     assert main(["score", log, "--json"]) == 0

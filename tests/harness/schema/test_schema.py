@@ -14,10 +14,11 @@ from wayproof.harness.log import writer as log
 from wayproof.harness.log.copy import thin
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import WITH_REASONS
-from wayproof.harness.metrics import read_trace, score
+from wayproof.harness.metrics import score
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.fork import fork
 from wayproof.harness.replay.replay import replay
+from wayproof.harness.trace import read_trace
 
 ROOT = Path(__file__).parents[3]
 PROTO = "harness/schema/wayproof.proto"

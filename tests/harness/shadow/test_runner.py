@@ -7,7 +7,7 @@ import pytest
 from tests.harness.shadow.conftest import FR079, shadowed, written
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.metrics import OF_TRUTH, read_trace, score
+from wayproof.harness.metrics import OF_TRUTH, score
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.recordings.bags.writing import recording_messages, write_bag
 from wayproof.harness.recordings.formats import open_recording
@@ -21,6 +21,7 @@ from wayproof.harness.shadow.assess import assess
 from wayproof.harness.shadow.body import find_body
 from wayproof.harness.shadow.prepare import prepare
 from wayproof.harness.shadow.summary import summarize
+from wayproof.harness.trace import read_trace
 from wayproof.maps import OCCUPIED, states_in
 
 

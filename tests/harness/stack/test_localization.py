@@ -17,7 +17,7 @@ from tests.harness.stack.make_input import (
 )
 from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.inputs import Pose
-from wayproof.harness.metrics import read_trace, score
+from wayproof.harness.metrics import score
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.replay.audit.moment import believed_of
 from wayproof.harness.replay.audit.run import audit
@@ -28,6 +28,7 @@ from wayproof.harness.stack.mapping import MOST_DOUBT, margin_of
 from wayproof.harness.stack.planner_input import localization_of
 from wayproof.harness.stack.reasons import sentence
 from wayproof.harness.stack.types import Localization
+from wayproof.harness.trace import read_trace
 
 HELD, LOST = Localization(0.01, True), Localization(0.6, False)
 

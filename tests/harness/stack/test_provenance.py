@@ -12,7 +12,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.geometry import polyline_length
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.metrics import read_trace, score
+from wayproof.harness.metrics import score
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.audit.run import judge, moments
 from wayproof.harness.replay.replay import replay
@@ -20,6 +20,7 @@ from wayproof.harness.replay.what_if import what_if
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.provenance import places_along
+from wayproof.harness.trace import read_trace
 from wayproof.planners import arc_lengths, point_at
 
 SHORT = "episode.time_limit=5"

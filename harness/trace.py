@@ -1,0 +1,274 @@
+"""The data of an episode from which its metrics follow, read from its log alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.errors import InputError
+from wayproof.harness.goals import distance_left, goals_before_last, goals_reached
+from wayproof.harness.inputs import covariance_of
+from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.reader import Log
+from wayproof.harness.result import RECORDED
+from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.trajectory_error import Track
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Beliefs:
+    """What an estimator states of its error, and the error; one entry for each of n decisions.
+
+    Attributes:
+        errors: (n, 3) estimated less true position, world, m.
+        covariances: (n, 3, 3) stated, m^2.
+    """
+
+    errors: Array
+    covariances: Array
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Data of an episode for its metrics; one entry for each of n decisions.
+
+    Attributes:
+        outcome: Outcome in the log's result.
+        duration: Simulated time to the end, s.
+        collisions: Times that the robot began to touch an obstacle.
+        goal_distance: True distance from the goal at the end, m; of several goals to the next and
+            on through the others.
+        route_length: Length of the shortest path for this body through all goals, m; none if
+            unknown.
+        times: (n,) s.
+        positions: (n, 3) true, of the base, m.
+        velocities: (n, 3) true, m/s.
+        clearances: (n,) least true distance to anything but the floor, m.
+        actions: (n,) names; none for a log before format 5, where they had other meanings.
+        latencies: (n,) wall time of a decision's stages together, ms.
+        predicting: (k,) wall time until each prediction from outside came, ms; none without any.
+        missed: (n,) whether it was past its deadline.
+        start_distance: Distance of the start from the goal, measured as `goal_distance` is, m.
+        goals: Number of goals of the mission.
+        goals_reached: Number of them that were reached, by the truth.
+        verdicts: The referee's on each command of a stack on trial that came in time; none of the
+            built-in one.
+        cuts: (n,) whether the guard braked in the stack's place; none likewise.
+        tracks: Estimated and true poses of the decisions that have a truth; none if not known.
+        beliefs: Errors of the poses with the covariances that the estimator states; none if it
+            states none, or if not known.
+        admitted_share: Share of a recorded way that was admitted when it was entered; none of a
+            simulated episode, or if it was not judged.
+        committed_evidence: (n, 4) lengths of committed paths that rest on measurements, the prior
+            map, predictions and nothing, m; none without a prior map.
+        global_evidence: (n, 4) the same of global paths.
+    """
+
+    outcome: str
+    duration: float
+    collisions: int
+    goal_distance: float
+    route_length: float | None
+    times: Array
+    positions: Array
+    velocities: Array
+    clearances: Array
+    actions: tuple[str, ...] | None
+    latencies: Array
+    missed: NDArray[np.bool_]
+    start_distance: float
+    goals: int = 1
+    goals_reached: int = 0
+    verdicts: tuple[str, ...] | None = None
+    cuts: NDArray[np.bool_] | None = None
+    tracks: tuple[Track, Track] | None = None
+    beliefs: Beliefs | None = None
+    admitted_share: float | None = None
+    predicting: Array | None = None
+    committed_evidence: Array | None = None
+    global_evidence: Array | None = None
+
+    @property
+    def success(self) -> bool:
+        """Whether the goal was reached, by the simulator's truth."""
+        return self.outcome == "success"
+
+    @property
+    def recorded(self) -> bool:
+        """Whether it is of a recording, of which no truth is known."""
+        return self.outcome == RECORDED
+
+    @property
+    def path_length(self) -> float:
+        """Distance travelled, m."""
+        return float(np.linalg.norm(np.diff(self.positions, axis=0), axis=1).sum())
+
+
+def read_trace(log: Log) -> Trace:
+    """Read a trace from a log.
+
+    Raises:
+        InputError: The log breaks off or is damaged.
+    """
+    return trace_of(log, *_read(log.path))
+
+
+def trace_of(
+    log: Log,
+    decisions: Sequence[pb.Decision],
+    truths: Sequence[pb.Truth],
+    motions: Sequence[pb.RecordedMotion] = (),
+    poses: Sequence[pb.Pose] = (),
+) -> Trace:
+    """The trace of a log whose messages were read already."""
+    if log.config.recording is not None:
+        return _recorded_trace(log, decisions, motions)
+    if not truths:
+        raise InputError(f"log '{log.path}': no decisions in it")
+    known = _known_without_result(log, decisions, truths[-1])  # older recovered logs state less
+    result = {**known, **log.result}
+    route = result.get("route_length_m")
+    verdicts = [one.verdict for one in decisions if one.HasField("verdict")]
+    return Trace(
+        outcome=result["outcome"],
+        duration=float(result["sim_time_s"]),
+        collisions=int(result["collisions"]),
+        goal_distance=float(result["goal_distance_m"]),
+        route_length=float(route) if route not in (None, "", "None") else None,
+        times=np.array([truth.timestamp.ToNanoseconds() * 1e-9 for truth in truths]),
+        positions=np.array([truth.position for truth in truths]).reshape(-1, 3),
+        velocities=np.array([truth.velocity for truth in truths]).reshape(-1, 3),
+        clearances=np.array([truth.clearance_m for truth in truths]),
+        actions=None if log.not_compared else tuple(one.action for one in decisions),
+        latencies=_latencies(decisions),
+        predicting=_predicting(decisions),
+        missed=np.array([decision.deadline_missed for decision in decisions], bool),
+        start_distance=distance_left(log.mission, 0, np.array(log.mission.start)),
+        goals=len(log.mission.goals),
+        goals_reached=goals_reached(decisions, result["outcome"]),
+        verdicts=tuple(one.verdict for one in verdicts) if verdicts else None,
+        cuts=np.array([one.cut for one in verdicts], bool) if verdicts else None,
+        tracks=_tracks(decisions, truths),
+        beliefs=_beliefs(poses, truths),
+        committed_evidence=_evidence(decisions, "committed_evidence"),
+        global_evidence=_evidence(decisions, "global_evidence"),
+    )
+
+
+def _evidence(decisions: Sequence[pb.Decision], name: str) -> Array | None:
+    """Return the lengths by provenance, (k, 4) m, of decisions that state them; None if none do."""
+    stated = [getattr(one, name) for one in decisions if one.HasField(name)]
+    if not stated:
+        return None
+    return np.array(
+        [(one.measured_m, one.prior_m, one.predicted_m, one.unproven_m) for one in stated]
+    )
+
+
+def _beliefs(poses: Sequence[pb.Pose], truths: Sequence[pb.Truth]) -> Beliefs | None:
+    """Return errors and covariances of the poses that have a truth; None if none states one.
+
+    Raises:
+        InputError: A covariance is none.
+    """
+    by_number = {one.sequence: one for one in truths}
+    stated = [
+        (one, by_number[one.sequence], covariance)
+        for one in poses
+        if one.sequence in by_number and (covariance := covariance_of(one)) is not None
+    ]
+    if not stated:
+        return None
+    return Beliefs(
+        np.array([np.subtract(pose.position, truth.position) for pose, truth, _ in stated]),
+        np.array([covariance[:3, :3] for _, _, covariance in stated]),
+    )
+
+
+def _tracks(
+    decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]
+) -> tuple[Track, Track] | None:
+    """Return the estimated and the true poses of the decisions that have a truth."""
+    by_number = {one.sequence: one for one in truths}
+    pairs = [(one, by_number[one.sequence]) for one in decisions if one.sequence in by_number]
+    if not pairs:
+        return None
+    estimates, true = zip(*pairs, strict=True)
+    return _track(estimates), _track(true)
+
+
+def _track(messages: Sequence[pb.Decision | pb.Truth]) -> Track:
+    positions = np.array([one.position for one in messages]).reshape(-1, 3)
+    return Track(positions, np.array([one.quaternion for one in messages]).reshape(-1, 4))
+
+
+def _recorded_trace(
+    log: Log, decisions: Sequence[pb.Decision], motions: Sequence[pb.RecordedMotion]
+) -> Trace:
+    """The trace of a recording: the motion is the recorded one, and there is no truth."""
+    if not motions:
+        raise InputError(f"log '{log.path}': no decisions in it")
+    judged = all(one.HasField("verdict") for one in decisions)
+    return Trace(
+        outcome=log.result["outcome"],
+        duration=float(log.result.get("sim_time_s", "nan")),
+        collisions=0,
+        goal_distance=math.nan,
+        route_length=None,
+        times=np.array([motion.timestamp.ToNanoseconds() * 1e-9 for motion in motions]),
+        positions=np.array([motion.position for motion in motions]).reshape(-1, 3),
+        velocities=np.array([motion.velocity for motion in motions]).reshape(-1, 3),
+        clearances=np.full(len(motions), math.nan),
+        actions=tuple(one.action for one in decisions),
+        latencies=_latencies(decisions),
+        predicting=_predicting(decisions),
+        missed=np.array([decision.deadline_missed for decision in decisions], bool),
+        start_distance=math.nan,
+        verdicts=tuple(one.verdict.verdict for one in decisions) if judged else None,
+        cuts=np.array([one.verdict.cut for one in decisions], bool) if judged else None,
+    )
+
+
+def _latencies(decisions: Sequence[pb.Decision]) -> Array:
+    stages = [decision.stages for decision in decisions]
+    return np.array([s.sense_ms + s.map_ms + s.costmap_ms + s.plan_ms for s in stages])
+
+
+def _predicting(decisions: Sequence[pb.Decision]) -> Array | None:
+    took = [one.stages.predict_ms for one in decisions if one.stages.predict_ms]
+    return np.array(took) if took else None
+
+
+def _known_without_result(
+    log: Log, decisions: Sequence[pb.Decision], last: pb.Truth
+) -> dict[str, str]:
+    """Figures of an episode's end as its last truth has them."""
+    left = distance_left(log.mission, goals_before_last(decisions), np.array(last.position))
+    return {
+        "sim_time_s": str(last.timestamp.ToNanoseconds() * 1e-9),
+        "collisions": str(last.collisions),
+        "goal_distance_m": str(left),
+    }
+
+
+def _read(
+    path: Path,
+) -> tuple[list[pb.Decision], list[pb.Truth], list[pb.RecordedMotion], list[pb.Pose]]:
+    decisions, truths, motions, poses = [], [], [], []
+    for message in read_messages(path):
+        if isinstance(message, pb.Decision):
+            decisions.append(message)
+        elif isinstance(message, pb.Truth):
+            truths.append(message)
+        elif isinstance(message, pb.RecordedMotion):
+            motions.append(message)
+        elif isinstance(message, pb.Pose):
+            poses.append(message)
+    return decisions, truths, motions, poses
