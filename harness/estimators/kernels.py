@@ -436,9 +436,11 @@ def search_start(
     turn: float,
     turns: int,
     voxels: Voxels,
+    off: int,
+    least: int,
     start: Array,
-) -> int:
-    """Find the shift and turn at which most points agree with a plane (Olson 2009, ICRA).
+) -> tuple[int, int]:
+    """Find the shift and turn that the points agree with best (Olson 2009, ICRA).
 
     Of equals the one of fewer steps is taken, of these the first.
 
@@ -451,30 +453,67 @@ def search_start(
         turn: Step of the turn about the vertical, rad.
         turns: Number of steps to either side.
         voxels: The map.
-        start: (3,) shift along x and y, m, and turn, rad; written.
+        off: As of `score_of`.
+        least: Score below which nothing is found.
+        start: (3,) shift along x and y, m, and turn, rad; written where something is found.
 
     Returns:
-        Number of candidates.
+        The best score, `least - 1` if nothing is found; and the number of candidates.
     """
-    most, least, count = -1, 0, 0
+    most, fewest, count = least - 1, 0, 0
     viewer = predicted.copy()
     for k in range(-turns, turns + 1):
         c, s = cos(k * turn), sin(k * turn)
         for i in range(-shifts, shifts + 1):
             for j in range(-shifts, shifts + 1):
                 viewer[0], viewer[1] = predicted[0] + i * shift, predicted[1] + j * shift
-                near, steps = 0, abs(i) + abs(j) + abs(k)
-                for index in range(len(offsets)):
-                    ox, oy = offsets[index, 0], offsets[index, 1]
-                    x, y = viewer[0] + c * ox - s * oy, viewer[1] + s * ox + c * oy
-                    z = viewer[2] + offsets[index, 2]
-                    slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
-                    near += abs(distance_from_plane(voxels, slot, x, y, z, viewer)) <= NEAR
-                if near > most or (near == most and steps < least):
-                    most, least = near, steps
+                score = score_of(offsets, viewer, c, s, inverse, voxels, off, most)
+                steps = abs(i) + abs(j) + abs(k)
+                if score > most or (score == most and score >= least and steps < fewest):
+                    most, fewest = score, steps
                     start[0], start[1], start[2] = i * shift, j * shift, k * turn
                 count += 1
-    return count
+    return most, count
+
+
+@kernel
+def score_of(
+    offsets: Array,
+    viewer: Array,
+    c: float,
+    s: float,
+    inverse: float,
+    voxels: Voxels,
+    off: int,
+    most: int,
+) -> int:
+    """Number of points that agree with a plane, less `off` times those that lie off one.
+
+    Args:
+        offsets: (n, 3) points from the base, m.
+        viewer: (3,) position of the base, world, m.
+        c: Cosine of the turn of the points about the vertical.
+        s: Its sine.
+        inverse: One by the edge of a voxel, 1/m.
+        voxels: The map.
+        off: Weight of a point that lies off the plane of its voxel.
+        most: Score below which it does not matter by how much: then it is any number below.
+    """
+    score, rest = 0, len(offsets)
+    for index in range(len(offsets)):
+        if score + rest < most:
+            return score + rest
+        rest -= 1
+        ox, oy = offsets[index, 0], offsets[index, 1]
+        x, y = viewer[0] + c * ox - s * oy, viewer[1] + s * ox + c * oy
+        z = viewer[2] + offsets[index, 2]
+        slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+        distance = abs(distance_from_plane(voxels, slot, x, y, z, viewer))
+        if distance <= NEAR:
+            score += 1
+        elif isfinite(distance):
+            score -= off
+    return score
 
 
 @kernel

@@ -16,6 +16,7 @@ from wayproof.harness.estimators.matrices import projected
 from wayproof.harness.estimators.motion_filter import MotionFilter
 from wayproof.harness.estimators.motion_sensors import Motion, MotionSource, turned_by
 from wayproof.harness.estimators.registration import Registration
+from wayproof.harness.estimators.slip import Slip
 from wayproof.harness.estimators.stated_covariance import StatedCovariance
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -37,7 +38,7 @@ LEAST_TURNED = 0.5
 NAME = "lidar/8"
 """Name and version of the estimator, as it is logged."""
 
-PLANAR_NAME = "lidar-planar/1"
+PLANAR_NAME = "lidar-planar/2"
 """The same by planar lasers; `lidar/8` was that, too, before it had a map of its own for them."""
 
 
@@ -72,6 +73,7 @@ class LidarOdometry:
         kind = LineMap if planar else SurfaceMap
         self._surfaces = kind(config.voxel, config.held, config.registered_share)
         self._filter = MotionFilter(config)
+        self._slip = Slip(config) if planar else None
         self._residual = FIRST_RESIDUAL
         self._position, self._heading = position.copy(), heading  # estimated
         self._velocity = np.zeros(3)  # estimated, world
@@ -100,8 +102,10 @@ class LidarOdometry:
         self._position = self._position + step
         self.travelled += math.sqrt(float((step * step).sum()))
         period, turned = self._sensors.period, self._turn_variance(motion, step)
-        grown = self._filter.predict(step, period, axes, turned)
-        self.covariance.predict(step, period, grown if axes is not None else None, turned)
+        astray = None if self._slip is None else self._slip.predict(step, period, turned)
+        grown = self._filter.predict(step, period, axes, turned, astray)
+        inertial = grown if axes is not None else None
+        self.covariance.predict(step, period, inertial, turned, astray)
 
     def correct(self, points: Array) -> PoseError:
         """Register a sweep; return by how much it moves the estimate: the first one by nothing.
@@ -114,8 +118,9 @@ class LidarOdometry:
             return PoseError()
         chosen = thinned(points, self._config.spacing)
         variance = self._config.sweep_noise_share**2 * self._residual**2
+        reach = (0.0, 0.0) if self._slip is None else self._slip.reach
         registration = self._surfaces.register(
-            chosen, self._position, self._filter.weight(variance)
+            chosen, self._position, self._filter.weight(variance), reach
         )
         shift, turn = registration.correction[:3], float(registration.correction[3])
         self._position = self._position + shift
@@ -126,6 +131,8 @@ class LidarOdometry:
             self._filter.decorrelate(regained(self.covariance.axes, registration.unheld))
             change = self._filter.update(information, shift, registration.unheld)
             self._velocity, self._bias = self._velocity + change[:3], self._bias + change[3:]
+            if self._slip is not None:
+                self._slip.correct(registration.correction, self._heading)
         self.covariance.correct(registration, self._position)
         x, y, z = shift.tolist()
         return PoseError((x, y, z), turn)
@@ -182,6 +189,7 @@ class LidarOdometry:
             **{f"sensors.{name}": one for name, one in self._sensors.state().items()},
             "residual": np.array(self._residual),
             **{f"filter.{name}": one for name, one in self._filter.state().items()},
+            **({} if self._slip is None else {f"slip.{n}": a for n, a in self._slip.state().items()}),
             **{f"covariance.{name}": one for name, one in self.covariance.state().items()},
         }
 
@@ -190,6 +198,8 @@ class LidarOdometry:
         self._sensors.restore(_part(state, "sensors."))
         self.covariance.restore(_part(state, "covariance."))
         self._filter.restore(_part(state, "filter."))
+        if self._slip is not None:
+            self._slip.restore(_part(state, "slip."))
         self._residual = float(state["residual"])
         self._position = np.array(state["position"], np.float64)
         self._heading = float(state["heading"])

@@ -23,6 +23,7 @@ from wayproof.harness.estimators.kernels import (
     NEAR,
     align,
     count_on_planes,
+    score_of,
     search_start,
 )
 from wayproof.harness.estimators.registration import Registration
@@ -51,6 +52,18 @@ SEARCH_TURN, SEARCH_TURNS = 0.03, 10
 a robot turns at 1.5 rad/s."""
 
 
+MOST_SHIFTS, MOST_TURNS = 15, 20
+"""Number of steps to either side at most, 1.5 m and 0.6 rad: the time grows with the cube."""
+
+OFF = 2
+"""Weight of a point that lies off the line of its voxel, against one that agrees with it: the ratio
+of their log likelihoods if 0.9 agree at the true pose, and 2 `NEAR` of the width, 0.4, elsewhere."""
+
+CLEARLY = 12
+"""Score by which another pose has to be better: 10 nats by those likelihoods, as 1,029 poses are
+looked at and wheels slip in 1 scan of 20."""
+
+
 class LineMap(SurfaceMap):
     """Lines of walls by voxel, in the frame of the estimate."""
 
@@ -77,51 +90,86 @@ class LineMap(SurfaceMap):
         known = count_on_planes(points, viewer, self._inverse, self.voxels, LINE_POINTS)[2]
         return known >= 2 * LEAST_INLIERS and not registered  # two points for each beam
 
-    def register(self, points: Array, predicted: Array, prior: Array | None = None) -> Registration:
-        """Align a scan with the map, and where the prediction does not lead there, search.
+    def register(
+        self,
+        points: Array,
+        predicted: Array,
+        prior: Array | None = None,
+        reach: tuple[float, float] = (0.0, 0.0),
+    ) -> Registration:
+        """Align a scan with the map, unless it lies clearly better elsewhere around.
 
         Args:
             points: (n, 3) placed by the predicted poses, in the middle of a voxel's height, world,
                 m.
             predicted: (3,) position of the base at the end of the scan, m.
             prior: (4, 4) as of `align`; if none, the predicted heading counts a little.
+            reach: How far off the prediction may be, m and rad; it is searched around there, and at
+                least `SEARCH_SHIFT` times `SEARCH_SHIFTS` and likewise of the turn.
         """
         offsets = points - predicted
         weight = NO_PRIOR if prior is None else prior
         found = self._aligned(offsets, predicted, weight, self._share, CHANCE)
-        if math.isfinite(found.deviation):
-            return found
         known = count_on_planes(points, predicted, self._inverse, self.voxels, LINE_POINTS)[2]
-        if known < LEAST_INLIERS:
+        registered = math.isfinite(found.deviation)
+        if not registered and known < LEAST_INLIERS:
             return found
-        return self._searched(offsets, predicted)
+        least = CLEARLY
+        if registered:
+            least += self._score(offsets, predicted, found.correction)
+        elsewhere = self._searched(offsets, predicted, least, reach)
+        return elsewhere if math.isfinite(elsewhere.deviation) else found
 
-    def _searched(self, offsets: Array, predicted: Array) -> Registration:
-        """Register where most points agree; the prediction, which failed, does not count.
+    def _searched(
+        self, offsets: Array, predicted: Array, least: int, reach: tuple[float, float]
+    ) -> Registration:
+        """Register where the points agree best; the prediction does not count.
 
         By chance a point of a voxel agrees with its line in 2 `NEAR` of its width. Of n poses the
         best one has the square root of 2 ln n deviations more (the largest of n Gaussians).
+
+        Args:
+            offsets: As of `align`.
+            predicted: As of `align`.
+            least: Score of a pose that is taken.
+            reach: As of `register`.
         """
+        shifts = min(max(SEARCH_SHIFTS, math.ceil(reach[0] / SEARCH_SHIFT)), MOST_SHIFTS)
+        turns = min(max(SEARCH_TURNS, math.ceil(reach[1] / SEARCH_TURN)), MOST_TURNS)
         start = np.zeros(3)
-        count = search_start(
+        best, count = search_start(
             offsets,
             predicted,
             self._inverse,
             SEARCH_SHIFT,
-            SEARCH_SHIFTS,
+            shifts,
             SEARCH_TURN,
-            SEARCH_TURNS,
+            turns,
             self.voxels,
+            OFF,
+            least // 2,  # steps are coarser than what agrees
             start,
         )
+        if best < least // 2:
+            return unregistered()
         x, y, turn = start.tolist()
         there = predicted + np.array([x, y, 0.0])
         chance = min(1.0, 2.0 * NEAR * self._inverse)
         deviations = math.sqrt(2.0 * math.log(count))
-        found = self._aligned(_turned(offsets, turn), there, NO_PRIOR, chance, deviations)
-        if math.isfinite(found.deviation):
-            found.correction[:] += np.array([x, y, 0.0, turn])
+        turned = _turned(offsets, turn)
+        found = self._aligned(turned, there, NO_PRIOR, chance, deviations)
+        if not math.isfinite(found.deviation):
+            return found
+        if self._score(turned, there, found.correction) < least:
+            return unregistered(found.inliers)
+        found.correction[:] += np.array([x, y, 0.0, turn])
         return found
+
+    def _score(self, offsets: Array, predicted: Array, correction: Array) -> int:
+        """Score of an aligned scan, as of `score_of`."""
+        c, s = math.cos(float(correction[3])), math.sin(float(correction[3]))
+        there = predicted + correction[:3]
+        return score_of(offsets, there, c, s, self._inverse, self.voxels, OFF, -OFF * len(offsets))
 
     def _aligned(
         self, offsets: Array, predicted: Array, prior: Array, share: float, deviations: float

@@ -56,7 +56,12 @@ class MotionFilter:
         self._axes = np.eye(3)  # T_world_base of the accelerometer when it last predicted
 
     def predict(
-        self, step: Array, period: float, axes: Array | None, turn_variance: float = 0.0
+        self,
+        step: Array,
+        period: float,
+        axes: Array | None,
+        turn_variance: float = 0.0,
+        astray: tuple[Array, Array] | None = None,
     ) -> Array:
         """Grow over a step; return by how much that of the position did, (3, 3) m^2.
 
@@ -66,6 +71,7 @@ class MotionFilter:
             axes: (3, 3) rotation T_world_base of the accelerometer that predicted it; none if
                 feet or an odometry did.
             turn_variance: Variance of the heading that the odometry's step adds, rad^2.
+            astray: By how much more its error grows, as of `Slip.predict`.
         """
         before = self._covariance[POSITION, POSITION]
         if axes is None:
@@ -73,6 +79,10 @@ class MotionFilter:
         else:
             self._covariance, self._axes = self._fallen(period, axes), axes
         self._heading += self._turn * period + turn_variance
+        if astray is not None:
+            along, turn = (astray[0] ** 2 + astray[1]).tolist()
+            self._covariance[POSITION, POSITION] += along * np.eye(3)
+            self._heading += turn
         return self._covariance[POSITION, POSITION] - before
 
     def weight(self, variance: float) -> Array:

@@ -39,6 +39,9 @@ HELD_LEVER = 0.01
 LEAST_SHARE = 1e-3
 """Least share of the distances that measures an axis, below which there is no mean of them."""
 
+LEVEL = 0.5
+"""Sine of the slope up to which a direction is level: wheels do not leave the ground."""
+
 SYSTEMATIC = 5.0
 """Variance of the error that all distances of a sweep have alike, in that of one distance."""
 
@@ -58,6 +61,8 @@ class StatedCovariance:
         self._held = self._floor.copy()  # without the motion that nothing holds
         self._moved = np.zeros(3)  # motion by feet or odometry since the sweeps held all of it
         self._turned_s = 0.0  # time since a sweep held the heading
+        self._slid = 0.0  # how far an odometry is astray along a level direction, m
+        self._slid_turn = 0.0  # likewise of the heading, rad
         self._positions: list[Array] = []  # (3,) of the poses of the mapped sweeps, m
         self._covariances: list[Array] = []  # (4, 4) of these
         self.axes = np.eye(3)  # until a sweep is registered
@@ -65,7 +70,12 @@ class StatedCovariance:
         self.information = np.zeros(3)
 
     def predict(
-        self, step: Array, period: float, inertial: Array | None, turn_variance: float = 0.0
+        self,
+        step: Array,
+        period: float,
+        inertial: Array | None,
+        turn_variance: float = 0.0,
+        astray: tuple[Array, Array] | None = None,
     ) -> None:
         """Grow over a predicted step.
 
@@ -76,6 +86,7 @@ class StatedCovariance:
                 motion if the accelerometer predicted the step, m^2; none if feet or an odometry
                 did.
             turn_variance: Variance of the heading that the odometry's step adds, rad^2.
+            astray: By how much more its error grows, as of `Slip.predict`.
         """
         config = self._config
         self._held = moved_by(self._held, step)
@@ -92,6 +103,8 @@ class StatedCovariance:
             self._turned_s += period
             self._held[HEADING, HEADING] += (config.gyro_bias * self._turned_s) ** 2 - before**2
             self._held[HEADING, HEADING] += config.gyro_noise**2 * period + turn_variance
+        if astray is not None:
+            self._go_astray(*astray)
 
     def correct(self, registration: Registration, position: Array) -> None:
         """Take over along what is held that of the map; the unheld motion along it has ended.
@@ -106,12 +119,14 @@ class StatedCovariance:
         if len(self.axes) == 3:
             return
         self._moved = self._unheld(self._moved)
+        if not self._levels():
+            self._slid = 0.0
         held, unheld = np.eye(4), np.zeros((4, 4))
         for axis in self.axes:
             along = np.append(axis, 0.0)[:, None] * np.append(axis, 0.0)
             held, unheld = held - along, unheld + along
         if self._heading_held:
-            self._turned_s = 0.0
+            self._turned_s = self._slid_turn = 0.0
         else:
             held[HEADING, HEADING], unheld[HEADING, HEADING] = 0.0, 1.0
         stays = projected(unheld, self._held)
@@ -128,6 +143,8 @@ class StatedCovariance:
         total = self._held.copy()
         share = self._config.motion_share**2
         total[:3, :3] += share * self._moved[:, None] * self._moved[None, :]
+        for axis in self._levels() if self._slid else ():
+            total[:3, :3] += self._slid**2 * axis[:, None] * axis[None, :]
         return total
 
     @property
@@ -146,6 +163,7 @@ class StatedCovariance:
             "held": self._held.copy(),
             "moved": self._moved.copy(),
             "turned_s": np.array(self._turned_s),
+            "slid": np.array([self._slid, self._slid_turn]),
             "heading_held": np.array(self._heading_held),
             "axes": self.axes.copy(),
             "information": self.information.copy(),
@@ -156,6 +174,7 @@ class StatedCovariance:
         self._held = np.array(state["held"], np.float64)
         self._moved = np.array(state["moved"], np.float64)
         self._turned_s = float(state["turned_s"])
+        self._slid, self._slid_turn = state["slid"].tolist()
         self._heading_held = bool(state["heading_held"])
         self.axes = np.array(state["axes"], np.float64)
         self.information = np.array(state["information"], np.float64)
@@ -182,6 +201,22 @@ class StatedCovariance:
         moved = moved + np.maximum(surer, 0.0)[..., None] * np.eye(4)
         total: Array = own + (weights * moved).sum(axis=0)
         return total
+
+    def _go_astray(self, slid: Array, walked: Array) -> None:
+        """Grow by (2,) m and rad that add up, and (2,) m^2 and rad^2, where nothing holds."""
+        levels = self._levels()
+        self._slid += float(slid[0]) if levels else 0.0
+        for axis in levels:
+            self._held[:3, :3] += float(walked[0]) * axis[:, None] * axis[None, :]
+        if not self._heading_held:
+            before = self._slid_turn
+            self._slid_turn += float(slid[1])
+            grown = self._slid_turn**2 - before**2 + float(walked[1])
+            self._held[HEADING, HEADING] += grown
+
+    def _levels(self) -> list[Array]:
+        """Unit directions (3,) that the last sweep did not hold, but for upright ones."""
+        return [axis for axis in self.axes if abs(float(axis[2])) < LEVEL]
 
     def _unheld(self, motion: Array) -> Array:
         """Part of a motion (3,) along directions that the last sweep did not hold."""

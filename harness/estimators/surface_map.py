@@ -84,13 +84,20 @@ class SurfaceMap:
         near, known = count_near(points, viewer, self._inverse, self.voxels)
         return known >= LEAST_INLIERS and near < self._least_near(known)
 
-    def register(self, points: Array, predicted: Array, prior: Array | None = None) -> Registration:
+    def register(
+        self,
+        points: Array,
+        predicted: Array,
+        prior: Array | None = None,
+        reach: tuple[float, float] = (0.0, 0.0),
+    ) -> Registration:
         """Align points with the map.
 
         Args:
             points: (n, 3) placed by the predicted poses, world, m.
             predicted: (3,) position of the base at the end of the sweep, m.
             prior: (4, 4) as of `align`; if none, the predicted heading counts a little.
+            reach: How far off the prediction may be, m and rad, where a map searches.
         """
         correction, information, axes = np.empty(4), np.empty(3), np.empty((3, 3))
         offsets = points - predicted

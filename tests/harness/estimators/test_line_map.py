@@ -9,7 +9,13 @@ import pytest
 from tests.harness.estimators.test_kernels import replace_all
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators import kernels
-from wayproof.harness.estimators.kernels import count_on_planes, search_start, slot_of, voxel_key
+from wayproof.harness.estimators.kernels import (
+    count_on_planes,
+    score_of,
+    search_start,
+    slot_of,
+    voxel_key,
+)
 from wayproof.harness.estimators.lidar_odometry import PLANAR_NAME, LidarOdometry
 from wayproof.harness.estimators.line_map import FORGOTTEN, LINE_POINTS, LineMap
 from wayproof.harness.estimators.motion_sensors import Motion
@@ -171,17 +177,22 @@ class Wheels:
         pass
 
 
-def driven(true, silent=()):
-    """Poses (n, 3) by wheels of a robot at `true`, off as `SCANS` says."""
+def driven(true, silent=(), backward=()):
+    """Poses (n, 3) by wheels of a robot at `true`, off as `SCANS` says.
+
+    At `silent` scans they say nothing, at `backward` ones they count ahead as back.
+    """
     rng, poses = np.random.default_rng(2), [true[0]]
     for number, (before, now) in enumerate(pairwise(true), start=1):
         length = math.hypot(*(now - before)[:2])
         turn = math.remainder(now[2] - before[2], 2.0 * math.pi)
         if number in silent:
             length = turn = 0.0
+        if number in backward:
+            length = -length
         length *= 1.0 + SCANS["motion_share"] * rng.standard_normal()
         turn *= 1.0 + SCANS["turn_share"] * rng.standard_normal()
-        turn += SCANS["turn_walk"] * length * rng.standard_normal()
+        turn += SCANS["turn_walk"] * abs(length) * rng.standard_normal()
         x, y, yaw = poses[-1]
         middle = yaw + 0.5 * turn
         poses.append((x + length * math.cos(middle), y + length * math.sin(middle), yaw + turn))
@@ -225,6 +236,19 @@ def test_the_laser_follows_where_its_wheels_go_astray(silent):
     assert (np.abs(errors) <= 2.0 * deviations + 1e-9).mean() > 0.93
 
 
+@pytest.mark.parametrize("first", [40, 100, 170])
+def test_wheels_that_count_ahead_as_back_are_not_believed(first):
+    """As in fr079. Half of a scan agreed where they put it, and all of it did 0.2 m beside."""
+    true = way()
+    wheels = driven(true, backward=range(first, first + 25))
+    assert np.abs(wheels - true)[:, :2].max() > 2.0
+    errors, deviations, registered = followed(true, wheels)
+    assert registered >= len(true) - 8
+    assert np.abs(errors[:, :2]).max() < 0.06
+    assert np.abs(errors[:, 2]).max() < 0.04
+    assert (np.abs(errors) <= 2.0 * deviations + 1e-9).mean() > 0.93
+
+
 @pytest.mark.parametrize(("noise", "most"), [(0.03, 1.0), (0.0375, 0.6), (0.045, 0.1), (0.1, 0.1)])
 def test_what_noise_hides_is_not_believed_unsaid(noise, most):
     """Lines are flat to 3 cm; with more noise few scans are registered, and the error is stated."""
@@ -256,25 +280,32 @@ def test_counting_and_search_are_as_written_naively(monkeypatch):
     points = placed(scan(x, y, yaw, 99, legs=CROWD), x + 0.1, y, yaw)[::6]
     counted = naive_count(points, viewer, lines.voxels)
     assert 10 < counted[0] < counted[1] < counted[2]
-    offsets, best = points - viewer, (-1, 0, (0.0, 0.0, 0.0))
+    offsets, best = points - viewer, (-1000, 0, (0.0, 0.0, 0.0))
     for k in (-1, 0, 1):
         for i in (-1, 0, 1):
             for j in (-1, 0, 1):
                 there = viewer + np.array([0.1 * i, 0.1 * j, 0.0])
-                near = naive_count(placed(offsets, 0, 0, 0.2 * k) + there, there, lines.voxels)[0]
-                steps = abs(i) + abs(j) + abs(k)
-                if (near, -steps) > best[:2]:
-                    best = (near, -steps, (0.1 * i, 0.1 * j, 0.2 * k))
-    arguments = (offsets, viewer, 1.0 / VOXEL, 0.1, 1, 0.2, 1, lines.voxels)
-    start, again = np.empty(3), np.empty(3)
+                turned = placed(offsets, 0, 0, 0.2 * k) + there
+                near, planar, _ = naive_count(turned, there, lines.voxels)
+                score, steps = near - 2 * (planar - near), abs(i) + abs(j) + abs(k)
+                if (score, -steps) > best[:2]:
+                    best = (score, -steps, (0.1 * i, 0.1 * j, 0.2 * k))
+    least, at_first = best[0] - 5, counted[0] - 2 * (counted[1] - counted[0])
+    arguments = (offsets, viewer, 1.0 / VOXEL, 0.1, 1, 0.2, 1, lines.voxels, 2)
+    there = (offsets, viewer, 1.0, 0.0, 1.0 / VOXEL, lines.voxels, 2)
+    start, again, none = np.empty(3), np.empty(3), np.zeros(3)
     assert count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS) == counted
-    assert search_start(*arguments, start) == 27
+    assert search_start(*arguments, least, start) == (best[0], 27)
+    assert search_start(*arguments, best[0] + 1, none) == (best[0], 27)
+    assert score_of(*there, -1000) == at_first < score_of(*there, at_first + 1) + 1
     np.testing.assert_allclose(start, best[2], atol=1e-12)
+    assert (none == 0.0).all()
     with np.errstate(over="ignore"):
         replace_all(monkeypatch)
         assert (
             kernels.count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS)
             == counted
         )
-        assert kernels.search_start(*arguments, again) == 27
+        assert kernels.search_start(*arguments, least, again) == (best[0], 27)
+        assert kernels.score_of(*there, -1000) == at_first
     assert np.array_equal(start, again)
