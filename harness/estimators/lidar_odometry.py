@@ -189,7 +189,11 @@ class LidarOdometry:
             **{f"sensors.{name}": one for name, one in self._sensors.state().items()},
             "residual": np.array(self._residual),
             **{f"filter.{name}": one for name, one in self._filter.state().items()},
-            **({} if self._slip is None else {f"slip.{n}": a for n, a in self._slip.state().items()}),
+            **(
+                {}
+                if self._slip is None
+                else {f"slip.{n}": a for n, a in self._slip.state().items()}
+            ),
             **{f"covariance.{name}": one for name, one in self.covariance.state().items()},
         }
 

@@ -5,8 +5,10 @@ A planar laser among furniture differs from a lidar of many rings in three ways:
 - A scan has a hundred returns, and many of them are of legs and corners, which make no line. A
   voxel without one says nothing of the pose, so it counts neither for a scan nor against it.
 - What predicts between two scans is an odometry of wheels, off by degrees and, where these slip or
-  are pushed, by all of the motion. A scan that does not lie in the map where that puts it is looked
-  for around there, and has to agree by more than what chance gives the best of so many poses.
+  are pushed, by all of the motion. Half of a scan may lie in the map there when 0.2 m beside all of
+  it does. So each scan is looked for around where it was put, as far as the odometry may be off,
+  and taken from where it clearly agrees better; a scan that was not registered also has to agree by
+  more than what chance gives the best of so many poses.
 - Voxels that were filled from wrong poses, or where things stood that have moved, hold no line for
   good. They are started anew.
 """
@@ -57,7 +59,7 @@ MOST_SHIFTS, MOST_TURNS = 15, 20
 
 OFF = 2
 """Weight of a point that lies off the line of its voxel, against one that agrees with it: the ratio
-of their log likelihoods if 0.9 agree at the true pose, and 2 `NEAR` of the width, 0.4, elsewhere."""
+of their log likelihoods if 0.9 agree at the true pose, and 2 `NEAR` of the width elsewhere."""
 
 CLEARLY = 12
 """Score by which another pose has to be better: 10 nats by those likelihoods, as 1,029 poses are

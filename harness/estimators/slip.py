@@ -1,9 +1,8 @@
 """How far wheels are astray: by what registered scans correct, beyond what wheels are said to err.
 
-Wheels that slip, are pushed, or count the way back as a way ahead err by as much as the robot moves,
-for seconds. While scans are registered these see it. Once they no longer are, the prediction is
-believed to be off as fast as it was of late: by the mean of its errors all along, and by what they
-scatter about it as a walk.
+Wheels that slip, are pushed, or count back as ahead err by as much as the robot moves, for seconds.
+Scans that are registered see it. Once they no longer are, the prediction is believed to be off as
+fast as it was of late: by the mean of its errors all along, and by what they scatter as a walk.
 """
 
 from __future__ import annotations

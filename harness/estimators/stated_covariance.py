@@ -159,11 +159,12 @@ class StatedCovariance:
 
     def state(self) -> dict[str, Array]:
         """Return all of it but what was kept of the map, which follows from the poses."""
+        slid = [self._slid, self._slid_turn]
         return {
+            **({"slid": np.array(slid)} if any(slid) else {}),  # snapshots of others as before
             "held": self._held.copy(),
             "moved": self._moved.copy(),
             "turned_s": np.array(self._turned_s),
-            "slid": np.array([self._slid, self._slid_turn]),
             "heading_held": np.array(self._heading_held),
             "axes": self.axes.copy(),
             "information": self.information.copy(),
@@ -174,7 +175,7 @@ class StatedCovariance:
         self._held = np.array(state["held"], np.float64)
         self._moved = np.array(state["moved"], np.float64)
         self._turned_s = float(state["turned_s"])
-        self._slid, self._slid_turn = state["slid"].tolist()
+        self._slid, self._slid_turn = state.get("slid", np.zeros(2)).tolist()
         self._heading_held = bool(state["heading_held"])
         self.axes = np.array(state["axes"], np.float64)
         self.information = np.array(state["information"], np.float64)

@@ -62,6 +62,11 @@ def test_what_it_says_is_stated_until_a_scan_holds_the_pose():
     assert pose[:2] == pytest.approx([along, along], rel=1e-2)
     assert pose[2] < 0.01  # wheels stay on the ground
     assert pose[3] == pytest.approx(0.5 * along, rel=1e-2)
+    again = StatedCovariance(CONFIG)
+    again.restore(covariance.state())
+    assert np.array_equal(again.pose, covariance.pose)
+    again.restore({n: a for n, a in covariance.state().items() if n != "slid"})  # a former snapshot
+    assert again.pose[0, 0] < 1e-3
 
 
 def test_it_goes_on_from_its_state():
