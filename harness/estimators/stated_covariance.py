@@ -86,14 +86,15 @@ class StatedCovariance:
                 motion if the accelerometer predicted the step, m^2; none if feet or an odometry
                 did.
             turn_variance: Variance of the heading that the odometry's step adds, rad^2.
-            astray: By how much more its error grows, as of `Slip.predict`.
+            astray: By how much more its error grows, as of `Slip.predict`; none but for wheels,
+                which do not leave the ground: their height is that of the recording.
         """
         config = self._config
         self._held = moved_by(self._held, step)
         if inertial is None:
             self._moved = self._moved + self._unheld(step)
         walked = config.motion_walk**2 * math.sqrt(float((step * step).sum()))
-        for axis in self.axes:
+        for axis in self.axes if astray is None else self._levels():
             grown = walked
             if inertial is not None:
                 grown = max(0.0, float((axis[:, None] * inertial * axis).sum()))

@@ -378,3 +378,16 @@ def test_a_perturbed_pose_needs_the_model():
             Config("empty", "drone", 1),
             ['perturbation={"kind": "pose_drift", "severity": 1}', "estimate.kind=lidar"],
         )
+
+
+def test_wheels_do_not_leave_the_ground():
+    step, none = np.array([0.3, 0.0, 0.0]), (np.zeros(2), np.zeros(2))
+    config = replace(EXACT_MAP, motion_walk=0.012)
+    feet, wheels = StatedCovariance(config), StatedCovariance(config)
+    height = float(wheels.pose[2, 2])
+    for _ in range(100):
+        feet.predict(step, 0.1, None)
+        wheels.predict(step, 0.1, None, astray=none)
+    assert wheels.pose[2, 2] == height
+    assert feet.pose[2, 2] > height
+    assert wheels.pose[:2, :2].tobytes() == feet.pose[:2, :2].tobytes()
