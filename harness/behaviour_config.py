@@ -46,7 +46,8 @@ class BehaviourConfig:
             checked along their paths, not along lines between poses 20 ms apart; and a bend to stop
             along comes no nearer to what blocks than the path does. From 3 on, a cell that an
             elongated body only grazes is named before one that it overlaps farther on, and a bend
-            to stop along is judged to where the robot comes to rest.
+            to stop along is judged to where the robot comes to rest. From 4 on, the floor is also
+            fitted from z = 0, and single returns below it make no hole.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -73,7 +74,7 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 3)] = 3
+    rules: Annotated[int, Bounds(1, 4)] = 4
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -98,3 +99,8 @@ class BehaviourConfig:
     def bends_reach_the_stop(self) -> bool:
         """Whether a bend to stop along is judged to where the robot comes to rest."""
         return self.rules >= 3
+
+    @property
+    def floor_stands_noise(self) -> bool:
+        """Whether walls do not lift the fitted floor, nor single returns make holes in it."""
+        return self.rules >= 4

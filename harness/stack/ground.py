@@ -26,7 +26,14 @@ def on_level_ground(
         return placed
     plane = fitted_ground(placed, config, mission)
     if plane is not None:
-        found = level(placed.origins, placed.moments, placed.directions, placed.ranges_mm, plane)
+        found = level(
+            placed.origins,
+            placed.moments,
+            placed.directions,
+            placed.ranges_mm,
+            plane,
+            two_sided=config.behaviour.floor_stands_noise,
+        )
         placed = WorldSweep(found.origins, found.directions, found.ranges_mm, placed.moments)
     if not (placed.ranges_mm == NO_RETURN).any():
         return placed
@@ -46,7 +53,13 @@ def fitted_ground(placed: WorldSweep, config: Config, mission: Mission) -> Groun
     """
     if not _is_fitted(config, mission):
         return None
-    plane = fit_ground(placed.origins, placed.moments, placed.directions, placed.ranges_mm)
+    plane = fit_ground(
+        placed.origins,
+        placed.moments,
+        placed.directions,
+        placed.ranges_mm,
+        twice=config.behaviour.floor_stands_noise,
+    )
     return None if plane is None or plane.as_expected else plane
 
 

@@ -28,6 +28,9 @@ BANDS = np.array([0.3, 0.15, 0.1, 0.075, 0.05, 0.0375, 0.0375, 0.0375])
 """Half widths of the bands around the plane that the rounds of the fit take returns from, m; never
 below three deviations of the round before."""
 
+NARROW_BANDS = np.array([0.075, 0.06, 0.05, 0.0375, 0.0375, 0.0375])
+"""Those of a fit from z = 0: the first finds a floor that is up to 7.5 cm off where it is seen."""
+
 ABOVE, ASYMMETRIC = 0.1, 3
 """Weight of returns above the plane in the three rounds after the first: asymmetric least squares
 (Newey and Powell 1987), by which it settles on the floor where pallets cover half of that."""
@@ -39,6 +42,10 @@ crates all were found so, and none with noise of 1 cm or a tilt of a degree."""
 
 TOLERANCE = 4.0
 """Deviations by which a return of the floor may be off it: one of 16,000 is off by more."""
+
+BENEATH = 6.0
+"""Deviations by which one may be below it: one of 10^9 is by more. A ghost above the floor goes as
+later beams pass through it; a hole below the floor stays, as none reaches it again."""
 
 SIGNIFICANT = 4.0
 """Deviations of its mean by which a tile is above the floor for no chance."""
@@ -96,6 +103,8 @@ def count_at_zero(
 def fit_plane(
     near: NDArray[np.float64],  # (n, 3) x and y from below the sensor, and height, m
     sensor: tuple[float, float, float],  # m, world
+    bands: NDArray[np.float64],  # half widths of the rounds, m
+    tilt: float,  # by which the first is wider at each metre from the sensor
     plane: NDArray[np.float64],  # (5,) out
     figures: NDArray[np.float64],  # (3,) out, m: deviation of the floor; least deviation of x and
     # y; error of the ranges that gives such a deviation
@@ -112,12 +121,12 @@ def fit_plane(
     plane[3], plane[4] = sensor[0], sensor[1]
     figures[:] = 0.0
     count = int(np.int64(0))
-    for k in range(BANDS.shape[0]):
-        band, count = max(BANDS[k], 3.0 * figures[0]), 0
+    for k in range(bands.shape[0]):
+        band, count = max(bands[k], 3.0 * figures[0]), 0
         n = sx = sy = sz = xx = xy = yy = xz = yz = 0.0
         for i in range(near.shape[0]):
             x, y, z = near[i]
-            wide = band + (TILT * np.sqrt(x * x + y * y) if k == 0 else 0.0)
+            wide = band + (tilt * np.sqrt(x * x + y * y) if k == 0 else 0.0)
             off = z - (plane[0] + plane[1] * x + plane[2] * y)
             if abs(off) > wide:
                 continue
@@ -190,44 +199,80 @@ def put_on_floor(
     moments: NDArray[np.int32],  # (n,)
     ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
     deviations: tuple[float, float, float],  # of a range, of the rest, greatest tolerance, m
+    two_sided: bool,  # whether noise is told from a pit by the returns beside it
     tiling: tuple[float, int],  # edge of a tile, m, and tiles along an axis
     ends: NDArray[np.float64],  # (n, 3) in, out, m from the origins
     on_floor: NDArray[np.bool_],  # (n,) out
 ) -> None:
-    """Put returns near z = 0 on it, but in tiles whose mean is above it by more than chance."""
+    """Put returns near z = 0 on it, but in tiles whose mean is off it by more than chance.
+
+    Above it; and below it with `two_sided`, else all that are as near as those above are put on it.
+    What is above is gathered where it is; what is below, where its beam met z = 0, as beams that
+    noise makes longer leave a tile at the edge of what the sensor sees, and none come in.
+    """
     edge, size = tiling
     along, rest, most = deviations
     centre = origins[0, 0], origins[0, 1]
-    sums, squares, counts = np.zeros(size * size), np.zeros(size * size), np.zeros(size * size)
-    tiles = np.empty(ranges_mm.shape[0], np.int64)
+    above, below = np.zeros((3, size * size)), np.zeros((3, size * size))  # sums, squares, counts
+    tiles, crossed = np.full((2, ranges_mm.shape[0]), -1)
     for i in range(ranges_mm.shape[0]):
-        k = moments[i]
+        x, y, z = origins[moments[i]]
         on_floor[i] = False
         if ranges_mm[i] == DROPPED_MM or ranges_mm[i] == NO_RETURN_MM:
             continue
-        z = origins[k, 2] + ends[i, 2]
+        height = z + ends[i, 2]
         share = abs(ends[i, 2]) / max(ranges_mm[i] * 1e-3, 1e-3)  # of the range's error in height
         deviation = np.sqrt(along * along * share * share + rest * rest)
-        if not abs(z) <= min(TOLERANCE * deviation, most):
+        limit = min(TOLERANCE * deviation, most)
+        if two_sided and height < 0.0:
+            limit = BENEATH * deviation
+        if not abs(height) <= limit:
             continue
         on_floor[i] = True
-        tile = tile_of(origins[k, 0] + ends[i, 0], origins[k, 1] + ends[i, 1], centre, edge, size)
-        tiles[i] = tile
-        if tile >= 0:
-            sums[tile] += z
-            squares[tile] += deviation * deviation
-            counts[tile] += 1.0
+        tiles[i] = tile_of(x + ends[i, 0], y + ends[i, 1], centre, edge, size)
+        add_to_tile(above, tiles[i], height, deviation)
+        if two_sided and z > 0.0 > ends[i, 2]:
+            part = -z / ends[i, 2]
+            crossed[i] = tile_of(x + part * ends[i, 0], y + part * ends[i, 1], centre, edge, size)
+            add_to_tile(below, crossed[i], height, deviation)
     for i in range(ranges_mm.shape[0]):
         if not on_floor[i]:
             continue
-        tile = tiles[i]
-        if tile >= 0:
-            n = counts[tile]
-            chance = SIGNIFICANT * np.sqrt(squares[tile]) / n + rest
-            if sums[tile] / n > chance:
-                on_floor[i] = False
-                continue
-        ends[i, 2] = -origins[moments[i], 2]
+        height = origins[moments[i], 2] + ends[i, 2]
+        stands = height > 0.0 or not two_sided
+        if (stands and tiles[i] >= 0 and is_off(above, tiles[i], 1.0, SIGNIFICANT, rest)) or (
+            height < 0.0 and crossed[i] >= 0 and is_off(below, crossed[i], -1.0, BENEATH, rest)
+        ):
+            on_floor[i] = False
+        else:
+            ends[i, 2] = -origins[moments[i], 2]
+
+
+@kernel
+def add_to_tile(
+    tiles: NDArray[np.float64],  # (3, tiles) in, out: sums of heights, of variances; counts
+    tile: int,  # -1: none
+    height: float,  # m
+    deviation: float,  # of the height, m
+) -> None:
+    """Add a return to the sums of its tile."""
+    if tile >= 0:
+        tiles[0, tile] += height
+        tiles[1, tile] += deviation * deviation
+        tiles[2, tile] += 1.0
+
+
+@kernel
+def is_off(
+    tiles: NDArray[np.float64],  # (3, tiles) sums of heights, m, and of variances, m2; counts
+    tile: int,
+    side: float,  # 1: above, -1: below
+    significant: float,  # deviations of the mean
+    rest: float,  # m
+) -> bool:
+    """Whether the mean height of a tile is off z = 0 by more than chance."""
+    n = tiles[2, tile]
+    return bool(side * tiles[0, tile] / n > significant * np.sqrt(tiles[1, tile]) / n + rest)
 
 
 @kernel

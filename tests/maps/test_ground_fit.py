@@ -9,6 +9,7 @@ from wayproof.maps.ground_fit import TILE, fit_ground, level, lost_echoes
 from wayproof.maps.kernels import ground_fit as kernels
 
 SENSOR = np.array([[0.4, -0.3, 0.5]])
+LOW_SENSOR = np.array([[0.4, -0.3, 0.42]])
 NO_RETURN, DROPPED = 65535, 0
 RANGE_M = 15.0
 
@@ -130,6 +131,65 @@ def test_a_low_step_is_no_noise_of_the_floor():
     assert found.on_floor[floor].mean() > 0.9
 
 
+def between_walls(front, aside, behind, noise=0.02):
+    """Beams of a scanner that looks 16.6 degrees down, four walls about it; and ranges, mm."""
+    elevation = np.radians(np.linspace(-16.6, 16.6, 64))[:, None]
+    azimuth = np.linspace(-math.pi, math.pi, 1024, endpoint=False)[None]
+    x, y = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)
+    z = np.broadcast_to(np.sin(elevation), x.shape)
+    directions = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    ways = [(x, front), (-x, behind), (np.abs(y), aside), (-z, LOW_SENSOR[0, 2])]
+    ranges = np.min([far / np.maximum(along.ravel(), 1e-9) for along, far in ways], axis=0)
+    ranges += noise * np.random.default_rng(5).standard_normal(len(ranges))
+    return directions, np.rint(ranges * 1e3).astype(np.uint16)
+
+
+@pytest.mark.parametrize("front", [1.0, 1.3])
+@pytest.mark.parametrize("behind", [2.5, 5.0, 7.5])
+def test_the_feet_of_near_walls_do_not_lift_the_floor(front, behind):
+    directions, ranges_mm = between_walls(front, 1.3, behind)
+    moments = moments_of(ranges_mm)
+    once = fit_ground(LOW_SENSOR, moments, directions, ranges_mm, twice=False)
+    plane = fit_ground(LOW_SENSOR, moments, directions, ranges_mm)
+    assert abs(plane.numbers[0]) < 0.023
+    assert front > 1.0 or once.numbers[0] > 0.08
+
+
+@pytest.mark.parametrize(("front", "aside"), [(0.7, 0.7), (1.0, 0.7), (1.0, 1.0), (1.3, 0.7)])
+def test_where_walls_hide_the_floor_their_feet_are_none(front, aside):
+    directions, ranges_mm = between_walls(front, aside, 1.3)
+    assert fit_ground(LOW_SENSOR, moments_of(ranges_mm), directions, ranges_mm) is None
+
+
+def deep_below(two_sided, pit_depth=0.0):
+    """Lowest end of levelled sweeps in 3 cm of noise, m, and a pit's share on the floor."""
+    directions = beams(200, 720)
+    in_pit, lowest, kept = None, [], []
+    for seed in range(4):
+        ranges_mm = cast(directions, wall_x=50.0, noise=0.03, seed=seed)
+        if pit_depth:
+            deep = cast(directions, height=-pit_depth, wall_x=50.0, noise=0.03, seed=seed)
+            ends = SENSOR[0] + deep[:, None] * 1e-3 * directions
+            in_pit = (np.abs(ends[:, 0] + 1.0) < 0.4) & (np.abs(ends[:, 1]) < 0.4)
+            ranges_mm[in_pit] = deep[in_pit]
+        moments = moments_of(ranges_mm)
+        plane = fit_ground(SENSOR, moments, directions, ranges_mm)
+        found = level(SENSOR, moments, directions, ranges_mm, plane, two_sided=two_sided)
+        lowest.append(heights(found, np.ones(len(ranges_mm), bool)).min())
+        kept.append(1.0 if in_pit is None else found.on_floor[in_pit].mean())
+    return min(lowest), max(kept)
+
+
+def test_a_single_return_below_the_floor_is_noise():
+    assert deep_below(two_sided=False)[0] < -0.08
+    assert deep_below(two_sided=True)[0] > -0.03
+
+
+@pytest.mark.parametrize("pit_depth", [0.07, 0.15, 0.3])
+def test_returns_beside_one_another_below_the_floor_are_a_pit(pit_depth):
+    assert deep_below(two_sided=True, pit_depth=pit_depth)[1] < 0.3
+
+
 def test_a_lost_echo_of_the_floor_is_told_from_a_hole():
     directions = beams(80, 360)
     ranges_mm = cast(directions)
@@ -196,12 +256,16 @@ def test_kernels_compiled_and_interpreted_agree_bit_by_bit():
         near, plane, figures = np.zeros((len(ranges_mm), 3)), np.zeros(5), np.zeros(3)
         count = run(kernels.returns_near_floor)(origins, moments, directions, ranges_mm, 1, near)
         at_zero = run(kernels.count_at_zero)(near[:count], 0.05)
-        used = run(kernels.fit_plane)(near[:count], (0.45, -0.3, 0.51), plane, figures)
+        used = run(kernels.fit_plane)(
+            near[:count], (0.45, -0.3, 0.51), kernels.BANDS, 0.06, plane, figures
+        )
         levelled, ends = np.zeros_like(origins), np.zeros_like(directions)
         run(kernels.tilt_back)(origins, moments, directions, ranges_mm, plane, levelled, ends)
         on_floor, lost = np.zeros((2, len(ranges_mm)), np.bool_)
         deviations, tiling = (float(figures[2]), 0.01, 0.1), (0.25, 97)
-        run(kernels.put_on_floor)(levelled, moments, ranges_mm, deviations, tiling, ends, on_floor)
+        run(kernels.put_on_floor)(
+            levelled, moments, ranges_mm, deviations, True, tiling, ends, on_floor
+        )
         new, new_mm = np.zeros_like(directions), np.zeros_like(ranges_mm)
         run(kernels.beams_of)(ends, ranges_mm, new, new_mm)
         arguments = levelled, moments, new, RANGE_M, tiling, new_mm, lost
