@@ -18,20 +18,12 @@ ALLOWED = {
 
 ORDER = (
     *("errors", "forked", "schema", "geometry", "perturbations", "renamed", "behaviour_config"),
-    *(
-        "recording_config",
-        "estimator_config",
-        "prior_config",
-        "prediction_config",
-        "config",
-        "mission",
-        "goals",
-    ),
+    *("recording_config", "estimator_config", "prior_config", "prediction_config"),
+    *("config", "mission", "goals"),
     *("prediction", "listed_beams", "inputs"),
     *("prior.grid", "prior.cells", "estimators", "stack", "interface"),
     *("result", "ending", "outputs", "supervision"),
     *("user_code", "log", "recordings", "prior", "scenario", "recompute", "attribution"),
-    *("warm_up", "sim", "episode", "runner"),
     *("warm_up", "sim", "episode", "runner"),
     *("replay", "shadow", "lab", "counterfactual", "study.statistics", "trajectory_error"),
     *("trace", "metrics", "clearance", "explain", "viewer", "tables", "map_files"),

@@ -9,6 +9,7 @@ trajectory.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 from wayproof.harness.stack.backtrack import record_breadcrumb
 from wayproof.harness.stack.footprint_checks import compensate_yaw_lag, footprint_free
@@ -36,6 +37,7 @@ from wayproof.harness.stack.recovery import (
     recover_after_timeout,
 )
 from wayproof.harness.stack.types import (
+    Array,
     Decided,
     PathLoss,
     PlannerInput,
@@ -43,7 +45,19 @@ from wayproof.harness.stack.types import (
     distance,
     is_stationary,
 )
-from wayproof.planners import Trajectory
+from wayproof.planners import Trajectory, TrajectorySample
+
+
+class PlanningGoal(NamedTuple):
+    """The goal that the global path leads to.
+
+    Attributes:
+        position: (3,) m.
+        projected: Whether the mission's goal lies inside the inflation, and this beside it.
+    """
+
+    position: Array
+    projected: bool
 
 
 def decide(input: PlannerInput, state: PlannerState) -> Decided:
@@ -57,9 +71,8 @@ def decide(input: PlannerInput, state: PlannerState) -> Decided:
         The command, and the state for the next decision.
     """
     committed = not_yet_superseded(input, state)
-    command, after = _choose_maneuver(
-        input, record_unheld_trail(record_breadcrumb(state, input), input), committed[0]
-    )
+    state = record_unheld_trail(record_breadcrumb(state, input), input)
+    command, after = _choose_maneuver(input, state, followed=committed[0])
     path_loss = None
     if after.global_path is None:
         path_loss = PathLoss(input.sequence, command.reason.kind, command.label)
@@ -88,7 +101,7 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
         return hold_position(input, state, setpoint)
     start = compensate_yaw_lag(input, setpoint, state.trajectory.at(input.effect_ns))
     if setpoint.at_rest and distance(input.position, input.goal) <= input.goal_tolerance:
-        if cannot_claim_goal(input, input.goal_tolerance):
+        if cannot_claim_goal(input):
             return give_up_at_goal(input, state, start)
         return arrive(input, state, start)
     if is_lost(input):
@@ -101,16 +114,29 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
         escaping = continue_escape(input, state, start)
         if escaping is not None:
             return escaping
-    mission_goal, within = input.goal, goal_within(input, state, start)
-    intermediate = within is not mission_goal
-    goal = within if intermediate else project_goal_to_free(input)
-    projected = goal is not within
-    at_end = at_path_end(state, start) or (projected and distance(start.position, goal) < ARRIVED)
-    if at_end and setpoint.at_rest and cannot_claim_goal(input, input.goal_tolerance):
+    goal = _planning_goal(input, state, start)
+    beside_goal = goal.projected and distance(start.position, goal.position) < ARRIVED
+    if setpoint.at_rest and (beside_goal or at_path_end(state, start)) and cannot_claim_goal(input):
         return give_up_at_goal(input, state, start)
-    if projected and setpoint.at_rest and distance(start.position, goal) < ARRIVED:
+    if setpoint.at_rest and beside_goal:
         return wait_at_blocked_goal(input, state, start)
-    input = replace(input, goal=goal, mission_goal=mission_goal)
+    input = replace(input, goal=goal.position, mission_goal=input.goal)
+    return _head_for_goal(input, state, start)
+
+
+def _planning_goal(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample
+) -> PlanningGoal:
+    """The mission's goal, its projection to free space, or an intermediate one on the way."""
+    goal = goal_within(input, state, start)
+    if goal is not input.goal:  # an intermediate one, which is projected already
+        return PlanningGoal(goal, projected=False)
+    free = project_goal_to_free(input)
+    return PlanningGoal(free, projected=free is not goal)
+
+
+def _head_for_goal(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
+    """Follow the global path to the goal, or stop without one; after a long wait, recover."""
     planned = keep_or_replan(input, state, start)
     if planned.state.global_path is None:
         decided = stop_without_path(input, planned, start, previous=state)

@@ -52,10 +52,10 @@ def is_lost(input: PlannerInput) -> bool:
     return pose is not None and pose.sigma > input.behaviour.lost_sigma
 
 
-def cannot_claim_goal(input: PlannerInput, tolerance: float) -> bool:
-    """Whether two standard deviations of the position are more than the goal's tolerance, m."""
+def cannot_claim_goal(input: PlannerInput) -> bool:
+    """Whether two standard deviations of the position are more than the goal's tolerance."""
     pose = input.localization
-    return pose is not None and MARGIN_SIGMAS * pose.sigma > tolerance
+    return pose is not None and MARGIN_SIGMAS * pose.sigma > input.goal_tolerance
 
 
 def at_path_end(state: PlannerState, start: TrajectorySample) -> bool:
@@ -81,7 +81,9 @@ def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectoryS
     if state.returning:
         path = remaining(state.path, start.arc_length)
         if input.traversable.free_length(path) >= arc_length(path) - 1e-6 > ARRIVED:
-            return follow_global_path(input, replace(state, global_path=path), start, state)
+            return follow_global_path(
+                input, replace(state, global_path=path), start, previous=state
+            )
     if not is_stationary(start):
         path = remaining(state.trajectory.path, start.arc_length)
         reason = _reason(input, "pose_lost")

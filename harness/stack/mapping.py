@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
-from wayproof.harness.inputs import Beams, Inputs, Pose, WorldSweep
+from wayproof.harness.inputs import Beams, Inputs, Pose, SweepInput, WorldSweep
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.decision import MOST_WIDENING
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
@@ -76,16 +76,16 @@ class Mapper:
 
         def costmap_of(columns: ColumnMap) -> Costmap:
             return Costmap(
-                costs,
-                columns,
-                low,
-                high,
-                mission.motion,
-                min(self._body.radii),
-                mission.height,
-                mission.step_height,
-                floor,
-                ceiling,
+                config=costs,
+                voxel_map=columns,
+                low=low,
+                high=high,
+                motion=mission.motion,
+                radius=min(self._body.radii),
+                height=mission.height,
+                step_height=mission.step_height,
+                floor=floor,
+                ceiling=ceiling,
                 threads=config.threads,
             )
 
@@ -106,53 +106,29 @@ class Mapper:
         return combined_version(self.map.version(), self.labels)
 
     def integrate(self, inputs: Inputs) -> None:
-        """Integrate the sweeps of one instant into the map."""
+        """Integrate the sweeps of one instant into the map, and roll the window along."""
         self.newest = inputs
         self.map.advance(inputs.time_ns)
         for sweep in inputs.sweeps:
-            beams = self._beams[sweep.sensor]
-            placed = beams.place(sweep, inputs.pose, inputs.sequence)
-            if self._config.map.no_return == "ignored":
-                placed = placed.without_no_returns()
-            placed = on_level_ground(placed, beams.range, self._config, self._mission)
-            self.map.integrate(
-                placed.origins,
-                placed.directions,
-                placed.ranges_mm,
-                beams.range,
-                inputs.time_ns,
-                placed.moments,
-            )
-            if self.on_placed is not None:
-                self.on_placed(placed, beams.range, inputs.time_ns)
-            if self.labels is not None and sweep.classes is not None:
-                limits = self._config.map.minimum_range, beams.range
-                vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
-        if (reach := self._config.map.no_decay_radius) > 0.0:
-            position = inputs.pose.position
-            self.map.exempt_from_decay(position - reach, position + reach, inputs.time_ns)
-        if self._clears_footprint:
-            clear_footprint(self.map, self._mission, inputs.pose, inputs.time_ns)
-        if self.window is not None:
-            centre = self.window.centred_on(inputs.pose.position)
-            if self.window.leaves_behind(centre):
-                self.move_window(centre)
+            self._integrate_sweep(sweep, inputs)
+        self._hold_about_body(inputs.pose, inputs.time_ns)
+        self._roll_window(inputs.pose.position)
         if self.on_integrated is not None:
             self.on_integrated(inputs)
 
     def update_costmap(self, inputs: Inputs) -> None:
         """Update the costmap from the map, after the inputs have been integrated."""
-        # Computing all distances of a plane is faster than tracking which are read.
         margin = margin_of(inputs.pose, self._config, self._mission)
-        widening = margin.widening
         for layer in self._layers:
             if layer.follow is not None:
                 layer.follow(self.map, inputs)
         feet = np.subtract(inputs.pose.position, (0.0, 0.0, self._mission.rest_height))
+        # Computing all distances of a plane is faster than tracking which are read.
+        whole = self._mission.planar
         for stage in self.stages:
             if self._climbs:
                 stage.costmap.stand_at(feet)
-            stage.costmap.update(margin.least, whole=self._mission.planar, widening=widening)
+            stage.costmap.update(margin.least, whole=whole, widening=margin.widening)
 
     def update(self, inputs: Inputs) -> None:
         """Integrate the inputs and update the costmap, as before a decision."""
@@ -190,6 +166,43 @@ class Mapper:
         """Age of the oldest evidence along the path, s; the declared start counts as time 0."""
         observed = self.map.observed_ns_at(path)
         return float(time_ns - max(int(observed.min()), 0)) * 1e-9
+
+    def _integrate_sweep(self, sweep: SweepInput, inputs: Inputs) -> None:
+        """Place a sweep by the pose, and integrate its beams and the classes that they hit."""
+        beams = self._beams[sweep.sensor]
+        placed = beams.place(sweep, inputs.pose, inputs.sequence)
+        if self._config.map.no_return == "ignored":
+            placed = placed.without_no_returns()
+        placed = on_level_ground(placed, beams.range, self._config, self._mission)
+        self.map.integrate(
+            origins=placed.origins,
+            directions=placed.directions,
+            ranges_mm=placed.ranges_mm,
+            range_limit=beams.range,
+            time_ns=inputs.time_ns,
+            moments=placed.moments,
+        )
+        if self.on_placed is not None:
+            self.on_placed(placed, beams.range, inputs.time_ns)
+        if self.labels is not None and sweep.classes is not None:
+            limits = self._config.map.minimum_range, beams.range
+            vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
+
+    def _hold_about_body(self, pose: Pose, time_ns: int) -> None:
+        """Keep what the body's sensors do not see about it, and its own space free."""
+        if (reach := self._config.map.no_decay_radius) > 0.0:
+            low, high = pose.position - reach, pose.position + reach
+            self.map.exempt_from_decay(low, high, time_ns)
+        if self._clears_footprint:
+            clear_footprint(self.map, self._mission, pose, time_ns)
+
+    def _roll_window(self, position: Array) -> None:
+        """Take the rolling window, where there is one, along with a robot at a position (3,)."""
+        if self.window is None:
+            return
+        centre = self.window.centred_on(position)
+        if self.window.leaves_behind(centre):
+            self.move_window(centre)
 
     def _declare_start_free(self) -> None:
         """Mark the space about the start free: no sensor sees right beside the body."""

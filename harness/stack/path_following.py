@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from wayproof.harness.stack.footprint_checks import (
     poses_from,
     truncate_where_turnable,
 )
-from wayproof.harness.stack.global_path import heading_at
+from wayproof.harness.stack.global_path import STOP_SLACK, heading_at
 from wayproof.harness.stack.maneuvers import brake, wait
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.types import (
@@ -66,6 +67,20 @@ CORNER_OVERRUN = 0.03
 """Distance beyond a corner within which an elongated body that stops still turns into it, m."""
 
 
+class DrivablePart(NamedTuple):
+    """The part of the global path, from its beginning on, that the robot may drive now.
+
+    Attributes:
+        length: Up to what is not traversable, a corner too sharp to drive, or the end, m.
+        blocked: Whether what is not traversable ends it.
+        too_short: Whether the robot needs more to stop.
+    """
+
+    length: float
+    blocked: bool
+    too_short: bool = False
+
+
 def follow_global_path(
     input: PlannerInput, state: PlannerState, start: TrajectorySample, previous: PlannerState
 ) -> Decided:
@@ -78,49 +93,54 @@ def follow_global_path(
         previous: Planner state before the decision, with the last global path.
     """
     path = state.path
-    traversable = input.traversable.free_length(path)
-    corner = arc_length(path)
-    if not (input.sideways_speed and input.turns_in_place):
-        corner = first_stop(path, 0.0, input.behaviour.max_corner_angle)
-    braking = stopping_distance(start.speed, start.acceleration, input.limits)
-    overrun = CORNER_OVERRUN if input.traversable.discs else 0.0
-    if corner < braking - overrun:  # too late to stop there: the profile slows down for it
-        corner = arc_length(path)
-    end = min(traversable, corner, arc_length(path))
-    blocked = end == traversable and traversable < arc_length(path)
-    if end < braking - 1e-3 - (overrun if end == corner else 0.0):
-        return brake_on_path(input, state, start, end, blocked)
-    if is_stationary(start) and blocked and end < input.behaviour.min_advance:
+    part = drivable_part(input, path, start)
+    if part.too_short:
+        return brake_on_path(input, state, start, part)
+    if is_stationary(start) and part.blocked and part.length < input.behaviour.min_advance:
         stepped = step_aside(input, state, start)
-        if stepped is not None:
-            return stepped
-        least = input.behaviour.min_advance
-        found = obstruction.on_path(input, path, end, input.unknown_blocks)
-        reason, label = way_ahead_reason(WAITS, found, limit_m=least)
-        return wait(input, state, start, label, reason)
+        return stepped or wait_on_path(input, state, start, part)
     if is_stationary(start) and input.traversable.discs:
-        return set_out(input, state, start, end, blocked)
+        return set_out(input, state, start, part)
     if is_stationary(start) and input.turns_in_place and not input.sideways_speed:
         target = heading_at(path, min(0.2, 0.5 * arc_length(path)))
         if abs(wrap_angle(target - start.heading)) > input.behaviour.rotate_in_place_angle:
             return turn_into_path(input, state, start, target)
     tail_first = moves_tail_first(input, start, path)
     if tail_first and input.sideways_speed:
-        turning = turn_while_driving(input, state, start, end, blocked, tail_first=False)
+        turning = turn_while_driving(input, state, start, part, tail_first=False)
         if turning is not None:
             return turning
-    driven = drive_along(input, state, start, end, blocked, tail_first)
+    driven = drive_along(input, state, start, part, tail_first)
     return driven or keep_course(input, state, start, previous)
 
 
+def drivable_part(input: PlannerInput, path: Array, start: TrajectorySample) -> DrivablePart:
+    """The part of a path (n, 3) that is traversable and has no corner at which the robot stops."""
+    whole = arc_length(path)
+    traversable = input.traversable.free_length(path)
+    corner = whole
+    if not (input.sideways_speed and input.turns_in_place):
+        corner = first_stop(path, 0.0, input.behaviour.max_corner_angle)
+    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    overrun = CORNER_OVERRUN if input.traversable.discs else 0.0
+    if corner < braking - overrun:  # too late to stop there: the profile slows down for it
+        corner = whole
+    length = min(traversable, corner, whole)
+    return DrivablePart(
+        length,
+        blocked=length == traversable and traversable < whole,
+        too_short=length < braking - STOP_SLACK - (overrun if length == corner else 0.0),
+    )
+
+
 def brake_on_path(
-    input: PlannerInput, state: PlannerState, start: TrajectorySample, end: float, blocked: bool
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, part: DrivablePart
 ) -> Decided:
-    """Brake: less of the global path is free, `end` m, than the robot needs to stop."""
-    path = state.path
+    """Brake: less of the global path can be driven than the robot needs to stop."""
+    path, end = state.path, part.length
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     kept = truncate(path, max(end, 1e-3))
-    if not blocked:
+    if not part.blocked:
         reason = Reason("path_too_short", path_m=end, stop_m=braking)
         return brake(input, state, start, kept, reason, "none")
     found = obstruction.on_path(input, path, end, input.unknown_blocks)
@@ -128,8 +148,17 @@ def brake_on_path(
     return brake(input, state, start, kept, reason, label)
 
 
+def wait_on_path(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, part: DrivablePart
+) -> Decided:
+    """Wait at rest: something blocks the global path before an advance that is worth it."""
+    found = obstruction.on_path(input, state.path, part.length, input.unknown_blocks)
+    reason, label = way_ahead_reason(WAITS, found, limit_m=input.behaviour.min_advance)
+    return wait(input, state, start, label, reason)
+
+
 def set_out(
-    input: PlannerInput, state: PlannerState, start: TrajectorySample, end: float, blocked: bool
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, part: DrivablePart
 ) -> Decided:
     """Leave rest with an elongated body: nose first, or tail first where it cannot turn about."""
     path = state.path
@@ -137,16 +166,16 @@ def set_out(
     for target, backwards in headings_to_start_at(input.traversable, start, nose_first):
         error = abs(wrap_angle(target - start.heading))
         if error <= input.behaviour.rotate_in_place_angle:
-            driven = drive_along(input, state, start, end, blocked, backwards)
+            driven = drive_along(input, state, start, part, backwards)
             if driven is not None:
                 return driven
         elif input.sideways_speed:
-            driven = turn_while_driving(input, state, start, end, blocked, backwards)
+            driven = turn_while_driving(input, state, start, part, backwards)
             if driven is not None:
                 return driven
         if error > ALIGNED:
             return turn_into_path(input, state, start, target)
-    along = plan_trajectory(input, start, truncate(path, end), speed_share=1.0)
+    along = plan_trajectory(input, start, truncate(path, part.length), speed_share=1.0)
     reason = diagnose_no_room(input, start, along, nose_first)
     return wait(input, replace(state, global_path=None), start, "no_path", reason)
 
@@ -180,8 +209,7 @@ def turn_while_driving(
     input: PlannerInput,
     state: PlannerState,
     start: TrajectorySample,
-    end: float,
-    blocked: bool,
+    part: DrivablePart,
     tail_first: bool,
 ) -> Decided | None:
     """Drive the global path and turn into it meanwhile, with a body that can move sideways.
@@ -189,7 +217,7 @@ def turn_while_driving(
     Returns:
         None if the footprint does not fit until it has turned; else as of `drive_along`.
     """
-    driven = drive_along(input, state, start, end, blocked, tail_first)
+    driven = drive_along(input, state, start, part, tail_first)
     if driven is None:
         return None
     trajectory = driven.command.trajectory
@@ -243,25 +271,22 @@ def drive_along(
     input: PlannerInput,
     state: PlannerState,
     start: TrajectorySample,
-    end: float,
-    blocked: bool,
+    part: DrivablePart,
     tail_first: bool,
 ) -> Decided | None:
-    """Drive the global path up to an arc length.
+    """Drive a part of the global path.
 
     Args:
         input: Of the decision.
         state: Planner state with the global path.
         start: Of the new trajectory.
-        end: Arc length up to which it is driven, m.
-        blocked: Whether an obstruction ends it there.
+        part: Of that path.
         tail_first: Whether an elongated body moves backwards.
 
     Returns:
         None if the footprint does not fit, or along too little of it.
     """
-    global_path = state.path
-    path = truncate(global_path, end)
+    path = truncate(state.path, part.length)
     if tail_first:
         braking = stopping_distance(start.speed, start.acceleration, input.limits)
         path = truncate_where_turnable(input.traversable, path, braking)
@@ -273,9 +298,9 @@ def drive_along(
     if trajectory is None:
         return None
     action, reason, label = diagnose_driving(
-        input, state, start, end, blocked=blocked, slowed=unknown_ahead
+        input, state, start, part.length, blocked=part.blocked, slowed=unknown_ahead
     )
-    command = Command(action, reason, label, trajectory, global_path)
+    command = Command(action, reason, label, trajectory, state.path)
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
 
 

@@ -23,6 +23,7 @@ from tests.harness.stack.make_input import (
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.footprint_checks import first_misfit
 from wayproof.harness.stack.path_following import (
+    DrivablePart,
     brake_on_path,
     drive_along,
     fit_trajectory,
@@ -128,7 +129,7 @@ def test_braking_before_the_end_of_a_free_path_has_no_label():
     start = state.trajectory.at(input.effect_ns)
     path = start.position + np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])
     state = replace(state, global_path=path)
-    command, _ = brake_on_path(input, state, start, 0.2, blocked=False)
+    command, _ = brake_on_path(input, state, start, DrivablePart(0.2, blocked=False))
     assert (command.action, command.label) == ("stop_and_wait", "none")
     assert command.reason.kind == "path_too_short"
     assert command.reason.path_m == pytest.approx(0.2, abs=1e-6)
@@ -160,7 +161,7 @@ def test_a_long_body_in_a_lane_sets_out_as_it_lies(heading, tail_first):
     input = make_input(LANE, LONG, heading=heading)
     state = at_rest(heading=heading, global_path=PATH)
     start = state.trajectory.at(input.effect_ns)
-    command, _ = set_out(input, state, start, 5.5, blocked=False)
+    command, _ = set_out(input, state, start, DrivablePart(5.5, blocked=False))
     assert command.action == "follow"
     poses = command.trajectory.poses(0.1)
     assert poses[-1, 0] > 3.0
@@ -175,7 +176,7 @@ def test_a_long_body_with_no_room_to_turn_into_its_path_waits_and_drops_it():
     across = np.array([place(3.05, 2.05), place(3.05, 3.55)])
     state = at_rest((3.05, 2.05), global_path=across)
     start = state.trajectory.at(input.effect_ns)
-    command, after = set_out(input, state, start, 0.4, blocked=True)
+    command, after = set_out(input, state, start, DrivablePart(0.4, blocked=True))
     assert (command.action, command.label) == ("stop_and_wait", "no_path")
     assert command.reason.kind == "no_room_to_turn"
     assert command.reason.cell_state == "occupied"
@@ -203,7 +204,9 @@ def test_a_path_through_the_unknown_is_driven_at_the_fraction_of_the_speed():
     input = make_input(states, policy="penalize")
     state = at_rest(global_path=PATH)
     start = state.trajectory.at(input.effect_ns)
-    command, _ = drive_along(input, state, start, 5.5, blocked=False, tail_first=False)
+    command, _ = drive_along(
+        input, state, start, DrivablePart(5.5, blocked=False), tail_first=False
+    )
     assert (command.action, command.label) == ("slow", "unknown_ahead")
     share = BehaviourConfig().unknown_speed_fraction
     assert top_speed(command.trajectory) == pytest.approx(share * LIMITS.speed, rel=1e-3)
