@@ -36,12 +36,9 @@ from wayproof.planners.registry import (
     state_space_for,
 )
 from wayproof.planners.seeds import plan_seed
-from wayproof.planners.trajectory import (
-    MotionLimits,
+from wayproof.planners.trajectory import MotionLimits, Setpoints, Trajectory, TrajectorySample
+from wayproof.planners.trajectory_generation import (
     PathState,
-    Setpoints,
-    Trajectory,
-    TrajectorySample,
     follow_path,
     hold,
     stop_along,

@@ -174,7 +174,7 @@ def _solved(start: State, target: State, speed: float | None, limits: AxisLimits
     """Profile of ruckig.
 
     Raises:
-        RuntimeError: ruckig found none.
+        RuntimeError: As `_calculated`.
     """
     request = _request(start, limits)
     request.target_position = [target.position]
@@ -201,10 +201,35 @@ def _request(start: State, limits: AxisLimits) -> ruckig.InputParameter:
 def _calculated(
     solver: ruckig.Ruckig, request: ruckig.InputParameter, found: ruckig.Trajectory
 ) -> ruckig.Profile:
-    result = solver.calculate(request, found)
+    """Profile of a request.
+
+    Raises:
+        RuntimeError: ruckig refuses the request, or finds no motion.
+    """
+    try:
+        result = solver.calculate(request, found)
+    except ruckig.RuckigError as error:
+        why = str(error).strip().removeprefix("[ruckig] ")
+        raise RuntimeError(f"{_in_words(request)}; ruckig: {why}") from None
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise RuntimeError(f"ruckig: {result} for {request}")
+        raise RuntimeError(f"{_in_words(request)}; ruckig: {result.name}")
     return found.profiles[0][0]
+
+
+def _in_words(request: ruckig.InputParameter) -> str:
+    """A request and its limits in one line, every digit of them."""
+    start = request.current_position + request.current_velocity + request.current_acceleration
+    position, velocity = request.target_position[0], request.target_velocity[0]
+    if request.control_interface == ruckig.ControlInterface.Velocity:
+        target, speed = f"velocity {velocity}", ""
+    else:
+        target = f"position {position}, velocity {velocity}"
+        speed = f"velocity {request.max_velocity[0]}, "
+    return (
+        f"motion: got position {start[0]}, velocity {start[1]}, acceleration {start[2]} to "
+        f"{target}, expected a motion within {speed}acceleration {request.max_acceleration[0]}, "
+        f"jerk {request.max_jerk[0]}"
+    )
 
 
 def change_speed(start: State, velocity: float, limits: AxisLimits) -> Leg:

@@ -17,6 +17,7 @@ from wayproof.planners import (
     jerk_limited,
     remaining,
     speed_limits,
+    speed_zones,
     stop_along,
     stopping_distance,
     trajectory,
@@ -57,13 +58,43 @@ def test_lengths_of_changes_of_speed_are_those_of_the_changes():
             assert length(velocity) == end.position - start.position
 
 
+@pytest.mark.parametrize(
+    ("start", "target", "speed", "limits", "text"),
+    [
+        (
+            (0.0, 0.0, 0.0),
+            (1.0, 5.0, 0.0),
+            1.0,
+            (2.0, 3.0),
+            "motion: got position 0.0, velocity 0.0, acceleration 0.0 to position 1.0, velocity "
+            "5.0, expected a motion within velocity 1.0, acceleration 2.0, jerk 3.0; ruckig: "
+            "target velocity 5.000000 of DoF 0 exceeds its maximum velocity limit 1.000000.",
+        ),
+        (
+            (0.25, math.nan, 0.0),
+            (0.0, 1.0, 0.0),
+            None,
+            (2.0, 3.0),
+            "motion: got position 0.25, velocity nan, acceleration 0.0 to velocity 1.0, expected "
+            "a motion within acceleration 2.0, jerk 3.0; ruckig: current velocity nan of DoF 0 "
+            "should be a valid number.",
+        ),
+    ],
+)
+def test_a_motion_that_ruckig_refuses_is_named_in_one_line(start, target, speed, limits, text):
+    ends = jerk_limited.State(*start), jerk_limited.State(*target)
+    with pytest.raises(RuntimeError) as raised:
+        jerk_limited.solve(*ends, speed, jerk_limited.AxisLimits(*limits))
+    assert str(raised.value) == text
+
+
 def test_compiled_speeds_of_a_body_that_turns_late_equal_python():
     rng = np.random.default_rng(5)
     arcs = np.cumsum(rng.uniform(0.0, 0.1, 90))
     turns, allowed, speeds = (rng.uniform(0.0, most, n) for most, n in ((1, 88), (2, 90), (2, 90)))
     slowed, again = speeds.copy(), speeds.copy()
-    trajectory.slow_while_behind(arcs, turns, allowed, 9.0, 0.5, slowed)
-    trajectory.slow_while_behind.py_func(arcs, turns, allowed, 9.0, 0.5, again)
+    speed_zones.slow_while_behind(arcs, turns, allowed, 9.0, 0.5, slowed)
+    speed_zones.slow_while_behind.py_func(arcs, turns, allowed, 9.0, 0.5, again)
     assert np.array_equal(slowed, again)
     assert 0 < np.count_nonzero(slowed < speeds) < 80
 
@@ -293,7 +324,7 @@ def test_setpoints_are_the_samples_one_by_one(points, ordered, interpreted, monk
 @pytest.mark.parametrize("interpreted", [False, True])
 def test_zones_and_ramps_are_what_numpy_makes_of_them(interpreted, monkeypatch):
     if interpreted:
-        monkeypatch.setattr(trajectory, "cut_zones", trajectory.cut_zones.py_func)
+        monkeypatch.setattr(speed_zones, "cut_zones", speed_zones.cut_zones.py_func)
         monkeypatch.setattr(jerk_limited, "list_ramps", jerk_limited.list_ramps.py_func)
     rng, cut = np.random.default_rng(1), 0
     for number in range(60):
@@ -305,14 +336,14 @@ def test_zones_and_ramps_are_what_numpy_makes_of_them(interpreted, monkeypatch):
             changes = np.flatnonzero(slow[1:] != slow[:-1])
             borders = [0.0, *(0.5 * (arcs[changes] + arcs[changes + 1])), arcs[-1]]
             runs = np.split(
-                np.maximum(np.minimum(allowed, 1.2), trajectory.LEAST_SPEED), changes + 1
+                np.maximum(np.minimum(allowed, 1.2), speed_zones.LEAST_SPEED), changes + 1
             )
             expected = [
                 (end - max(begin, s), run.min())
                 for begin, end, run in zip(borders[:-1], borders[1:], runs, strict=True)
-                if end - max(begin, s) > trajectory.LEAST_ZONE
+                if end - max(begin, s) > speed_zones.LEAST_ZONE
             ]
-            zones = trajectory.speed_zones(path, float(s), 1.2, DRONE)
+            zones = speed_zones.speed_zones(path, float(s), 1.2, DRONE)
             assert list(map(tuple, zones)) == expected
             cut += len(zones) > 1
         headings = np.round(rng.normal(size=1 + number), 1 - number % 2)
@@ -383,10 +414,10 @@ def test_a_sharp_corner_is_taken_sideways_and_the_turn_is_made_good_behind_it():
 
 
 def test_the_first_length_of_zones_is_slowed():
-    zones = [trajectory.SpeedZone(1.0, 0.8), trajectory.SpeedZone(2.0, 0.2)]
-    slowed = trajectory.slow_at_first(zones, 1.5, 0.3)
+    zones = [speed_zones.SpeedZone(1.0, 0.8), speed_zones.SpeedZone(2.0, 0.2)]
+    slowed = speed_zones.slow_at_first(zones, 1.5, 0.3)
     assert slowed == [(1.0, 0.3), (0.5, 0.2), (1.5, 0.2)]
-    assert trajectory.slow_at_first(zones, 0.0, 0.3) == zones
+    assert speed_zones.slow_at_first(zones, 0.0, 0.3) == zones
 
 
 BENT = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.5, 1.0], [3.0, 1.5, 1.0]])

@@ -1,0 +1,124 @@
+"""Speed zones of a path: where its curvature and the turns of the body limit the speed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wayproof.planners._jit import kernel
+from wayproof.planners.kernels.angles import edge_headings
+from wayproof.planners.kernels.grid import Floats
+from wayproof.planners.path import arc_lengths, edge_tangents, speed_limits
+from wayproof.planners.speed_profile import LEAST_ZONE, SpeedZone
+from wayproof.planners.trajectory import MotionLimits
+
+TURNING = 0.25
+"""Heading error from which on a body that moves still turns into its path, rad."""
+
+TURN_LAG = 0.3
+"""Time that a body takes to begin and to end a turn while it moves, s."""
+
+LEAST_SPEED = 0.02
+"""Smallest speed limit, m/s: below it a profile would take hours."""
+
+
+def speed_zones(
+    path: Floats, s: float, cap: float, limits: MotionLimits, sideways_speed: float = 0.0
+) -> list[SpeedZone]:
+    """Cut a path from an arc length on where its curvature begins or ceases to limit the speed."""
+    arcs = arc_lengths(path)
+    allowed = speed_limits(path, limits.lateral_acceleration, limits.yaw_rate)
+    if sideways_speed > 0.0:
+        allowed = _allow_sideways(path, arcs, allowed, limits, sideways_speed)
+    lengths, speeds = np.empty(len(path)), np.empty(len(path))
+    count = cut_zones(arcs, allowed, s, cap, lengths, speeds)
+    return list(map(SpeedZone, lengths[:count].tolist(), speeds[:count].tolist()))
+
+
+def _allow_sideways(
+    path: Floats, arcs: Floats, allowed: Floats, limits: MotionLimits, sideways_speed: float
+) -> Floats:
+    """Speeds (n,) of a body that need not have turned at a speed that it has in any direction.
+
+    Where its turn falls behind the path's, it keeps to that speed until it has caught up.
+    """
+    lateral = speed_limits(path, limits.lateral_acceleration, math.inf)
+    turns = np.abs(np.diff(edge_headings(edge_tangents(path), 0.0)))  # (n - 2,)
+    speeds: Floats = np.minimum(lateral, np.maximum(allowed, sideways_speed))
+    slow_while_behind(arcs, turns, allowed, limits.yaw_rate, sideways_speed, speeds)
+    return speeds
+
+
+@kernel
+def slow_while_behind(
+    arcs: Floats,  # (n,)
+    turns: Floats,  # (n - 2,) of the path at its inner points, rad, not negative
+    allowed: Floats,  # (n,) speeds of a body that turns with the path
+    yaw_rate: float,
+    sideways_speed: float,
+    speeds: Floats,  # (n,) in, out
+) -> None:
+    """Limit the speeds at which the heading has not caught up with the path's yet."""
+    behind = 0.0  # rad
+    for k in range(1, len(arcs)):
+        taken = (arcs[k] - arcs[k - 1]) / sideways_speed
+        behind = max(behind - yaw_rate * taken, 0.0)
+        if k <= len(turns) and allowed[k] < sideways_speed:
+            behind += turns[k - 1]
+        if behind > TURNING:
+            speeds[k] = min(speeds[k], sideways_speed)
+
+
+def slow_while_turning(
+    zones: list[SpeedZone], turn: float, yaw_rate: float, sideways_speed: float
+) -> list[SpeedZone]:
+    """Limit the speed until the body has turned into the path, by a turn of more than `TURNING`.
+
+    Args:
+        zones: Of the path.
+        turn: Turn that is left, rad, not negative.
+        yaw_rate: rad/s.
+        sideways_speed: Speed until then, m/s.
+    """
+    if turn <= TURNING:
+        return zones
+    return slow_at_first(zones, sideways_speed * (turn / yaw_rate + TURN_LAG), sideways_speed)
+
+
+def slow_at_first(zones: list[SpeedZone], length: float, speed: float) -> list[SpeedZone]:
+    """Limit the speed over a first length, m, to a speed, m/s."""
+    slowed = []
+    for zone in zones:
+        first = min(zone.length, length)
+        length -= first
+        if first > LEAST_ZONE:
+            slowed.append(SpeedZone(first, min(zone.speed, speed)))
+        if zone.length - first > LEAST_ZONE:
+            slowed.append(SpeedZone(zone.length - first, zone.speed))
+    return slowed
+
+
+@kernel
+def cut_zones(
+    arcs: Floats,  # (n,)
+    allowed: Floats,  # (n,) speeds
+    s: float,
+    cap: float,
+    lengths: Floats,  # (n,) out
+    speeds: Floats,  # (n,) out
+) -> int:
+    """Cut a path into runs of slow and of fast points; return their number."""
+    count = 0
+    begin, speed = s, np.inf
+    for k in range(len(arcs)):
+        speed = min(speed, max(min(allowed[k], cap), LEAST_SPEED))
+        last = k == len(arcs) - 1
+        if not last and (allowed[k] < cap) == (allowed[k + 1] < cap):
+            continue
+        end = arcs[k] if last else 0.5 * (arcs[k] + arcs[k + 1])
+        if end - begin > LEAST_ZONE:
+            lengths[count], speeds[count] = end - begin, speed
+            count += 1
+        begin, speed = max(end, s), np.inf
+    return count

@@ -1,0 +1,168 @@
+"""Generation of trajectories: along a path to rest, a stop, a turn in place, a hold."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from wayproof.planners import jerk_limited
+from wayproof.planners.jerk_limited import Profile, State
+from wayproof.planners.kernels.angles import edge_headings, rate_limited, wrap, yaw_of_direction
+from wayproof.planners.kernels.grid import Floats
+from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, tangent_at, truncate
+from wayproof.planners.speed_profile import LEAST_ZONE, time_parameterize
+from wayproof.planners.speed_zones import LEAST_SPEED, slow_while_turning, speed_zones
+from wayproof.planners.trajectory import MotionLimits, Trajectory
+
+HEADING_STEP = 0.01
+"""Time step of headings that follow a path, s."""
+
+REST_SPEED = 1e-9
+"""Speed at which a profile that ended counts as at rest, m/s: rounding can leave it below 0."""
+
+
+class PathState(NamedTuple):
+    """State of a robot on a path, where a trajectory begins."""
+
+    time_ns: int  # simulated
+    arc_length: float  # m
+    speed: float  # along the path, m/s, 0 or more
+    acceleration: float  # along the path, m/s^2
+    heading: float  # rad
+
+
+def follow_path(
+    path: Floats,
+    start: PathState,
+    limits: MotionLimits,
+    speed_cap: float,
+    reverse: bool = False,
+    sideways_speed: float = 0.0,
+) -> Trajectory:
+    """Fastest trajectory from a state on a path to rest at the path's end.
+
+    The whole of it obeys the limits of speed and curvature, except while it still slows down from
+    a state that did not. If the path is too short to stop, it is the fastest stop, beyond the end.
+    The heading follows the path at `limits.yaw_rate` at most.
+
+    Args:
+        path: Shape (m, 3), m, world frame.
+        start: State on the path.
+        limits: Limits of the robot.
+        speed_cap: A further limit of the speed, m/s; at or below 2 cm/s the robot stops.
+        reverse: Whether it moves tail first.
+        sideways_speed: Speed until the heading has turned into the path, m/s; 0 for no such limit.
+
+    Returns:
+        A trajectory whose arc lengths are those of `path`.
+
+    Raises:
+        ValueError: If the path is not (m, 3) or the speed is negative.
+    """
+    state = _start_state(path, start, limits)
+    length = float(arc_lengths(path)[-1]) - state.position
+    cap = min(limits.speed, speed_cap)
+    motion = None
+    if cap > LEAST_SPEED and length > LEAST_ZONE:
+        zones = speed_zones(path, state.position, cap, limits, sideways_speed)
+        if sideways_speed > 0.0:
+            turn = _turn_into(path, state.position, start.heading, math.pi if reverse else 0.0)
+            zones = slow_while_turning(zones, turn, limits.yaw_rate, sideways_speed)
+        motion = time_parameterize(state, zones, limits.along)
+    if motion is None:
+        motion = jerk_limited.stop(state, limits.along)
+    return _along(path, start, motion, limits, reverse)
+
+
+def stop_along(
+    path: Floats, start: PathState, limits: MotionLimits, reverse: bool = False
+) -> Trajectory:
+    """Fastest jerk-limited stop along a path, straight on beyond its end.
+
+    One axis, the arc length, keeps the robot on the path: x, y and z stopped each on its own would
+    leave it. Arguments as in `follow_path`.
+    """
+    motion = jerk_limited.stop(_start_state(path, start, limits), limits.along)
+    return _along(path, start, motion, limits, reverse)
+
+
+def turn_in_place(
+    position: Floats, start_ns: int, heading: float, target_heading: float, limits: MotionLimits
+) -> Trajectory:
+    """Turn at rest to a heading, rad, the shorter way round."""
+    target = heading + float(wrap(target_heading - heading))
+    turning = jerk_limited.move(State(heading, 0.0, 0.0), target, limits.yaw_rate, limits.yaw)
+    return Trajectory(start_ns, _single(position), jerk_limited.at_rest(0.0), turning)
+
+
+def hold(position: Floats, start_ns: int, heading: float) -> Trajectory:
+    """Stay at a position and heading, rad."""
+    return Trajectory(
+        start_ns, _single(position), jerk_limited.at_rest(0.0), jerk_limited.at_rest(heading)
+    )
+
+
+@lru_cache(maxsize=64)  # each decision needs the same few several times
+def stopping_distance(speed: float, acceleration: float, limits: MotionLimits) -> float:
+    """Length of the fastest jerk-limited stop, m."""
+    start = _feasible(0.0, speed, acceleration, limits)
+    return jerk_limited.stop(start, limits.along).end
+
+
+def _single(position: Floats) -> Floats:
+    return np.array(position, dtype=np.float64).reshape(1, 3)
+
+
+def _start_state(path: Floats, start: PathState, limits: MotionLimits) -> State:
+    if path.ndim != 2 or path.shape[1] != 3 or len(path) == 0:
+        raise ValueError(f"path: got shape {path.shape}, expected (m, 3) with m of 1 or more")
+    total = float(arc_lengths(path)[-1])
+    position = min(max(start.arc_length, 0.0), total)
+    return _feasible(position, start.speed, start.acceleration, limits)
+
+
+def _feasible(s: float, speed: float, acceleration: float, limits: MotionLimits) -> State:
+    """A state whose deceleration can end before the speed would turn negative."""
+    if not speed >= -REST_SPEED:
+        raise ValueError(f"speed: got {speed}, expected 0 or more")
+    speed = max(speed, 0.0)  # a profile that ends at rest can miss 0 by a rounding
+    return State(s, speed, max(acceleration, -math.sqrt(2.0 * limits.jerk * speed)))
+
+
+def _turn_into(path: Floats, s: float, heading: float, off: float) -> float:
+    """Turn from a heading into a path at an arc length, rad, not negative."""
+    tangent = tangent_at(path, s)
+    return abs(float(wrap(yaw_of_direction(tangent[0], tangent[1]) - off - heading)))
+
+
+def _along(
+    path: Floats, start: PathState, motion: Profile, limits: MotionLimits, reverse: bool
+) -> Trajectory:
+    """A trajectory of a profile on a path, its heading following the path's."""
+    overshoot = motion.end - float(arc_lengths(path)[-1])
+    if overshoot < -LEAST_ZONE:  # it stops before the end: the rest is no part of it
+        path, overshoot = truncate(path, motion.end), 0.0
+    elif overshoot <= LEAST_ZONE:
+        overshoot = 0.0
+    elif len(path) > 1:
+        path = np.vstack((path, path[-1] + overshoot * edge_tangents(path)[-1]))
+    turning = _turning(path, motion, start.heading, limits, math.pi if reverse else 0.0)
+    return Trajectory(start.time_ns, path, motion, turning, overshoot)
+
+
+def _turning(
+    path: Floats, motion: Profile, heading: float, limits: MotionLimits, off: float
+) -> Profile:
+    """Heading while moving: that of the path and an offset, blended between middles of edges."""
+    steps = math.floor(motion.duration / HEADING_STEP)  # without the incomplete one at the end
+    if steps == 0 or len(path) == 1:
+        return jerk_limited.at_rest(heading)
+    middles = arc_lengths(path)[:-1] + 0.5 * edge_lengths(path)
+    headings = edge_headings(edge_tangents(path), heading - off) + off
+    times = HEADING_STEP * np.arange(1.0, steps + 1.0)
+    targets = np.interp(motion.positions(times), middles, headings)
+    followed = rate_limited(targets, heading, limits.yaw_rate * HEADING_STEP)
+    return jerk_limited.ramped(followed, HEADING_STEP)
