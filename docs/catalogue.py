@@ -16,7 +16,8 @@ from docs.docstrings import attributes, description, summary
 from wayproof.harness.bench.published import BENCHMARKS
 from wayproof.harness.bench.stages import STAGES
 from wayproof.harness.cli.catalogue import Catalogue, Entry
-from wayproof.harness.config import BUILTIN, FILLED_IN, NAMED, RECORDING, Config, section_of
+from wayproof.harness.config import BUILTIN, Config
+from wayproof.harness.config_document import FILLED_IN, NAMED, RECORDING, section_of
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation, Perturbation

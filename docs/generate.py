@@ -21,7 +21,8 @@ from wayproof.harness.cli import VERBS
 from wayproof.harness.cli.catalogue import FILE as CATALOGUE
 from wayproof.harness.cli.catalogue import encode
 from wayproof.harness.cli.main import verb_parsers
-from wayproof.harness.config import RECORDING, Config, section_of
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import RECORDING, section_of
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig

@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-import dataclasses
-import functools
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
-
-import msgspec
+from typing import Annotated, Literal
 
 from wayproof.harness.behaviour_config import BehaviourConfig
-from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.prediction_config import NO_PREDICTOR, PredictionConfig, is_outside
 from wayproof.harness.prior_config import NO_PRIOR, PriorConfig
-from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
-from wayproof.harness.renamed import current_value, renamed, with_current_names
+from wayproof.harness.recording_config import RecordingConfig
 from wayproof.kernel_cache import load_without_compiler
-from wayproof.maps import MAPS, CostmapConfig, MapConfig
+from wayproof.maps import CostmapConfig, MapConfig
 from wayproof.maps.bounds import Bounds, check_fields
 from wayproof.models.classes import CLASSES
 from wayproof.models.places import PLACES
 from wayproof.models.pose_model import PoseModelConfig
-from wayproof.models.sensors.devices import DEVICES, OWN, SensorConfig
+from wayproof.models.sensors.devices import SensorConfig
 from wayproof.models.world_parameters import WorldParameters
-from wayproof.planners import FORMER_NAMES, PLANNERS, PlannerConfig
+from wayproof.planners import PlannerConfig
 
 load_without_compiler()  # here, as whatever runs kernels has settings, and numba is loaded by now
 
@@ -274,198 +267,15 @@ def _check_estimate(kind: str, perturbation: AnyPerturbation | None) -> None:
         )
 
 
-NAMED: dict[str, Iterable[str]] = {
-    "map.kind": MAPS,
-    "planner.name": PLANNERS,
-    "sensors.lidar": (OWN, *DEVICES),
-    "sensors.depth": (OWN, *DEVICES),
-}
-"""Settings whose values are names in a registry."""
-
-FILLED_IN = ("prior_map",)
-"""Fields that only a run sets."""
-
-NUMBERS = ("int", "float")
-"""Types of settings that are numbers; a switch is none."""
-
 CODE = ("planner.name", "stack.name", "prediction.source")
 """Settings that may name code of the user's own."""
 
-RECORDING = "recording"
-"""Section of the settings that only a recording has."""
 
 HASH_SEPARATOR = "@"
 """Separator in `name@hash`, the name of a world or robot that was read from a file."""
 
 PLUGIN = ":"
 """In the name of a planner or a robot's controller: `module:Class` of the user's own."""
-
-
-def override(config: Config, settings: Iterable[str]) -> Config:
-    """Apply `section.field=value` settings, each checked for its name and its type.
-
-    A setting's former name, as in older studies, stands for its name.
-
-    Raises:
-        InputError: A setting has no '=', an unknown name, a wrong type or a refused value.
-    """
-    for setting in settings:
-        key, separator, text = setting.partition("=")
-        if not separator:
-            raise InputError(f"--set {setting}: expected section.field=value")
-        key = renamed(key)
-        document = msgspec.to_builtins(config)
-        section, name = _locate(document, key)
-        before = value_of(config, key)
-        section[name] = value = current_value(key, _parse(text))
-        if isinstance(value, str) and type(before).__name__ in NUMBERS:
-            number = "a whole number" if isinstance(before, int) else "a finite number"
-            raise InputError(f"--set {setting}: expected {number}, such as {before}")
-        plugin = key == "planner.name" and PLUGIN in str(value)
-        if key in NAMED and value not in NAMED[key] and not plugin:
-            raise unknown_name(key, str(value), NAMED[key])
-        try:
-            config = from_document(document)
-        except InputError as error:
-            raise InputError(f"--set {setting}: {error}") from None
-    return config
-
-
-def with_perturbation(config: Config, perturbation: AnyPerturbation | None) -> Config:
-    """Return a config with a perturbation in place of its own.
-
-    Raises:
-        InputError: It acts on what the config does not have.
-    """
-    try:
-        return dataclasses.replace(config, perturbation=perturbation)
-    except ValueError as error:
-        kind = "none" if perturbation is None else perturbation.kind
-        raise InputError(f"perturbation '{kind}': {error}") from None
-
-
-def value_of(config: Config, key: str) -> Any:
-    """Value of a `section.field`."""
-    return functools.reduce(getattr, _fields_of(key), config)
-
-
-def section_of(field_name: str) -> str:
-    """Section of the settings in a field of the config: `world` is taken by the name of the world.
-
-    Args:
-        field_name: Name of a field of `Config`.
-    """
-    return "world" if field_name == "world_parameters" else field_name
-
-
-def _fields_of(key: str) -> list[str]:
-    """Names of the fields of a setting, from `Config` down."""
-    section, *names = key.split(".")
-    return ["world_parameters" if section == "world" and names else section, *names]
-
-
-def from_document(document: Any) -> Config:
-    """Build the config from plain JSON values.
-
-    Raises:
-        InputError: Naming the field, what was got and what was expected.
-    """
-    try:
-        return msgspec.convert(document, Config)
-    except msgspec.ValidationError as error:
-        raise InputError(_one_line(error)) from None
-
-
-def _section(document: Any, name: str) -> dict[str, Any]:
-    """A section of settings; an empty one of its own if the document has none."""
-    section = document.get(name) if isinstance(document, dict) else None
-    return section if isinstance(section, dict) else {}
-
-
-def document_of(config: Config) -> dict[str, Any]:
-    """The resolved config as plain JSON values.
-
-    Waypoints, a prior map and predictions are left out where there are none.
-    """
-    document: dict[str, Any] = msgspec.to_builtins(config)
-    left_out = {
-        "waypoints": not config.waypoints,
-        "prior": config.prior == PriorConfig(),
-        "prior_map": not config.prior_map,
-        "prediction": config.prediction == PredictionConfig(),
-    }
-    return {name: value for name, value in document.items() if not left_out.get(name, False)}
-
-
-def to_json(config: Config) -> bytes:
-    """The resolved config as JSON, fields in their declared order; see `document_of`."""
-    document = document_of(config)
-    return msgspec.json.format(msgspec.json.encode(document), indent=1)
-
-
-def from_json(data: bytes, allow_plugins: bool = False) -> Config:
-    """Read back what `to_json` wrote; floats come back bit by bit.
-
-    Args:
-        data: The text.
-        allow_plugins: Whether a planner or a robot's controller named `module:Class` may be
-            imported: whoever wrote the text then chooses code that is run here.
-
-    Raises:
-        InputError: The text is no JSON or no config, or names a plugin that is not allowed.
-    """
-    try:
-        document = msgspec.json.decode(data)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"config: {error}") from None
-    if isinstance(document, dict):
-        document.setdefault("motion", {})  # the oldest logs lack it
-        document.setdefault("behaviour", {})
-    planner, mapped = _section(document, "planner"), _section(document, "map")
-    moved = _section(document, "motion")
-    planner.setdefault("grain", 0.0)  # recorded before there was one
-    mapped.setdefault("ground_fit", False)  # likewise
-    if isinstance(document, dict):
-        document.setdefault("costmap", {})
-    _section(document, "costmap").setdefault("window", 0.0)  # likewise
-    moved.setdefault("limits", "cautious")  # likewise
-    behaviour = _section(document, "behaviour")
-    behaviour.setdefault("keep_moving", False)  # likewise
-    behaviour.setdefault("narrow_speed_fraction", 1.0)  # likewise
-    behaviour.setdefault("rules", 1)  # likewise
-    name = planner.get("name")
-    if not allow_plugins and isinstance(name, str) and PLUGIN in name:
-        raise InputError(
-            f"config names the planner '{name}', which is code outside Wayproof; "
-            "expected --allow-plugins to load it"
-        )
-    if isinstance(document, dict):
-        document.setdefault("keyframe_period", 0.0)  # likewise
-    config = from_document(with_current_names(document))
-    _check_controller(config, allow_plugins)
-    for key, available in NAMED.items():
-        value = str(value_of(config, key))
-        if key == "planner.name" and value in FORMER_NAMES:  # recorded before it was renamed
-            continue
-        if value not in available and not (key == "planner.name" and PLUGIN in value):
-            raise unknown_name(key, value, available)
-    return config
-
-
-def _check_controller(config: Config, allow_plugins: bool) -> None:
-    if not config.robot_file:
-        return
-    from wayproof.models.robots.custom import RobotSpecError, parse_spec  # it loads the simulator
-
-    try:
-        name = parse_spec(config.robot_file).controller
-    except RobotSpecError as error:
-        raise InputError(f"config: robot_file: {error}") from None
-    if PLUGIN in name and not allow_plugins:
-        raise InputError(
-            f"config names the controller '{name}', which is code outside Wayproof; "
-            "expected --allow-plugins to load it"
-        )
 
 
 def _check_class_margins(margins: Mapping[str, float], semantics: bool) -> None:
@@ -479,67 +289,3 @@ def _check_class_margins(margins: Mapping[str, float], semantics: bool) -> None:
         raise ValueError(
             "costmap.class_margins: got margins without classes, expected sensors.semantics=true"
         )
-
-
-def setting_names() -> list[str]:
-    """Every `section.field` that `--set` accepts of a simulated episode."""
-    return [name for name in _names_in(Config) if name not in FILLED_IN]
-
-
-def recording_setting_names() -> list[str]:
-    """Every `recording.field` that `--set` accepts of a recording."""
-    names = _names_in(RecordingConfig, f"{RECORDING}.")
-    return [name for name in names if name.partition(".")[2] not in SET_BY_RUN]
-
-
-def _names_in(section: Any, prefix: str = "") -> list[str]:
-    """Dotted names of a dataclass's fields, those of nested sections with them."""
-    names = []
-    for entry in dataclasses.fields(section):
-        inner = entry.default_factory
-        if dataclasses.is_dataclass(inner):
-            names += _names_in(inner, f"{prefix}{section_of(entry.name)}.")
-        else:
-            names.append(prefix + entry.name)
-    return names
-
-
-def _locate(document: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:
-    names = setting_names()
-    if document.get(RECORDING) is not None:
-        names += recording_setting_names()
-    elif key in recording_setting_names():
-        raise InputError(f"setting {key}: of a recording, as 'wayproof shadow' takes it")
-    if key not in names:
-        siblings: list[str] = []
-        section = key
-        while "." in section and not siblings:
-            section = section.rpartition(".")[0]
-            siblings = [name for name in names if name.startswith(f"{section}.")]
-        raise unknown_name("setting", key, siblings or names)
-    *path, name = _fields_of(key)
-    for part in path:
-        document = document[part]
-    return document, name
-
-
-def _parse(text: str) -> Any:
-    """A JSON value where the text is one, the text itself where not; no guessing beyond that."""
-    try:
-        return json.loads(text, parse_constant=_refuse_constant)
-    except ValueError:
-        return text
-
-
-def _refuse_constant(name: str) -> Any:
-    raise ValueError(name)  # NaN and infinities stay text, which no number field takes
-
-
-def _one_line(error: msgspec.ValidationError) -> str:
-    """Turn msgspec's `Expected ... - at `$.a.b`` around: the field comes first."""
-    message, _, place = str(error).partition(" - at `$")
-    field_name = place.rstrip("`").lstrip(".").replace("world_parameters.", "world.")
-    if not field_name or message.startswith(field_name):
-        return message
-    text = message[0].lower() + message[1:]
-    return text if field_name in text else f"{field_name}: {text}"

@@ -15,7 +15,8 @@ from wayproof.harness.config import LatencyConfig
 from wayproof.harness.ending import Verdict
 from wayproof.harness.errors import NeverReturned
 from wayproof.harness.goals import goal_message, goals_claimed
-from wayproof.harness.inputs import Inputs, inputs_from_messages, serialized
+from wayproof.harness.input_messages import inputs_from_messages, serialized
+from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.errors import OutsideError
 from wayproof.harness.log.writer import TRACEBACK, LogWriter
 from wayproof.harness.result import Outcome, Result

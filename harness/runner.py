@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wayproof.harness.attribution.attribution import with_cause
-from wayproof.harness.config import Config, to_json
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import to_json
 from wayproof.harness.episode import Episode, Observer
-from wayproof.harness.inputs import Beams, beams_from_info
+from wayproof.harness.input_messages import beams_from_info
+from wayproof.harness.inputs import Beams
 from wayproof.harness.interface.build import live_navigator
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.predictors.asking import predictions_for

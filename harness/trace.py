@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.goals import distance_left, goals_before_last, goals_reached
-from wayproof.harness.inputs import covariance_of
+from wayproof.harness.input_messages import covariance_of
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import Log
 from wayproof.harness.result import RECORDED

@@ -19,8 +19,8 @@ ALLOWED = {
 ORDER = (
     *("errors", "forked", "schema", "geometry", "perturbations", "renamed", "behaviour_config"),
     *("recording_config", "estimator_config", "prior_config", "prediction_config"),
-    *("config", "mission", "goals"),
-    *("prediction", "listed_beams", "inputs"),
+    *("config", "config_document", "mission", "goals"),
+    *("prediction", "listed_beams", "inputs", "input_messages"),
     *("prior.grid", "prior.cells", "estimators", "stack", "interface"),
     *("result", "ending", "outputs", "supervision"),
     *("user_code", "log", "recordings", "prior", "scenario", "recompute", "attribution"),

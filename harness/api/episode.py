@@ -12,7 +12,8 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from wayproof.harness.config import Config, from_document, override, with_perturbation
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import from_document, override, with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.metrics import score

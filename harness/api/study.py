@@ -9,7 +9,8 @@ import pyarrow as pa
 
 from wayproof.harness.api.episode import RecordedEpisode, open
 from wayproof.harness.errors import InputError
-from wayproof.harness.study.file import Planned, StudyFile, plan_episodes
+from wayproof.harness.study.file import StudyFile
+from wayproof.harness.study.plan import Planned, plan_episodes
 from wayproof.harness.study.rows import arrow_table, read_row
 from wayproof.harness.study.store import Store
 

@@ -14,7 +14,8 @@ from wayproof.harness.attribution.true_space import TrueSpace
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.goals import leg_towards
-from wayproof.harness.inputs import Beams, Inputs, inputs_from_messages
+from wayproof.harness.input_messages import inputs_from_messages
+from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.paths import densely
 from wayproof.harness.log.reader import Log, as_truth

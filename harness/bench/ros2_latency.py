@@ -11,8 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from wayproof.harness.config import Config, override
-from wayproof.harness.inputs import Inputs, Pose, SweepInput, beams_from_info
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
+from wayproof.harness.input_messages import beams_from_info
+from wayproof.harness.inputs import Inputs, Pose, SweepInput
 from wayproof.harness.interface.observations import ObservationBuilder, task_of
 from wayproof.harness.interface.ros2.stack import REPEAT_S, Ros2Stack
 from wayproof.harness.scenario.scenario import build, sensor_info

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run both robots and replay their logs."""
-    from wayproof.harness.config import from_document, override
+    from wayproof.harness.config_document import from_document, override
     from wayproof.harness.forked import cores
     from wayproof.harness.replay.replay import replay
 

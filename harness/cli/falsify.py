@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Task; exit code 1 if a failure was found."""
     from wayproof.harness.clearance import true_clearance_is_bound
-    from wayproof.harness.config import from_document, override
+    from wayproof.harness.config_document import from_document, override
     from wayproof.harness.perturbations import PERTURBATIONS, check_kind
     from wayproof.harness.scenario.worlds import refuse_other_worlds
     from wayproof.harness.study.falsify.falsify import Task, falsify

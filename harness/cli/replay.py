@@ -138,7 +138,7 @@ def _simulate(path: Path, options: argparse.Namespace, console: Console) -> tupl
 def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.cli.live import LiveLine
     from wayproof.harness.cli.run import document_of, interrupted, print_verdict
-    from wayproof.harness.config import override
+    from wayproof.harness.config_document import override
     from wayproof.harness.log.reader import open_log
     from wayproof.harness.replay.fork import fork, fork_name
 

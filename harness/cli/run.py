@@ -42,7 +42,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         from wayproof.harness.viewer.driver import choose_driver
 
         choose_driver()
-    from wayproof.harness.config import from_document, override, with_perturbation
+    from wayproof.harness.config_document import from_document, override, with_perturbation
     from wayproof.harness.perturbations import perturbation_from
     from wayproof.harness.scenario.robots import refuse_unused
     from wayproof.harness.scenario.worlds import refuse_other_worlds
@@ -131,7 +131,8 @@ def _goal(text: str) -> tuple[float, ...] | str:
 
 def episode_name(config: Config) -> str:
     """Return `world-robot-seed`, with eight digits of the config's hash if a setting differs."""
-    from wayproof.harness.config import Config, to_json
+    from wayproof.harness.config import Config
+    from wayproof.harness.config_document import to_json
 
     stem, robot = Path(config.world).stem, Path(config.robot).stem  # of files' paths
     name = f"{stem}-{robot}-{config.seed}"

@@ -101,7 +101,7 @@ def log_name(recording: Recording, prepared: Prepared) -> str:
     """Return the recording's name, with eight digits of a hash of the config."""
     import hashlib
 
-    from wayproof.harness.config import to_json
+    from wayproof.harness.config_document import to_json
 
     stem = recording.name.partition(".")[0] or "recording"
     kept = "".join(c if c.isalnum() or c in "-_" else "-" for c in stem)[:60]

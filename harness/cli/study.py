@@ -26,7 +26,8 @@ from wayproof.harness.errors import InputError, Interrupted
 if TYPE_CHECKING:
     from wayproof.harness.study.analysis import ArmSummary
     from wayproof.harness.study.determinism import Certificate
-    from wayproof.harness.study.file import Planned, StudyFile
+    from wayproof.harness.study.file import StudyFile
+    from wayproof.harness.study.plan import Planned
     from wayproof.harness.study.recorded_table import Pass
     from wayproof.harness.study.store import Store
     from wayproof.harness.study.study import StudyResult
@@ -49,7 +50,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         return _published(options, console)
     if options.stack is not None or options.guard:
         raise InputError("--stack, --guard: expected --worlds; a study's file has `stacks` for it")
-    from wayproof.harness.study.file import plan_episodes, read_study
+    from wayproof.harness.study.file import read_study
+    from wayproof.harness.study.plan import plan_episodes
     from wayproof.harness.study.store import Store, merge
     from wayproof.harness.study.study import count_missing, run_study, shard
 
@@ -180,8 +182,8 @@ def _certify(
 
 def print_study(console: Console, result: StudyResult) -> None:
     """Print each arm in two lines, then the gates and the verdict."""
-    from wayproof.harness.study.file import name_of
     from wayproof.harness.study.gates import gate_in_words
+    from wayproof.harness.study.plan import name_of
     from wayproof.harness.study.study import verdict_in_words
 
     for one in result.arms:

@@ -62,7 +62,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 def print_thresholds(console: Console, thresholds: Thresholds) -> None:
     """Print the thresholds of one arm in two lines."""
-    from wayproof.harness.study.file import name_of
+    from wayproof.harness.study.plan import name_of
     from wayproof.harness.study.threshold import thresholds_in_words
 
     console.print(name_of(thresholds.arm), style="bold", highlight=False)

@@ -13,7 +13,8 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
-from wayproof.harness.log.reader import CHECK, Log, open_log, read_head
+from wayproof.harness.log.head import read_head
+from wayproof.harness.log.reader import CHECK, Log, open_log
 
 
 def record_check(path: Path, verdict: Verdict) -> None:

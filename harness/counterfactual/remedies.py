@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution.case import Case
-from wayproof.harness.config import Config, LatencyConfig, to_json
+from wayproof.harness.config import Config, LatencyConfig
+from wayproof.harness.config_document import to_json
 from wayproof.harness.counterfactual.recorded_movers import with_recorded_movers
 from wayproof.harness.counterfactual.true_cells import TrueCells, mark_truth, true_cells
 from wayproof.harness.episode import Episode

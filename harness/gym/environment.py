@@ -20,7 +20,8 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
-from wayproof.harness.config import Config, StackConfig, from_document, override, with_perturbation
+from wayproof.harness.config import Config, StackConfig
+from wayproof.harness.config_document import from_document, override, with_perturbation
 from wayproof.harness.errors import unknown_name
 from wayproof.harness.gym.agent_episode import AgentEpisode
 from wayproof.harness.gym.reward import TRUNCATIONS, Reward
@@ -34,7 +35,7 @@ from wayproof.harness.gym.spaces import (
     observation_space,
     observed,
 )
-from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.interface.policy_tensors import PolicyObserver
 from wayproof.harness.interface.types import Observation, Task
 from wayproof.harness.metrics import efficiency

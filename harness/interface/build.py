@@ -6,7 +6,8 @@ import contextlib
 from collections.abc import Iterator, Mapping
 
 from wayproof.harness.config import BUILTIN, Config
-from wayproof.harness.inputs import Beams, beams_from_info
+from wayproof.harness.input_messages import beams_from_info
+from wayproof.harness.inputs import Beams
 from wayproof.harness.interface.connect import Session, ShowsReferee, connect
 from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.trial import ShadowTrialNavigator, TrialNavigator

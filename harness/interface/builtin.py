@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-from wayproof.harness.config import from_document
+from wayproof.harness.config_document import from_document
 from wayproof.harness.inputs import Inputs, Pose, SweepInput
 from wayproof.harness.interface.motion import trajectory_of
 from wayproof.harness.interface.types import Command, Observation, Sweep, Task, Velocity

@@ -9,7 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.config import Config, to_json
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import to_json
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.inputs import Beams, Inputs, SweepInput
 from wayproof.harness.interface.types import (

@@ -22,7 +22,8 @@ from typing import IO, Protocol
 import numpy as np
 
 from wayproof.harness.errors import InputError, printable
-from wayproof.harness.inputs import Pose, SweepInput, WorldSweep, covariance_of, unheld_of
+from wayproof.harness.input_messages import covariance_of, unheld_of
+from wayproof.harness.inputs import Pose, SweepInput, WorldSweep
 from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.connect import make_stack
 from wayproof.harness.interface.observation_messages import (

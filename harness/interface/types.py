@@ -22,7 +22,8 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.inputs import Beams, WorldSweep, beams_from_info
+from wayproof.harness.input_messages import beams_from_info
+from wayproof.harness.inputs import Beams, WorldSweep
 from wayproof.harness.mission import Mission
 from wayproof.harness.prior.cells import PriorCells
 from wayproof.harness.schema import wayproof_pb2 as pb

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from wayproof.harness.inputs import WorldSweep, beams_from_info, inputs_from_messages
+from wayproof.harness.input_messages import beams_from_info, inputs_from_messages
+from wayproof.harness.inputs import WorldSweep
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.shadow.batches import batches

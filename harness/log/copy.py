@@ -9,7 +9,8 @@ from google.protobuf.message import Message
 
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
-from wayproof.harness.log.reader import ATTACHMENTS, LONGEST_NS, Head, open_log, read_head
+from wayproof.harness.log.head import ATTACHMENTS, Head, read_head
+from wayproof.harness.log.reader import LONGEST_NS, open_log
 from wayproof.harness.log.writer import PREDICTOR_STDERR, STDERR, TRACEBACK, LogWriter
 from wayproof.harness.schema import wayproof_pb2 as pb
 

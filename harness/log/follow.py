@@ -19,7 +19,8 @@ from google.protobuf.message import Message
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import Attachment, Cut, Item, Metadata, Packet, walk_in
 from wayproof.harness.log.codec.messages import decode, is_ours
-from wayproof.harness.log.reader import Log, open_log, read_head
+from wayproof.harness.log.head import read_head
+from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.outputs import ENDING
 from wayproof.harness.schema import wayproof_pb2 as pb
 

@@ -2,45 +2,26 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-import zstandard
 from google.protobuf.message import Message
 
-from wayproof.harness.config import Config, from_json
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import from_json
 from wayproof.harness.errors import InputError, printable
-from wayproof.harness.inputs import Beams, Inputs, beams_from_info, inputs_from_messages
-from wayproof.harness.log.codec.container import (
-    GREATEST_RECORD,
-    MAGIC,
-    Attachment,
-    Metadata,
-    Packet,
-    walk,
-)
-from wayproof.harness.log.codec.messages import decode, read_keyframes, read_messages
-from wayproof.harness.log.writer import (
-    PACKED_SCENE,
-    PLUGINS,
-    READABLE,
-    STDERR,
-    TRACEBACK,
-    WITH_REASONS,
-    digest_name,
-)
+from wayproof.harness.input_messages import inputs_from_messages
+from wayproof.harness.inputs import Beams, Inputs
+from wayproof.harness.log.codec.container import walk
+from wayproof.harness.log.codec.messages import read_keyframes, read_messages
+from wayproof.harness.log.head import Head, check_file, read_head
+from wayproof.harness.log.writer import PLUGINS, STDERR, TRACEBACK, WITH_REASONS
 from wayproof.harness.mission import Mission
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.schema import wayproof_pb2 as pb
-
-ATTACHMENTS = ("config.json", "mission.json", "scene.xml")
-
-DOCUMENTS = ("config", "mission")
-"""Fields of the metadata of a fork that are JSON."""
 
 CHECK = "check"
 """Name of the metadata with the verdict of a counterfactual check."""
@@ -348,7 +329,7 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
     Raises:
         InputError: No such file, no MCAP, truncated, of another format, or not ours.
     """
-    _check_file(path)
+    check_file(path)
     head = read_head(walk(path, head_only=True), path, allow_plugins)
     if "result" not in head.metadata:
         raise InputError(f"log '{path}': an MCAP file, but not a finished Wayproof log")
@@ -389,111 +370,6 @@ def fork_note(number: int) -> str:
     return "fork" if number == 1 else f"fork {number}"
 
 
-@dataclass(frozen=True)
-class Head:
-    """Content of a log before its first decision, and all its metadata.
-
-    Attributes:
-        config: Resolved config.
-        mission: Mission of the stack.
-        scene: Flattened MJCF.
-        run: Versions and hashes.
-        metadata: All metadata by name, `run` and `result` among them.
-        attachments: Files in the file by name, the texts of the first three among them.
-        beams: Beam geometry by sensor name.
-        tables: Message of each sensor, with its topic.
-        before: Beam geometry before each fork, by the prefix of its topics.
-    """
-
-    config: Config
-    mission: Mission
-    scene: str
-    run: dict[str, str]
-    metadata: dict[str, dict[str, str]]
-    attachments: dict[str, bytes]
-    beams: dict[str, Beams]
-    tables: tuple[tuple[str, pb.SensorInfo], ...]
-    before: dict[str, dict[str, Beams]]
-
-
-def read_head(
-    items: Iterator[Attachment | Metadata | Packet], path: Path, allow_plugins: bool
-) -> Head:
-    """Parse and check the head.
-
-    Args:
-        items: Items of the file in file order; read to their end.
-        path: Path for error messages.
-        allow_plugins: Whether code that the config names may be imported.
-
-    Raises:
-        InputError: Something is missing, damaged, of another format, or not ours.
-    """
-    metadata: dict[str, dict[str, str]] = {}
-    attachments: dict[str, bytes] = {}
-    beams: dict[str, Beams] = {}
-    tables: list[tuple[str, pb.SensorInfo]] = []
-    earlier: dict[str, dict[str, Beams]] = {}
-    for item in items:
-        if isinstance(item, Metadata):
-            texts = [text for name, text in item.fields.items() if name not in DOCUMENTS]
-            if not all(text.isprintable() for text in texts):
-                raise InputError(f"log '{path}': damaged (a text in its metadata is not printable)")
-            metadata[item.name] = item.fields
-        elif isinstance(item, Attachment):
-            attachments[item.name] = item.data
-        elif item.schema == pb.SensorInfo.DESCRIPTOR.full_name:
-            info = decode(item, path)
-            assert isinstance(info, pb.SensorInfo)
-            tables.append((item.topic, info))
-            group = item.topic[: item.topic.find("/", 1) + 1]
-            table = beams if group == "/sensor/" else earlier.setdefault(group, {})
-            table[info.name] = beams_from_info(info)
-    if "run" not in metadata:
-        raise InputError(f"log '{path}': an MCAP file, but not a Wayproof log")
-    version = metadata["run"].get("format_version")
-    if version not in READABLE:
-        raise InputError(
-            f"log '{path}': format version {version}, expected {READABLE[0]} to {READABLE[-1]}"
-        )
-    _unpack_scene(attachments, path)
-    missing = [name for name in ATTACHMENTS if name not in attachments]
-    if missing:
-        raise InputError(f"log '{path}': no {', '.join(missing)} attached")
-    for name in ATTACHMENTS:
-        if metadata["run"].get(digest_name(name)) != hashlib.sha256(attachments[name]).hexdigest():
-            raise InputError(f"log '{path}': damaged ({name} does not match its digest)")
-    try:
-        scene = attachments["scene.xml"].decode()
-    except UnicodeDecodeError:
-        raise InputError(f"log '{path}': scene.xml is no UTF-8 text") from None
-    return Head(
-        config=from_json(attachments["config.json"], allow_plugins),
-        mission=Mission.from_json(attachments["mission.json"]),
-        scene=scene,
-        run=metadata["run"],
-        metadata=metadata,
-        attachments=attachments,
-        beams=beams,
-        tables=tuple(tables),
-        before=earlier,
-    )
-
-
-def _unpack_scene(attachments: dict[str, bytes], path: Path) -> None:
-    """Decompress the scene of a packed log in place."""
-    packed = attachments.pop(PACKED_SCENE, None)
-    if packed is None:
-        return
-    try:
-        size = zstandard.get_frame_parameters(packed).content_size
-        if not 0 < size <= GREATEST_RECORD:
-            raise InputError(f"log '{path}': damaged ({PACKED_SCENE} unpacks to {size} bytes)")
-        attachments["scene.xml"] = zstandard.decompress(packed, size)
-    except zstandard.ZstdError as error:
-        raise InputError(f"log '{path}': damaged ({PACKED_SCENE}: {error})") from None
-
-
 def _read_forks(head: Head, path: Path, allow_plugins: bool) -> tuple[Fork, ...]:
     forks: list[Fork] = []
     while fields := head.metadata.get(fork_note(len(forks) + 1)):
@@ -509,21 +385,3 @@ def _read_forks(head: Head, path: Path, allow_plugins: bool) -> tuple[Fork, ...]
         beams = head.before.get(before(len(forks) + 1), {})
         forks.append(Fork(int(at), config, beams, mission))
     return tuple(forks)
-
-
-def _check_file(path: Path) -> None:
-    if not path.is_file():
-        raise InputError(f"log '{path}': no such file")
-    size = path.stat().st_size
-    if size == 0:
-        raise InputError(f"log '{path}': empty, expected an MCAP file")
-    with path.open("rb") as file:
-        head = file.read(len(MAGIC))
-        file.seek(max(size - len(MAGIC), 0))
-        tail = file.read()
-    if head != MAGIC:
-        raise InputError(f"log '{path}': not an MCAP file")
-    if tail != MAGIC:
-        raise InputError(
-            f"log '{path}': truncated after {size} bytes; 'wayproof recover' saves what it can"
-        )

@@ -15,7 +15,7 @@ from wayproof.harness.goals import distance_left, goals_before_last
 from wayproof.harness.log.codec.container import Attachment, Metadata, Packet, walk
 from wayproof.harness.log.codec.messages import decode, is_ours
 from wayproof.harness.log.copy import write_copy
-from wayproof.harness.log.reader import read_head
+from wayproof.harness.log.head import read_head
 from wayproof.harness.log.writer import TRACEBACK
 from wayproof.harness.mission import Mission
 from wayproof.harness.outputs import ENDING

@@ -9,7 +9,7 @@ import mujoco
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.log.reader import Log
 from wayproof.harness.recompute.segments import Segment
 from wayproof.harness.recompute.side_by_side import changed_mission

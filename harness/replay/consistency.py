@@ -19,7 +19,7 @@ from wayproof.harness.config import BUILTIN
 from wayproof.harness.ending import BETWEEN_DECISIONS, Limits
 from wayproof.harness.errors import InputError
 from wayproof.harness.goals import distance_left, goals_before_last
-from wayproof.harness.inputs import unit_quaternion
+from wayproof.harness.input_messages import unit_quaternion
 from wayproof.harness.interface.errors import PredictorCause, StackCause
 from wayproof.harness.log.digest import CONTENT
 from wayproof.harness.log.reader import Log
@@ -28,13 +28,7 @@ from wayproof.harness.log.writer import FORMAT_VERSION, WITH_REASONS
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.recompute.segments import Segment, segments_of
 from wayproof.harness.replay.content import Content, read_content
-from wayproof.harness.result import (
-    RECORDED,
-    ends_in_error,
-    figures_of,
-    recorded_figures,
-    way_of,
-)
+from wayproof.harness.result import RECORDED, ends_in_error, figures_of, recorded_figures, way_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, chain_hash
 

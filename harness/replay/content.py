@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from google.protobuf.message import Message
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import inputs_digest, serialized
+from wayproof.harness.input_messages import inputs_digest, serialized
 from wayproof.harness.log.codec.container import Packet, walk
 from wayproof.harness.log.codec.messages import decode, is_ours
 from wayproof.harness.log.copy import topic_of

@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from wayproof.harness.config import BUILTIN, Config, override, to_json
+from wayproof.harness.config import BUILTIN, Config
+from wayproof.harness.config_document import override, to_json
 from wayproof.harness.episode import Episode, Observer, arrival_ns
 from wayproof.harness.errors import InputError
 from wayproof.harness.goals import goals_claimed
@@ -20,7 +21,8 @@ from wayproof.harness.interface.types import Task
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import time_of, topic_of
-from wayproof.harness.log.reader import Log, before, fork_note, open_log, read_head
+from wayproof.harness.log.head import read_head
+from wayproof.harness.log.reader import Log, before, fork_note, open_log
 from wayproof.harness.log.writer import FORMAT_VERSION, PLUGINS, STDERR, LogWriter, hold_log
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.recompute.rebuild import rebuild, segment_of

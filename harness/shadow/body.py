@@ -89,7 +89,7 @@ def find_body(robot: str) -> Body:
     """
     if robot.endswith(ENDING):
         return _from_file(Path(robot))
-    from wayproof.harness.config import from_document
+    from wayproof.harness.config_document import from_document
     from wayproof.harness.scenario.robots import find_robot
 
     spec = find_robot(from_document({"world": "recording", "robot": robot, "seed": 0})).spec

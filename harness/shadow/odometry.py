@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from wayproof.harness.estimators.lidar_odometry import LidarOdometry, put_estimate
 from wayproof.harness.estimators.motion_sensors import Motion
 from wayproof.harness.geometry import yaw_of_quaternion
-from wayproof.harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
+from wayproof.harness.input_messages import beams_from_info, decode_ranges
+from wayproof.harness.inputs import Pose, SweepInput
 from wayproof.harness.listed_beams import read_list
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.prepare import Prepared

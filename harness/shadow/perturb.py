@@ -15,7 +15,7 @@ import numpy as np
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.geometry import polyline_length
-from wayproof.harness.inputs import beams_from_info, decode_ranges
+from wayproof.harness.input_messages import beams_from_info, decode_ranges
 from wayproof.harness.listed_beams import read_list, write_list
 from wayproof.harness.perturbations import UNPERTURBED, Displacement, Report
 from wayproof.harness.perturbations.perturbation import ListedDirections, Ranges

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.config import HASH_SEPARATOR, Config, override, with_perturbation
+from wayproof.harness.config import HASH_SEPARATOR, Config
+from wayproof.harness.config_document import override, with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
 from wayproof.harness.perturbations import AnyPerturbation
@@ -20,12 +21,7 @@ from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Tra
 from wayproof.harness.scenario.worlds import bare_world
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.body import Body
-from wayproof.harness.shadow.sweeps import (
-    SweepWriter,
-    TableWriter,
-    sensor_message,
-    topic_name,
-)
+from wayproof.harness.shadow.sweeps import SweepWriter, TableWriter, sensor_message, topic_name
 from wayproof.harness.shadow.way import Way
 from wayproof.maps.kernels.beams import MAX_BEAM_CELLS
 from wayproof.models.sensors.beams import LONGEST_LISTED_RANGE

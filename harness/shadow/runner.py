@@ -10,9 +10,9 @@ import numpy as np
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
-from wayproof.harness.config import to_json
+from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import inputs_from_messages, serialized
+from wayproof.harness.input_messages import inputs_from_messages, serialized
 from wayproof.harness.interface.build import live_navigator
 from wayproof.harness.interface.predictors.asking import predictions_for
 from wayproof.harness.log.copy import topic_of

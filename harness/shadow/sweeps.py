@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.listed_beams import CODEC, MOST_POSES, OLDEST_S, write_list
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
 from wayproof.harness.schema import wayproof_pb2 as pb

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.geometry import yaw_of_quaternion
-from wayproof.harness.inputs import unit_quaternion
+from wayproof.harness.input_messages import unit_quaternion
 from wayproof.harness.recording_config import RecordingConfig
 from wayproof.harness.recordings.track import RecordedTrack
 

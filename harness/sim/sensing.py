@@ -6,7 +6,8 @@ import time
 
 import mujoco
 
-from wayproof.harness.inputs import SweepInput, decode_ranges
+from wayproof.harness.input_messages import decode_ranges
+from wayproof.harness.inputs import SweepInput
 from wayproof.harness.listed_beams import CODEC
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.injector import PerturbationInjector

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.estimators.motion_sensors import Body
-from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.scenario.scenario import Scenario, decision_period, sensor_info
 from wayproof.harness.sim.pose_estimate import PoseEstimate
 from wayproof.harness.sim.setpoint_buffer import SetpointBuffer

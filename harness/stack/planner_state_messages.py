@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.geometry import polyline_length
-from wayproof.harness.inputs import MAX_COORDINATE
+from wayproof.harness.input_messages import MAX_COORDINATE
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Label
 from wayproof.harness.stack.reasons import Kind

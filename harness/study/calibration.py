@@ -12,7 +12,8 @@ from scipy.optimize import isotonic_regression
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations.pose_drift import PoseDrift
-from wayproof.harness.study.file import StudyFile, plan_episodes
+from wayproof.harness.study.file import StudyFile
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.statistics.exact import Interval, clopper_pearson, restricted_mean

@@ -12,7 +12,7 @@ from wayproof.harness.counterfactual.check import check, checkable
 from wayproof.harness.counterfactual.record import record_check
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.study.file import Planned
+from wayproof.harness.study.plan import Planned
 from wayproof.harness.study.store import Store
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.study.analysis import Sample, samples_between, summarise
-from wayproof.harness.study.file import Arm, Planned, plan_episodes, read_gate
+from wayproof.harness.study.file import read_gate
 from wayproof.harness.study.gates import judge
+from wayproof.harness.study.plan import Arm, Planned, plan_episodes
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Paired, StudyResult, error_in_words, read_own_rows

@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
-from wayproof.harness.config import to_json
+from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.contents import contents_of, named_by
-from wayproof.harness.study.file import Planned, name_of
 from wayproof.harness.study.job import Done, Job, episode_key
+from wayproof.harness.study.plan import Planned, name_of
 from wayproof.harness.study.processes import Finished, ProcessEngine
 from wayproof.harness.study.store import Store
 from wayproof.harness.worker_pool import Bounds

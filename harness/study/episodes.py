@@ -8,8 +8,8 @@ from typing import Literal
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import ENDING
-from wayproof.harness.study.file import Arm, Planned, name_of, plan_episodes
 from wayproof.harness.study.matching import open_planned
+from wayproof.harness.study.plan import Arm, Planned, name_of, plan_episodes
 from wayproof.harness.study.rows import reference_of
 from wayproof.harness.study.store import Store
 

@@ -2,49 +2,27 @@
 
 from __future__ import annotations
 
-import itertools
-import json
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import msgspec
 
-from wayproof.harness.config import (
-    BUILTIN,
-    CODE,
-    PLUGIN,
-    Config,
-    from_document,
-    override,
-    with_perturbation,
-)
+from wayproof.harness.config import BUILTIN, CODE, PLUGIN
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.interface.connect import is_ros2, is_users
-from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.metrics import METRICS
-from wayproof.harness.perturbations import AnyPerturbation, perturbation_from
-from wayproof.harness.prior_config import MADE_OF_WORLD
-from wayproof.harness.scenario.robots import ENDING as ROBOT_FILE
 from wayproof.harness.scenario.robots import controller_of
-from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
-from wayproof.harness.study.contents import Contents, contents_of
-from wayproof.harness.study.job import episode_key
-from wayproof.harness.study.randomise import check_ranges, drawn
-from wayproof.harness.study.source import ReadOptions, Source
+from wayproof.harness.study.randomise import check_ranges
+from wayproof.harness.study.source import ReadOptions
 from wayproof.harness.worker_pool import Bounds
-from wayproof.models.robots import ROBOTS
-from wayproof.models.worlds import WORLDS
 
 PACKAGED = Path(__file__).parent / "packaged"
 """Folder of the packaged studies: `wayproof study NAME`."""
 
-CLEAN = "none"
-"""Name of no perturbation."""
 
 MOST_EPISODES = 100_000
 """Maximum number of episodes of a study; planning them takes seconds and 0.25 GiB."""
@@ -94,47 +72,6 @@ class StudyFile(
     perturbations: dict[str, list[float]] = {}
     gates: list[str] = []
     bounds: Bounds = Bounds()
-
-
-@dataclass(frozen=True)
-class Arm:
-    """Group of episodes that differ only in their seed.
-
-    Attributes:
-        world: Name of the world; of a recording, with its hash.
-        robot: Name of the robot.
-        variant: Settings of the axes, `a=1 b=2`; empty without axes.
-        perturbation: Name of the perturbation, or `none`.
-        severity: Severity, up to 5; 0 unperturbed.
-        stack: Name of the stack; empty in a study without `stacks`.
-    """
-
-    world: str
-    robot: str
-    variant: str
-    perturbation: str
-    severity: float
-    stack: str = ""
-
-
-def name_of(arm: Arm) -> str:
-    """Return an arm in words."""
-    perturbed = "" if arm.perturbation == CLEAN else arm.perturbation
-    if arm.severity:
-        perturbed += f":{arm.severity:g}"
-    parts = (arm.world, arm.robot, arm.stack, arm.variant, perturbed)
-    return " ".join(part for part in parts if part)
-
-
-@dataclass(frozen=True)
-class Planned:
-    """Episode of a study, with its content address, and the recording of its inputs."""
-
-    arm: Arm
-    seed: int
-    config: Config
-    key: str
-    source: Source | None = None
 
 
 Statistic = Literal["drop", "rise", "mean"]
@@ -261,7 +198,7 @@ def refuse_code(study: StudyFile) -> None:
     Raises:
         InputError: It does; the message names the setting or the robot's file.
     """
-    for key, value in _named(study):
+    for key, value in settings_and_values(study):
         if key == "robot_file" or (key in CODE and PLUGIN in str(value)):
             raise InputError(
                 f"study '{study.name}' sets {key} to '{str(value)[:80]}', which is code outside "
@@ -276,7 +213,7 @@ def refuse_code(study: StudyFile) -> None:
             )
 
 
-def _named(study: StudyFile) -> Iterator[tuple[str, Any]]:
+def settings_and_values(study: StudyFile) -> Iterator[tuple[str, Any]]:
     """Yield every setting with each of its values."""
     yield from study.settings.items()
     for key, values in study.axes.items():
@@ -324,137 +261,7 @@ def read_gate(text: str) -> Gate:
     return Gate(text.strip(), match[1], statistic, match[3] == "<=", bound, match[5] is not None)
 
 
-def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Planned]:
-    """Return every episode with its resolved settings, seed by seed, so that pairs end together.
-
-    Args:
-        study: The study.
-        contents: Identities of the files that it names; None to read the files.
-
-    Raises:
-        InputError: A world, robot or setting that does not exist, a file that cannot be read, a
-            gate on a difference where nothing is paired, or too many episodes.
-    """
-    check_study(study)
-    _check_names(study)
-    if contents is None:
-        contents = contents_of(files_of(study))
-    stacks, variants = stacks_of(study), variants_of(study)
-    perturbed = perturbed_arms(study)
-    if len(stacks) * len(variants) * len(perturbed) == 1:
-        _refuse_differences(study)
-    if study.recordings:
-        from wayproof.harness.study.recorded import plan_recorded
-
-        return plan_recorded(study, contents)
-    arms = itertools.product(study.worlds, study.robots, stacks, variants, perturbed)
-    configs = []
-    for world, robot, stack, variant, (perturbation, severity) in arms:
-        own = [f"stack.name={stack}"] if stack else []
-        settings = [*settings_of(study), *own, *variant]
-        config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
-        if perturbation != CLEAN:
-            config = with_perturbation(config, perturbation_at(perturbation, severity))
-        _refuse_prior_file(study, config)
-        arm = Arm(world, robot, " ".join(variant), perturbation, severity, stack)
-        configs.append((arm, config))
-    return [
-        planned_for(arm, replace(override(config, own), seed=seed), contents)
-        for seed, own in [(seed, drawn(study.randomise, seed)) for seed in seeds_of(study)]
-        for arm, config in configs
-    ]
-
-
-def _refuse_prior_file(study: StudyFile, config: Config) -> None:
-    """Refuse a prior map that is a file, whose content is not part of the key of an episode."""
-    if config.prior.source not in MADE_OF_WORLD:
-        raise InputError(
-            f"study '{study.name}': prior.source '{config.prior.source}', expected "
-            f"{', '.join(MADE_OF_WORLD)}: a map that is made of the world of each episode"
-        )
-
-
-def _check_names(study: StudyFile) -> None:
-    """Check names of worlds and robots; files are checked when their contents are read."""
-    robots = () if study.recordings else study.robots  # bodies, which the plan reads
-    for kind, names, ending, registry in (
-        ("world", study.worlds, WORLD_FILE, WORLDS),
-        ("robot", robots, ROBOT_FILE, ROBOTS),
-    ):
-        for name in names:
-            if not name.endswith(ending) and name not in registry:
-                raise unknown_name(f"{kind} of study '{study.name}'", name, registry)
-    named = [str(value) for key, value in _named(study) if key == "stack.name"]
-    for name in named:
-        if is_users(name) and PLUGIN not in name and not is_ros2(name):
-            raise unknown_name(f"stack of study '{study.name}'", name, [BUILTIN, *STACKS])
-    if study.stacks and len(named) > len(study.stacks):
-        raise InputError(f"study '{study.name}': stacks and stack.name, expected one of the two")
-
-
-def _refuse_differences(study: StudyFile) -> None:
-    for text in study.gates:
-        if read_gate(text).statistic != "mean":
-            raise InputError(
-                f"gate '{text}': a difference needs pairs, and study '{study.name}' has none: "
-                "expected [perturbations], two stacks, an axis of at least two values, or "
-                "METRIC.mean"
-            )
-
-
 def files_of(study: StudyFile) -> list[str]:
     """Return the names of worlds, robots, planners and stacks, which may be files."""
     simulated = () if study.recordings else (*study.worlds, *study.robots)
-    return [*simulated, *(str(one) for key, one in _named(study) if key in CODE)]
-
-
-def planned_for(arm: Arm, config: Config, contents: Contents) -> Planned:
-    """Return one episode of an arm."""
-    return Planned(arm, config.seed, config, episode_key(config, contents))
-
-
-def perturbed_arms(study: StudyFile) -> list[tuple[str, float]]:
-    """Return names and severities of the perturbations, without perturbation first."""
-    return [(CLEAN, 0), *_severities(study)]
-
-
-def variants_of(study: StudyFile) -> list[tuple[str, ...]]:
-    """Return the settings of each combination of the axes; one empty combination without axes."""
-    for name, values in study.axes.items():
-        if not values:
-            raise InputError(f"axis '{name}' is empty, expected at least one value")
-    columns = [_settings_of(name, values) for name, values in study.axes.items()]
-    return list(itertools.product(*columns))
-
-
-def _settings_of(name: str, values: Sequence[Any]) -> list[str]:
-    return [_setting(name, value) for value in values]
-
-
-def settings_of(study: StudyFile) -> list[str]:
-    """Return the settings of every episode, `section.field=value`."""
-    return [_setting(name, value) for name, value in study.settings.items()]
-
-
-def _setting(name: str, value: Any) -> str:
-    return f"{name}={value if isinstance(value, str) else json.dumps(value)}"
-
-
-def _severities(study: StudyFile) -> list[tuple[str, float]]:
-    levels = [(name, level) for name, some in study.perturbations.items() for level in some]
-    for name, level in levels:
-        if level <= 0.0:
-            raise InputError(f"perturbation '{name}': severity {level:g}, expected more than 0")
-    return levels
-
-
-def perturbation_at(name: str, severity: float) -> AnyPerturbation | None:
-    """Return the perturbation of `KIND` or `KIND:MODE` with a severity; None at 0.
-
-    Raises:
-        InputError: There is no such perturbation.
-    """
-    if name == CLEAN or severity == 0.0:
-        return None
-    kind, *mode = name.split(":")
-    return perturbation_from(":".join([kind, repr(severity), *mode]))
+    return [*simulated, *(str(one) for key, one in settings_and_values(study) if key in CODE)]

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import msgspec
 
-from wayproof.harness.config import Config, document_of, from_json, to_json
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import document_of, from_json, to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.machine import installed_version
 from wayproof.harness.study.contents import contents_of, named_by

@@ -22,8 +22,8 @@ from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.scenario.places import Given, goals_of
 from wayproof.harness.scenario.worlds import generate
 from wayproof.harness.study.contents import class_identity
-from wayproof.harness.study.file import Planned
 from wayproof.harness.study.job import key_of
+from wayproof.harness.study.plan import Planned
 from wayproof.models.robots import ROBOTS
 from wayproof.models.robots.custom import parse_spec
 from wayproof.models.scene import resolve

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from wayproof.harness.config import setting_names
+from wayproof.harness.config_document import setting_names
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.renamed import renamed
 from wayproof.models.random_streams import stream

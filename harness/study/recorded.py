@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
-from wayproof.harness.config import BUILTIN, HASH_SEPARATOR, Config, from_json
+from wayproof.harness.config import BUILTIN, HASH_SEPARATOR, Config
+from wayproof.harness.config_document import from_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.formats import open_recording
 from wayproof.harness.recordings.recording import Recording
@@ -23,18 +24,16 @@ from wayproof.harness.shadow.prepare import Prepared, prepare
 from wayproof.harness.shadow.runner import run_recording
 from wayproof.harness.shadow.summary import Verdict, summarize
 from wayproof.harness.study.contents import contents_of, named_by
-from wayproof.harness.study.file import (
+from wayproof.harness.study.file import StudyFile, seeds_of, stacks_of
+from wayproof.harness.study.job import Job, episode_key
+from wayproof.harness.study.plan import (
     Arm,
     Planned,
-    StudyFile,
     perturbation_at,
     perturbed_arms,
-    seeds_of,
     settings_of,
-    stacks_of,
     variants_of,
 )
-from wayproof.harness.study.job import Job, episode_key
 from wayproof.harness.study.source import Source
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from wayproof.harness.study.file import CLEAN
+from wayproof.harness.study.plan import CLEAN
 from wayproof.harness.study.recorded import short_name
 from wayproof.harness.study.rows import Row, other_action, prove, reference_of
 

@@ -20,8 +20,8 @@ from wayproof.harness.metrics import METRICS, score
 from wayproof.harness.replay.consistency import refuse_contradictions
 from wayproof.harness.replay.content import Content
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.study.file import CLEAN, Arm, Planned
 from wayproof.harness.study.matching import open_planned
+from wayproof.harness.study.plan import CLEAN, Arm, Planned
 from wayproof.harness.study.recorded import Judged, judge_way
 from wayproof.harness.study.store import Store
 from wayproof.harness.trace import trace_of

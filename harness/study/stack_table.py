@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import Sample, cluster_of
-from wayproof.harness.study.file import name_of
+from wayproof.harness.study.plan import name_of
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.statistics.exact import Interval
 from wayproof.harness.study.statistics.intervals import mean_interval

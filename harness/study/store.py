@@ -17,8 +17,9 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.recover import finish_partial
 from wayproof.harness.outputs import ENDING, remove_abandoned
 from wayproof.harness.study.contents import Contents
-from wayproof.harness.study.file import MOST_BYTES, Planned, StudyFile, check_study, refuse_code
+from wayproof.harness.study.file import MOST_BYTES, StudyFile, check_study, refuse_code
 from wayproof.harness.study.matching import open_planned
+from wayproof.harness.study.plan import Planned
 
 WORKER_ENDS_S = 5.0
 """Time within which a worker ends whose parent was killed, s."""

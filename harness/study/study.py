@@ -6,14 +6,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from wayproof.harness.config import to_json
+from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.study.analysis import ArmSummary, samples_of, summarise
 from wayproof.harness.study.contents import contents_of
-from wayproof.harness.study.file import Planned, StudyFile, files_of, name_of, read_gate
+from wayproof.harness.study.file import StudyFile, files_of, read_gate
 from wayproof.harness.study.gates import GateResult, judge
 from wayproof.harness.study.job import Done, Job
 from wayproof.harness.study.matching import ForeignLog
+from wayproof.harness.study.plan import Planned, name_of
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.rows import Row, read_row, write_table
 from wayproof.harness.study.store import Store

@@ -12,24 +12,23 @@ from dataclasses import dataclass, replace
 
 import msgspec
 
-from wayproof.harness.config import Config, with_perturbation
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.contents import Contents, contents_of
-from wayproof.harness.study.file import (
+from wayproof.harness.study.file import MOST_EPISODES as MOST_PLANNED
+from wayproof.harness.study.file import StudyFile, episodes_of, files_of
+from wayproof.harness.study.matching import open_planned
+from wayproof.harness.study.plan import (
     CLEAN,
     Arm,
     Planned,
-    StudyFile,
-    episodes_of,
-    files_of,
     perturbation_at,
     plan_episodes,
     planned_for,
 )
-from wayproof.harness.study.file import MOST_EPISODES as MOST_PLANNED
-from wayproof.harness.study.matching import open_planned
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.statistics.exact import Interval, quantile_interval
 from wayproof.harness.study.store import Store

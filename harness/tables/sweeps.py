@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from wayproof.harness.inputs import decode_ranges
+from wayproof.harness.input_messages import decode_ranges
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.tables.column import Column
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN

@@ -22,7 +22,8 @@ from wayproof.kernel_cache import use_kernel_cache
 if TYPE_CHECKING:
     from wayproof.harness.api.episode import MapArrays, RecordedEpisode, open, run
     from wayproof.harness.api.study import RecordedStudy, study
-    from wayproof.harness.config import Config, override
+    from wayproof.harness.config import Config
+    from wayproof.harness.config_document import override
     from wayproof.harness.errors import InputError
     from wayproof.harness.interface.types import (
         Command,
@@ -52,7 +53,7 @@ WHERE = {
     "RecordedStudy": "wayproof.harness.api.study",
     "MapArrays": "wayproof.harness.api.episode",
     "Config": "wayproof.harness.config",
-    "override": "wayproof.harness.config",
+    "override": "wayproof.harness.config_document",
     "InputError": "wayproof.harness.errors",
     "Command": "wayproof.harness.interface.types",
     "Observation": "wayproof.harness.interface.types",

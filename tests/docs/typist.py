@@ -36,10 +36,11 @@ from wayproof.harness.bench.episodes import worlds as bench_worlds
 from wayproof.harness.bench.stages import STAGES
 from wayproof.harness.cli.main import main, verb_parsers
 from wayproof.harness.cli.run import episode_name
-from wayproof.harness.config import from_document, override
+from wayproof.harness.config_document import from_document, override
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.replay.signature import new_key
-from wayproof.harness.study.file import PACKAGED, plan_episodes, read_study
+from wayproof.harness.study.file import PACKAGED, read_study
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.models.robots.custom import parse_spec
 from wayproof.models.worlds import WORLDS
 

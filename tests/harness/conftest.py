@@ -8,7 +8,8 @@ import pytest
 
 from tests.sharing import alone
 from wayproof.harness.bench.attribution.confusion import run_planted
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 

@@ -4,7 +4,8 @@ from pathlib import Path
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, from_json, override, setting_names, to_json, value_of
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import from_json, override, setting_names, to_json, value_of
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.renamed import RENAMED

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode

@@ -7,14 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayproof.harness.config import Config, EpisodeConfig, from_json, override, to_json
+from wayproof.harness.config import Config, EpisodeConfig
+from wayproof.harness.config_document import from_json, override, to_json
 from wayproof.harness.ending import Limits
 from wayproof.harness.errors import InputError
 from wayproof.harness.goals import distance_left, goal_message, goal_name, goals_reached
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
-from wayproof.harness.log.reader import open_log, read_head
+from wayproof.harness.log.head import read_head
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.metrics import score
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.audit import audit

@@ -7,7 +7,8 @@ import pytest
 
 from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.bench.episodes.halls import make_hall
-from wayproof.harness.config import Config, from_json, override, to_json
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import from_json, override, to_json
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute import keyframes as pieces
 from wayproof.harness.recompute.keyframes import stack_at

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import beams_from_info, inputs_from_messages
+from wayproof.harness.input_messages import beams_from_info, inputs_from_messages
 from wayproof.harness.listed_beams import CODEC, WIDE_CODEC, read_list, write_list
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.sensors.beams import NO_RETURN

@@ -10,7 +10,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.estimators.motion_sensors import Body
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log

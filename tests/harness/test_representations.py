@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.replay import replay

@@ -3,8 +3,9 @@
 import pytest
 
 from tests.harness.sonar_ring import SONAR_RING
-from wayproof.harness import config as settings
-from wayproof.harness.config import Config, override
+from wayproof.harness import config_document as settings
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.replay import replay

@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, override, to_json
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override, to_json
 from wayproof.harness.errors import NeverReturned
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.contents import contents_of, named_by
-from wayproof.harness.study.file import CLEAN, Arm, planned_for
 from wayproof.harness.study.matching import mismatch
+from wayproof.harness.study.plan import CLEAN, Arm, planned_for
 from wayproof.harness.user_code import LONGEST_TRACEBACK, bounded, failure_of
 from wayproof.planners import FreeSpace, PlannerConfig, plan
 from wayproof.planners.ompl._plugin import UserCodeError, load_class
@@ -419,8 +420,9 @@ def test_a_study_keeps_what_an_episode_in_error_had_logged(recorded, tmp_path):
 
 
 def test_a_planner_s_changed_file_makes_other_episodes_of_a_study(tmp_path):
-    from wayproof.harness.study.file import StudyFile, plan_episodes
+    from wayproof.harness.study.file import StudyFile
     from wayproof.harness.study.job import Job, run_job
+    from wayproof.harness.study.plan import plan_episodes
 
     def planned(path, text):
         path.parent.mkdir(exist_ok=True)

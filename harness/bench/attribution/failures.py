@@ -26,7 +26,7 @@ from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.attribution.procedure import find_cause
 from wayproof.harness.bench.attribution.breaks import KINDS, Broken
 from wayproof.harness.bench.attribution.confusion import Matrix, right, table
-from wayproof.harness.config import from_document, override
+from wayproof.harness.config_document import from_document, override
 from wayproof.harness.counterfactual.check import check
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log

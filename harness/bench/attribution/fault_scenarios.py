@@ -13,7 +13,8 @@ from typing import Any, cast
 import numpy as np
 
 from wayproof.harness.attribution.reckless import Reckless
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import unknown_name
 from wayproof.harness.scenario.scenario import Scenario, build, make_transparent
 from wayproof.harness.stack.pipeline import Navigator

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import from_document, override
+from wayproof.harness.config_document import from_document, override
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode

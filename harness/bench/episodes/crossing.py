@@ -11,7 +11,8 @@ from pathlib import Path
 
 from wayproof.harness.bench.jobs import KeptRows, rows_of, unlogged
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.scenario.worlds import find_world
 
 ROBOTS = ("quadruped", "drone")

@@ -11,7 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import Scenario, build, make_transparent

@@ -19,8 +19,9 @@ import msgspec
 
 from wayproof.harness.bench.table import Document, Progress
 from wayproof.harness.errors import InputError
-from wayproof.harness.study.file import StudyFile, plan_episodes
+from wayproof.harness.study.file import StudyFile
 from wayproof.harness.study.job import Done
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Engine, read_rows, run_study

@@ -10,7 +10,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.log.copy import thin
 from wayproof.harness.log.writer import FORMAT_VERSION
 from wayproof.harness.runner import run_episode

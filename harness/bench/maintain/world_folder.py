@@ -23,7 +23,8 @@ from pathlib import Path
 
 from wayproof.harness.attribution import read_case
 from wayproof.harness.bench.maintain.world_picture import draw_from_above
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.explain import make_card
 from wayproof.harness.log.reader import open_log

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import Config, override
-from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
+from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.interface.types import Command, Observation, Task, Velocity
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.runner import run_episode

@@ -14,12 +14,13 @@ import msgspec
 import numpy as np
 from google.protobuf.message import Message
 
-from wayproof.harness.config import Config, override
-from wayproof.harness.inputs import decode_ranges
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
+from wayproof.harness.input_messages import decode_ranges
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import time_of, topic_of
-from wayproof.harness.log.reader import Head, read_head
+from wayproof.harness.log.head import Head, read_head
 from wayproof.harness.log.writer import FLUSH_PERIOD_NS, LogWriter
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode

@@ -11,7 +11,7 @@ import numpy as np
 
 from wayproof.harness.bench.micro.bare_physics import Followed, bare_seconds, setpoints_of
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import from_document, override
+from wayproof.harness.config_document import from_document, override
 from wayproof.harness.result import Result
 from wayproof.harness.runner import open_episode
 from wayproof.harness.scenario.scenario import Scenario, build

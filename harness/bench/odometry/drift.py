@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from wayproof.harness.bench.odometry.peers import PEERS, Peer
 from wayproof.harness.bench.odometry.sweeps import Sweeps, read_sweeps
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build

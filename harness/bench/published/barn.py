@@ -25,7 +25,8 @@ from wayproof.harness.bench.published.trials import (
     run_trials,
 )
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.models.robots import FAST_ROBOTS, ROBOTS, RobotSpec
 from wayproof.models.world_files import (

@@ -24,7 +24,8 @@ from wayproof.harness.bench.published.trials import (
     run_trials,
 )
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.models.robots import ROBOTS
 from wayproof.models.world_files import (

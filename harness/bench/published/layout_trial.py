@@ -19,9 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wayproof.harness import config as settings
+from wayproof.harness import config_document as settings
 from wayproof.harness.bench.published.layouts import DEPTH_LAYOUTS, Camera, write_kitti
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of

@@ -16,7 +16,8 @@ import numpy as np
 from wayproof.harness.bench.soak.child import scratch
 from wayproof.harness.bench.soak.fresh import FreshReplays, replay_by_command
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS, AnyPerturbation, perturbation_from
 from wayproof.harness.replay.closed_loop import simulate_again

@@ -15,7 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from wayproof.harness.bench.soak.child import scratch
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork

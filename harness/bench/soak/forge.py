@@ -10,7 +10,8 @@ import tempfile
 from pathlib import Path
 
 from wayproof.harness.bench.soak.forgeries import CLAIMS, EDITS, forge
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.replay.verify import Step, verify
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build

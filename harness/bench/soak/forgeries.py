@@ -28,7 +28,8 @@ from wayproof.harness.log.codec.container import MAGIC, walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
 from wayproof.harness.log.digest import CONTENT
-from wayproof.harness.log.reader import Head, open_log, read_head
+from wayproof.harness.log.head import Head, read_head
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import digest_name
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.content import read_content

@@ -18,7 +18,7 @@ from wayproof.harness.bench.soak.cases import Fuzzed, Report, judge_case, judged
 from wayproof.harness.bench.soak.child import scratch
 from wayproof.harness.bench.soak.mutate import forge, mutate, mutate_values
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import from_json, to_json
+from wayproof.harness.config_document import from_json, to_json
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.recover import recover
 from wayproof.harness.recompute.rebuild import rebuild

@@ -19,7 +19,8 @@ from wayproof.harness.config import Config
 from wayproof.harness.log.codec.container import HEAD, MAGIC
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.file import read_study
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.store import Store
 
 LOGS: dict[str, Maker] = {}

@@ -15,7 +15,8 @@ from itertools import zip_longest
 from pathlib import Path
 
 from wayproof.harness.bench.soak.child import scratch
-from wayproof.harness.config import BUILTIN, Config, override
+from wayproof.harness.config import BUILTIN, Config
+from wayproof.harness.config_document import override
 from wayproof.harness.interface.builtin import BuiltinStack
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.result import Result

@@ -12,7 +12,8 @@ import numpy as np
 
 from wayproof.harness.bench.soak.child import Kill, in_child, scratch
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.recover import recover

@@ -9,7 +9,8 @@ from typing import get_args
 import numpy as np
 
 from wayproof.harness.bench.soak.episodes import needed_by, random_config
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
 from wayproof.harness.scenario.scenario import Scenario, build

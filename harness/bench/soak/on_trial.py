@@ -27,7 +27,8 @@ from rich.table import Table
 
 from wayproof.harness.bench.soak.child import scratch
 from wayproof.harness.cli.main import main as wayproof
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.warm_up import warm_up

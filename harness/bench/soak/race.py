@@ -15,7 +15,8 @@ from typing import Any
 from wayproof.harness.bench.soak.child import Ended, listen, scratch, start_child
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log

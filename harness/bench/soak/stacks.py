@@ -18,7 +18,8 @@ import numpy as np
 from wayproof.harness.bench.attribution import faulty_stacks
 from wayproof.harness.bench.attribution.faulty_stacks import Unseeded
 from wayproof.harness.bench.soak.child import scratch
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.replay.asked_again import ask_again

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.file import read_study
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import read_rows
 

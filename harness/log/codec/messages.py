@@ -11,7 +11,7 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import DecodeError, Message
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import MAX_COORDINATE
+from wayproof.harness.input_messages import MAX_COORDINATE
 from wayproof.harness.log.codec.container import Packet, walk
 from wayproof.harness.log.codec.packed import unpack
 from wayproof.harness.schema import wayproof_pb2 as pb

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wayproof.harness.inputs import beams_from_info
+from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.recordings.bags.clouds import (
     PointTime,
     finite,
@@ -18,14 +18,7 @@ from wayproof.harness.recordings.bags.clouds import (
     read_cloud,
 )
 from wayproof.harness.recordings.bags.container import Broken, RawMessage
-from wayproof.harness.recordings.bags.messages import (
-    CLOUD,
-    IMAGE,
-    SCAN,
-    Camera,
-    decode,
-    frame_name,
-)
+from wayproof.harness.recordings.bags.messages import CLOUD, IMAGE, SCAN, Camera, decode, frame_name
 from wayproof.harness.recordings.beams import (
     FARTHEST,
     Beams,

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import msgspec
 
-from wayproof.harness.config import Config, with_perturbation
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import AnyPerturbation
@@ -16,8 +17,8 @@ from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.falsify.search import SearchResult, Trial, search, shorten
 from wayproof.harness.study.falsify.space import LEAST, Space
-from wayproof.harness.study.file import CLEAN, Arm, Planned, perturbation_at, planned_for
 from wayproof.harness.study.matching import open_planned
+from wayproof.harness.study.plan import CLEAN, Arm, Planned, perturbation_at, planned_for
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Engine, run_missing

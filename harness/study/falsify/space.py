@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.perturbations import PERTURBATIONS, AnyPerturbation
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
-from wayproof.harness.study.file import perturbation_at
+from wayproof.harness.study.plan import perturbation_at
 
 LEAST = 0.05
 """Least severity."""

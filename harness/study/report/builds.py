@@ -11,8 +11,8 @@ from wayproof.harness.metrics import METRICS
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.study.analysis import Pairs, Sample, cluster_of
 from wayproof.harness.study.compare import Compared
-from wayproof.harness.study.file import Arm, name_of
 from wayproof.harness.study.gates import interval_in_words
+from wayproof.harness.study.plan import Arm, name_of
 from wayproof.harness.study.report.report import SITE
 from wayproof.harness.study.report.templates import templates
 from wayproof.harness.study.report.words import (

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from wayproof.harness.study.analysis import Sample
-from wayproof.harness.study.file import CLEAN, Arm
+from wayproof.harness.study.plan import CLEAN, Arm
 
 
 @dataclass(frozen=True)

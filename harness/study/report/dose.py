@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import Sample, cluster_of
-from wayproof.harness.study.file import CLEAN, Arm, name_of, perturbation_at
+from wayproof.harness.study.plan import CLEAN, Arm, name_of, perturbation_at
 from wayproof.harness.study.report.plots import Curve, dose_response
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.statistics.exact import Interval

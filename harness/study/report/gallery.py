@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wayproof.harness.metrics import METRICS
-from wayproof.harness.study.file import Planned, name_of
+from wayproof.harness.study.plan import Planned, name_of
 from wayproof.harness.study.report.palette import (
     BELIEVED,
     CHANCE,

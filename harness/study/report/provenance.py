@@ -10,9 +10,11 @@ from pathlib import Path
 
 import msgspec
 
-from wayproof.harness.config import Config, setting_names, value_of
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import setting_names, value_of
 from wayproof.harness.log.reader import Log
-from wayproof.harness.study.file import CLEAN, PACKAGED, Planned, StudyFile
+from wayproof.harness.study.file import PACKAGED, StudyFile
+from wayproof.harness.study.plan import CLEAN, Planned
 from wayproof.harness.study.store import Store
 
 VERSIONS = ("wayproof", "code", "format_version", "python", "mujoco", "numpy", "numba", "ompl")

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import written_whole
-from wayproof.harness.study.file import StudyFile, plan_episodes
+from wayproof.harness.study.file import StudyFile
 from wayproof.harness.study.gates import gate_in_words
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.recorded_table import COLUMNS, cells, passes_of
 from wayproof.harness.study.report.templates import templates
 from wayproof.harness.study.store import Store

@@ -17,16 +17,12 @@ import jinja2
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.analysis import Sample, samples_of
-from wayproof.harness.study.file import Planned, StudyFile, name_of, plan_episodes
+from wayproof.harness.study.file import StudyFile
 from wayproof.harness.study.gates import interval_in_words
+from wayproof.harness.study.plan import Planned, name_of, plan_episodes
 from wayproof.harness.study.report.conditions import conditions_of
 from wayproof.harness.study.report.dose import doses_of
-from wayproof.harness.study.report.gallery import (
-    MAP_LEGEND,
-    Views,
-    episode_context,
-    pages_first,
-)
+from wayproof.harness.study.report.gallery import MAP_LEGEND, Views, episode_context, pages_first
 from wayproof.harness.study.report.plots import borne
 from wayproof.harness.study.report.provenance import of_study
 from wayproof.harness.study.report.templates import templates

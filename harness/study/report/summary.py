@@ -5,8 +5,8 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 
 from wayproof.harness.errors import printable
-from wayproof.harness.study.file import name_of
 from wayproof.harness.study.gates import GateResult, gate_in_words, interval_in_words
+from wayproof.harness.study.plan import name_of
 from wayproof.harness.study.report.words import gate_reason
 from wayproof.harness.study.study import StudyResult, verdict_in_words
 

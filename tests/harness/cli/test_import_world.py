@@ -4,7 +4,8 @@ import pytest
 
 from tests.harness.bench.published.benchmark_files import field_folder
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute.rebuild import rebuild

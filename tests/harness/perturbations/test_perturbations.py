@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as replace_struct
 
-from wayproof.harness.config import (
-    Config,
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import (
     from_document,
     from_json,
     override,
@@ -16,7 +16,8 @@ from wayproof.harness.config import (
     with_perturbation,
 )
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
+from wayproof.harness.input_messages import beams_from_info, decode_ranges
+from wayproof.harness.inputs import Pose, SweepInput
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.streams import compare
 from wayproof.harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from wayproof.harness.config import Config, override, with_perturbation
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override, with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.prior.cells import unpacked

@@ -13,7 +13,8 @@ from onnx import TensorProto, helper, numpy_helper
 
 from wayproof.harness.attribution.case import read_case
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.explain.card import make_card
 from wayproof.harness.log.codec.messages import read_messages
@@ -293,7 +294,7 @@ def test_what_takes_longer_than_a_period_is_left_out_where_latencies_are_measure
 def test_a_log_with_another_prediction_does_not_replay(walls, tmp_path):
     from wayproof.harness.log.codec.container import walk
     from wayproof.harness.log.copy import write_copy
-    from wayproof.harness.log.reader import read_head
+    from wayproof.harness.log.head import read_head
 
     log = Path(walls[1].log)
     head = read_head(walk(log, head_only=True), log, allow_plugins=True)

@@ -6,7 +6,8 @@ import pytest
 
 from wayproof.harness.attribution import read_case
 from wayproof.harness.attribution.procedure import find_cause
-from wayproof.harness.config import Config, override, with_perturbation
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override, with_perturbation
 from wayproof.harness.counterfactual.check import check
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import perturbation_from

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.interface.observation_messages import task_from, task_message
 from wayproof.harness.interface.observations import task_of
 from wayproof.harness.log.reader import open_log

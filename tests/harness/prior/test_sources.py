@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, from_json, override, to_json
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import from_json, override, to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.map_files.cells import cells_of, moment_at

@@ -3,7 +3,8 @@
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
-from wayproof.harness.log.reader import open_log, read_head
+from wayproof.harness.log.head import read_head
+from wayproof.harness.log.reader import open_log
 
 SHORT = {
     "drone": ("empty", "drone", 1, "episode.time_limit=2"),

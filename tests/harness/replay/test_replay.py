@@ -13,7 +13,8 @@ from tests.harness.replay.episodes import SHORT, altered
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import Attachment, Metadata
-from wayproof.harness.log.reader import open_log, read_head
+from wayproof.harness.log.head import read_head
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import FORMAT_VERSION, PACKED_SCENE
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork

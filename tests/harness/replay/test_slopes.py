@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tests.maps.costmap.test_terrain import HIGH, LOW, SIZE, rough
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.slopes import sloping_columns
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap

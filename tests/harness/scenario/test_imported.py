@@ -7,7 +7,8 @@ import pytest
 
 from wayproof.harness.attribution import read_case
 from wayproof.harness.attribution.ways import true_ways
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute.rebuild import rebuild

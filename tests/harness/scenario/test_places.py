@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.scenario.places import goals_of, refuse_no_way
 from wayproof.harness.scenario.scenario import build

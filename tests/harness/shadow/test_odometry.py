@@ -6,7 +6,8 @@ import pytest
 from tests.harness.shadow.conftest import FR079, shadowed
 from wayproof.harness.errors import InputError
 from wayproof.harness.estimators.lidar_odometry import PLANAR_NAME
-from wayproof.harness.inputs import Pose, SweepInput, beams_from_info, decode_ranges
+from wayproof.harness.input_messages import beams_from_info, decode_ranges
+from wayproof.harness.inputs import Pose, SweepInput
 from wayproof.harness.listed_beams import read_list
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log

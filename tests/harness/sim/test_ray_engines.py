@@ -1,6 +1,7 @@
 """Both ray engines lead to the same decisions."""
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 

@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.sim.simulation import Simulation
 from wayproof.harness.sim.termination import TerminationMonitor, safe_limits

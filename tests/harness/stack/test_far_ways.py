@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.stack.far_ways import FarWays
 from wayproof.harness.stack.mapping import Mapper

@@ -2,7 +2,8 @@
 
 import json
 
-from wayproof.harness.config import Config, document_of, from_json, override, to_json
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import document_of, from_json, override, to_json
 from wayproof.harness.scenario.scenario import build
 from wayproof.models.robots import FAST_ROBOTS, LIMITS_IN_STATIC_WORLDS, ROBOTS
 

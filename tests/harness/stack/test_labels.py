@@ -7,9 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import decode_classes
+from wayproof.harness.input_messages import decode_classes
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.replay import replay

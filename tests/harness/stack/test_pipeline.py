@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
-from wayproof.harness.inputs import Inputs, Pose, beams_from_info
+from wayproof.harness.input_messages import beams_from_info
+from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.mission import Mission
 from wayproof.harness.scenario.scenario import build, sensor_info
 from wayproof.harness.stack.build import build_navigator

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import override
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.geometry import polyline_length
 from wayproof.harness.log.codec.messages import read_messages

@@ -12,7 +12,7 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.calibration import SETTING, margin_from, margin_study
-from wayproof.harness.study.file import Arm, plan_episodes
+from wayproof.harness.study.plan import Arm, plan_episodes
 from wayproof.harness.study.rows import Row
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from wayproof.harness.study.cluster import run_on_ray
-from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.file import read_study
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import read_rows, run_study

@@ -12,7 +12,8 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.study.determinism import ARRANGEMENTS, certify, draw
-from wayproof.harness.study.file import StudyFile, plan_episodes, read_study
+from wayproof.harness.study.file import StudyFile, read_study
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.store import Store
 
 STUDY = """

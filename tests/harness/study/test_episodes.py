@@ -11,8 +11,9 @@ from tests.harness.viewer.test_rerun_view import entities
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.study.episodes import entries_of, find_entry, unplanned_in_words
-from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.file import read_study
 from wayproof.harness.study.job import run_job
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
 

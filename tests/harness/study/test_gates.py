@@ -13,15 +13,9 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_between, samples_of
 from wayproof.harness.study.contents import contents_of
-from wayproof.harness.study.file import (
-    PACKAGED,
-    Arm,
-    files_of,
-    plan_episodes,
-    read_gate,
-    read_study,
-)
+from wayproof.harness.study.file import PACKAGED, files_of, read_gate, read_study
 from wayproof.harness.study.gates import GateResult, gate_in_words, judge
+from wayproof.harness.study.plan import Arm, plan_episodes
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import StudyResult, conclude, verdict_in_words

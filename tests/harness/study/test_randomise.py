@@ -2,9 +2,10 @@
 
 import pytest
 
-from wayproof.harness.config import value_of
+from wayproof.harness.config_document import value_of
 from wayproof.harness.errors import InputError
-from wayproof.harness.study.file import StudyFile, plan_episodes
+from wayproof.harness.study.file import StudyFile
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.randomise import drawn
 
 AISLE, CRATES = "world.warehouse.aisle_width", "world.warehouse.crates"

@@ -11,7 +11,8 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.shadow.assess import assess
 from wayproof.harness.shadow.summary import summarize
-from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.file import read_study
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.recorded_table import passes_of
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import read_rows

@@ -11,7 +11,8 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_of
 from wayproof.harness.study.compare import compare
-from wayproof.harness.study.file import Arm, plan_episodes, read_study
+from wayproof.harness.study.file import read_study
+from wayproof.harness.study.plan import Arm, plan_episodes
 from wayproof.harness.study.report.plots import COLOURS, Curve, dose_response
 from wayproof.harness.study.rows import Row, reference_of
 from wayproof.harness.study.stack_table import stack_table

@@ -9,7 +9,8 @@ import pytest
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
-from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.file import read_study
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.store import Store, merge
 from wayproof.harness.study.study import read_own_rows, read_rows
 from wayproof.models.robots import custom

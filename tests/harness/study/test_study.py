@@ -13,15 +13,17 @@ from pathlib import Path
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import to_json
+from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
-from wayproof.harness.log.reader import open_log, read_head
+from wayproof.harness.log.head import read_head
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.contents import contents_of
-from wayproof.harness.study.file import files_of, plan_episodes, read_gate, read_study
+from wayproof.harness.study.file import files_of, read_gate, read_study
 from wayproof.harness.study.job import Done, Job, run_job
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store, merge
 from wayproof.harness.study.study import StudyResult, count_missing, read_rows, run_study, shard

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, from_json
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import from_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.scenario.scenario import build

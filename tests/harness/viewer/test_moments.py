@@ -7,7 +7,8 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
-from wayproof.harness.log.reader import open_log, read_head
+from wayproof.harness.log.head import read_head
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.fork import fork
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.viewer.moments import moments

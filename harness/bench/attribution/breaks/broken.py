@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from wayproof.harness.config import override
+from wayproof.harness.config_document import override
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.scenario import Scenario, build, edit_scene

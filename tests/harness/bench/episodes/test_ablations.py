@@ -9,7 +9,8 @@ from wayproof.harness.bench.episodes.ablations import (
     _row,
     _unknown_in,
 )
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.result import Result
 from wayproof.maps import MAPS, MapConfig
 

@@ -6,7 +6,8 @@ import pytest
 
 from wayproof.harness.bench.episodes.worlds import WorldRow, _summarise, run_one
 from wayproof.harness.bench.stages import STAGES
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.replay import replay

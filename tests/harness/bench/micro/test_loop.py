@@ -2,7 +2,8 @@ import json
 
 from wayproof.harness.bench.micro import loop
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.scenario.scenario import build
 
 

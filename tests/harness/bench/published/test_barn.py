@@ -7,7 +7,8 @@ from tests.harness.bench.published.benchmark_files import barn_folder, finished
 from wayproof.harness.bench.published import barn
 from wayproof.harness.bench.published.trials import Trial, run_trial
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit import audit

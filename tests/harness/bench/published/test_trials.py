@@ -1,7 +1,7 @@
 from tests.harness.bench.published.benchmark_files import field_folder
 from wayproof.harness.bench.published import dodge
 from wayproof.harness.bench.published.trials import Trial, run_trial
-from wayproof.harness.config import override
+from wayproof.harness.config_document import override
 
 
 def test_a_world_that_cannot_start_is_an_outcome(tmp_path):

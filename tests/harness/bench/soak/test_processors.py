@@ -19,7 +19,7 @@ from wayproof.harness.bench.soak.processors import (
     replay_under,
 )
 from wayproof.harness.bench.soak.replays import arithmetic, differing
-from wayproof.harness.config import from_json, to_json
+from wayproof.harness.config_document import from_json, to_json
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.replay import Replay
 from wayproof.harness.replay.scope import Scope

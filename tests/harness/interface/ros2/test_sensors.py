@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from wayproof import Config, build, override
-from wayproof.harness.inputs import Inputs, Pose, SweepInput, beams_from_info
+from wayproof.harness.input_messages import beams_from_info
+from wayproof.harness.inputs import Inputs, Pose, SweepInput
 from wayproof.harness.interface.observations import ObservationBuilder, task_of
 from wayproof.harness.interface.ros2.messages import Time
 from wayproof.harness.interface.ros2.options import Options

@@ -11,7 +11,8 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
-from wayproof.harness.log.reader import open_log, read_head
+from wayproof.harness.log.head import read_head
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.audit.run import judge, moments
 from wayproof.harness.replay.audit.way import judge_way

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config, from_json, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import from_json, override
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.scenario.scenario import build

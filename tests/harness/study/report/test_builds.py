@@ -4,7 +4,7 @@ import pytest
 
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import Sample
-from wayproof.harness.study.file import Arm
+from wayproof.harness.study.plan import Arm
 from wayproof.harness.study.report.builds import _changes, _flips
 from wayproof.harness.study.rows import Row
 

@@ -15,7 +15,8 @@ import pytest
 from tests.harness.study.here import run_here
 from wayproof.harness.cli.main import main, verb_parsers
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.file import read_study
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.report.provenance import run_command
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study

@@ -17,7 +17,8 @@ from PIL import Image
 
 from tests.harness.study.here import run_here
 from wayproof.harness.cli.main import main
-from wayproof.harness.study.file import plan_episodes, read_study
+from wayproof.harness.study.file import read_study
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
 
