@@ -54,7 +54,7 @@ class Truth:
         self.hits_by_movers = 0
         self.touched = ""
 
-    def see(self, obstacle: int) -> None:
+    def end_step(self, obstacle: int) -> None:
         """End a physics step; a collision counts whenever the robot starts to touch something.
 
         Args:
@@ -62,10 +62,11 @@ class Truth:
         """
         self.steps += 1
         if obstacle >= 0 and not self._touching:
-            self._note(obstacle)
+            self._count_contact(obstacle)
         self._touching = obstacle >= 0
 
-    def _note(self, obstacle: int) -> None:
+    def _count_contact(self, obstacle: int) -> None:
+        """Count a new contact: a mover may hit a robot at rest, which is then no collision."""
         by_mover = bool(self._is_mover[obstacle])
         self.touched = self._model.body(self._model.geom_bodyid[obstacle]).name if by_mover else ""
         if by_mover and self._speed() < REST_SPEED:
@@ -75,13 +76,13 @@ class Truth:
 
     def _speed(self) -> float:
         """Return the mean speed of the base over the window, m/s: a standing trot sways."""
-        places = self._lately()
+        places = self._recent_places()
         if len(places) < 2:
             return 0.0
         time = (len(places) - 1) * float(self._model.opt.timestep)
         return float(np.linalg.norm(places[-1] - places[0])) / time
 
-    def _lately(self) -> NDArray[np.float64]:
+    def _recent_places(self) -> NDArray[np.float64]:
         """Return the positions of the base at the last steps, (n, 3), the latest last."""
         oldest = self.steps % len(self.places)
         if self.steps < len(self.places):
@@ -112,7 +113,7 @@ class Truth:
             "touching": np.array(self._touching, np.int64),
             "collisions": np.array(self.collisions, np.int64),
             "struck": np.array(self.hits_by_movers, np.int64),
-            "places": self._lately(),
+            "places": self._recent_places(),
         }
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:

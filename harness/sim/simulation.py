@@ -17,6 +17,7 @@ from wayproof.harness.sim.setpoint_buffer import SetpointBuffer
 from wayproof.harness.sim.snapshot import PhysicsState, StepPoses
 from wayproof.harness.sim.termination import safe_limits
 from wayproof.models.poses import Trail
+from wayproof.models.robots import Setpoint
 from wayproof.models.step_kernels import StepArrays, StepCheck, command
 from wayproof.models.truth import Truth
 from wayproof.models.worlds import Traffic
@@ -60,12 +61,20 @@ class Simulation:
         body = Body(scene.model, self.data, scene.base, self.truth.is_robot, mission.planar)
         infos = [sensor_info(caster) for caster in scene.casters]
         beams = {info.name: beams_from_info(info) for info in infos}
-        self.estimate = PoseEstimate(scenario.config, timestep, steps, start, heading, body, beams)
+        self.estimate = PoseEstimate(
+            config=scenario.config,
+            timestep=timestep,
+            steps=steps,
+            position=start,
+            heading=heading,
+            body=body,
+            beams=beams,
+        )
         self.rolling = any(caster.table.scan_poses > 1 for caster in scene.casters)
         self.step_poses = StepPoses(steps)
         self._following = trajectory
         self._upcoming: deque[tuple[int, Trajectory]] = deque()  # with their arrival, ns
-        self._ahead = SetpointBuffer(round(timestep * 1e9), steps)
+        self._setpoints = SetpointBuffer(round(timestep * 1e9), steps)
         self._check_and_command = StepCheck(
             StepArrays(
                 is_robot=self.truth.is_robot,
@@ -111,31 +120,39 @@ class Simulation:
         Returns:
             Whether it may have ended the episode.
         """
-        now_ns = self.now_ns
-        while self._upcoming and self._upcoming[0][0] <= now_ns:
-            self._following = self._upcoming.popleft()[1]
+        now_ns, truth = self.now_ns, self.truth
         self.estimate.advance(now_ns, self._pose_position, self._pose_quaternion)
-        ahead, truth = self._ahead, self.truth
-        if not ahead.holds(self._following, now_ns):
-            ahead.sample(self._following, now_ns)
-            command(ahead.planned[0], self.estimate.tracked[0], self._pose, ahead.commanded[0])
-        self._scene.controller.follow(self.data, ahead.next())
+        self._scene.controller.follow(self.data, self._next_setpoint(now_ns))
         if self.rolling:
             self.step_poses.append(self._pose.copy())
         self.estimate.record_step()
         if save:
             self.physics.save()
         mujoco.mj_step(self._scene.model, self.data)
-        met, left = self._check_and_command(
-            self.data.contact.geom, truth.steps, ahead.row, ahead.planned, ahead.commanded
+        obstacle, outside = self._check_and_command(
+            pairs=self.data.contact.geom,
+            step=truth.steps,
+            row=self._setpoints.row,
+            planned=self._setpoints.planned,
+            commanded=self._setpoints.commanded,
         )
-        truth.see(met)
+        truth.end_step(obstacle)
         self._move_traffic(now_ns)
-        return left or truth.collisions > 0 or truth.hits_by_movers > 0
+        return outside or truth.collisions > 0 or truth.hits_by_movers > 0
+
+    def _next_setpoint(self, now_ns: int) -> Setpoint:
+        """Take the setpoint of this step, of the newest trajectory that has arrived."""
+        while self._upcoming and self._upcoming[0][0] <= now_ns:
+            self._following = self._upcoming.popleft()[1]
+        buffer = self._setpoints
+        if not buffer.holds(self._following, now_ns):
+            buffer.sample(self._following, now_ns)
+            command(buffer.planned[0], self.estimate.tracked[0], self._pose, buffer.commanded[0])
+        return buffer.next()
 
     def drain_setpoints(self) -> bytes:
         """Rows of the setpoints that the controller got since the last call."""
-        return self._ahead.drain_setpoints()
+        return self._setpoints.drain_setpoints()
 
     def trail(self) -> Trail:
         """True poses of the base since the sweeps began; without a rolling shutter the last one."""
