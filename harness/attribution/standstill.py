@@ -36,7 +36,7 @@ def impossible(facts: StandstillFacts) -> str | None:
     if not truth.exists and not facts.fell:
         return (
             f"no way to the goal exists for a body of {truth.radius:.2f} m with its margin; the "
-            f"widest lets {truth.widest:.2f} m pass"
+            f"widest lets {truth.widest():.2f} m pass"
         )
     if truth.shortest_s > facts.limit_s:
         return (
@@ -82,8 +82,9 @@ def latency(facts: StandstillFacts) -> str | None:
             f"deadline of {facts.deadline * 1e3:.0f} ms (median {facts.delay * 1e3:.0f} ms) and "
             "were discarded"
         )
-    if facts.ranges.withheld >= HALF:
-        return f"{facts.ranges.withheld:.0%} of the decisions were made without a new sweep"
+    ranges = facts.ranges()
+    if ranges.withheld >= HALF:
+        return f"{ranges.withheld:.0%} of the decisions were made without a new sweep"
     return None
 
 
@@ -99,7 +100,7 @@ def localization(facts: StandstillFacts) -> str | None:
         )
     if pose.beyond > 0.0:
         return str(pose)
-    if facts.doubt > DOUBT and facts.map.passable < HALF <= facts.map.certain:
+    if facts.doubt > DOUBT and facts.map().passable < HALF <= facts.map().certain:
         return (
             f"the stated doubt of the pose widens the margin by {facts.doubt:.2f} m, "
             "and without that the map has a way"
@@ -119,11 +120,12 @@ def late_setpoints(facts: StandstillFacts) -> str | None:
 
 def perception(facts: StandstillFacts) -> str | None:
     """Returns were lost or wrong, or near ones were dropped."""
-    if facts.ranges.lied:
-        return str(facts.ranges)
-    if facts.ranges.blind > facts.radius + BLIND and facts.map.known < HALF and not facts.fell:
+    ranges = facts.ranges()
+    if ranges.lied:
+        return str(ranges)
+    if ranges.blind > facts.radius + BLIND and facts.map().known < HALF and not facts.fell:
         return (
-            f"returns nearer than {facts.ranges.blind:.1f} m are dropped, "
+            f"returns nearer than {ranges.blind:.1f} m are dropped, "
             "so the map knows no way where the robot stands"
         )
     return None
@@ -138,26 +140,26 @@ def left_its_path(facts: StandstillFacts) -> str | None:
 
 def moved_obstacle(facts: StandstillFacts) -> str | None:
     """A mover blocked the only path."""
-    if facts.truth.open_at_end:
+    if facts.truth.open_at_end():
         return None
     return "a way exists, but something that moves truly closed it at the end"
 
 
 def just_left(facts: StandstillFacts) -> str | None:
     """A mover, present or recent, blocks the only path in the map, at the end or often."""
-    if facts.on_its_way and facts.without_path >= FEW and facts.map.held_up >= HALF:
+    if facts.on_its_way and facts.without_path >= FEW and facts.map().held_up >= HALF:
         return (
-            f"{facts.without_path:.0%} of all searches found no path, and {facts.map.held_up:.0%} "
-            "of their maps had one without what moved there"
+            f"{facts.without_path:.0%} of all searches found no path, and "
+            f"{facts.map().held_up:.0%} of their maps had one without what moved there"
         )
-    if facts.map.passable >= HALF or not facts.map.without_movers:
+    if facts.map().passable >= HALF or not facts.map().without_movers:
         return None
     return "the map has a way without what moves there, or stood there a moment before the end"
 
 
 def ghost_obstacle(facts: StandstillFacts) -> str | None:
     """The path is blocked only in the map, by cells that are truly free."""
-    ways = facts.map
+    ways = facts.map()
     if ways.passable >= HALF or not ways.ghosts or not ways.without_ghosts:
         return None
     x, y, z = ways.ghost
@@ -185,7 +187,7 @@ def tracking(facts: StandstillFacts) -> str | None:
 
 def planner(facts: StandstillFacts) -> str | None:
     """A path was open in the map, and the search did not find it, or the stack did not take it."""
-    ways = facts.map
+    ways = facts.map()
     if facts.on_its_way:
         return _too_slow(facts) if ways.passable >= HALF else None
     if ways.in_vain >= FEW and ways.not_found >= HALF:
@@ -194,9 +196,9 @@ def planner(facts: StandstillFacts) -> str | None:
             f"{facts.iterations} iterations, though {ways.not_found:.0%} of their maps had a way "
             "around all that was occupied"
         )
-    if facts.map.known >= HALF:
+    if ways.known >= HALF:
         return (
-            f"in {facts.map.known:.0%} of the maps at the end a way led through space that was "
+            f"in {ways.known:.0%} of the maps at the end a way led through space that was "
             f"known to be free; {_effort(facts)}"
         )
     return None
@@ -204,7 +206,7 @@ def planner(facts: StandstillFacts) -> str | None:
 
 def stack_held(facts: StandstillFacts) -> str | None:
     """The guard held a stack on trial, which offered no other way though the map had one."""
-    ways = facts.map
+    ways = facts.map()
     if not facts.cut or facts.cut < HALF * facts.window or ways.passable < HALF:
         return None
     unknown = facts.cut - facts.cut_blocked
@@ -217,7 +219,7 @@ def stack_held(facts: StandstillFacts) -> str | None:
 
 def exploration(facts: StandstillFacts) -> str | None:
     """A stack on trial did not look where a way was left: only unknown space lay before it."""
-    ways = facts.map
+    ways = facts.map()
     if not facts.on_trial or facts.fell or ways.passable < HALF or ways.known >= HALF:
         return None
     return (
@@ -230,11 +232,11 @@ def exploration(facts: StandstillFacts) -> str | None:
 def too_narrow(facts: StandstillFacts) -> str | None:
     """A path exists that is too narrow for the cells of a map, or the start has no room."""
     truth = facts.truth
-    if facts.fell or min(truth.widest - 0.5 * facts.cell, truth.at_start) > truth.radius:
+    if facts.fell or min(truth.widest() - 0.5 * facts.cell, truth.at_start) > truth.radius:
         return None
     return (
-        f"body and margin take {truth.radius:.2f} m, the widest way lets {truth.widest:.2f} m pass "
-        f"in cells of {facts.cell:.2f} m, and the start has {truth.at_start:.2f} m about it"
+        f"body and margin take {truth.radius:.2f} m, the widest way lets {truth.widest():.2f} m "
+        f"pass in cells of {facts.cell:.2f} m, and the start has {truth.at_start:.2f} m about it"
     )
 
 
@@ -244,7 +246,7 @@ def _too_slow(facts: StandstillFacts) -> str:
     searches = f"{facts.without_path:.0%} of all searches found no path, "
     return (
         f"the shortest way takes {truth.shortest_s:.1f} s at full speed, the limit was "
-        f"{facts.limit_s:.1f} s, and {facts.map.passable:.0%} of the maps at the end had a way; "
+        f"{facts.limit_s:.1f} s, and {facts.map().passable:.0%} of the maps at the end had a way; "
         f"{truth.left_m:.1f} m were left, {'' if facts.on_trial else searches}"
         f"and {_effort(facts, 'one')}"
     )
@@ -263,10 +265,10 @@ def _effort(facts: StandstillFacts, search: str = "search") -> str:
 
 def unexplained(facts: StandstillFacts) -> str:
     """No measured fact explains the failure."""
-    known = "a" if facts.map.known >= HALF else "no"
+    known = "a" if facts.map().known >= HALF else "no"
     return (
         f"pose and ranges were right, a way exists, and the map knew {known} way to it "
-        f"({facts.map.unknown:.0%} was unknown)"
+        f"({facts.map().unknown:.0%} was unknown)"
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache
 
 import numpy as np
 
@@ -53,8 +53,8 @@ class StandstillFacts:
         without_path: Fraction of all searches that found no path.
         pose: Error of the pose over the window.
         truth: Paths that truly exist.
-        measure_ranges: Returns `ranges`, which takes long.
-        measure_map: Returns `map`, likewise.
+        ranges: Measures the reported ranges against the true ones, once, as that takes long.
+        map: Searches the paths in the map, likewise.
         answered_late: Fraction of the window that a stack on trial answered past the deadline.
         answer: Median time to its answers in the window, s.
         on_trial: Whether a stack on trial commanded.
@@ -86,8 +86,8 @@ class StandstillFacts:
     without_path: float
     pose: PoseFacts
     truth: TrueWays
-    measure_ranges: Callable[[], RangeFacts]
-    measure_map: Callable[[], MapWays]
+    ranges: Callable[[], RangeFacts]
+    map: Callable[[], MapWays]
     answered_late: float = 0.0
     answer: float = 0.0
     on_trial: bool = False
@@ -95,16 +95,6 @@ class StandstillFacts:
     cut_blocked: int = 0
     beyond_area: int | None = None
     claimed_at: float = 0.0
-
-    @cached_property
-    def ranges(self) -> RangeFacts:
-        """Reported ranges against the true ones."""
-        return self.measure_ranges()
-
-    @cached_property
-    def map(self) -> MapWays:
-        """Paths in the map."""
-        return self.measure_map()
 
     @property
     def on_its_way(self) -> bool:
@@ -118,7 +108,7 @@ class StandstillFacts:
 
 
 def standstill_facts(case: Case) -> StandstillFacts:
-    """Measure the facts for the tests; those that take long when a test asks for them."""
+    """Measure the facts for the tests; those that take long when a test calls for them."""
     last = case.moments[-1]
     window = _window(case)
     numbers = range(len(case.moments) - window, len(case.moments))
@@ -161,8 +151,8 @@ def standstill_facts(case: Case) -> StandstillFacts:
         without_path=float(np.mean([one.label == NO_PATH for one in searches] or [False])),
         pose=pose_facts(case, numbers),
         truth=true_ways(case, navigator, numbers[0]),
-        measure_ranges=partial(range_facts, case, numbers[-1]),
-        measure_map=partial(map_ways, case, numbers[0]),
+        ranges=cache(lambda: range_facts(case, numbers[-1])),
+        map=cache(lambda: map_ways(case, numbers[0])),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -50,8 +50,9 @@ class TrueWays:
             mission, s; 0 unless time ran out.
         left_m: Remaining path length when time ran out, m; inf without a path.
         gained_m: Path length covered over the last decisions, m.
-        measure_widest: Returns `widest`, which takes long.
-        measure_open_at_end: Returns `open_at_end`, likewise.
+        widest: Measures half the width of the widest path without movers, m, once, as that takes
+            long; 0 without one.
+        open_at_end: Finds whether a path exists with the movers as they are at the end, likewise.
     """
 
     radius: float
@@ -60,18 +61,8 @@ class TrueWays:
     shortest_s: float
     left_m: float
     gained_m: float
-    measure_widest: Callable[[], float]
-    measure_open_at_end: Callable[[], bool]
-
-    @cached_property
-    def widest(self) -> float:
-        """Half the width of the widest path without movers, m; 0 without one."""
-        return self.measure_widest()
-
-    @cached_property
-    def open_at_end(self) -> bool:
-        """Whether a path exists with the movers as they are at the end."""
-        return self.measure_open_at_end()
+    widest: Callable[[], float]
+    open_at_end: Callable[[], bool]
 
 
 @dataclass(frozen=True)
@@ -125,6 +116,7 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     def lengths_to(end: tuple[int, ...]) -> Array:
         return distances_from(still > radius, end, reach, size) / DETOUR[case.axes]
 
+    @cache
     def open_at_end() -> bool:
         case.space.place_movers(last.truth)
         gaps = clearances(true_occupancy(case, navigator), size)
@@ -143,8 +135,8 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
         shortest_s=shortest,
         left_m=left,
         gained_m=before - left if math.isfinite(before) and math.isfinite(left) else 0.0,
-        measure_widest=lambda: widest(still, start, goal, reach, offsets, size),
-        measure_open_at_end=open_at_end,
+        widest=cache(lambda: widest(still, start, goal, reach, offsets, size)),
+        open_at_end=open_at_end,
     )
 
 

@@ -17,14 +17,14 @@ def changed(facts, changes):
     """Facts with some of them changed, of a part by `part.name`."""
     for name, value in changes.items():
         part, _, inner = name.partition(".")
-        value = with_one(getattr(facts, part), inner, value) if inner else value
+        if inner:
+            whole = getattr(facts, part)
+            value = with_one(whole() if callable(whole) else whole, inner, value)
         facts = with_one(facts, part, value)
     return facts
 
 
 def with_one(facts, name, value):
-    """Facts with another value of one name, whether it is measured at once or when it is read."""
-    measured = f"measure_{name}"
-    if hasattr(facts, measured):
-        return replace(facts, **{measured: lambda: value})
-    return replace(facts, **{name: value})
+    """Facts with another value of one name, whether it is measured at once or when called."""
+    measured = callable(getattr(facts, name))
+    return replace(facts, **{name: (lambda: value) if measured else value})

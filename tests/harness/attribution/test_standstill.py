@@ -16,8 +16,8 @@ TRUTH = TrueWays(
     shortest_s=5.0,
     left_m=3.0,
     gained_m=0.0,
-    measure_widest=lambda: 0.8,
-    measure_open_at_end=lambda: True,
+    widest=lambda: 0.8,
+    open_at_end=lambda: True,
 )
 
 
@@ -32,7 +32,7 @@ STILL = StandstillFacts(
     outcome="stuck", reason="", window=50, discarded=0.0, late=0.0, deadline=0.25, delay=0.05,
     off_path=0.0, worst_off_path=0.1, left_path=0.0, limit_s=60.0, claimed=False,
     lost_sigma=None, doubt=0.02, radius=0.3, cell=0.1, iterations=1, without_path=0.0,
-    pose=PoseFacts(), truth=TRUTH, measure_ranges=RangeFacts, measure_map=lambda: MAP,
+    pose=PoseFacts(), truth=TRUTH, ranges=RangeFacts, map=lambda: MAP,
 )  # fmt: skip
 
 
