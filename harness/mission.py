@@ -90,6 +90,11 @@ class Mission:
         return self.motion == "ground"
 
     @property
+    def body_discs(self) -> tuple[tuple[float, float], ...]:
+        """Offset and radius of each disc of the body, m; the one disc or ball of a round body."""
+        return self.discs or ((0.0, self.radius),)
+
+    @property
     def axes(self) -> int:
         """Number of axes of a position that count: x and y in the plane, else x, y and z."""
         return 2 if self.planar else 3

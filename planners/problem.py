@@ -283,18 +283,25 @@ def _cost(query: Query, poses: Floats, weight: float) -> float:
 def _with_path(space: FreeSpace, kind: StateSpace, poses: Floats, cost: float, used: int) -> Plan:
     path = np.ascontiguousarray(poses[:, :3])
     return Plan(
-        path,
-        cost,
-        float(polyline.path_length(path)),
-        space.least_clearance(path),
-        used,
-        "none",
-        poses[:, 3].copy() if kind.oriented else None,
+        waypoints=path,
+        cost=cost,
+        length=float(polyline.path_length(path)),
+        least_clearance=space.least_clearance(path),
+        iterations=used,
+        label="none",
+        headings=poses[:, 3].copy() if kind.oriented else None,
     )
 
 
 def _without_path(label: PlanLabel, iterations: int) -> Plan:
-    return Plan(None, math.inf, math.inf, 0.0, iterations, label)
+    return Plan(
+        waypoints=None,
+        cost=math.inf,
+        length=math.inf,
+        least_clearance=0.0,
+        iterations=iterations,
+        label=label,
+    )
 
 
 def _search_once(

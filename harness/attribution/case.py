@@ -17,6 +17,7 @@ from wayproof.harness.goals import leg_towards
 from wayproof.harness.input_messages import inputs_from_messages
 from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.decision_messages import DecisionMessages
 from wayproof.harness.log.paths import densely
 from wayproof.harness.log.reader import Log, as_truth
 from wayproof.harness.mission import Mission
@@ -256,43 +257,42 @@ def _without(keyframes: list[pb.Keyframe], messages: Iterable[Message]) -> Itera
 
 def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
     """Group the messages of a log by decision."""
-    sweeps: list[pb.Sweep] = []
-    pose, latency, decision = pb.Pose(), pb.Latency(), pb.Decision()
-    answer: pb.StackCommand | None = None
-    goal: pb.Goal | None = None
-    prediction: pb.Prediction | None = None
-    motion: pb.RecordedMotion | None = None
-    added_s = 0.0
+    given, decision, added_s = DecisionMessages(), pb.Decision(), 0.0
     for message in messages:
-        if isinstance(message, pb.Sweep):
-            sweeps.append(message)
-        elif isinstance(message, pb.Pose):
-            pose = message
-        elif isinstance(message, pb.Latency):
-            latency = message
-        elif isinstance(message, pb.StackCommand):
-            answer = message
-        elif isinstance(message, pb.Goal):
-            goal = message
-        elif isinstance(message, pb.Prediction):
-            prediction = message
-        elif isinstance(message, pb.RecordedMotion):
-            motion = message
+        if given.take(message):
+            continue
+        if isinstance(message, pb.Decision):
+            decision = message
         elif isinstance(message, pb.Perturbation):
             added_s = message.added_delay_s
-        elif isinstance(message, pb.Decision):
-            decision = message
-            if motion is not None:
-                truth = as_truth(motion)
-                held = tuple(sweeps)
-                yield Moment(
-                    pose, held, latency, decision, truth, answer, goal, prediction=prediction
-                )
-                sweeps, answer, motion, goal, prediction = [], None, None, None, None
-        elif isinstance(message, pb.Truth):
-            held = tuple(sweeps)
-            yield Moment(pose, held, latency, decision, message, answer, goal, added_s, prediction)
-            sweeps, answer, goal, added_s, prediction = [], None, None, 0.0, None
+        truth = _truth_of(message, given)
+        if truth is not None:
+            yield Moment(
+                pose=given.pose,
+                sweeps=tuple(given.sweeps),
+                latency=given.latency,
+                decision=decision,
+                truth=truth,
+                answer=given.answer,
+                goal=given.goal,
+                added_delay_s=added_s,
+                prediction=given.prediction,
+            )
+            given, added_s = given.next(), 0.0
+
+
+def _truth_of(message: Message, given: DecisionMessages) -> pb.Truth | None:
+    """The truth of a decision if a message completes it; in a recording the decision itself does.
+
+    Args:
+        message: That follows what precedes a decision.
+        given: What preceded the decision.
+    """
+    if isinstance(message, pb.Truth):
+        return message
+    if isinstance(message, pb.Decision) and given.motion is not None:
+        return as_truth(given.motion)
+    return None
 
 
 def yaw_of(quaternion: Sequence[float]) -> float:

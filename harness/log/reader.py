@@ -17,6 +17,7 @@ from wayproof.harness.input_messages import inputs_from_messages
 from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_keyframes, read_messages
+from wayproof.harness.log.decision_messages import DecisionMessages
 from wayproof.harness.log.head import Head, check_file, read_head
 from wayproof.harness.log.writer import PLUGINS, STDERR, TRACEBACK, WITH_REASONS
 from wayproof.harness.mission import Mission
@@ -210,54 +211,46 @@ class Log:
     def _records_and_rest(self, after: pb.Keyframe | None = None) -> Iterator[Record | Message]:
         """Yield the records, and the messages that belong to none, in file order."""
         self.check_sweeps()
-        sweeps: list[pb.Sweep] = []
-        pose, latency, state, answer = pb.Pose(), pb.Latency(), None, None
-        goal, prediction, motion = None, None, None
+        given = DecisionMessages()
         count, time_ns = 0, -1
         if after is not None:
             count, time_ns = after.sequence + 1, after.timestamp.ToNanoseconds()
         for message in self.messages(time_ns):
-            if isinstance(message, pb.Sweep):
-                sweeps.append(message)
-            elif isinstance(message, pb.Pose):
-                pose = message
-            elif isinstance(message, pb.Latency):
-                latency = message
-            elif isinstance(message, pb.Goal):
-                goal = message
-            elif isinstance(message, pb.Prediction):
-                prediction = self._prediction(message, count)
-            elif isinstance(message, pb.RecordedMotion):
-                motion = message
-            elif isinstance(message, pb.State):
-                state = message
-            elif isinstance(message, pb.StackCommand):
-                answer = message
-            elif isinstance(message, pb.Decision):
-                inputs = inputs_from_messages(
-                    pose,
-                    sweeps,
-                    goal=goal if self.has_goals else None,
-                    prediction=prediction,
-                )
-                self._check_order(inputs, count, time_ns)
-                if answer is not None and answer.sequence != count:
-                    answer = None  # of another decision: this one has none
-                yield Record(inputs, latency, message, state, answer, motion)
-                sweeps, state, answer, goal, motion = [], None, None, None, None
-                prediction = None
-                count, time_ns = count + 1, inputs.time_ns
-            else:
+            if isinstance(message, pb.Prediction):
+                self._check_prediction(message, count)
+            if given.take(message):
+                continue
+            if not isinstance(message, pb.Decision):
                 yield message
+                continue
+            inputs = inputs_from_messages(
+                given.pose,
+                given.sweeps,
+                goal=given.goal if self.has_goals else None,
+                prediction=given.prediction,
+            )
+            self._check_order(inputs, count, time_ns)
+            answer = given.answer
+            if answer is not None and answer.sequence != count:
+                answer = None  # of another decision: this one has none
+            yield Record(
+                inputs=inputs,
+                latency=given.latency,
+                decision=message,
+                state=given.state,
+                answer=answer,
+                motion=given.motion,
+            )
+            given = given.next()
+            count, time_ns = count + 1, inputs.time_ns
 
-    def _prediction(self, message: pb.Prediction, count: int) -> pb.Prediction:
-        """Return a prediction, which must be an input of the next decision."""
+    def _check_prediction(self, message: pb.Prediction, count: int) -> None:
+        """Check that a prediction is an input of the next decision."""
         if message.sequence != count or not is_outside(self.config.prediction.source):
             raise InputError(
                 f"log '{self.path}': a prediction for decision {message.sequence} before decision "
                 f"{count}, expected it before its own, and with a predictor from outside"
             )
-        return message
 
     @property
     def has_goals(self) -> bool:

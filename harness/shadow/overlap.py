@@ -77,7 +77,7 @@ class Terms:
     @property
     def discs(self) -> Discs:
         """Discs of the body, without margin: offset and radius, m."""
-        return self.mission.discs or ((0.0, self.mission.radius),)
+        return self.mission.body_discs
 
     @property
     def radius(self) -> float:

@@ -26,8 +26,8 @@ NARROW_COST = 2.0
 
 def body_of(mission: Mission) -> Body:
     """The discs of a mission's body, or the one about it."""
-    discs = mission.discs or ((0.0, mission.radius),)
-    return Body(tuple(offset for offset, _ in discs), tuple(radius for _, radius in discs))
+    offsets, radii = zip(*mission.body_discs, strict=True)
+    return Body(offsets, radii)
 
 
 def lever_arm(body: Body) -> float:

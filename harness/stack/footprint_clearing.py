@@ -33,7 +33,7 @@ def clear_footprint(a_map: Representation, mission: Mission, pose: Pose, time_ns
         return
     sines, cosines = sines_cosines(np.array([pose.heading]))
     size = a_map.resolution
-    for offset, radius in mission.discs or ((0.0, mission.radius),):
+    for offset, radius in mission.body_discs:
         x = float(pose.position[0] + offset * cosines[0])
         y = float(pose.position[1] + offset * sines[0])
         low, high = (x - radius, y - radius), (x + radius, y + radius)

@@ -167,13 +167,3 @@ def judge_way(log: Path, digest: str, allow_plugins: bool) -> Judged:
 def short_name(world: str) -> str:
     """Return a recording's name without its hash."""
     return world.partition(HASH_SEPARATOR)[0]
-
-
-def unsupported(study: StudyFile, what: str) -> None:
-    """Refuse a study over recordings where only simulated episodes can be used.
-
-    Raises:
-        InputError: It is one.
-    """
-    if study.recordings:
-        raise InputError(f"{what}: of simulated episodes, got study '{study.name}' of recordings")

@@ -13,7 +13,6 @@ from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     Group,
     Rectangle,
-    first_passable,
     given_or,
     heading_towards,
     opposite_ends,
@@ -22,6 +21,7 @@ from wayproof.models.worlds.layout import (
     with_groups,
 )
 from wayproof.models.worlds.solids import Box, Capsule, Cylinder, TriangleMesh
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
@@ -56,7 +56,7 @@ def construction(
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_passable(
+    return first_solvable(
         "construction",
         seed,
         lambda rng: _draft(rng, seed, difficulty, parameters),

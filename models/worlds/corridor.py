@@ -9,7 +9,6 @@ from wayproof.models.world_parameters import Corridor
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
-    first_passable,
     given_or,
     heading_towards,
     mirrored,
@@ -17,6 +16,7 @@ from wayproof.models.worlds.layout import (
     with_crates,
 )
 from wayproof.models.worlds.solids import Box
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 DRAWN_LENGTH = 16.0
@@ -39,7 +39,7 @@ def corridor(
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_passable(
+    return first_solvable(
         "corridor",
         seed,
         lambda rng: _draft(rng, seed, difficulty, parameters),

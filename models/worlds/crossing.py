@@ -7,7 +7,6 @@ import numpy as np
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import Crossing
 from wayproof.models.worlds.layout import (
-    first_passable,
     given_or,
     heading_towards,
     opposite_ends,
@@ -16,6 +15,7 @@ from wayproof.models.worlds.layout import (
 )
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.pedestrians import FORKLIFT, PERSON
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
@@ -44,7 +44,7 @@ def crossing(
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_passable(
+    return first_solvable(
         "crossing",
         seed,
         lambda rng: _draft(rng, seed, difficulty, parameters),

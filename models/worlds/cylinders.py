@@ -15,14 +15,13 @@ from wayproof.models.world_parameters import Cylinders
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
-    first_passable,
     given_or,
     heading_towards,
     opposite_ends,
     room_walls,
 )
 from wayproof.models.worlds.solids import Cylinder
-from wayproof.models.worlds.solvability import passage_radius
+from wayproof.models.worlds.solvability import first_solvable, passage_radius
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
@@ -55,7 +54,7 @@ def cylinders(
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_passable(
+    return first_solvable(
         "cylinders",
         seed,
         lambda rng: _draft(rng, seed, difficulty, parameters),

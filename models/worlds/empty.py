@@ -5,12 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.models.world_parameters import Empty
-from wayproof.models.worlds.layout import (
-    first_passable,
-    heading_towards,
-    points_apart,
-    room_walls,
-)
+from wayproof.models.worlds.layout import heading_towards, points_apart, room_walls
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LEAST_DISTANCE = 6.0
@@ -28,7 +24,7 @@ def empty(
     Raises:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
     """
-    return first_passable(
+    return first_solvable(
         "empty",
         seed,
         lambda rng: _draft(rng, seed, parameters),

@@ -12,7 +12,6 @@ from wayproof.models.world_parameters import Forest
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     Group,
-    first_passable,
     given_or,
     heading_towards,
     opposite_ends,
@@ -20,6 +19,7 @@ from wayproof.models.worlds.layout import (
     with_groups,
 )
 from wayproof.models.worlds.solids import Capsule, Cylinder, Sphere
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
@@ -50,7 +50,7 @@ def forest(
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_passable(
+    return first_solvable(
         "forest",
         seed,
         lambda rng: _draft(rng, seed, difficulty, parameters),

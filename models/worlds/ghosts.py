@@ -6,15 +6,10 @@ import numpy as np
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import Ghosts
-from wayproof.models.worlds.layout import (
-    first_passable,
-    given_or,
-    heading_towards,
-    opposite_ends,
-    room_walls,
-)
+from wayproof.models.worlds.layout import given_or, heading_towards, opposite_ends, room_walls
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.solids import Box
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
@@ -49,7 +44,7 @@ def ghosts(
             f"world.ghosts.shortest_stay: got {parameters.shortest_stay:g}, expected at most "
             f"{parameters.longest_stay:g} s, the longest_stay"
         )
-    return first_passable(
+    return first_solvable(
         "ghosts",
         seed,
         lambda rng: _draft(rng, seed, difficulty, parameters),

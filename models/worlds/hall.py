@@ -6,13 +6,8 @@ import numpy as np
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import Hall
-from wayproof.models.worlds.layout import (
-    WALL_THICKNESS,
-    first_passable,
-    heading_towards,
-    points_apart,
-    room_walls,
-)
+from wayproof.models.worlds.layout import WALL_THICKNESS, heading_towards, points_apart, room_walls
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LEAST_DISTANCE = 10.0
@@ -29,7 +24,7 @@ def hall(
     Raises:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
     """
-    return first_passable(
+    return first_solvable(
         "hall",
         seed,
         lambda rng: _draft(rng, seed, parameters),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from math import atan2, pi
@@ -14,17 +14,13 @@ from numpy.typing import NDArray
 from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.solids import Box, Capsule, Cylinder, Solid
 from wayproof.models.worlds.solvability import (
-    AIR_BANDS,
-    ATTEMPTS,
     GROUND_BAND,
     REFERENCE_RADIUS,
     TIGHTEST_RADIUS,
     cell_of,
     clear_around,
-    first_solvable,
     free_cells,
     is_solvable,
-    is_solvable_in_any,
     label_regions,
 )
 from wayproof.models.worlds.world import World
@@ -124,41 +120,6 @@ def mirrored(world: World, flip_x: bool, flip_y: bool) -> World:
 def given_or(value: Given | None, otherwise: Given) -> Given:
     """Return a parameter, or what is drawn or set by the difficulty where it is None."""
     return otherwise if value is None else value
-
-
-def first_passable(
-    name: str,
-    seed: int,
-    draft: Callable[[np.random.Generator], World],
-    difficulty: float,
-    radius: float | None,
-) -> World:
-    """Draw drafts until bodies of a radius can pass, by default those of `first_solvable`.
-
-    Args:
-        name: Name of the world.
-        seed: Seed of the world.
-        draft: Draws one world.
-        difficulty: 0 to 1.
-        radius: Radius of the bodies, m.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-        RuntimeError: No draft was solvable.
-    """
-    if radius is None:
-        return first_solvable(name, seed, draft, difficulty)
-    for attempt in range(ATTEMPTS):
-        world = draft(np.random.default_rng([seed, attempt, *name.encode()]))
-        ends = (world.start, world.goal)
-        if is_solvable(world, radius, *GROUND_BAND, *ends) and is_solvable_in_any(
-            world, radius, AIR_BANDS, *ends
-        ):
-            return replace(world, difficulty=difficulty, passage_radius=radius)
-    raise RuntimeError(
-        f"world {name!r}, seed {seed}: none of {ATTEMPTS} drafts lets a disc of {radius:g} m "
-        "through"
-    )
 
 
 def points_apart(

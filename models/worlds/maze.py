@@ -12,12 +12,12 @@ from wayproof.models.world_parameters import Maze
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
-    first_passable,
     given_or,
     heading_towards,
     room_walls,
 )
 from wayproof.models.worlds.solids import Box
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 Cell = tuple[int, int]
@@ -42,7 +42,7 @@ def maze(
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_passable(
+    return first_solvable(
         "maze",
         seed,
         lambda rng: _draft(rng, seed, difficulty, parameters),

@@ -16,13 +16,13 @@ from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
     Group,
-    first_passable,
     given_or,
     heading_towards,
     room_walls,
     with_groups,
 )
 from wayproof.models.worlds.solids import Box, Cylinder
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
@@ -66,7 +66,7 @@ def office(
             f"world.office.rooms: got {parameters.rooms} on {parameters.length:g} m, expected at "
             f"most {int(parameters.length / SHORTEST_ROOM)}, each at least {SHORTEST_ROOM:g} m long"
         )
-    return first_passable(
+    return first_solvable(
         "office",
         seed,
         lambda rng: _draft(rng, seed, difficulty, parameters),

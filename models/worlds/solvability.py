@@ -124,9 +124,20 @@ def shortest_path(
 
 
 def first_solvable(
-    name: str, seed: int, draft: Callable[[np.random.Generator], World], difficulty: float = 0.5
+    name: str,
+    seed: int,
+    draft: Callable[[np.random.Generator], World],
+    difficulty: float = 0.5,
+    radius: float | None = None,
 ) -> World:
-    """Draw drafts from sub-seeds of (seed, name) until the reference bodies can pass.
+    """Draw drafts from sub-seeds of (seed, name) until bodies of a radius can pass.
+
+    Args:
+        name: Name of the world.
+        seed: Seed of the world.
+        draft: Draws one world.
+        difficulty: 0 to 1.
+        radius: Radius of the bodies, m; None for that of the difficulty, see `passage_radius`.
 
     Raises:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
@@ -136,7 +147,8 @@ def first_solvable(
         raise ValueError(f"seed: got {seed}, expected 0 or more")
     if not 0.0 <= difficulty <= 1.0:
         raise ValueError(f"difficulty: got {difficulty}, expected 0 to 1")
-    radius = passage_radius(difficulty)
+    if radius is None:
+        radius = passage_radius(difficulty)
     for attempt in range(ATTEMPTS):
         world = draft(np.random.default_rng([seed, attempt, *name.encode()]))
         ends = (world.start, world.goal)
@@ -144,7 +156,10 @@ def first_solvable(
             world, radius, AIR_BANDS, *ends
         ):
             return replace(world, difficulty=difficulty, passage_radius=radius)
-    raise RuntimeError(f"world {name!r}, seed {seed}: none of {ATTEMPTS} drafts was solvable")
+    raise RuntimeError(
+        f"world {name!r}, seed {seed}: none of {ATTEMPTS} drafts lets a disc of {radius:g} m "
+        "through"
+    )
 
 
 def passage_radius(difficulty: float) -> float:

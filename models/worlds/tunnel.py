@@ -6,13 +6,8 @@ import numpy as np
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import Tunnel
-from wayproof.models.worlds.layout import (
-    WALL_THICKNESS,
-    first_passable,
-    heading_towards,
-    mirrored,
-    room_walls,
-)
+from wayproof.models.worlds.layout import WALL_THICKNESS, heading_towards, mirrored, room_walls
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 END_DISTANCE = 1.1
@@ -32,7 +27,7 @@ def tunnel(
     Raises:
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
     """
-    return first_passable(
+    return first_solvable(
         "tunnel",
         seed,
         lambda rng: _draft(rng, seed, parameters),

@@ -12,7 +12,6 @@ from wayproof.models.worlds.aisle import inspected
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
-    first_passable,
     given_or,
     heading_towards,
     mirrored,
@@ -21,6 +20,7 @@ from wayproof.models.worlds.layout import (
 )
 from wayproof.models.worlds.shelves import CentreLine, shelf_rows
 from wayproof.models.worlds.solids import Box
+from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
@@ -52,7 +52,7 @@ def warehouse(
         ValueError: The seed is negative, or the difficulty not from 0 to 1.
         RuntimeError: No draft let the reference bodies through.
     """
-    return first_passable(
+    return first_solvable(
         "warehouse",
         seed,
         lambda rng: _draft(rng, seed, difficulty, parameters),

@@ -183,7 +183,7 @@ class Dwa:
         """Keep the task; begin with an empty grid."""
         self._task = task
         mission = task.mission
-        self._discs = mission.discs or ((0.0, mission.radius),)
+        self._discs = mission.body_discs
         self._grid = LocalGrid()
         self._function = NavigationFunction(max(radius for _, radius in self._discs))
         self._turn, self._margin = 1.0, MARGIN_M

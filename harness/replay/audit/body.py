@@ -67,7 +67,7 @@ class Body:
     @property
     def discs(self) -> Discs:
         """Discs that represent the body at its heading; a single disc or ball for a round body."""
-        return self.mission.discs or ((0.0, self.mission.radius),)
+        return self.mission.body_discs
 
     @property
     def about(self) -> Discs:

@@ -1,0 +1,59 @@
+"""Messages of one decision, gathered from a log in file order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from google.protobuf.message import Message
+
+from wayproof.harness.schema import wayproof_pb2 as pb
+
+FIELDS: dict[type[Message], str] = {
+    pb.Pose: "pose",
+    pb.Latency: "latency",
+    pb.Goal: "goal",
+    pb.Prediction: "prediction",
+    pb.StackCommand: "answer",
+    pb.RecordedMotion: "motion",
+    pb.State: "state",
+}
+"""Field of `DecisionMessages` by type of message; sweeps are gathered in a list."""
+
+
+@dataclass
+class DecisionMessages:
+    """What a log holds of one decision before the decision itself.
+
+    Attributes:
+        pose: Estimated pose; of the decision before where the log lacks one.
+        latency: Delay, likewise.
+        sweeps: In the order in which they are integrated.
+        goal: Goal of this decision; None of the mission's.
+        prediction: Of a predictor from outside, if there is one.
+        answer: Of a stack on trial, if there is one.
+        motion: What the robot of a recording did up to the decision; None of an episode.
+        state: State of the simulator, if it was kept.
+    """
+
+    pose: pb.Pose = field(default_factory=pb.Pose)
+    latency: pb.Latency = field(default_factory=pb.Latency)
+    sweeps: list[pb.Sweep] = field(default_factory=list)
+    goal: pb.Goal | None = None
+    prediction: pb.Prediction | None = None
+    answer: pb.StackCommand | None = None
+    motion: pb.RecordedMotion | None = None
+    state: pb.State | None = None
+
+    def take(self, message: Message) -> bool:
+        """Keep a message, and return whether it is one of those that precede a decision."""
+        if isinstance(message, pb.Sweep):
+            self.sweeps.append(message)
+            return True
+        name = FIELDS.get(type(message))
+        if name is not None:
+            setattr(self, name, message)
+        return name is not None
+
+    def next(self) -> DecisionMessages:
+        """Those of the next decision, none gathered yet."""
+        return DecisionMessages(pose=self.pose, latency=self.latency)
