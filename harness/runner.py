@@ -146,7 +146,15 @@ def open_episode(
         for info in infos:
             log.write(f"/sensor/{info.name}/info", info, 0)
         episode = Episode(scenario, navigator, log, observe)
-        yield OpenEpisode(episode, scenario, navigator, log, draft, session, predictor)
+        yield OpenEpisode(
+            episode=episode,
+            scenario=scenario,
+            navigator=navigator,
+            log=log,
+            draft=draft,
+            session=session,
+            predictor=predictor,
+        )
 
 
 @contextlib.contextmanager

@@ -174,13 +174,13 @@ def prepare_sweep(
         if least < most and (moments[1:] < moments[:-1]).any():
             order = np.argsort(moments, kind="stable")
     return Sweep(
-        starts,
-        sensors,
-        _plain(moments[order] if len(moments) else moments, np.int32),
-        _plain(directions[order], np.float64),
-        _plain(ranges_mm[order], ranges_mm.dtype.type),
-        (round(minimum_range * 1000), round(range_limit * 1000)),
-        resolution,
+        origins=starts,
+        sensors=sensors,
+        moments=_plain(moments[order] if len(moments) else moments, np.int32),
+        directions=_plain(directions[order], np.float64),
+        ranges_mm=_plain(ranges_mm[order], ranges_mm.dtype.type),
+        limits_mm=(round(minimum_range * 1000), round(range_limit * 1000)),
+        resolution=resolution,
     )
 
 

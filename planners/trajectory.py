@@ -120,14 +120,14 @@ class Trajectory:
         heading, yaw_rate, _ = self.turning.at(time)
         position, tangent = self._locate(arc_length)
         return TrajectorySample(
-            position,
-            speed * tangent,
-            speed,
-            acceleration,
-            arc_length,
-            heading,
-            yaw_rate,
-            time >= self.duration_s or self.duration_s == 0.0,
+            position=position,
+            velocity=speed * tangent,
+            speed=speed,
+            acceleration=acceleration,
+            arc_length=arc_length,
+            heading=heading,
+            yaw_rate=yaw_rate,
+            at_rest=time >= self.duration_s or self.duration_s == 0.0,
         )
 
     def setpoints(self, times_ns: Integers) -> Setpoints:

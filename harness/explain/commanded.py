@@ -92,13 +92,13 @@ def commanded(
     length = np.inf if verdict.verdict == "admitted" else verdict.free_m
     admitted, refused = _divided(path, length)
     return Commanded(
-        message,
-        verdict.verdict,
-        verdict.cut,
-        admitted,
-        refused,
-        np.zeros((0, 3)) if planned is None else planned,
-        costmap_of(message),
+        message=message,
+        verdict=verdict.verdict,
+        cut=verdict.cut,
+        admitted=admitted,
+        refused=refused,
+        planned_path=np.zeros((0, 3)) if planned is None else planned,
+        costmap=costmap_of(message),
     )
 
 

@@ -72,13 +72,13 @@ def _inputs(observation: Observation) -> Inputs:
     if trail is not None:
         trail = Trail(trail.positions.copy(), trail.quaternions.copy(), trail.period)
     pose = Pose(
-        observation.position.copy(),
-        observation.quaternion.copy(),
-        observation.position_sigma,
-        trail,
-        observation.heading_sigma,
-        None if observation.covariance is None else observation.covariance.copy(),
-        observation.unheld.copy(),
+        position=observation.position.copy(),
+        quaternion=observation.quaternion.copy(),
+        position_sigma=observation.position_sigma,
+        trail=trail,
+        heading_sigma=observation.heading_sigma,
+        covariance=None if observation.covariance is None else observation.covariance.copy(),
+        unheld=observation.unheld.copy(),
     )
     sweeps = tuple(_sweep_input(sweep) for sweep in observation.sweeps)
     return Inputs(observation.time_ns, observation.sequence, pose, sweeps, digest="")

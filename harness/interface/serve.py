@@ -219,13 +219,13 @@ def observation_from(message: sb.Observation, task: Task) -> Observation:
     """An observation, in the stack's process."""
     position = message.position
     pose = Pose(
-        np.array([position.x, position.y, position.z]),
-        np.array(message.quaternion[:]),
-        message.position_sigma,
-        trail_from(message),
-        message.heading_sigma,
-        covariance_of(message),
-        unheld_of(message),
+        position=np.array([position.x, position.y, position.z]),
+        quaternion=np.array(message.quaternion[:]),
+        position_sigma=message.position_sigma,
+        trail=trail_from(message),
+        heading_sigma=message.heading_sigma,
+        covariance=covariance_of(message),
+        unheld=unheld_of(message),
     )
     velocity, sequence = message.velocity, message.sequence
     sweeps = tuple(

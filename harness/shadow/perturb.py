@@ -163,7 +163,15 @@ class RecordedPerturbation:
         first = self._first.setdefault(sweep.sensor, beams.directions)
         device = RecordedDevice(info.range_m, 0.0, no_return_is_free=False)
         listed = ListedDirections(beams.directions, first)
-        report = Report(sweep.sensor, device, NO_TABLE, ranges, self._seed, sequence, listed)
+        report = Report(
+            sensor=sweep.sensor,
+            device=device,
+            table=NO_TABLE,
+            ranges_mm=ranges,
+            seed=self._seed,
+            sequence=sequence,
+            listed=listed,
+        )
         perturbed = _without_mark(self._perturbation.report(report), report)
         self._changed_beams += int((perturbed != ranges).sum())
         ages, poses = tuple(sweep.ages_ns) or (0,), beams.poses

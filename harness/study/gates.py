@@ -123,7 +123,16 @@ def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateRes
     if interval is not None and verdict == "inconclusive":
         needed = _worlds_needed(gate, values, support, interval, (1.0 - confidence) / 2.0)
     worlds = len(set(values.clusters))
-    return GateResult(gate.text, sample.arm, verdict, interval, gates, worlds, needed, gate.proven)
+    return GateResult(
+        gate=gate.text,
+        arm=sample.arm,
+        verdict=verdict,
+        interval=interval,
+        gates=gates,
+        worlds=worlds,
+        worlds_needed=needed,
+        required=gate.proven,
+    )
 
 
 def _values(gate: Gate, rows: Sequence[Row], pairs: Pairs) -> _Values:

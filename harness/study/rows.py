@@ -101,7 +101,18 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
     error = store.error(key)
     path = store.log(key)
     if error is not None:
-        return Row(key, arm, seed, "error", error, "", "", 0.0, _without_decisions(), ())
+        return Row(
+            key=key,
+            arm=arm,
+            seed=seed,
+            outcome="error",
+            reason=error,
+            cause="",
+            chain="",
+            duration=0.0,
+            metrics=_without_decisions(),
+            acts=(),
+        )
     if not path.is_file():
         return None
     log = open_planned(path, planned, allow_plugins)

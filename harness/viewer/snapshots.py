@@ -128,15 +128,15 @@ def _snapshot(
 ) -> Snapshot:
     own = moment.stack_costmap if with_costmap else None
     return Snapshot(
-        moment.time_ns,
-        moment.record.inputs.pose,
-        moment.decision,
-        moment.truth,
-        layer,
-        hits,
-        tiles,
-        moment.commanded,
-        None if own is None else own.grid,
+        time_ns=moment.time_ns,
+        pose=moment.record.inputs.pose,
+        decision=moment.decision,
+        truth=moment.truth,
+        layer=layer,
+        hits=hits,
+        tiles=tiles,
+        commanded=moment.commanded,
+        stack_costmap=None if own is None else own.grid,
     )
 
 

@@ -124,7 +124,15 @@ class Maker:
         if not failed:
             (self._folder / name).unlink()
             return None
-        return Failure(kind, KINDS[kind].cause, world, robot, seed, made.outcome, name)
+        return Failure(
+            kind=kind,
+            cause=KINDS[kind].cause,
+            world=world,
+            robot=robot,
+            seed=seed,
+            outcome=made.outcome,
+            log=name,
+        )
 
     def _run_sound(
         self, world: str, robot: str, seed: int, base: tuple[str, ...]

@@ -100,13 +100,13 @@ def ghost(kind: str, config: MapConfig, unseen: float) -> Ghost:
             break
         seen.integrate(origin, directions, nothing_mm, 4.0, gone_ns + number * SWEEP_NS)
     return Ghost(
-        LIBRARIES[kind],
-        config.resolution,
-        config.prob_max,
-        config.half_life,
-        unseen,
-        number,
-        sweeps_by_formula(config, unseen),
+        library=LIBRARIES[kind],
+        resolution_m=config.resolution,
+        clamp_high=config.prob_max,
+        half_life_s=config.half_life,
+        unseen_s=unseen,
+        sweeps_to_free=number,
+        sweeps_by_formula=sweeps_by_formula(config, unseen),
     )
 
 

@@ -252,9 +252,16 @@ def _row(
     clearances = [clearance_mean(space, path) for path in paths] or [0.0]
     p50, p99 = np.percentile(times, [50, 99])
     return PlanRow(
-        robot, name, len(plans), len(paths) / len(plans), float(p50), float(p99),
-        float(np.mean(ratios)), float(np.percentile(ratios, 99)), float(np.mean(clearances)),
-    )  # fmt: skip
+        robot=robot,
+        planner=name,
+        queries=len(plans),
+        success=len(paths) / len(plans),
+        p50_ms=float(p50),
+        p99_ms=float(p99),
+        length_ratio_mean=float(np.mean(ratios)),
+        length_ratio_p99=float(np.percentile(ratios, 99)),
+        clearance_mean_m=float(np.mean(clearances)),
+    )
 
 
 def clearance_mean(space: FreeSpace, path: Array) -> float:

@@ -169,12 +169,18 @@ def _measure(scene: Scene, sweeps: int, seed: int) -> list[RaysRow]:
             engine.compare(_at(engine.hits, posed.sample), one_ray.hits)
     return [
         RaysRow(
-            scene.name, scene.geoms, engine.name, engine.threads, len(engine.hits[0]),
-            engine.rate(), engine.rate() / multi_ray.rate(), engine.max_error,
-            engine.id_mismatches,
+            scene=scene.name,
+            geoms=scene.geoms,
+            engine=engine.name,
+            threads=engine.threads,
+            rays=len(engine.hits[0]),
+            mray_per_s=engine.rate(),
+            ratio_vs_multiray=engine.rate() / multi_ray.rate(),
+            max_error_m=engine.max_error,
+            id_mismatches=engine.id_mismatches,
         )
         for engine in engines
-    ]  # fmt: skip
+    ]
 
 
 @dataclass

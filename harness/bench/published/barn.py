@@ -297,14 +297,35 @@ def _row(finished: Finished, way: float | None) -> BarnRow:
     time = passed if passed is not None and success else result.sim_time_s
     outcome = "success" if success else result.outcome
     return BarnRow(
-        world.name, seed, outcome, barn_score(success, time, optimal), best, time, optimal, _CLIP,
-        result.path_length_m, result.min_clearance_m, 0 if success else result.collisions,
-    )  # fmt: skip
+        world=world.name,
+        seed=seed,
+        outcome=outcome,
+        score=barn_score(success, time, optimal),
+        best=best,
+        time_s=time,
+        optimal_s=optimal,
+        clip=_CLIP,
+        path_m=result.path_length_m,
+        clearance_m=result.min_clearance_m,
+        collisions=0 if success else result.collisions,
+    )
 
 
 def _unrun(world: FileWorld, seed: int, outcome: str, way: float | None) -> BarnRow:
     optimal, best = optimal_time(world), best_score(world, way)
-    return BarnRow(world.name, seed, outcome, 0.0, best, 0.0, optimal, _CLIP, 0.0, 0.0, 0)
+    return BarnRow(
+        world=world.name,
+        seed=seed,
+        outcome=outcome,
+        score=0.0,
+        best=best,
+        time_s=0.0,
+        optimal_s=optimal,
+        clip=_CLIP,
+        path_m=0.0,
+        clearance_m=0.0,
+        collisions=0,
+    )
 
 
 _CLIP = f"{FASTEST:g}-{SLOWEST:g} OT"

@@ -187,8 +187,13 @@ def _row(
     solved = ratios[np.isfinite(ratios)]
     p50, p99 = 1e3 * np.percentile(times, [50, 99])
     return ProblemsRow(
-        name, planner, len(problems), len(solved) / len(problems), differing,
-        float(solved.mean()) if len(solved) else None,
-        float(np.percentile(solved, 99)) if len(solved) else None,
-        float(p50), float(p99),
-    )  # fmt: skip
+        map=name,
+        planner=planner,
+        problems=len(problems),
+        success=len(solved) / len(problems),
+        differing=differing,
+        length_ratio_mean=float(solved.mean()) if len(solved) else None,
+        length_ratio_p99=float(np.percentile(solved, 99)) if len(solved) else None,
+        p50_ms=float(p50),
+        p99_ms=float(p99),
+    )

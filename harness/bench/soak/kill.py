@@ -87,15 +87,15 @@ def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> Kill
         if (trial + 1) % 20 == 0:
             progress(f"kill: up to {trial + 1}, {len(failures)} failures")
     return Killed(
-        count,
-        tally["killed"],
-        tally["finished"],
-        tally["before_first"],
-        tally["recovered"],
-        tally["reported"],
-        tally["lost"],
-        tally["checked"],
-        tuple(failures),
+        count=count,
+        killed=tally["killed"],
+        finished=tally["finished"],
+        before_first=tally["before_first"],
+        recovered=tally["recovered"],
+        decisions_reported=tally["reported"],
+        decisions_lost=tally["lost"],
+        checked=tally["checked"],
+        failures=tuple(failures),
     )
 
 

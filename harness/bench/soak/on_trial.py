@@ -164,7 +164,15 @@ def run_planted(kind: str, seed: int, folder: Path) -> Drawn | None:
     failures = list(_troubles("run", code, text, expected=(0, 1)))
     failures += [f"orphan process {pid}" for pid in marked(mark)]
     if not log.is_file():
-        return Drawn(kind, seed, "none", "", text[-200:], "", (*failures, "no log"))
+        return Drawn(
+            kind=kind,
+            seed=seed,
+            outcome="none",
+            cause="",
+            evidence=text[-200:],
+            check="",
+            failures=(*failures, "no log"),
+        )
     result = open_log(log).result
     if result["outcome"] not in planted.outcomes and not failures:
         log.unlink()
@@ -177,7 +185,15 @@ def run_planted(kind: str, seed: int, folder: Path) -> Drawn | None:
         failures += _contradicted(log, result.get("cause", ""))
     cause, evidence = result.get("cause", ""), result.get("cause_evidence", "")
     log.unlink()
-    return Drawn(kind, seed, result["outcome"], cause, evidence, check, tuple(failures))
+    return Drawn(
+        kind=kind,
+        seed=seed,
+        outcome=result["outcome"],
+        cause=cause,
+        evidence=evidence,
+        check=check,
+        failures=tuple(failures),
+    )
 
 
 def _words(kind: str, seed: int, log: Path) -> list[str]:

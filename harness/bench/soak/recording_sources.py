@@ -180,7 +180,15 @@ def _scan(k: int) -> tuple[RecordedSensor, RecordedSweep]:
     grid = ScanGrid(-1.5, 0.05, BEAMS, 0.0, np.arange(BEAMS, dtype=np.int32))
     nothing = np.empty((0, 3), np.float32)
     pose = Transform(np.zeros(3), UNTURNED)
-    return sensor, RecordedSweep(0, "scan", nothing, ranges, None, pose, grid)
+    return sensor, RecordedSweep(
+        time_ns=0,
+        sensor="scan",
+        directions=nothing,
+        ranges=ranges,
+        beam_times_ns=None,
+        T_body_sensor=pose,
+        grid=grid,
+    )
 
 
 def _camera(build: Builder, now: int, shape: tuple[int, ...]) -> object:

@@ -277,7 +277,16 @@ def _reader(
     limits = Limits(topic.range_min, min(topic.range_max, FARTHEST), cut, beyond_is_none=False)
     mount = choose_mount(path, found, motion.body, topic, options)
     reading = Reading(topic, limits, options)
-    return _TopicReader(files, name, sensor, reading, one.order(), one.is_stamped, mount, window)
+    return _TopicReader(
+        files=files,
+        topic=name,
+        sensor=sensor,
+        reading=reading,
+        order=one.order(),
+        is_stamped=one.is_stamped,
+        mount=mount,
+        window=window,
+    )
 
 
 def _silent(raw: RawMessage) -> tuple[int, Silent] | None:

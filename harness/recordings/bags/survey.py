@@ -165,7 +165,15 @@ def survey(files: Sequence[Path], faults: Faults) -> Survey:
         except Broken:
             faults[UNREADABLE] += 1
     tree = FrameTree(walk.fixed, walk.moving, faults)
-    return Survey(walk.sensors, walk.poses, walk.cameras, walk.limits, walk.others, tree, walk.task)
+    return Survey(
+        sensors=walk.sensors,
+        poses=walk.poses,
+        cameras=walk.cameras,
+        limits=walk.limits,
+        others=walk.others,
+        tree=tree,
+        task=walk.task,
+    )
 
 
 class _Walk:
