@@ -1,6 +1,9 @@
 """Ways beyond the rolling window: as short as over all cells, and the same whatever came before."""
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from wayproof.maps import OCCUPIED
 from wayproof.maps.cell_sets import box_mask
 from wayproof.planners import PlannerConfig, plan
 
+ROOT = Path(__file__).parents[3]
 LARGE = ("world.empty.length=60", "world.empty.width=40", "costmap.window=24")
 ENDS = ("start=[4.0,10.0]", "goal=[56.0,31.0]")
 ROBOTS = ("quadruped", "drone")
@@ -92,3 +96,33 @@ def test_a_goal_within_an_obstacle_is_projected_to_a_place_beside_it():
     put(mapper, x - 0.5, x + 0.5, y - 0.5, y + 0.5)
     way = FarWays(config, mission, mapper).way(np.array(mission.start), np.array(mission.goal))
     assert 0.4 < np.hypot(*(way[-1] - mission.goal[:2])) < 2.5
+
+
+FIRST_WAY = """
+import sys
+from numba.core.dispatcher import Dispatcher
+from tests.harness.stack.test_far_ways import mapper_of, put
+from wayproof.harness.stack.far_ways import FarWays
+import numpy as np
+
+config, mission, mapper = mapper_of("quadruped")
+ways = FarWays(config, mission, mapper)
+put(mapper, 20.0, 21.0, 5.0, 15.0)
+kernels = {
+    f"{name}.{key}": value
+    for name, module in list(sys.modules.items()) if name.startswith("wayproof.")
+    for key, value in vars(module).items() if isinstance(value, Dispatcher)
+}
+before = {name: len(kernel.signatures) for name, kernel in kernels.items()}
+ways.way(np.array(mission.start), np.array(mission.goal))
+print(sum(before.values()), *(n for n, k in kernels.items() if len(k.signatures) > before[n]))
+"""
+
+
+def test_no_decision_compiles_what_finds_or_repairs_a_way():
+    done = subprocess.run(
+        [sys.executable, "-c", FIRST_WAY], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    compiled, *later = done.stdout.split()
+    assert int(compiled) > 0
+    assert later == []
