@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import zstandard
 
@@ -72,26 +73,61 @@ def read_head(
     Raises:
         InputError: Something is missing, damaged, of another format, or not ours.
     """
-    metadata: dict[str, dict[str, str]] = {}
-    attachments: dict[str, bytes] = {}
+    found = _sorted_items(items, path)
+    run = _checked_run(found.metadata, path)
+    _unpack_scene(found.attachments, path)
+    _check_attachments(found.attachments, run, path)
+    try:
+        scene = found.attachments["scene.xml"].decode()
+    except UnicodeDecodeError:
+        raise InputError(f"log '{path}': scene.xml is no UTF-8 text") from None
     beams: dict[str, Beams] = {}
-    tables: list[tuple[str, pb.SensorInfo]] = []
-    earlier: dict[str, dict[str, Beams]] = {}
+    before: dict[str, dict[str, Beams]] = {}
+    for topic, info in found.tables:
+        group = topic[: topic.find("/", 1) + 1]
+        table = beams if group == "/sensor/" else before.setdefault(group, {})
+        table[info.name] = beams_from_info(info)
+    return Head(
+        config=from_json(found.attachments["config.json"], allow_plugins),
+        mission=Mission.from_json(found.attachments["mission.json"]),
+        scene=scene,
+        run=run,
+        metadata=found.metadata,
+        attachments=found.attachments,
+        beams=beams,
+        tables=tuple(found.tables),
+        before=before,
+    )
+
+
+class _Items(NamedTuple):
+    """Metadata and attachments by name, and each sensor's message with its topic."""
+
+    metadata: dict[str, dict[str, str]]
+    attachments: dict[str, bytes]
+    tables: list[tuple[str, pb.SensorInfo]]
+
+
+def _sorted_items(items: Iterator[Attachment | Metadata | Packet], path: Path) -> _Items:
+    """Sort what precedes the first decision by its kind."""
+    found = _Items({}, {}, [])
     for item in items:
         if isinstance(item, Metadata):
             texts = [text for name, text in item.fields.items() if name not in DOCUMENTS]
             if not all(text.isprintable() for text in texts):
                 raise InputError(f"log '{path}': damaged (a text in its metadata is not printable)")
-            metadata[item.name] = item.fields
+            found.metadata[item.name] = item.fields
         elif isinstance(item, Attachment):
-            attachments[item.name] = item.data
+            found.attachments[item.name] = item.data
         elif item.schema == pb.SensorInfo.DESCRIPTOR.full_name:
             info = decode(item, path)
             assert isinstance(info, pb.SensorInfo)
-            tables.append((item.topic, info))
-            group = item.topic[: item.topic.find("/", 1) + 1]
-            table = beams if group == "/sensor/" else earlier.setdefault(group, {})
-            table[info.name] = beams_from_info(info)
+            found.tables.append((item.topic, info))
+    return found
+
+
+def _checked_run(metadata: dict[str, dict[str, str]], path: Path) -> dict[str, str]:
+    """Versions and hashes of a log in a format that is read here."""
     if "run" not in metadata:
         raise InputError(f"log '{path}': an MCAP file, but not a Wayproof log")
     version = metadata["run"].get("format_version")
@@ -99,28 +135,17 @@ def read_head(
         raise InputError(
             f"log '{path}': format version {version}, expected {READABLE[0]} to {READABLE[-1]}"
         )
-    _unpack_scene(attachments, path)
+    return metadata["run"]
+
+
+def _check_attachments(attachments: dict[str, bytes], run: dict[str, str], path: Path) -> None:
+    """Check that every attachment of a head is there and matches its digest."""
     missing = [name for name in ATTACHMENTS if name not in attachments]
     if missing:
         raise InputError(f"log '{path}': no {', '.join(missing)} attached")
     for name in ATTACHMENTS:
-        if metadata["run"].get(digest_name(name)) != hashlib.sha256(attachments[name]).hexdigest():
+        if run.get(digest_name(name)) != hashlib.sha256(attachments[name]).hexdigest():
             raise InputError(f"log '{path}': damaged ({name} does not match its digest)")
-    try:
-        scene = attachments["scene.xml"].decode()
-    except UnicodeDecodeError:
-        raise InputError(f"log '{path}': scene.xml is no UTF-8 text") from None
-    return Head(
-        config=from_json(attachments["config.json"], allow_plugins),
-        mission=Mission.from_json(attachments["mission.json"]),
-        scene=scene,
-        run=metadata["run"],
-        metadata=metadata,
-        attachments=attachments,
-        beams=beams,
-        tables=tuple(tables),
-        before=earlier,
-    )
 
 
 def _unpack_scene(attachments: dict[str, bytes], path: Path) -> None:
