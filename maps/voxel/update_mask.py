@@ -82,6 +82,18 @@ class Frame(NamedTuple):
     shape: Cell
 
 
+class _TargetWedges(NamedTuple):
+    """Cells that the beams of a sweep have to be traced to, in wedges about the sensor.
+
+    Attributes:
+        targets: Number of cells.
+        wedges: (w, 3) first and one past the last of the ordered targets of each, and its sensor.
+    """
+
+    targets: int
+    wedges: NDArray[np.int64]
+
+
 @dataclass(frozen=True)
 class SweepEndpoints:
     """Endpoints of the beams of a sweep.
@@ -198,28 +210,43 @@ class SweepRasterizer:
             guard: Layer that a beam from above which ends in it spares: the floor's, that which
                 the beam ends in, or none.
         """
-        (x, y, z), shape = endpoints.frame.corner, endpoints.frame.shape
-        nx, ny, words = shape
+        frame = endpoints.frame
+        nx, ny, words = frame.shape
         self._reserve(nx * ny, words)
-        layer, guarded = FLOOR_LAYER - z, beam_targets.NO_LAYER
+        guarded = self._guarded_layer(guard, frame)
+        window = beam_targets.Window(frame.shape, _box_in(frame, endpoints.box), guarded)
+        corner = [(2 * cell << beams.SUBCELL_BITS) - 1 for cell in frame.corner]
+        sensors = 2 * sweep.sensors - np.array(corner)
+        self._carve(self._mark_ends(endpoints, sensors, window), sensors, window)
+        return self._collect(frame)
+
+    def _guarded_layer(self, guard: Guard, frame: Frame) -> int:
+        """The layer of a frame that a guard spares; makes room to note which beams graze."""
+        nx, ny, words = frame.shape
         if guard == "own":
-            guarded = beam_targets.OWN_LAYER
             if len(self._grazes) < nx * ny * words:
                 self._grazes = np.zeros(nx * ny * words, np.uint64)
-        elif guard == "floor" and 0 <= layer < 64 * words:
-            guarded = layer
-        corner = [(2 * cell << beams.SUBCELL_BITS) - 1 for cell in (x, y, z)]
-        sensors = 2 * sweep.sensors - np.array(corner)
-        (x0, y0, z0), (x1, y1, z1) = endpoints.box
-        within = x0 - x, y0 - y, z0 - z, x1 - x, y1 - y, z1 - z
-        window = beam_targets.Window(shape, within, guarded)
+            return beam_targets.OWN_LAYER
+        layer = FLOOR_LAYER - frame.corner[2]
+        return layer if guard == "floor" and 0 <= layer < 64 * words else beam_targets.NO_LAYER
+
+    def _mark_ends(
+        self, endpoints: SweepEndpoints, sensors: NDArray[np.int64], window: beam_targets.Window
+    ) -> _TargetWedges:
+        """Mark the cells that beams hit, and list the cells that they have to be traced to.
+
+        Args:
+            endpoints: Endpoints of the beams.
+            sensors: (m, 3) positions of the sensor, 1/1024 of a cell from the corner of the window.
+            window: That is marked.
+        """
         most = [sum(end - begin for begin, end in parts) for parts in endpoints.parts]
         edges = [0, *itertools.accumulate(most)]  # of the targets of each stripe
         parts = np.array(endpoints.parts)  # (stripes, p, 2)
         if len(self._order) < edges[-1]:  # new memory would be cleared anew by the system
             self._targets = _new_targets(edges[-1])
             self._columns, self._order = np.empty((2, edges[-1]), np.int32)
-        targets, order = self._targets, self._order
+        targets = self._targets
         groups = np.empty((len(most), len(sensors) + 1), np.int64)
 
         def list_targets(_: int, stripes: tuple[int, int]) -> None:
@@ -242,7 +269,16 @@ class SweepRasterizer:
         count = int(groups[:, -1].sum())
         wedges = np.empty((min(count, beam_targets.WEDGES * len(sensors)), 3), np.int64)
         starts, firsts = np.empty(beam_targets.SECTORS + 1, np.int64), np.array(edges[:-1])
-        used = beam_targets.order_targets(targets.ranks, firsts, groups, starts, order, wedges)
+        used = beam_targets.order_targets(
+            targets.ranks, firsts, groups, starts, self._order, wedges
+        )
+        return _TargetWedges(count, wedges[:used])
+
+    def _carve(
+        self, targeted: _TargetWedges, sensors: NDArray[np.int64], window: beam_targets.Window
+    ) -> None:
+        """Mark the cells that the beams cross on their way, wedge by wedge, on all threads."""
+        targets, order, words = self._targets, self._order, window.shape[2]
         queue = new_queue()
 
         def work(worker: int) -> None:
@@ -258,10 +294,9 @@ class SweepRasterizer:
                 runs=np.empty((carve.MAX_RUNS * words, 3), np.int64),
             )
             free = self._misses[worker]
-            carve.carve(targets, order, wedges[:used], queue, sensors, window, scratch, free)
+            carve.carve(targets, order, targeted.wedges, queue, sensors, window, scratch, free)
 
-        self._team.run_all(work, TARGET_US * count)
-        return self._collect(endpoints.frame)
+        self._team.run_all(work, TARGET_US * targeted.targets)
 
     def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> UpdateMask:
         """Mark cells of an array (nx, ny, nz), whose least one is `first`, as hit or as free."""
@@ -351,6 +386,13 @@ def _frame(low: Cell, high: Cell) -> Frame:
     corner = x0 * bricks.EDGE, y0 * bricks.EDGE, z0 * bricks.HEIGHT - bricks.BELOW_FLOOR
     shape = (x1 - x0 + 1) * bricks.EDGE, (y1 - y0 + 1) * bricks.EDGE, z1 - z0 + 1
     return Frame((x0, y0, z0), corner, shape)
+
+
+def _box_in(frame: Frame, box: tuple[Cell, Cell]) -> tuple[int, int, int, int, int, int]:
+    """Least and greatest cell of a box, counted from a frame's corner."""
+    x, y, z = frame.corner
+    (x0, y0, z0), (x1, y1, z1) = box
+    return x0 - x, y0 - y, z0 - z, x1 - x, y1 - y, z1 - z
 
 
 def _brick(cell: Cell) -> Cell:
