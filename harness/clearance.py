@@ -19,7 +19,7 @@ def map_clearance_is_bound(decision: pb.Decision, cost_range: float) -> bool:
     Distances in the map end at a whole number of cells, the first one that holds the costs.
 
     Args:
-        decision: With the clearance and the inflation radius.
+        decision: Decision with the clearance and the inflation radius.
         cost_range: `costmap.cost_range` of its config, m.
     """
     size, clearance = decision.resolution_m, decision.least_clearance_m

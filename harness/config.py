@@ -38,7 +38,7 @@ class LatencyConfig:
     Attributes:
         mode: `modelled` takes the stages below; `measured` takes the wall time of this machine,
             rounded up to milliseconds and logged as an input.
-        sense: From the sweep's instant to its arrival at the map, s.
+        sense: Delay from the sweep's instant to its arrival at the map, s.
         map: Integration and costmap, s.
         plan: Decision and trajectory, s.
         deadline: A decision later than this is discarded and the last trajectory, which ends at
@@ -157,13 +157,13 @@ class Config:
         robot: Name in `models.robots.ROBOTS`, or the path of a spec file; a log holds the name and
             hash of that robot.
         seed: Seed of the world and of every random stream; never random itself.
-        difficulty: Of the world, 0 to 1, as its generator understands it.
+        difficulty: Difficulty of the world, 0 to 1, as its generator understands it.
         world_parameters: Parameters of the generated worlds; `--set world.NAME.PARAMETER`.
         goal: (x, y) or (x, y, z) in place of the world's own goal, m; or the name of a place, as in
             `models.places.PLACES`.
         start: Likewise, (x, y) or (x, y, z).
         waypoints: Goals before that one, in their order; the robot comes to rest at each.
-        threads: That rays, map and costmap share; decisions are the same on any number.
+        threads: Threads that rays, map and costmap share; decisions are the same on any number.
         record: `full` logs all; `decisions` leaves sweeps and states out, which the seed gives
             again; `failures` is full where the episode failed, and decisions where it succeeded.
         keyframe_period: Simulated time between the maps in the log from which a replay can start,
@@ -275,7 +275,7 @@ HASH_SEPARATOR = "@"
 """Separator in `name@hash`, the name of a world or robot that was read from a file."""
 
 PLUGIN = ":"
-"""In the name of a planner or a robot's controller: `module:Class` of the user's own."""
+"""Mark of the user's own code in the name of a planner or a robot's controller: `module:Class`."""
 
 
 def _check_class_margins(margins: Mapping[str, float], semantics: bool) -> None:

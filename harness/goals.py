@@ -40,7 +40,7 @@ def goal_message(mission: Mission, reached: int, sequence: int, time_ns: int) ->
     """The goal of a decision as an input; None of a mission with one goal.
 
     Args:
-        mission: With all goals.
+        mission: Mission with all goals.
         reached: Number of goals reached before the decision.
         sequence: Number of the decision.
         time_ns: Its simulated time, ns.
@@ -75,9 +75,9 @@ def distance_left(mission: Mission, reached: int, position: Array) -> float:
     In the plane for a ground robot.
 
     Args:
-        mission: With all goals.
+        mission: Mission with all goals.
         reached: Number of goals reached.
-        position: Of the base, m.
+        position: Position of the base, m.
     """
     axes = mission.axes
     left = [np.array(goal[:axes]) for goal in mission.goals[reached:]]

@@ -54,7 +54,7 @@ def inputs_from_messages(
 
     Args:
         pose: The estimated pose.
-        sweeps: In the order in which they are integrated.
+        sweeps: Sweeps in the order in which they are integrated.
         written: Sweeps, pose, goal and prediction serialized, if that is done already.
         goal: Goal of this decision; of recordings, and of missions with several goals.
         prediction: What a predictor from outside said before this decision.

@@ -184,7 +184,7 @@ class Beams:
         """Estimated poses of the sensor: (m, 3), m, and (m, 3, 3), world.
 
         Args:
-            pose: Of the base at the time of the decision.
+            pose: Pose of the base at the time of the decision.
             ages: (m,) before that, s; None for that time alone.
             position_base_sensor: (3,) m, in place of the sensor's own.
             R_base_sensor: (3, 3) likewise.
@@ -236,7 +236,7 @@ class Inputs:
         time_ns: Simulated time of the sweeps.
         sequence: Number of the decision.
         pose: Estimated pose at that time.
-        sweeps: In the order in which they are integrated.
+        sweeps: Sweeps in the order in which they are integrated.
         digest: Hash of the messages that these were read from.
         goal: (3,) m, goal of this decision; None if it is the mission's.
         goals_reached: Number of goals reached before; 0 of a recording.

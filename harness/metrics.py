@@ -275,7 +275,7 @@ class Metric:
     """A figure of an episode.
 
     Attributes:
-        function: From a trace; none where the episode has no such figure.
+        function: Function from a trace; none where the episode has no such figure.
         unit: Empty for a share or a count.
         higher_is_better: Which way is better; none where neither is.
         support: The values that it can take, from which intervals of its mean follow.

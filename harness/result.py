@@ -30,7 +30,7 @@ class Result:
 
     Attributes:
         outcome: How it ended, by the simulator's truth.
-        reason: In words.
+        reason: Reason in words.
         goal_distance_m: True distance from the goal at the end.
         sim_time_s: Simulated time.
         wall_time_s: Wall time without compilation.

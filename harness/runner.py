@@ -49,13 +49,13 @@ def run_episode(
         scenario: What to run.
         log_path: Final name of the log, or a draft that holds it; a log of that name is replaced.
         observe: Called after each decision, for display.
-        delays: Of each decision, s, to live through those of a log instead of measured ones.
+        delays: Delays of each decision, s, to live through those of a log instead of measured ones.
         record: What to keep in place of the config's `record`.
-        stack: In place of the built-in one.
-        session: In place of the stack that the config names, such as a log's recorded answers;
-            without one a stack of the user's own is run.
-        predictions: In place of the predictor from outside that the config names, such as those of
-            a log; without them it is run.
+        stack: Stack in place of the built-in one.
+        session: Session in place of the stack that the config names, such as a log's recorded
+            answers; without one a stack of the user's own is run.
+        predictions: Predictions in place of the predictor from outside that the config names, such
+            as those of a log; without them it is run.
 
     Raises:
         InputError: No map can be made for the mission, or the log cannot be written.

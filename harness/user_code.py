@@ -44,7 +44,7 @@ class Failure:
     """Failure of code that ended an episode.
 
     Attributes:
-        reason: In one line, with the decision's number.
+        reason: Reason in one line, with the decision's number.
         traceback: Printable lines, the last of them the exception's; empty of a stack in another
             process that sent none.
         ours: Whether Wayproof's own code is at fault.

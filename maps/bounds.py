@@ -12,7 +12,7 @@ class Bounds(NamedTuple):
     Attributes:
         low: Least value.
         high: Greatest value.
-        unit: Of both, for messages.
+        unit: Unit of both, for messages.
     """
 
     low: float

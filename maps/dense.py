@@ -29,7 +29,7 @@ from wayproof.maps.voxel.brick_index import (
 from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, cell_bounds, guard_of
 
 Cells = dict[str, NDArray[np.generic]]
-"""By name the numbers of some cells: arrays of one shape."""
+"""Numbers of some cells by name: arrays of one shape."""
 
 CELLS_IN_BRICK = int(np.prod(BRICK_SHAPE))
 BATCH = 64

@@ -104,7 +104,7 @@ class Representation(ColumnMap, Protocol):
             low: (2,) least corner, m, world.
             high: (2,) greatest corner, m, world.
             time_ns: Simulated time, ns.
-            height: Of the floor, m, world.
+            height: Height of the floor, m, world.
 
         Raises:
             ValueError: A corner or the height is not finite, or the time is negative.

@@ -18,7 +18,7 @@ class Interval(NamedTuple):
     Attributes:
         low: Least value.
         high: Greatest value.
-        unit: Of both.
+        unit: Unit of both.
     """
 
     low: float
@@ -86,8 +86,8 @@ class Warehouse(Common):
     """Parameters of `warehouse`.
 
     Attributes:
-        length: Of the hall, along x, m.
-        width: Of the hall, along y, m.
+        length: Length of the hall, along x, m.
+        width: Width of the hall, along y, m.
         aisle_width: Least width of aisles and cross-aisles, m.
         door_width: Width of the doorway, m; by default drawn from 1.6 to 1.8 m.
         crates: Number of crates; by default 6 to 12 times twice the difficulty. One that fits
@@ -106,8 +106,8 @@ class Corridor(Common):
     """Parameters of `corridor`.
 
     Attributes:
-        length: Of the centre line from end wall to end wall, m.
-        width: Between the walls, m; by default drawn from 2.0 to 2.4 m.
+        length: Length of the centre line from end wall to end wall, m.
+        width: Width between the walls, m; by default drawn from 2.0 to 2.4 m.
         bends: Number of bends; by default drawn, 1 or 2.
         crates: Number of crates; by default 2 to 4 times twice the difficulty.
     """
@@ -123,8 +123,8 @@ class Empty(Common):
     """Parameters of `empty`.
 
     Attributes:
-        length: Of the room, along x, m.
-        width: Of the room, along y, m.
+        length: Length of the room, along x, m.
+        width: Width of the room, along y, m.
     """
 
     length: Length = 12.0
@@ -136,8 +136,8 @@ class Office(Common):
     """Parameters of `office`.
 
     Attributes:
-        length: Of the floor, along x, m.
-        width: Of the floor, along y, m.
+        length: Length of the floor, along x, m.
+        width: Width of the floor, along y, m.
         rooms: Number of rooms on either side of the hallway, each at least 4 m long.
         hallway_width: Between the walls of the hallway, m; by default 2.4 m, at difficulty 1 2.0.
         door_width: Width of every door, m; by default 1.9 m, at difficulty 1 1.6.
@@ -200,7 +200,7 @@ class Maze(Common):
     Attributes:
         columns: Number of cells along x.
         rows: Number of cells along y.
-        pitch: From wall to wall, middle to middle, m; by default 2.6 m, at difficulty 1 2.1.
+        pitch: Pitch from wall to wall, middle to middle, m; by default 2.6 m, at difficulty 1 2.1.
         loop_share: Share of the inner walls that are taken out; by default 0.4, at difficulty 1 0.
         longest_way: Greatest length of the way from start to goal along the passages, m.
     """
@@ -276,8 +276,8 @@ class Tunnel(Common):
     """Parameters of `tunnel`.
 
     Attributes:
-        length: Between the end walls, m.
-        width: Between the side walls, m.
+        length: Length between the end walls, m.
+        width: Width between the side walls, m.
     """
 
     length: Annotated[float, Interval(8.0, 100.0, "m")] = 30.0
@@ -304,18 +304,18 @@ class WorldParameters:
     """Parameters of the generated worlds; those of the world of an episode apply.
 
     Attributes:
-        warehouse: Of `warehouse`.
-        corridor: Of `corridor`.
-        empty: Of `empty`.
-        office: Of `office`.
-        forest: Of `forest`.
-        construction: Of `construction`.
-        maze: Of `maze`.
-        cylinders: Of `cylinders`.
-        crossing: Of `crossing`.
-        ghosts: Of `ghosts`.
-        tunnel: Of `tunnel`.
-        hall: Of `hall`.
+        warehouse: Parameters of `warehouse`.
+        corridor: Parameters of `corridor`.
+        empty: Parameters of `empty`.
+        office: Parameters of `office`.
+        forest: Parameters of `forest`.
+        construction: Parameters of `construction`.
+        maze: Parameters of `maze`.
+        cylinders: Parameters of `cylinders`.
+        crossing: Parameters of `crossing`.
+        ghosts: Parameters of `ghosts`.
+        tunnel: Parameters of `tunnel`.
+        hall: Parameters of `hall`.
     """
 
     warehouse: Warehouse = field(default_factory=Warehouse)

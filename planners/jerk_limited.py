@@ -90,7 +90,7 @@ def sample(pieces: Pieces, times: Floats, positions: Floats, velocities: Floats)
     """`Profile.at` of times in any order, the quicker the more they ascend.
 
     Args:
-        pieces: Of the profile.
+        pieces: Pieces of the profile.
         times: Shape (n,), s.
         positions: Shape (n,), out.
         velocities: Shape (n,), out.

@@ -114,8 +114,8 @@ class Plan:
     """A path, or the reason that there is none.
 
     Attributes:
-        waypoints: From the start to the goal, m, shape (n, 3), free edge by edge; None without a
-            path.
+        waypoints: Waypoints from the start to the goal, m, shape (n, 3), free edge by edge; None
+            without a path.
         cost: Length plus weighted nearness to obstacles, m; infinite without a path.
         length: Length, m; infinite without a path.
         least_clearance: Least distance of the reference point to a blocked cell along the path, m;
@@ -221,7 +221,7 @@ def finish_path(
         config: As for `plan`.
         seed: As for `plan`.
         heading: As for `plan`.
-        poses: From start to goal, shape (n, 4), free edge by edge.
+        poses: Poses from start to goal, shape (n, 4), free edge by edge.
         used: Iterations of a planner's loop that it took.
     """
     kind = state_space_of(config, space)

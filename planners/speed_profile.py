@@ -46,7 +46,7 @@ def time_parameterize(
 
     Args:
         start: State where the first zone begins, its velocity 0 or more.
-        zones: In order; all limits above 0.
+        zones: Zones in order; all limits above 0.
         limits: Acceleration and jerk.
 
     Returns:

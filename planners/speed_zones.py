@@ -76,7 +76,7 @@ def slow_while_turning(
     """Limit the speed until the body has turned into the path, by a turn of more than `TURNING`.
 
     Args:
-        zones: Of the path.
+        zones: Zones of the path.
         turn: Turn that is left, rad, not negative.
         yaw_rate: rad/s.
         sideways_speed: Speed until then, m/s.

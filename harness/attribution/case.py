@@ -45,10 +45,10 @@ class Moment:
     In a recording the recorded motion stands for the truth.
 
     Attributes:
-        answer: Of the stack on trial; None of the built-in one.
-        goal: Of its own, in a recording.
+        answer: Answer of the stack on trial; None of the built-in one.
+        goal: Goal of its own, in a recording.
         added_delay_s: Part of the delay that a perturbation added, s.
-        prediction: Of a predictor from outside; None without one.
+        prediction: Prediction of a predictor from outside; None without one.
     """
 
     pose: pb.Pose
@@ -160,7 +160,7 @@ class Case:
         """Return a stack with the map and costmap of one decision.
 
         Args:
-            number: Of the decision.
+            number: Number of the decision.
             keyframe: State to start from, in place of the start of the log: from `keyframe_at`.
 
         Raises:
@@ -285,7 +285,7 @@ def _truth_of(message: Message, given: DecisionMessages) -> pb.Truth | None:
     """The truth of a decision if a message completes it; in a recording the decision itself does.
 
     Args:
-        message: That follows what precedes a decision.
+        message: Message that follows what precedes a decision.
         given: What preceded the decision.
     """
     if isinstance(message, pb.Truth):

@@ -36,7 +36,8 @@ class CommandedFacts:
     Attributes:
         first: Number of the first of them, at which a guard would have braked.
         count: Number of them.
-        verdict: Of the last of them after which the body could have stopped, or of the first.
+        verdict: Verdict of the last of them after which the body could have stopped, or of the
+            first.
         free_m: Length of the way of that one that the referee admitted, m.
         in_the_way: Number of cells that the map held occupied on its way, within body and margin,
             and that represent the touched obstacle.
@@ -98,7 +99,7 @@ def commanded_facts(
     Args:
         case: The episode.
         numbers: As `commands_to` returns them.
-        navigator: With map and costmap of the decision.
+        navigator: Navigator with map and costmap of the decision.
         decision: The last of them after which the body could have stopped.
         name: Name of the touched obstacle.
     """
@@ -121,7 +122,7 @@ def _cells_in_the_way(case: Case, navigator: Navigator, moment: Moment, name: st
 
     Args:
         case: The episode.
-        navigator: With map and costmap of that decision.
+        navigator: Navigator with map and costmap of that decision.
         moment: The decision.
         name: Name of the obstacle.
     """

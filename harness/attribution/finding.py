@@ -37,7 +37,7 @@ class Finding:
 
     Attributes:
         cause: One of `CAUSES`.
-        evidence: In words, with cells, distances and times.
+        evidence: Evidence in words, with cells, distances and times.
         decision: Number of the last decision that could have prevented the failure.
         place: (x, y, z) of the failure, world, m.
     """

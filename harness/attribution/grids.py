@@ -66,7 +66,7 @@ def joined_for(
     """Return whether a body of several discs, which may turn anywhere, gets from cell to cell.
 
     Args:
-        offsets: Of the discs along the body, m; without two of them as `joined`.
+        offsets: Offsets of the discs along the body, m; without two of them as `joined`.
         size: Side of a cell, m.
         free: (nx, ny, 1) cells that may hold the centre of a disc.
         start: Cell of the body's origin.

@@ -170,7 +170,7 @@ def print_calibration(layers: list[Layer], samples: Samples, base: float) -> Non
 
     Args:
         layers: The network.
-        samples: Of worlds that it was not trained on.
+        samples: Samples of worlds that it was not trained on.
         base: Share of occupied columns in the training, the constant forecast to compare with.
     """
     odds = evaluated(layers, samples.inputs.astype(np.float64)) / STEPS

@@ -24,7 +24,7 @@ def live_view(log: Path, saved: Path | None, console: Console) -> Iterator[None]
     Args:
         log: Name of the log; its partial file exists.
         saved: Recording to write; None to open a viewer.
-        console: For a line at the end.
+        console: Console for a line at the end.
     """
     command = [sys.executable, "-m", "wayproof", "view", str(log), "--live", "--allow-plugins"]
     if saved is not None:

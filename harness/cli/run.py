@@ -159,7 +159,7 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
     Args:
         config: What to run.
         path: Name of the log.
-        console: For the line.
+        console: Console for the line.
         view: Value of `--view`; None for no view.
 
     Raises:

@@ -262,9 +262,9 @@ def go_on(
     """Resume the simulation at a decision with a change, up to a time.
 
     Args:
-        log: Of the episode.
+        log: Log of the episode.
         case: The episode.
-        change: By a remedy.
+        change: Change by a remedy.
         at: Number of the decision.
         limit_s: Simulated time of the end, s.
         asked: A stack on trial that goes on from there.

@@ -87,7 +87,7 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
             guard: Whether the referee brakes where it does not admit a command.
             reward: Weights of the reward; by default those of `Reward`.
             settings: As `--set` takes them, such as `map.resolution=0.2`.
-            difficulty: Of the world; by default the config's.
+            difficulty: Difficulty of the world; by default the config's.
             perturb: The assumption that is off, as `--perturb` takes it.
             logs: Folder for the log of each episode, `WORLD-ROBOT-SEED.mcap`, in place of an
                 earlier one of that name; none are kept by default.
@@ -121,8 +121,8 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
         """Begin an episode; one under way is ended as `error`, and its log finished.
 
         Args:
-            seed: Of the world and of all randomness in the episode; by default the next one that
-                the generator of the environment draws.
+            seed: Seed of the world and of all randomness in the episode; by default the next one
+                that the generator of the environment draws.
             options: `world`, `difficulty` and `perturb` in place of the environment's own, and
                 `log`, the name of the log of this episode.
 

@@ -40,7 +40,7 @@ class Reward:
             progress_m: How much shorter the distance from the goal became, m.
             elapsed_s: Simulated time of the step, s.
             admitted: Whether the referee admitted the command.
-            outcome: Of the episode, if the step ended it.
+            outcome: Outcome of the episode, if the step ended it.
         """
         total = self.progress * progress_m + self.second * elapsed_s
         if not admitted:

@@ -27,7 +27,7 @@ def navigator_for(
 
     Args:
         config: Settings; `stack.name` is the stack.
-        mission: Of the episode.
+        mission: Mission of the episode.
         beams: Sensor geometry by sensor name.
         session: The stack on trial; none where its answers come from a log.
 
@@ -53,9 +53,9 @@ def live_navigator(
 
     Args:
         config: Settings; `stack.name` is the stack.
-        mission: Of the episode.
+        mission: Mission of the episode.
         infos: Sensors by name.
-        session: In place of the stack that the config names; that one is run.
+        session: Session in place of the stack that the config names; that one is run.
 
     Raises:
         InputError: There is no such stack, or no map can be made for this mission.

@@ -23,8 +23,8 @@ class OutsideError(UserCodeError):
     """Code from outside that cannot go on.
 
     Attributes:
-        cause: Of the episode's end.
-        traceback: Of that code, as another process sent it; empty without one.
+        cause: Cause of the episode's end.
+        traceback: Traceback of that code, as another process sent it; empty without one.
     """
 
     def __init__(

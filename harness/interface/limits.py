@@ -89,10 +89,10 @@ def follow_within(
     """Follow a trajectory as closely as the limits let the body, then brake.
 
     Args:
-        trajectory: That is asked for.
+        trajectory: Trajectory that is asked for.
         reference: Commanded state at the time of effect.
         effect_ns: That time, ns.
-        limits: Of the body.
+        limits: Limits of the body.
         step_s: Time between two samples of the result, s.
     """
     left_s = trajectory.duration_s - max(effect_ns - trajectory.start_ns, 0) * 1e-9

@@ -72,7 +72,7 @@ class Followed(NamedTuple):
     """What the body follows for a command.
 
     Attributes:
-        trajectory: To its rest.
+        trajectory: Trajectory to its rest.
         limited: Whether the command asked for more than the body's limits allow.
     """
 
@@ -91,11 +91,11 @@ def trajectory_of(
     """The trajectory that the body follows for a motion.
 
     Args:
-        motion: Of a command.
+        motion: Motion of a command.
         references: Commanded state at the time of effect, where a motion begins; and the same at
             the estimated position, where a trajectory may begin as well.
         effect_ns: That time, ns.
-        limits: Of the body.
+        limits: Limits of the body.
         planar: Whether the body moves in the plane of the reference: heights are ignored.
 
     Raises:

@@ -32,7 +32,7 @@ def hello(name: str, announced: bool = False) -> sb.Hello:
     """The first message of each side.
 
     Args:
-        name: Of who says it.
+        name: Name of who says it.
         announced: Whether a stack wishes an empty message before each observation.
     """
     return sb.Hello(version=INTERFACE_VERSION, name=name, announced=announced)

@@ -57,7 +57,7 @@ def reference_at(trajectory: Trajectory, time_ns: int, height_m: float | None) -
     """The commanded state of a robot that follows a trajectory.
 
     Args:
-        trajectory: That it follows.
+        trajectory: Trajectory that it follows.
         time_ns: Time of the state.
         height_m: Height of the base above the plane that a ground robot is planned in; else none.
     """

@@ -40,7 +40,7 @@ class Space(NamedTuple):
     """Shape and bounds of one tensor.
 
     Attributes:
-        shape: Without the batch.
+        shape: Shape without the batch.
         low: Least value; lower ones are clipped to it.
         high: Greatest one.
     """

@@ -37,7 +37,7 @@ def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: Planner
     """Judge the space that the body sweeps along a trajectory.
 
     Args:
-        trajectory: That it follows from the time of effect to its rest.
+        trajectory: Trajectory that it follows from the time of effect to its rest.
         circumscribed: Planner input with the free space of the disc or ball about the body.
         oriented: The same of the body's discs at their heading; of a round body the same.
     """

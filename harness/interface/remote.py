@@ -41,7 +41,7 @@ class Peer:
         """Say hello.
 
         Args:
-            connection: To it.
+            connection: Connection to it.
             who: What it is called in messages, such as `stack 'exec:./mine'`.
             wall_s: Wall time for each answer, s.
 

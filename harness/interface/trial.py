@@ -60,7 +60,7 @@ class TrialNavigator(Navigator):
 
         Args:
             config: Settings; those of map and costmap are the referee's.
-            mission: Of the episode.
+            mission: Mission of the episode.
             beams: Sensor geometry by sensor name.
             session: The stack, started; none where answers come from a log.
         """
@@ -238,7 +238,7 @@ def logged_answer(command: sb.Command, time_ns: int) -> pb.StackCommand:
     """A command that answers the observation of its sequence, as it is logged.
 
     Args:
-        command: Of the stack.
+        command: Command of the stack.
         time_ns: Time of the observation, ns.
     """
     sent = command.SerializeToString(deterministic=True)

@@ -86,7 +86,7 @@ class Task:
         period_s: Time from one observation to the next, s.
         delay_s: Time from an observation to the effect of its command, s.
         deadline_s: A command with a longer delay is discarded, s.
-        sensors: By name.
+        sensors: Sensors by name.
         settings: The resolved config of the episode, JSON.
         prior: A prior map as the settings place it; none without one, and where it is ignored.
     """
@@ -188,7 +188,7 @@ class Observation:
         heading_sigma: Standard deviation of the heading, rad.
         velocity: (3,) estimated from the last two poses, world frame, m/s.
         yaw_rate: Estimated likewise, rad/s.
-        sweeps: In the order of the sensors; a sensor that was too slow has none.
+        sweeps: Sweeps in the order of the sensors; a sensor that was too slow has none.
         effect_ns: Time when the command takes effect, ns.
         reference: Commanded state at that time; a trajectory has to start there.
         goal: (3,) where to go now, base origin, m; of a mission with several goals it changes when
@@ -303,7 +303,7 @@ class Command:
         label: What stands in the way, as in the decisions of the log; empty: `none`.
         reason: One line for the log.
         planned_path: (k, 3) the stack's own plan, for the log.
-        map_version: Of the stack's own map, for the log.
+        map_version: Version of the stack's own map, for the log.
         scalars: A few named numbers, for the log.
         costmap: The stack's own costmap, for the log.
     """

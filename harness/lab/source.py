@@ -40,11 +40,11 @@ class Source:
     """Sweeps for the maps of the lab.
 
     Attributes:
-        name: Of the log or the recording.
+        name: Name of the log or the recording.
         config: Settings of its own map.
         low: Low corner of the region that is mapped, m.
         high: High corner, m.
-        sweeps: In order of time.
+        sweeps: Sweeps in order of time.
     """
 
     name: str

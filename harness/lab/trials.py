@@ -46,10 +46,10 @@ class Trial:
     Attributes:
         group: What is varied: `resolution`, `clamps`, `decay`, or `peer`.
         setting: The setting, in words.
-        kind: Of the map.
+        kind: Kind of the map.
         ms_p50: Median wall time to integrate a sweep, ms.
         ms_p99: 99th percentile, ms.
-        memory_mib: Of the map at the end, MiB.
+        memory_mib: Memory of the map at the end, MiB.
         occupied: Number of occupied cells at the end.
         free: Number of free cells.
         misses_to_free: Sweeps that must see through a cell until it is free again, after something

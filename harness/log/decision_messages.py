@@ -27,10 +27,10 @@ class DecisionMessages:
     Attributes:
         pose: Estimated pose; of the decision before where the log lacks one.
         latency: Delay, likewise.
-        sweeps: In the order in which they are integrated.
+        sweeps: Sweeps in the order in which they are integrated.
         goal: Goal of this decision; None of the mission's.
-        prediction: Of a predictor from outside, if there is one.
-        answer: Of a stack on trial, if there is one.
+        prediction: Prediction of a predictor from outside, if there is one.
+        answer: Answer of a stack on trial, if there is one.
         motion: What the robot of a recording did up to the decision; None of an episode.
         state: State of the simulator, if it was kept.
     """

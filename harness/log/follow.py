@@ -87,7 +87,7 @@ class FollowedLog(Log):
     """Log that is being written; its messages come as they are.
 
     Attributes:
-        descriptor: Of the partial file, open for reading.
+        descriptor: Descriptor of the partial file, open for reading.
         stop: Set to wait for no more.
     """
 

@@ -77,7 +77,7 @@ def prediction_message(
 
     Args:
         blank: The same without an opinion.
-        box: That was asked for.
+        box: Box that was asked for.
         answer: Log-odds in steps of a box within it, or of columns.
         offset: Least cell of the answer in the box.
     """
@@ -101,7 +101,7 @@ def blank_message(sequence: int, time_ns: int, predictor: str, late: bool = Fals
     """A prediction without an opinion.
 
     Args:
-        sequence: Of the decision that it is an input of.
+        sequence: Number of the decision that it is an input of.
         time_ns: Simulated time of that decision, ns.
         predictor: As it calls itself.
         late: Whether it took longer than a period.

@@ -47,7 +47,7 @@ def with_prior(config: Config, world: World) -> Config:
     """The config for the log, with the cells of its prior map and the identity of its file.
 
     Args:
-        config: Of an episode.
+        config: Config of an episode.
         world: Its world.
 
     Raises:

@@ -219,7 +219,7 @@ def poll(
     """Count the votes of a splat in the cells of a window.
 
     Args:
-        splat: In its own frame and unit.
+        splat: Splat in its own frame and unit.
         window: The cells.
         placement: Pose of the splat in the world, after its axes are turned and its unit is m.
         scale: Metres in a unit of the splat.

@@ -75,7 +75,7 @@ class Recording:
         format: Name of its format.
         sha256: Hash of the bytes of all files that are read, hexadecimal.
         start_ns: Stamp of the first pose, ns since the epoch of the recording's clock.
-        sensors: In the order of their names, or of an episode's sensors.
+        sensors: Sensors in the order of their names, or of an episode's sensors.
         track: Poses of the body.
         chosen: The topics and frames that were chosen, in words.
         opening: Faults met while the recording was opened.
@@ -83,8 +83,8 @@ class Recording:
         body_height: Height of the body's origin above the floor at the first pose, m; None where
             the recording does not say.
         options: What it was opened with.
-        mission: Of the episode that was recorded, in its world frame, which is the recording's;
-            None where the recording does not say.
+        mission: Mission of the episode that was recorded, in its world frame, which is the
+            recording's; None where the recording does not say.
     """
 
     name: str

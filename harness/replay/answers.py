@@ -30,7 +30,7 @@ class RecordedAnswers:
         """Read them all.
 
         Args:
-            log: Of a stack on trial.
+            log: Log of a stack on trial.
             silent_from: Number of the decision from which on the stack is silent: its answers have
                 no motion, so the body goes on to its rest. By default it never is.
         """
@@ -113,7 +113,7 @@ class AskedAgain:
         """Ask the stack on the inputs of a decision, with the recorded answers before it.
 
         Args:
-            navigator: Before that decision, with the session.
+            navigator: Navigator before that decision, with the session.
             record: The decision.
 
         Raises:
@@ -137,7 +137,7 @@ def started_again(log: Log, stack: str) -> Iterator[AskedAgain]:
     """Start a stack with the task of a log, and close it in the end.
 
     Args:
-        log: Of a stack on trial.
+        log: Log of a stack on trial.
         stack: As `--stack` takes it; it is run.
 
     Raises:

@@ -125,8 +125,9 @@ def fork_with(
         delays: Delay by decision, s, instead of measured ones.
         record: Extent of the new log; by default the config's `record`.
         asked: The stack that goes on, where one was on trial.
-        session: In its place, such as recorded answers; nothing is asked before the fork.
-        predictions: In place of the predictor from outside that the config names, which is run.
+        session: Session in its place, such as recorded answers; nothing is asked before the fork.
+        predictions: Predictions in place of the predictor from outside that the config names, which
+            is run.
 
     Raises:
         InputError: A changed setting determines the beginning of the episode, there is no such
@@ -257,7 +258,7 @@ def live_through(log: Log, at: int, scenario: Scenario, asked: AskedAgain | None
     Args:
         log: The log.
         at: Number of the decision that the fork begins with.
-        scenario: Of the fork.
+        scenario: Scenario of the fork.
         asked: A stack that is asked on each of these decisions, and goes on at the fork.
 
     Raises:

@@ -22,8 +22,8 @@ def goals_of(config: Config, world: World) -> tuple[Given, ...]:
     """The goals of a config in their order.
 
     Args:
-        config: With goals as points or by the names in `models.places.PLACES`.
-        world: Of the episode.
+        config: Config with goals as points or by the names in `models.places.PLACES`.
+        world: World of the episode.
 
     Raises:
         InputError: The world has no such place.

@@ -106,7 +106,7 @@ def find_logged_robot(config: Config, scene: str) -> Robot:
     """The robot of a log, which opens no file: its spec is in the config, its body in the scene.
 
     Args:
-        config: Of the log.
+        config: Config of the log.
         scene: Its flattened MJCF, checked.
 
     Raises:

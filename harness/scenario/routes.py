@@ -37,7 +37,7 @@ def route_between(
 
     Args:
         world: Truth.
-        radius: Of the cylinder, m.
+        radius: Radius of the cylinder, m.
         band: Heights that it takes up, m.
         begin: Where it begins, m; z is ignored.
         end: Where it ends, m.

@@ -48,7 +48,7 @@ class Scenario:
     """One episode, ready to run.
 
     Attributes:
-        config: With start and goal resolved.
+        config: Config with start and goal resolved.
         world: The generated world.
         scene: World and robot, compiled.
         mission: Task of the navigation stack.
@@ -107,7 +107,7 @@ def build(config: Config, world: World | None = None) -> Scenario:
 
     Args:
         config: What to run.
-        world: In place of the one that the config names.
+        world: World in place of the one that the config names.
 
     Raises:
         InputError: Unknown world or robot; a start or goal outside the geofence or inside an

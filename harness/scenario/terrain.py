@@ -40,7 +40,7 @@ def check_climb(
     step height is an obstacle, and what falls a hole.
 
     Args:
-        world: Of the episode; one without height fields is level.
+        world: World of the episode; one without height fields is level.
         spec: The robot; one that flies is never refused.
         points: Start and goals in their order, m.
         resolution: Edge of a cell of the map, m.

@@ -41,7 +41,7 @@ class Passed:
     Attributes:
         decision: As logged.
         pose: (4,) believed: x, y, z, m, and heading, rad.
-        clearance_m: Of the bare body from the map's occupied cells, m.
+        clearance_m: Clearance of the bare body from the map's occupied cells, m.
         ahead_admitted: Whether the way of the next `recording.horizon` was admitted; None where
             the robot hardly moves in it, or the recording ends before.
     """
@@ -79,7 +79,7 @@ def assess(
     """Judge the way of a recording from its log.
 
     Args:
-        path: Of the log.
+        path: Path of the log.
         allow_plugins: Whether code that it names may be imported.
         unknown_policy: In place of the log's own `costmap.unknown_policy`.
 

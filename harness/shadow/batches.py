@@ -17,7 +17,7 @@ class Batch:
 
     Attributes:
         time_ns: Time of the decision: of the last beam.
-        sweeps: In order of time; one at least.
+        sweeps: Sweeps in order of time; one at least.
     """
 
     time_ns: int
@@ -28,7 +28,7 @@ def batches(sweeps: Iterable[RecordedSweep], period_ns: int) -> Iterator[Batch]:
     """Collect sweeps until a period has passed since the last decision.
 
     Args:
-        sweeps: In order of time.
+        sweeps: Sweeps in order of time.
         period_ns: Least time between two decisions, ns; with 0 each time of a sweep has one.
     """
     pending: list[RecordedSweep] = []

@@ -48,7 +48,7 @@ class BodyFile(msgspec.Struct, frozen=True):
         name: Name of the robot.
         radius: Circumscribed radius about the body's origin, m; horizontal on the ground.
         height: Top above the ground (ground) or full vertical extent (air), m.
-        limits: Of its commands.
+        limits: Limits of its commands.
         motion: `ground` or `air`.
         discs: Offset along the x axis and radius of discs that hold a long body, m.
     """

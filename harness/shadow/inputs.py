@@ -29,7 +29,7 @@ class Given(NamedTuple):
     Attributes:
         sweeps: As the stack gets them.
         pose: Likewise.
-        goal: Of the decision.
+        goal: Goal of the decision.
         motion: Recorded.
     """
 

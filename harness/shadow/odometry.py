@@ -75,7 +75,7 @@ class RecordedOdometry:
         """Put the estimate, with its covariance, in the place of the recorded pose of a message.
 
         Args:
-            sweeps: Of the decision, as the stack gets them.
+            sweeps: Sweeps of the decision, as the stack gets them.
             message: The recorded pose, with its trail; written.
             time_ns: Time of the decision.
         """
@@ -124,9 +124,9 @@ class RecordedOdometry:
         """Returns of sweeps, (n, 3) world, m; of planar lasers at the middle of a voxel's height.
 
         Args:
-            sweeps: Of a decision.
-            pose: At which they are placed.
-            sequence: Of the decision.
+            sweeps: Sweeps of a decision.
+            pose: Pose at which they are placed.
+            sequence: Number of the decision.
             walls: Whether each return of a planar laser is put above and below that height.
         """
         placed = [np.zeros((0, 3))]

@@ -68,7 +68,7 @@ class Terms:
 
     Attributes:
         config: Settings.
-        mission: With the body.
+        mission: Mission with the body.
     """
 
     config: Config

@@ -70,11 +70,11 @@ class Prepared:
 
     Attributes:
         config: Resolved.
-        mission: Of the stack.
+        mission: Mission of the stack.
         infos: Declarations of the sensors.
         writers: Writers of their sweeps, by the name in the recording.
         lift: Height that is added to the mounts of planar lasers, m.
-        way: Of the robot.
+        way: Way of the robot.
         planar: Names in the log of the sensors whose beams lie in one level plane.
         assumes_height: Whether nothing says how high the body is above a floor that its sensors
             see.
@@ -110,10 +110,10 @@ def prepare(
 
     Args:
         recording: Open.
-        body: Of its robot.
+        body: Body of its robot.
         settings: `section.field=value` of the user.
-        seed: Of the stack's searches and of a perturbation.
-        stack: In place of the built-in one; its goal is the end of the recording.
+        seed: Seed of the stack's searches and of a perturbation.
+        stack: Stack in place of the built-in one; its goal is the end of the recording.
         perturbation: The one assumption that is off.
         prior: File of a prior map.
 

@@ -56,7 +56,7 @@ class Stop:
         begin_s: Its time, s.
         seconds: Until the first decision to go, s.
         position: Where the stack would have come to rest, m.
-        action: Of the first decision.
+        action: Action of the first decision.
         reason: Likewise.
     """
 
@@ -75,10 +75,10 @@ class Summary:
     Attributes:
         log: Path of the log.
         recording: Name and hash.
-        format: Of the recording.
+        format: Format of the recording.
         robot: Body that it is judged for.
         verdict: See `Verdict`.
-        reason: Of the verdict, in words.
+        reason: Reason of the verdict, in words.
         chain: Hash over all decisions.
         decisions: Number of decisions.
         duration_s: Time from the first to the last, s.
@@ -94,7 +94,8 @@ class Summary:
             end of the recording, m: they moved there later, or the poses are off, or the body did
             pass them.
         hindsight_admitted_m: Length of it that was admitted when it was entered, m.
-        least_clearance_m: Of the bare body from occupied cells of the map of the moment, m.
+        least_clearance_m: Least clearance of the bare body from occupied cells of the map of the
+            moment, m.
         least_clearance_s: Time of that, s.
         clearance_is_bound: Whether there was nothing within reach: it is that or more.
         actions: Decisions by action.

@@ -34,7 +34,7 @@ def sensor_message(
     """The sensor as the log declares it.
 
     Args:
-        sensor: Of the recording.
+        sensor: Sensor of the recording.
         mount: T_base_sensor.
         range_m: Longest range that counts, m.
         rate_hz: Sweeps a second.
@@ -112,7 +112,7 @@ class SweepWriter:
         """Write as declared.
 
         Args:
-            sensor: Of the recording.
+            sensor: Sensor of the recording.
             info: Its declaration in the log.
             mount: T_base_sensor in the declaration.
         """

@@ -52,8 +52,8 @@ class Way:
         """Shift a track to the log's origin.
 
         Args:
-            track: Of the recording.
-            config: With the origin, the body's height and the rule for goals.
+            track: Track of the recording.
+            config: Config with the origin, the body's height and the rule for goals.
             flat: Whether the body's height is that of the config throughout.
         """
         self._track, self._config, self._flat = track, config, flat

@@ -62,7 +62,7 @@ class PerturbationInjector:
         """Cast one sweep as the stack gets it.
 
         Args:
-            caster: Of the sensor.
+            caster: Caster of the sensor.
             data: State of MuJoCo.
             trail: True poses of the base.
             sequence: Number of the decision.

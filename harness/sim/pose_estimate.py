@@ -92,7 +92,7 @@ class PoseEstimate:
             steps: Number of physics steps that a trail covers.
             position: (3,) m.
             heading: rad.
-            body: That is simulated.
+            body: Body that is simulated.
             beams: Geometry of its sensors, by name.
         """
         self._config = config

@@ -93,7 +93,7 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
 
     Args:
         input: What is known at this decision.
-        state: Before it.
+        state: Planner state before the decision.
         followed: The trajectory that the robot follows at the time of the sweep.
     """
     setpoint = followed.at(input.time_ns)

@@ -87,8 +87,8 @@ def differences(
     Of repeated fields, the number of elements if that differs, and the first element that does.
 
     Args:
-        recorded: From the log.
-        recomputed: From the recomputation.
+        recorded: Decision from the log.
+        recomputed: Decision from the recomputation.
         without: Names of fields that are not compared.
     """
     pair = []

@@ -77,9 +77,9 @@ def diagnose_driving(
     """The action, reason and label of a robot that drives its global path.
 
     Args:
-        input: Of the decision.
-        state: With the global path.
-        start: Of the new trajectory.
+        input: Planner input of the decision.
+        state: Planner state with the global path.
+        start: Start of the new trajectory.
         end: Arc length up to which the path is driven, m.
         blocked: Whether an obstruction ends it there.
         slowed: Whether unknown space on it costs speed.
@@ -165,9 +165,9 @@ def diagnose_lost_path(
     """The reason and label of a robot in motion without a global path.
 
     Args:
-        input: Of the decision.
+        input: Planner input of the decision.
         previous: State before it; it has the path, unless an earlier decision dropped that.
-        start: Of the new trajectory.
+        start: Start of the new trajectory.
     """
     if previous.global_path is None:
         return _diagnose_earlier_loss(input, previous)
@@ -200,8 +200,8 @@ def diagnose_no_room(
     """The reason of an elongated body that can neither turn into its path nor follow it.
 
     Args:
-        input: Of the decision.
-        start: Of the new trajectory.
+        input: Planner input of the decision.
+        start: Start of the new trajectory.
         along: Trajectory along the path at the present heading.
         target: Heading of the path, rad.
     """

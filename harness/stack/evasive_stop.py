@@ -32,8 +32,8 @@ def clearest_stop(input: PlannerInput, start: TrajectorySample, path: Array) -> 
     that is farther than the path does; of those bends that come no nearer on the way.
 
     Args:
-        input: Of the decision.
-        start: Of the new trajectory.
+        input: Planner input of the decision.
+        start: Start of the new trajectory.
         path: (n, 3) that the robot would stop along, m.
 
     Returns:

@@ -12,7 +12,7 @@ from wayproof.maps.costmap.global_costmap import BLOCKED, PASSABLE, GlobalCostma
 from wayproof.planners import FreeSpace, GoalField, PlannerConfig
 
 SEED = 1
-"""Of the shortcuts; a way depends on the map, its ends and this alone."""
+"""Seed of the shortcuts; a way depends on the map, its ends and this alone."""
 
 PROJECTION = 3.0
 """Distance within which a goal in a blocked coarse cell is projected to a free one, m."""

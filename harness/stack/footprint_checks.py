@@ -29,7 +29,7 @@ def compensate_yaw_lag(
     so that the poses checked are those that it takes.
 
     Args:
-        input: Of the decision.
+        input: Planner input of the decision.
         setpoint: Commanded state at the time of the sweep.
         start: Commanded state at the time of effect.
     """

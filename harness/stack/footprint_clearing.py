@@ -23,8 +23,8 @@ def clear_footprint(a_map: Representation, mission: Mission, pose: Pose, time_ns
 
     Args:
         a_map: Written to.
-        mission: With the body.
-        pose: Of the body.
+        mission: Mission with the body.
+        pose: Pose of the body.
         time_ns: Time of the pose.
     """
     if not mission.planar:

@@ -52,7 +52,7 @@ def decide_with_footprint(
     Args:
         circumscribed: Input for the disc about the body.
         make_oriented: Makes the input for the discs at their heading; seldom called.
-        state: Before the decision.
+        state: Planner state before the decision.
     """
     if state.oriented and not _can_widen(circumscribed, state):
         oriented = make_oriented()

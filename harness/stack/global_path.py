@@ -139,10 +139,10 @@ def _replan(
     With evidence that was not measured, as that guides; and without it where it leaves no way.
 
     Args:
-        input: Of the decision.
+        input: Planner input of the decision.
         prefix: (n, 3) of the path that is kept, m.
-        heading: Of the body at its beginning, rad.
-        seed: Of the search.
+        heading: Heading of the body at its beginning, rad.
+        seed: Seed of the search.
         only_known: Whether only a path through known space is of use.
         exhaustive: Whether all distances may be computed beyond known space: with no path to
             improve on, a new one may lead anywhere.

@@ -30,9 +30,9 @@ def goal_within(input: PlannerInput, state: PlannerState, start: TrajectorySampl
     Else it is where the coarse way to the goal leaves the window.
 
     Args:
-        input: Of the decision.
-        state: Before it.
-        start: Of the new trajectory.
+        input: Planner input of the decision.
+        state: Planner state before the decision.
+        start: Start of the new trajectory.
     """
     horizon = input.horizon
     if horizon is None or _inside(horizon, input.goal):
@@ -56,7 +56,7 @@ def exit_of(way: Array, low: Array, high: Array) -> Array:
     """The point (2,) at which a polyline (n, 2) leaves a box, m; its end if it does not.
 
     Args:
-        way: From a point in the box on.
+        way: Way from a point in the box on.
         low: (2,) corner of the box.
         high: (2,) corner of the box.
     """

@@ -74,9 +74,9 @@ def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectoryS
     """Brake, go back along the trail to where the sweeps held the pose, or else give up.
 
     Args:
-        input: Of the decision.
-        state: Before it.
-        start: Of the new trajectory.
+        input: Planner input of the decision.
+        state: Planner state before the decision.
+        start: Start of the new trajectory.
     """
     if state.returning:
         path = remaining(state.path, start.arc_length)

@@ -122,9 +122,9 @@ def stop_without_path(
     """Brake along the last trajectory; at rest, wait for the map to change.
 
     Args:
-        input: Of the decision.
+        input: Planner input of the decision.
         planned: The planner state without a global path, and the search that found none.
-        start: Of the new trajectory.
+        start: Start of the new trajectory.
         previous: Planner state before the decision, whose global path was dropped.
     """
     state, search = planned.state, planned.search

@@ -65,7 +65,7 @@ def on_path(input: PlannerInput, path: Array, free_m: float, unknown_blocks: boo
     """The obstruction at the end of the free length of a path.
 
     Args:
-        input: Of the decision.
+        input: Planner input of the decision.
         path: (n, 3) m.
         free_m: Its free length, m.
         unknown_blocks: Whether unknown space ends it, too.

@@ -87,9 +87,9 @@ def follow_global_path(
     """Commit to the traversable part of the global path, ending at rest.
 
     Args:
-        input: Of the decision.
+        input: Planner input of the decision.
         state: Planner state with the global path from `start` on.
-        start: Of the new trajectory.
+        start: Start of the new trajectory.
         previous: Planner state before the decision, with the last global path.
     """
     path = state.path
@@ -277,10 +277,10 @@ def drive_along(
     """Drive a part of the global path.
 
     Args:
-        input: Of the decision.
+        input: Planner input of the decision.
         state: Planner state with the global path.
-        start: Of the new trajectory.
-        part: Of that path.
+        start: Start of the new trajectory.
+        part: Part of that path.
         tail_first: Whether an elongated body moves backwards.
 
     Returns:

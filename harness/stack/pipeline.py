@@ -34,7 +34,8 @@ class Navigator:
         state: Planner state after the last committed decision.
         chain: Hash over all decisions so far.
         answer: Logged answer of a stack on trial to the last inputs; the built-in one has none.
-        predictions: Of a predictor from outside; None without one, and where they come from a log.
+        predictions: Predictions of a predictor from outside; None without one, and where they come
+            from a log.
     """
 
     SPACES = FreeSpaceBuilder

@@ -59,8 +59,8 @@ class Stage(NamedTuple):
     """The evidence up to a provenance.
 
     Attributes:
-        provenance: Of what this stage has more than the one before.
-        costmap: Of the evidence of this stage and of all before it.
+        provenance: Provenance of what this stage has more than the one before.
+        costmap: Costmap of the evidence of this stage and of all before it.
     """
 
     provenance: Provenance

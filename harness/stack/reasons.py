@@ -71,15 +71,15 @@ class Reason:
         stop_m: What the robot needs to stop, m.
         full_speed_stop_m: What it would need at full speed, m.
         distance_m: Of what the kind says, m.
-        limit_m: That the distance is held against, m.
+        limit_m: Limit that the distance is held against, m.
         turn_rad: What the body turns by, rad.
-        speed_share: Of full speed.
+        speed_share: Share of full speed.
         waited_s: Time that it has waited, s.
-        delay_s: Of the decision, s.
-        deadline_s: For it, s.
+        delay_s: Delay of the decision, s.
+        deadline_s: Deadline of the decision, s.
         since: Number of the decision in which this began.
         places: Number of places that it has looked from.
-        iterations: Of the search.
+        iterations: Iterations of the search.
         cell: Centre of the cell that the body would overlap, m.
         cell_state: `occupied`, `unknown` or `outside`; empty without a cell.
         place: Where the body's centre, or that of one of its discs, would overlap it, m.
@@ -126,8 +126,8 @@ class Meaning:
 
     Attributes:
         text: The sentence, with the figures that every reason of this kind has.
-        actions: That it can be the reason of.
-        labels: That it goes with.
+        actions: Actions that it can be the reason of.
+        labels: Labels that it goes with.
     """
 
     text: str

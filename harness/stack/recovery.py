@@ -157,9 +157,9 @@ def recover_after_timeout(
     """Explore instead of waiting longer than the timeout; abort after the last exploration.
 
     Args:
-        input: Of the decision.
-        start: Of the new trajectory.
-        decided: By a manoeuvre; returned unchanged unless it waits.
+        input: Planner input of the decision.
+        start: Start of the new trajectory.
+        decided: Decision by a manoeuvre; returned unchanged unless it waits.
     """
     command, state = decided
     waits = command.reason.waited_s is not None
@@ -180,8 +180,8 @@ def explore_frontier(input: PlannerInput, start: TrajectorySample, waiting: Deci
     """Leave for the best frontier within reach; without one backtrack, or else wait once more.
 
     Args:
-        input: Of the decision.
-        start: Of the new trajectory, at rest.
+        input: Planner input of the decision.
+        start: Start of the new trajectory, at rest.
         waiting: Command and state of the wait that has lasted too long.
     """
     command, state = waiting

@@ -48,7 +48,7 @@ def at_rest(state: PlannerState, position: Array, heading: float, time_ns: int) 
     """The planner state of a robot that rests at a pose, wherever it was commanded to be.
 
     Args:
-        state: After the last decision; not written to.
+        state: Planner state after the last decision; not written to.
         position: (3,) in the costmap's frame, m.
         heading: rad.
         time_ns: Time of the pose.

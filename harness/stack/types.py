@@ -52,7 +52,7 @@ class EvidenceSpace(NamedTuple):
     """Space known to be free by one stage of the evidence.
 
     Attributes:
-        provenance: Of what the stage has more than the one before it.
+        provenance: Provenance of what the stage has more than the one before it.
         known_free: Free by this stage or one before it.
     """
 

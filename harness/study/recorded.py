@@ -154,7 +154,7 @@ def judge_way(log: Path, digest: str, allow_plugins: bool) -> Judged:
 
     Args:
         log: The log.
-        digest: Of its content.
+        digest: Digest of its content.
         allow_plugins: Import code that the log names.
 
     Raises:

@@ -40,7 +40,7 @@ def costmap_from_above(own: Newest, moment: Moment, size: int, radius: float) ->
         own: The newest costmap of the stack.
         moment: The decision that is drawn.
         size: Width and height, pixels.
-        radius: Of the body, m.
+        radius: Radius of the body, m.
     """
     here = np.array(moment.decision.position[:2])
     image = Image.fromarray(_pixels(own.grid, here, size))

@@ -24,7 +24,7 @@ def draw_places(path: Path, space: FreeSpace, ends: dict[str, Vector3]) -> None:
     """Write a PNG of the free space, its numbered places, and the ends that were chosen.
 
     Args:
-        path: Of the picture.
+        path: Path of the picture.
         space: The free space.
         ends: `start` and `goal`, m; empty where there are none.
     """

@@ -78,8 +78,8 @@ class Costmap:
             low: (3,) least corner of the window, m, world.
             high: (3,) greatest corner, m, world; the cells reach at least this far.
             motion: `ground` or `air`.
-            radius: Of the body's disc (ground) or ball (air), m.
-            height: Of the body's back above the floor, m; ground only.
+            radius: Radius of the body's disc (ground) or ball (air), m.
+            height: Height of the body's back above the floor, m; ground only.
             step_height: Greatest height that the body can step on, m above the floor; ground only.
             floor: Lowest altitude that any of the body may be at, m, world; air only.
             ceiling: Highest altitude that any of the body may be at, m, world; air only.

@@ -60,7 +60,7 @@ class GlobalCostmap:
             high: (3,) greatest corner, m, world.
             project: Makes the projection of a window of the map's cells for the body.
             collision_distance_sq: Greatest forbidden squared distance in the plane, cells^2.
-            height: Of the body, m; in the air only.
+            height: Height of the body, m; in the air only.
         """
         self._map, self._project = voxel_map, project
         self._extent = Window.covering(low, high, voxel_map.resolution, most_cells=1 << 40)

@@ -127,7 +127,7 @@ class Ground(Projection):
 
         Args:
             window: The cells of the map that count.
-            height: Of the body's back above the floor, m.
+            height: Height of the body's back above the floor, m.
             step_height: Greatest height that the body can step on, m above the floor.
 
         Raises:

@@ -45,7 +45,7 @@ class Terrain(Projection):
 
         Args:
             window: The cells of the map that count.
-            height: Of the body's back above the ground, m.
+            height: Height of the body's back above the ground, m.
             step_height: Greatest height that the body can step on, m above the ground.
             max_slope: Steepest ramp, rad.
 

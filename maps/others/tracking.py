@@ -45,7 +45,7 @@ class Track:
     """One thing that moves.
 
     Attributes:
-        number: Of the thing; things are numbered as they appear.
+        number: Number of the thing; things are numbered as they appear.
         sightings: Time, ns, and centroid, in 1/1024 of a cell, of each of the last sweeps.
     """
 
@@ -92,7 +92,7 @@ class Traffic:
     Attributes:
         resolution: Edge of a cell, m.
         horizon_ns: Time for which motion is predicted, ns.
-        tracks: In the order of their numbers.
+        tracks: Tracks in the order of their numbers.
     """
 
     resolution: float

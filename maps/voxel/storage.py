@@ -166,9 +166,9 @@ def restore(content: VoxelContent, bricks: Bricks, stamp: int, low: int) -> None
     """Put a content into a pool in place of all that it holds.
 
     Args:
-        content: With keys that differ.
+        content: Content with keys that differ.
         bricks: The pool.
-        stamp: Of the change.
+        stamp: Stamp of the change.
         low: Lower clamp of the log-odds, units.
 
     Raises:

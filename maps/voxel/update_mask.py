@@ -238,7 +238,7 @@ class SweepRasterizer:
         Args:
             endpoints: Endpoints of the beams.
             sensors: (m, 3) positions of the sensor, 1/1024 of a cell from the corner of the window.
-            window: That is marked.
+            window: Window that is marked.
         """
         most = [sum(end - begin for begin, end in parts) for parts in endpoints.parts]
         edges = [0, *itertools.accumulate(most)]  # of the targets of each stripe

@@ -36,8 +36,8 @@ class RayEnd:
     """Where a ray through the map ends.
 
     Attributes:
-        state: Of the cell that stopped it: occupied or unknown.
-        distance: To where it enters that cell, m.
+        state: State of the cell that stopped it: occupied or unknown.
+        distance: Distance to where it enters that cell, m.
         point: (3,) that place, m, world.
     """
 
@@ -370,7 +370,7 @@ class VoxelMap(Representation):
         """Read a map with its settings from a file that `save` wrote.
 
         Args:
-            path: Of the file.
+            path: Path of the file.
             threads: Number of threads that share the work of a sweep.
             low: (3,) least corner of the region in which sweeps to come are looked at, m, world;
                 None for all space. The content of the file is kept wherever it lies.
@@ -394,7 +394,7 @@ class VoxelMap(Representation):
         """Hold a content in place of the own one, and go on from it bit by bit.
 
         Args:
-            content: Of a map with the same settings.
+            content: Content of a map with the same settings.
 
         Raises:
             ValueError: It is more than the memory of this map holds.

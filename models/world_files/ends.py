@@ -55,8 +55,8 @@ class Chosen(NamedTuple):
     """Start and goal.
 
     Attributes:
-        start: On the floor, m.
-        goal: On the floor, m.
+        start: Start on the floor, m.
+        goal: Goal on the floor, m.
         notes: What was chosen, and why it may be poor.
         way: Length of the way between them, m.
     """

@@ -46,7 +46,7 @@ class Surface(NamedTuple):
     """Triangles of one node of a mesh file.
 
     Attributes:
-        name: Of the node, as a `<submesh>` names it.
+        name: Name of the node, as a `<submesh>` names it.
         vertices: (n, 3) m, in the file's axes.
         faces: (m, 3) vertices of each triangle.
     """
@@ -60,7 +60,7 @@ class MeshFile(NamedTuple):
     """Content of a mesh file.
 
     Attributes:
-        surfaces: In the order of the file.
+        surfaces: Surfaces in the order of the file.
         up: Axis of the file that points up: x, y or z.
     """
 

@@ -40,9 +40,9 @@ def mover_of(name: str, text: str, parts: Sequence[Part]) -> Mover:
     """Return a mover by its body's name, its text and the geoms of its body.
 
     Args:
-        name: Of the body.
+        name: Name of the body.
         text: As `mover_text` writes it.
-        parts: In the body's own frame.
+        parts: Parts in the body's own frame.
 
     Raises:
         ValueError: The text is not that of a mover.
@@ -87,8 +87,8 @@ def stood_on_ground(movers: Sequence[Mover], ground: Ground) -> tuple[list[Mover
     """Return movers with their routes on the floor, and the names of those that are above it.
 
     Args:
-        movers: With routes at the height of their feet, or near it, m.
-        ground: Of the scene as it will be, its floor at 0 or terrain.
+        movers: Movers with routes at the height of their feet, or near it, m.
+        ground: Ground of the scene as it will be, its floor at 0 or terrain.
     """
     stood, above = [], []
     for mover in movers:

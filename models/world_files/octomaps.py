@@ -82,7 +82,7 @@ def read_octomap_cells(path: Path, occupied_only: bool = False) -> OctomapCells:
     """Read the leaves of an OctoMap as cells.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         occupied_only: Whether free leaves are left out, also of the bounds.
 
     Raises:

@@ -21,8 +21,8 @@ class ImportOptions:
     """Options for what a file does not contain.
 
     Attributes:
-        height: To which flat maps are extruded, and the rise of a height image from black to white,
-            m.
+        height: Height to which flat maps are extruded, and the rise of a height image from black to
+            white, m.
         resolution: Side of a cell where the file gives none (`.3dmap`, height fields), m.
         scale: Metres to a unit of a mesh.
         unknown: Treatment of unknown cells of a flat map.
@@ -74,9 +74,9 @@ class Ends(NamedTuple):
     Attributes:
         low: Lower corner of the operating area, m.
         high: Upper corner, m.
-        start: On the floor, m.
+        start: Start on the floor, m.
         start_heading: rad.
-        goal: On the floor, m.
+        goal: Goal on the floor, m.
     """
 
     low: Vector3

@@ -46,7 +46,7 @@ class Part:
         size: As MuJoCo counts them, m: half extents of a box; radius and half length of a cylinder
             or capsule; radius; half axes; of heights half the extents in x and y, the rise from the
             least to the greatest, and the depth of the ground below the least.
-        position: Of its centre in the world, m; of heights the middle at the least height.
+        position: Position of its centre in the world, m; of heights the middle at the least height.
         quaternion: Rotation from its axes to the world's, w x y z.
         kind: Kind of thing, such as `wall`; lower-case letters and underscores.
         mesh: Triangles of shape `mesh`, in the part's own frame.
@@ -121,7 +121,7 @@ def moved(part: Part, position: ArrayLike, R: NDArray[np.float64]) -> Part:
     """Return the part in a frame's outer frame, given its pose in that frame.
 
     Args:
-        part: In the inner frame.
+        part: Part in the inner frame.
         position: (3,) of the inner frame, m.
         R: (3, 3) from the inner to the outer frame.
     """

@@ -38,7 +38,7 @@ def read_actor(path: Path, actor: Element, frames: Frames, number: int) -> tuple
         path: File of the actor, for messages.
         actor: The element.
         frames: Frames of the world.
-        number: Of the actors before it.
+        number: Number of the actors before it.
 
     Raises:
         WorldFileError: A time or pose that is none, or times that do not increase.

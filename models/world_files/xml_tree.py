@@ -23,8 +23,8 @@ class Element:
         tag: Name of the element.
         attributes: Attributes by name.
         line: Line at which it begins.
-        text: Between its tags and its children's.
-        children: In order.
+        text: Text between its tags and its children's.
+        children: Children in order.
     """
 
     tag: str

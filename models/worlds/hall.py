@@ -11,7 +11,7 @@ from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LEAST_DISTANCE = 10.0
-"""Of start and goal, m."""
+"""Least distance of start and goal, m."""
 
 
 def hall(

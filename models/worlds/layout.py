@@ -150,7 +150,7 @@ def with_crates(
 
     Args:
         rng: Draws sizes and places.
-        world: To be furnished.
+        world: World to be furnished.
         count: Crates to add; one that fits nowhere is left out.
         longest: Longest side of a crate, m.
         radius: As for `with_groups`.
@@ -170,7 +170,7 @@ def with_groups(
     """Add groups of solids that stand free of all else and close no way through.
 
     Args:
-        world: To be furnished.
+        world: World to be furnished.
         choices: For each group, itself in one place after another: the first that fits is taken,
             and none if none does.
         radius: Radius of the disc whose ways stay open, m; by default `REFERENCE_RADIUS`.

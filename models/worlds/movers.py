@@ -40,7 +40,7 @@ class Mover:
 
     Attributes:
         name: Unlike any other in the world.
-        solids: In the mover's own frame: x ahead, z up, its origin on the ground; m.
+        solids: Solids in the mover's own frame: x ahead, z up, its origin on the ground; m.
         route: World frame, m; one point for what stands still.
         speed: m/s.
         begin: Arc length along the route at the start, m.

@@ -134,7 +134,7 @@ def _partitions(
     Args:
         rng: Draws everything.
         cuts: Limits of the rooms, in x, m.
-        sides: Of the hallway, and the outside of the floor beyond it, in y, m.
+        sides: Sides of the hallway, and the outside of the floor beyond it, in y, m.
         south: Side of the hallway.
         door: Width of a door, m.
     """

@@ -36,7 +36,7 @@ WALK_CLEARANCE = 0.35
 """Radius that is free along a person's way, m."""
 
 SHORTEST_WAY, LONGEST_WAY = 2.0, 8.0
-"""Of a passer-by, m."""
+"""Length of the way of a passer-by, m."""
 
 END_DISTANCE = 1.5
 """Minimum distance of pedestrians from start and goal, m."""
@@ -53,7 +53,7 @@ def with_traffic(
     """Add up to `count` people that walk to and fro across the shortest way.
 
     Args:
-        world: To be peopled; what moves in it stays.
+        world: World to be peopled; what moves in it stays.
         count: Number of people; those without a free line of 2 m across are left out.
         speed: m/s, the same for all.
         seed: Seed of their ways.

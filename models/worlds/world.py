@@ -43,9 +43,9 @@ class World:
         low: Lower corner of the operating area that the robot knows (its geofence), m.
         high: Upper corner of it, m.
         solids: Everything solid that stays where it is, but the floor.
-        start: On the floor, m; the harness adds the robot's height.
+        start: Start on the floor, m; the harness adds the robot's height.
         start_heading: rad.
-        goal: On the floor, m.
+        goal: Goal on the floor, m.
         difficulty: 0 to 1, as its generator understands it.
         floor: None for a plane; otherwise the slabs that bear a body on the ground, with holes
             where there are none.

@@ -23,7 +23,7 @@ from wayproof.planners.ompl.state_spaces import StateSpace
 from wayproof.planners.path import poses_along
 
 NO_WAY, SPENT = -1, -2
-"""In place of a cell: there is no way; the budget is spent."""
+"""Values in place of a cell: there is no way; the budget is spent."""
 
 EXPANSIONS = 1000
 """Number of lattice cells expanded between two checks of the termination condition."""

@@ -41,7 +41,7 @@ def motion_primitives(offsets: tuple[float, ...], threshold: int, factor: int) -
     """Tables of what discs touch on each motion, the costs left at 0.
 
     Args:
-        offsets: Of the discs along the body, cells.
+        offsets: Offsets of the discs along the body, cells.
         threshold: A cell is forbidden at or below this squared distance.
         factor: Grid cells to a node along each axis.
     """

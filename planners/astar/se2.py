@@ -43,7 +43,7 @@ def se2_path(
     """Plan poses from a start to a goal where any heading will do.
 
     Args:
-        space: With discs that lie as far ahead as behind, and the cost of length.
+        space: Space with discs that lie as far ahead as behind, and the cost of length.
         start: Free pose.
         goal: Its heading is not used.
         budget: Largest number of states to expand.

@@ -53,10 +53,10 @@ class Row:
         import_mib: Peak memory of the process until then, MiB.
         refused: Line of the refusal by the import or the run.
         notes: Number of notes of the import.
-        way: From start to goal, as the import chose them.
-        outcome: Of the episode.
+        way: Way from start to goal, as the import chose them.
+        outcome: Outcome of the episode.
         clearance: Least true clearance, m.
-        cause: Of its failure.
+        cause: Cause of its failure.
         decisions: Number of decisions.
         replayed: `identical` or `differs`.
         explained: `yes`, or why not.

@@ -29,7 +29,7 @@ def draw_from_above(path: Path, scenario: Scenario, case: Case, title: str) -> N
     """Write a PNG of what MuJoCo's own rays meet from above, and of the way truly gone.
 
     Args:
-        path: Of the picture.
+        path: Path of the picture.
         scenario: World and robot.
         case: The episode.
         title: Line above it.

@@ -48,7 +48,7 @@ def setpoints_of(
     """Simulate without sensors or decisions; return all setpoints (n, 8), and the last position.
 
     Args:
-        scenario: Of the episode.
+        scenario: Scenario of the episode.
         followed: Trajectories of it.
         end_ns: Its end, ns.
     """
@@ -68,7 +68,7 @@ def bare_seconds(
     """Processor time of the physics and the controller alone, s.
 
     Args:
-        scenario: Of the episode.
+        scenario: Scenario of the episode.
         setpoints: (n, 8) of each step.
         position: (3,) where the base is at the end, m: the bits of the episode.
 

@@ -82,7 +82,7 @@ def bench_interface(repeats: int, seed: int, progress: Progress) -> list[Interfa
 
     Args:
         repeats: Number of episodes of `EPISODE_S` by each way in, in turn.
-        seed: Of the world.
+        seed: Seed of the world.
         progress: Called with a line about what is under way.
     """
     rows = []

@@ -87,7 +87,7 @@ def compare(name: str, sweeps: Sequence[Sweep], resolution: float) -> RecordedRo
     """Map the sweeps with both and compare time, memory and every cell.
 
     Args:
-        name: Of the recording.
+        name: Name of the recording.
         sweeps: At least one.
         resolution: Edge of a cell, m.
 

@@ -20,7 +20,7 @@ def clutter(count: int, moving: int = 0, seed: int = 0) -> str:
     Args:
         count: Geoms besides the floor; the five shapes take turns.
         moving: How many of them, the first ones, are mocap bodies.
-        seed: Of places, sizes and attitudes.
+        seed: Seed of places, sizes and attitudes.
 
     Raises:
         ValueError: More geoms move than there are.
@@ -37,7 +37,7 @@ def mesh_terrain(points: int, moving: int = 0, seed: int = 0) -> str:
     Args:
         points: Vertices along each side of the square.
         moving: Mocap bodies besides, as `clutter` strews them.
-        seed: Of the ground and of the movers.
+        seed: Seed of the ground and of the movers.
     """
     x, y = np.meshgrid(*(2 * [np.linspace(-SIDE / 2, SIDE / 2, points)]), indexing="ij")
     vertices = np.stack([x, y, _heights(points, seed)], axis=-1).reshape(-1, 3)
@@ -62,7 +62,7 @@ def field_terrain(points: int, moving: int = 0, seed: int = 0) -> str:
     Args:
         points: Samples along each side of the square.
         moving: Mocap bodies besides, as `clutter` strews them.
-        seed: Of the ground and of the movers.
+        seed: Seed of the ground and of the movers.
     """
     heights = _heights(points, seed).T[::-1]  # MJCF lists rows from the far side in y
     asset = (

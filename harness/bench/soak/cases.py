@@ -66,8 +66,8 @@ def judged(
     Args:
         work: Runs a batch of cases in a child, and reports.
         kinds: All kinds of cases.
-        numbers: Of the cases.
-        name: Of the cases, for the progress.
+        numbers: Numbers of the cases.
+        name: Name of the cases, for the progress.
         progress: Called with a line about the progress.
     """
     found = Counter[tuple[str, str]]()

@@ -65,7 +65,7 @@ def watched(
         run: Run one case of a kind, in `work` in the folder; an InputError refuses it.
         kinds: Taken in turn.
         folder: Cases may write below it.
-        numbers: Of the cases.
+        numbers: Numbers of the cases.
         seed: Seed of all random choices.
         progress: Called with a line about the progress.
         may_start: Program that a case may start.

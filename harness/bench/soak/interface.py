@@ -70,7 +70,7 @@ def soak_interface(
         seed: The first of them.
         progress: Called with a line about the progress.
         first: Number of seeds that are left out before it.
-        settings: Of all episodes.
+        settings: Settings of all episodes.
     """
     compared = Compared()
     for robot in ROBOTS:

@@ -109,10 +109,10 @@ class Drawn:
 
     Attributes:
         kind: Its kind.
-        seed: Of the episode.
+        seed: Seed of the episode.
         outcome: Outcome.
         cause: Cause found.
-        evidence: For it.
+        evidence: Evidence for it.
         check: Answer of the counterfactual check; empty where there is none.
         failures: What went wrong besides, in words.
     """
@@ -214,9 +214,9 @@ def in_process_of_its_own(words: list[str], mark: str, folder: Path) -> tuple[in
     """Fork, run a command there, and return its exit code and what it printed.
 
     Args:
-        words: Of the command, without `wayproof`.
+        words: Words of the command, without `wayproof`.
         mark: Value of `MARK` in its environment, and in that of its children.
-        folder: For what it prints.
+        folder: Folder for what it prints.
     """
     printed = folder / f"{mark}.txt"
     child = os.fork()

@@ -44,9 +44,9 @@ class EstimateNoise(NamedTuple):
     """Errors of an onboard estimator; sizes assumed, drifts the greater part where drifts hurt.
 
     Attributes:
-        position: Of the base origin, world frame, m.
+        position: Position of the base origin, world frame, m.
         orientation: Rotation vector in body axes, rad.
-        velocity: Of the base origin, world frame, m/s.
+        velocity: Velocity of the base origin, world frame, m/s.
         angular_velocity: Body axes, rad/s; white alone, as of a gyroscope whose bias is known.
         joint_position: rad.
         joint_velocity: rad/s.

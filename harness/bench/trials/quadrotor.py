@@ -164,7 +164,7 @@ def figure_of_eight(rng: np.random.Generator, speed: float = 3.0, ramp: float = 
     """A Lissajous figure 6 m long and 3 m wide, climbing and sinking by 0.4 m, at any heading.
 
     Args:
-        rng: Of the heading.
+        rng: Generator of the heading.
         speed: Greatest, in the middle of the figure, m/s.
         ramp: The pace grows smoothly from rest for so long, s.
     """
@@ -192,7 +192,7 @@ def point_to_point(
     by a smooth step meanwhile.
 
     Args:
-        rng: Of points, headings and pauses.
+        rng: Generator of points, headings and pauses.
         seconds: To fill.
         limits: Along the line.
         far: Side of the square the points are in, m; they are 1 to 3 m high.
@@ -219,7 +219,7 @@ def turning_about(
     So navigation asks for turns: at once at the full rate, whatever the motion.
 
     Args:
-        rng: Of points, headings and pauses.
+        rng: Generator of points, headings and pauses.
         seconds: To fill.
         yaw_rate: rad/s.
         limits: Along the lines.
@@ -246,8 +246,8 @@ def winding(rng: np.random.Generator, limits: MotionLimits, corners: int = 14) -
     """A path as navigation plans it, through drawn corners in space, at its limits, to rest.
 
     Args:
-        rng: Of edges of 0.5 to 3 m, turns of up to 1.2 rad and heights of 1 to 3 m.
-        limits: Of the trajectory; the body may face anywhere.
+        rng: Generator of edges of 0.5 to 3 m, turns of up to 1.2 rad and heights of 1 to 3 m.
+        limits: Limits of the trajectory; the body may face anywhere.
         corners: Number of edges.
     """
     waypoints = [np.array([0.0, 0.0, 2.0])]

@@ -157,7 +157,7 @@ class Stopped(NamedTuple):
 
     Attributes:
         fallen: Whether it fell.
-        distance: From where braking was ordered to where it stood, m.
+        distance: Distance from where braking was ordered to where it stood, m.
         seconds: Simulated.
     """
 

@@ -27,7 +27,7 @@ def dryden_gusts(
     """Wind in the world frame (count, 3), m/s: a mean in a drawn direction and gusts on it.
 
     Args:
-        rng: Of direction and gusts.
+        rng: Generator of direction and gusts.
         count: Ticks.
         timestep: s.
         mean_speed: m/s; stands for the specification's wind at 20 ft, too.

@@ -42,7 +42,7 @@ class AskedPredictions:
         Args:
             session: The predictor.
             config: Settings.
-            mission: Of the episode.
+            mission: Mission of the episode.
             period_s: Time from one decision to the next, s.
 
         Raises:
@@ -97,7 +97,7 @@ def predictions_for(
 
     Args:
         config: Settings; a predictor from outside that they name is run.
-        mission: Of the episode.
+        mission: Mission of the episode.
         period_s: Time from one decision to the next, s.
 
     Raises:

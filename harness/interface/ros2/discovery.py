@@ -17,8 +17,8 @@ def mismatch(
     """The first pair that cannot match, or a second clock, in words; empty if all is well.
 
     Args:
-        publications: Of the others.
-        subscriptions: Of the others.
+        publications: Publications of the others.
+        subscriptions: Subscriptions of the others.
         publishers: Ours.
         ours: Our subscriptions.
     """

@@ -28,7 +28,7 @@ class Received(NamedTuple):
     """A velocity command.
 
     Attributes:
-        velocity: That the body is to hold.
+        velocity: Velocity that the body is to hold.
         stamp_ns: ROS time of its header, ns; none of a Twist.
         sent_ns: When it was sent, by its sender's wall clock, ns.
         publisher: Handle of its publisher.
@@ -44,14 +44,14 @@ class Inputs:
     """The subscriptions of one stack.
 
     Attributes:
-        topic: Of the commands.
+        topic: Topic of the commands.
     """
 
     def __init__(self, node: Node, options: Options, who: str) -> None:
         """Subscribe.
 
         Args:
-            node: To subscribe with.
+            node: Node to subscribe with.
             options: Names of topics and frames.
             who: What the stack is called in messages.
         """

@@ -16,7 +16,7 @@ class Code(NamedTuple):
     """Encoding of a primitive field.
 
     Attributes:
-        dtype: Of numpy, without byte order.
+        dtype: Dtype of numpy, without byte order.
         length: Elements of a fixed array; 0: a sequence, none: one value.
     """
 

@@ -49,11 +49,11 @@ class Options:
 
     Attributes:
         domain: DDS domain.
-        namespace: Of all topics but `/clock`, without slashes around; empty: none.
+        namespace: Namespace of all topics but `/clock`, without slashes around; empty: none.
         pace: `lockstep`: each sweep waits for the command with its stamp; `controller`: simulated
             time goes on to the next controller period, and waits for a command made in it; `auto`:
             by the stamp of the first command.
-        controller_frequency: Of a controller with a timer of its own, Hz; Nav2's default.
+        controller_frequency: Frequency of a controller with a timer of its own, Hz; Nav2's default.
         silence: Wall time after which a controller period without a command passes, s; 0: never,
             so that the machine's speed decides nothing.
         map_frame: Frame of the map.

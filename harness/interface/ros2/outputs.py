@@ -41,7 +41,7 @@ class Outputs:
     """The publishers of one mission.
 
     Attributes:
-        publishers: By the name of the topic without remapping.
+        publishers: Publishers by the name of the topic without remapping.
     """
 
     def __init__(self, node: Node, options: Options, task: Task) -> None:

@@ -52,6 +52,6 @@ def ticks_up_to(stamp_ns: int, tick_ns: int, period_ns: int) -> list[int]:
     Args:
         stamp_ns: That time.
         tick_ns: The last end of a period.
-        period_ns: Of the controller.
+        period_ns: Period of the controller.
     """
     return list(range(tick_ns + period_ns, stamp_ns + 1, period_ns))

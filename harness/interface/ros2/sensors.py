@@ -44,7 +44,7 @@ class Lidar:
 
     Attributes:
         sensor: The lidar.
-        prefix: Of its topics; of the first lidar empty.
+        prefix: Prefix of its topics; of the first lidar empty.
     """
 
     sensor: Sensor
@@ -134,7 +134,7 @@ class DepthCamera:
 
     Attributes:
         sensor: The camera.
-        prefix: Of its topics.
+        prefix: Prefix of its topics.
     """
 
     sensor: Sensor
@@ -192,7 +192,7 @@ class Rangefinder:
 
     Attributes:
         sensor: The rangefinder.
-        prefix: Of its topics.
+        prefix: Prefix of its topics.
     """
 
     sensor: Sensor

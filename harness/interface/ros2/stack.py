@@ -63,7 +63,7 @@ class Ros2Stack:
         """Join the domain, and wait for a publisher of commands.
 
         Args:
-            name: Of the stack, with the options.
+            name: Name of the stack, with the options.
             wall_s: Wall time for each answer, s.
             starting_s: Wall time for the publisher to come, s.
 

@@ -31,7 +31,7 @@ class Announcement:
         start_ns: ROS time of simulated time 0, ns.
         robot: Name of the robot.
         mission: Body, operating area, start and goal.
-        sensors: By name, with their beam tables and mountings.
+        sensors: Sensors by name, with their beam tables and mountings.
     """
 
     start_ns: int
@@ -44,7 +44,7 @@ def write_task(task: Task, start_ns: int) -> str:
     """Write a task as JSON; numbers come back bit by bit.
 
     Args:
-        task: Of the episode.
+        task: Task of the episode.
         start_ns: ROS time of simulated time 0, ns.
     """
     infos = [

@@ -56,8 +56,8 @@ def moving_transforms(
     """T_odom_base, the estimated pose, and T_base_footprint of a body on the ground.
 
     Args:
-        task: With the body.
-        observation: With the pose.
+        task: Task with the body.
+        observation: Observation with the pose.
         options: Names of the frames.
         stamp: ROS time of the observation.
         since_ns: Stamp of the transforms that were sent last, ns. After a sweep of a rolling

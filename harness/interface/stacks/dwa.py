@@ -128,7 +128,7 @@ class NavigationFunction:
         """Join each cell to its eight neighbours.
 
         Args:
-            radius: Of the body, inscribed, m.
+            radius: Radius of the body, inscribed, m.
         """
         self._radius = radius
         numbers = np.arange(CELLS**2).reshape(CELLS, CELLS)

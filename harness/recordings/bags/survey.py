@@ -105,7 +105,7 @@ class Survey:
         limits: Minimum and maximum range by the topic of a Range, m.
         others: Types of the topics that are not read.
         tree: Frames and the transforms between them.
-        task: Of the episode whose topics were recorded; None of other robots.
+        task: Task of the episode whose topics were recorded; None of other robots.
     """
 
     sensors: dict[str, SensorTopic]

@@ -119,7 +119,7 @@ def believed_of(pose: Pose, size: float, flat: bool) -> tuple[float, tuple[int, 
     of the other axes, and what lacks along that one in whole cells.
 
     Args:
-        pose: That the decision was made on.
+        pose: Pose that the decision was made on.
         size: Edge of a cell, m.
         flat: Whether the body moves in the plane.
     """

@@ -50,7 +50,7 @@ class Curve(NamedTuple):
     """Means over the amount of a perturbation.
 
     Attributes:
-        name: In the legend; empty of a single curve.
+        name: Name in the legend; empty of a single curve.
         doses: Severity and amount of each mean; the first is that of the unperturbed twin.
         means: Means with their intervals; None where no episode has the figure.
     """

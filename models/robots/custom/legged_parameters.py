@@ -27,7 +27,7 @@ STANCE_SHARE = 0.65
 """Height of the stance as a share of the stretched leg, at which the gait was tuned."""
 
 TUNED_LEG, TUNED_MASS, TUNED_FOOT = 0.426, 15.02, 0.502
-"""Of the robot that gait and gains were tuned on: stretched leg, m, body and `foot_mass`, kg."""
+"""Stretched leg, m, mass and `foot_mass`, kg, of the robot that gait and gains were tuned on."""
 
 GRAVITY = 9.81
 

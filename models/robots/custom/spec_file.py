@@ -43,7 +43,8 @@ class Sensor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         name: `lidar`, `depth` or any other.
         device: Name in `models.sensors.devices.DEVICES`.
-        position: In the base body's frame, m. It looks along the base's x axis, a rangefinder down.
+        position: Position in the base body's frame, m. It looks along the base's x axis, a
+            rangefinder down.
     """
 
     name: str
@@ -97,15 +98,15 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             ahead and turns, m; none for one disc of the radius.
         height: Top above the ground (ground) or full vertical extent (air), m.
         limits: Limits on navigation's commands.
-        sensors: In the order in which their sweeps are integrated.
+        sensors: Sensors in the order in which their sweeps are integrated.
         motion: `ground` or `air`, for a controller of the user's own.
         stance: Base origin above the ground in standing, m; a trotting one's is read off its legs.
         swing_height: Foot clearance of `trot` at mid-swing, m; else scaled by the legs' length.
         feet: Feet of `trot`: sphere geoms or sites, front left, front right, rear left, rear right.
         actuators: Actuators of `trot`, to be checked: hip, thigh, calf of each of the feet.
         joints: Joint limits of `trot`, in place of the MJCF's.
-        rotors: Of `geometric`: sites, geoms or bodies, rear right, rear left, front left, front
-            right.
+        rotors: Rotors of `geometric`: sites, geoms or bodies, rear right, rear left, front left,
+            front right.
         rotor: Rotor figures of `geometric`.
     """
 

@@ -16,7 +16,7 @@ ROTORS = (
 """Name, sign of x, sign of y and sign of the reaction torque, in the order of every rotor array."""
 
 TOP, BOTTOM = 0.10, -0.10
-"""Of the lidar and of the skids in the body frame, m."""
+"""Height of the lidar and of the skids in the body frame, m."""
 
 ROTOR_THICKNESS = 0.02
 """Thickness of the space that a rotor sweeps, m."""

@@ -135,7 +135,7 @@ FAST = Parameters(
     gains=Gains(tilt_floor=room_at_least_lift(Airframe(), Gains()), tilt_first=True),
     smoothing=Smoothing(bandwidth=25.0, limits=(6.0, 12.0, 150.0, 4000.0)),
 )
-"""For navigation at 4 m/s and 4 m/s^2.
+"""Parameters for navigation at 4 m/s and 4 m/s^2.
 
 `wayproof bench robots` flies between points at up to 5 m/s with these, in gusts too.
 """

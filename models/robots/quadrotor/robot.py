@@ -25,7 +25,7 @@ and flies where it does not face yet.
 """
 
 CAUTIOUS = SpeedLimits(speed=2.0, acceleration=2.5, jerk=12.0, yaw_rate=1.5)
-"""For the controller with its plain parameters."""
+"""Limits for the controller with its plain parameters."""
 
 
 def _spec(parameters: Parameters, limits: SpeedLimits) -> RobotSpec:

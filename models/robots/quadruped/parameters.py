@@ -196,7 +196,7 @@ FAST = Parameters(
     gait=Gait(linear_acceleration=2.2),
     tracking=Tracking(forward_low=-0.8, forward_high=2.0, yaw_rate=1.8),
 )
-"""For navigation at 1.5 m/s, 2 m/s^2 and 1.5 rad/s, with a reserve for feedback.
+"""Parameters for navigation at 1.5 m/s, 2 m/s^2 and 1.5 rad/s, with a reserve for feedback.
 
 `wayproof bench robots` measures falls and tracking up to 2 m/s and on floors of friction 0.4.
 """

@@ -17,7 +17,7 @@ FULL = SpeedLimits(speed=1.5, acceleration=2.0, jerk=15.0, yaw_rate=1.5, sideway
 """Well inside what the controller tracks with `FAST`, which leaves navigation a reserve."""
 
 CAUTIOUS = SpeedLimits(speed=1.0, acceleration=1.5, jerk=15.0, yaw_rate=1.0)
-"""For the controller with its plain parameters."""
+"""Limits for the controller with its plain parameters."""
 
 
 def _spec(parameters: Parameters, limits: SpeedLimits, top: float) -> RobotSpec:

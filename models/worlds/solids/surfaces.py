@@ -99,7 +99,7 @@ class HeightField(Bounded):
 
     Attributes:
         corner: Corner of least x and y; heights count from the corner's z, m.
-        spacing: Between nodes in x and y, m.
+        spacing: Spacing between nodes in x and y, m.
         heights: heights[i][j] m at the node i along x and j along y.
         kind: Kind of thing, such as `floor`.
         base: Thickness below the lowest node, m.
