@@ -6,7 +6,8 @@ from hypothesis.extra.numpy import arrays
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.input_messages import beams_from_info, decode_ranges, inputs_from_messages
-from wayproof.harness.inputs import CODEC, Beams, Pose, SweepInput
+from wayproof.harness.inputs import Beams, Pose, SweepInput
+from wayproof.harness.listed_beams import CODEC
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.poses import Trail
 from wayproof.models.sensors import range_codec
