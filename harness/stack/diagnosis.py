@@ -13,6 +13,7 @@ from wayproof.harness.stack.global_path import ARRIVED
 from wayproof.harness.stack.obstruction import Obstruction
 from wayproof.harness.stack.reasons import Kind, Reason
 from wayproof.harness.stack.types import (
+    LENGTH_ROUNDING,
     Array,
     PlannerInput,
     PlannerState,
@@ -176,7 +177,9 @@ def diagnose_lost_path(
         return Reason("at_viewpoint", path_m=0.0), "none"
     stop = stopping_distance(start.speed, start.acceleration, input.limits)
     free = input.traversable.free_length(path)
-    if free < min(stop, arc_length(path) - 1e-6):  # no stretch of it is left that could be bent
+    if free < min(
+        stop, arc_length(path) - LENGTH_ROUNDING
+    ):  # no stretch of it is left that could be bent
         found = obstruction.on_path(input, path, free, input.unknown_blocks)
         return way_ahead_reason(BRAKES, found, stop_m=stop)
     x, y, z = input.goal.tolist()

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wayproof.harness.stack.types import Array, PlannerInput, arc_length
+from wayproof.harness.stack.types import Array, PlannerInput, arc_length, is_free_along
 from wayproof.maps.elementary import norm, sines_cosines
 from wayproof.planners import TrajectorySample, stopping_distance, tangent_at, truncate
 from wayproof.planners.path import edge_tangents
@@ -41,7 +41,7 @@ def clearest_stop(input: PlannerInput, start: TrajectorySample, path: Array) -> 
     """
     reach = stopping_distance(start.speed, start.acceleration, input.limits)
     ahead = _with_length(path, reach)
-    free = input.traversable.free_length(ahead) >= arc_length(ahead) - 1e-6
+    free = is_free_along(input.traversable, ahead)
     if start.speed < MIN_EVASION_SPEED or free:
         return path
     bends = _bends(input, start, tangent_at(path, 0.0), reach)

@@ -15,7 +15,14 @@ from typing import NamedTuple
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import heading_at
 from wayproof.harness.stack.reasons import STUCK_INSIDE
-from wayproof.harness.stack.types import Command, Decided, PlannerInput, PlannerState, arc_length
+from wayproof.harness.stack.types import (
+    Command,
+    Decided,
+    PlannerInput,
+    PlannerState,
+    arc_length,
+    is_free_along,
+)
 from wayproof.maps.elementary import cosine
 from wayproof.planners import remaining
 
@@ -79,7 +86,7 @@ def _can_widen(circumscribed: PlannerInput, state: PlannerState) -> bool:
         return True
     start = state.trajectory.at(circumscribed.effect_ns)
     path = remaining(state.global_path, start.arc_length)
-    if circumscribed.optimistic.free_length(path) < arc_length(path) - 1e-6:
+    if not is_free_along(circumscribed.optimistic, path):
         return False
     if not circumscribed.traversable.is_free(start.position):
         return False

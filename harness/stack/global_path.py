@@ -14,6 +14,7 @@ from wayproof.harness.stack.types import (
     PlannerState,
     arc_length,
     distance,
+    is_free_along,
     is_stationary,
 )
 from wayproof.planners import (
@@ -102,7 +103,7 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
 
 def _is_valid(input: PlannerInput, state: PlannerState, path: Array) -> bool:
     """Whether a path is not known to be blocked, and still leads to the goal or a viewpoint."""
-    valid = input.optimistic.free_length(path) >= arc_length(path) - 1e-6
+    valid = is_free_along(input.optimistic, path)
     if state.exploring:
         return valid
     return valid and distance(path[-1], input.goal) <= GOAL_MOVED * input.optimistic.resolution

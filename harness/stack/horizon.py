@@ -11,8 +11,8 @@ from wayproof.harness.stack.types import (
     Horizon,
     PlannerInput,
     PlannerState,
-    arc_length,
     distance,
+    is_free_along,
 )
 from wayproof.planners import TrajectorySample, remaining
 
@@ -41,7 +41,7 @@ def goal_within(input: PlannerInput, state: PlannerState, start: TrajectorySampl
         path = remaining(state.global_path, start.arc_length)
         end: Array = path[-1]
         far = distance(end, start.position) >= RENEW and _inside(horizon, end)
-        if far and input.optimistic.free_length(path) >= arc_length(path) - 1e-6:
+        if far and is_free_along(input.optimistic, path):
             return end
     way = horizon.way(start.position, input.goal)
     if way is None:

@@ -18,6 +18,7 @@ from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 from wayproof.harness.stack.path_following import follow_global_path
 from wayproof.harness.stack.reasons import Kind, Reason
 from wayproof.harness.stack.types import (
+    LENGTH_ROUNDING,
     Command,
     Decided,
     Exploration,
@@ -25,6 +26,7 @@ from wayproof.harness.stack.types import (
     PlannerState,
     arc_length,
     distance,
+    is_free_along,
     is_stationary,
 )
 from wayproof.planners import TrajectorySample, hold, remaining
@@ -80,7 +82,8 @@ def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectoryS
     """
     if state.returning:
         path = remaining(state.path, start.arc_length)
-        if input.traversable.free_length(path) >= arc_length(path) - 1e-6 > ARRIVED:
+        arrived = arc_length(path) - LENGTH_ROUNDING <= ARRIVED
+        if is_free_along(input.traversable, path) and not arrived:
             return follow_global_path(
                 input, replace(state, global_path=path), start, previous=state
             )
@@ -92,7 +95,7 @@ def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectoryS
     path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]
     free = input.traversable.free_length(path) if len(path) > 1 else 0.0
     done = state.returns >= input.behaviour.max_returns
-    if done or free < max(arc_length(path) - 1e-6, input.behaviour.min_advance):
+    if done or free < max(arc_length(path) - LENGTH_ROUNDING, input.behaviour.min_advance):
         return _stand(input, state, start, "pose_lost", "abort")
     state = replace(
         state,

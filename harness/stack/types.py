@@ -26,6 +26,9 @@ from wayproof.planners import (
 
 Array = NDArray[np.float64]
 
+LENGTH_ROUNDING = 1e-6
+"""Length by which the free length of a path that is all free may be shorter, by rounding, m."""
+
 CellStates = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.uint8]]
 """States (nx, ny, nz) of the cells between two corners (3,) of the costmap, the upper excluded."""
 
@@ -278,6 +281,11 @@ def is_stationary(sample: TrajectorySample) -> bool:
 def arc_length(path: Array) -> float:
     """Arc length of a path (n, 3), m."""
     return float(arc_lengths(path)[-1])
+
+
+def is_free_along(space: FreeSpace, path: Array) -> bool:
+    """Whether all of a path (n, 3) is free."""
+    return space.free_length(path) >= arc_length(path) - LENGTH_ROUNDING
 
 
 def distance(a: Array, b: Array) -> float:
