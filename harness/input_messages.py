@@ -1,4 +1,4 @@
-"""Messages of a decision's inputs: read back as `inputs`, checked, and hashed."""
+"""Messages of a decision's inputs: read back, checked and hashed."""
 
 from __future__ import annotations
 
