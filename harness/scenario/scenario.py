@@ -13,6 +13,7 @@ from wayproof.harness.config import HASH_SEPARATOR, Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
 from wayproof.harness.prior.sources import with_prior
+from wayproof.harness.scenario.blind_start import warn_of_blind_start
 from wayproof.harness.scenario.places import goals_of, refuse_no_way
 from wayproof.harness.scenario.robots import (
     built_in,
@@ -145,7 +146,11 @@ def build(config: Config, world: World | None = None) -> Scenario:
         scene=scene,
         mission=_mission(world, spec, config, (start, *waypoints, goal)),
         spec=spec,
-        warnings=(*warnings, *_inspect(scene, world, config)),
+        warnings=(
+            *warnings,
+            *warn_of_blind_start(scene.casters, spec, config),
+            *_inspect(scene, world, config),
+        ),
     )
 
 
