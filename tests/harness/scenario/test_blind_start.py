@@ -5,7 +5,8 @@ import re
 
 import pytest
 
-from wayproof.harness.config import Config, override
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.blind_start import nearest_floor
 from wayproof.harness.scenario.scenario import build
