@@ -47,7 +47,8 @@ class BehaviourConfig:
             along comes no nearer to what blocks than the path does. From 3 on, a cell that an
             elongated body only grazes is named before one that it overlaps farther on, and a bend
             to stop along is judged to where the robot comes to rest. From 4 on, the floor is also
-            fitted from z = 0, and single returns below it make no hole.
+            fitted from z = 0, and single returns below it make no hole; and a robot at rest beside
+            a goal that has become free goes on to it.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -103,4 +104,9 @@ class BehaviourConfig:
     @property
     def floor_stands_noise(self) -> bool:
         """Whether walls do not lift the fitted floor, nor single returns make holes in it."""
+        return self.rules >= 4
+
+    @property
+    def leaves_ended_paths(self) -> bool:
+        """Whether a robot at rest at the end of its path, and not at the goal, plans anew."""
         return self.rules >= 4

@@ -72,7 +72,7 @@ def project_goal_to_free(input: PlannerInput) -> Array:
 def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> GlobalPlan:
     """Keep the global path while it is valid and no other is much cheaper; else replan it."""
     path = None if state.global_path is None else remaining(state.global_path, start.arc_length)
-    if state.exploring and path is not None and arc_length(path) < ARRIVED:
+    if path is not None and arc_length(path) < ARRIVED and _leads_on(input, state, start):
         path = None
     driven = path
     if path is None and input.behaviour.keep_moving:  # on from the stop that is under way
@@ -99,6 +99,14 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
     if valid and path is not None and not _is_better(input, state, found, path):
         return GlobalPlan(replace(state, global_path=path), search, seed)
     return GlobalPlan(replace(state, global_path=found, exploration=None), search, seed)
+
+
+def _leads_on(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> bool:
+    """Whether the goal is still to be planned for at the end of the path.
+
+    From a viewpoint; and where a robot came to rest beside a goal that has become free since.
+    """
+    return state.exploring or (input.behaviour.leaves_ended_paths and is_stationary(start))
 
 
 def _is_valid(input: PlannerInput, state: PlannerState, path: Array) -> bool:

@@ -133,6 +133,16 @@ def test_an_exploration_ends_at_its_viewpoint():
     assert planned.state.exploration is None
 
 
+def test_a_robot_at_rest_beside_a_goal_that_became_free_goes_on_to_it():
+    here = np.array([place(*START), place(*START)])
+    input = replace(make_input(sequence=20), goal=place(START[0] + 2 * CELL, START[1]))
+    state = at_rest(global_path=here, improved_ns=20 * PERIOD_NS)
+    planned = replanned(input, state)
+    np.testing.assert_allclose(planned.state.global_path[[0, -1]], [here[0], input.goal])
+    former = replace(input, behaviour=BehaviourConfig(rules=3))
+    np.testing.assert_array_equal(replanned(former, state).state.global_path, here)
+
+
 def test_keeping_and_replanning_write_to_no_state():
     state = at_rest(global_path=DETOUR)
     copy = replace(state)
