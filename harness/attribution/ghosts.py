@@ -13,10 +13,12 @@ from wayproof.harness.attribution.grids import (
     cell_of,
     clearances,
     holes_in_floor,
+    joined,
     joined_for,
     offsets_of,
     true_occupancy,
 )
+from wayproof.harness.stack.footprint import body_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import OCCUPIED
 
@@ -40,6 +42,7 @@ def ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:
         "holes": int((cells & holes_in_floor(case, navigator)).sum()),
         "ghost": _nearest_cell(navigator, cells, believed),
         "without_ghosts": _opens(case, navigator, occupied & ~cells, last),
+        "roomy_without_ghosts": _opens(case, navigator, occupied & ~cells, last, turning=True),
         "without_movers": without_movers(case, navigator, number),
     }
 
@@ -62,13 +65,27 @@ def _near(case: Case, navigator: Navigator, cells: Cells, moment: Moment) -> Cel
     return near
 
 
-def _opens(case: Case, navigator: Navigator, occupied: Cells, moment: Moment) -> bool:
-    """Return whether some occupied cells leave a path from the estimated position to the goal."""
+def _opens(
+    case: Case, navigator: Navigator, occupied: Cells, moment: Moment, turning: bool = False
+) -> bool:
+    """Return whether some occupied cells leave a path from the estimated position to the goal.
+
+    With `turning` one on which the body may turn as it likes.
+    """
     costmap, (goal, reach) = navigator.costmap, goal_of(case, navigator)
     believed = cell_of(navigator, moment.true_position + moment.error)
     size = costmap.resolution
-    free = clearances(occupied, size) > costmap.inflation_radius
+    gaps = clearances(occupied, size)
+    if turning:
+        return joined(gaps > turning_radius(case, navigator), believed, goal, reach)
+    free = gaps > costmap.inflation_radius
     return joined_for(offsets_of(case), size, free, believed, goal, reach)
+
+
+def turning_radius(case: Case, navigator: Navigator) -> float:
+    """Return the inflation radius of the disc about the whole body, m."""
+    body = body_of(case.mission)
+    return navigator.costmap.inflation_radius + body.circumscribed_radius - min(body.radii)
 
 
 def _swept(case: Case, navigator: Navigator, number: int) -> Cells:

@@ -18,7 +18,7 @@ from wayproof.harness.attribution.standstill_facts import (
     standing_since,
     standstill_facts,
 )
-from wayproof.harness.attribution.ways import true_ways
+from wayproof.harness.attribution.ways import MapWays, true_ways
 
 HALF = 0.5
 """Fraction of the last decisions that is decisive."""
@@ -158,16 +158,28 @@ def just_left(facts: StandstillFacts) -> str | None:
 
 
 def ghost_obstacle(facts: StandstillFacts) -> str | None:
-    """The path is blocked only in the map, by cells that are truly free."""
+    """The path is blocked by cells that are truly free, or left too narrow to turn on it."""
     ways = facts.map()
-    if ways.passable >= HALF or not ways.ghosts or not ways.without_ghosts:
+    narrow = ways.passable >= HALF
+    if narrow and (ways.roomy >= HALF or not _searched_in_vain(ways)):
+        return None
+    if not ways.ghosts or not (ways.roomy_without_ghosts if narrow else ways.without_ghosts):
         return None
     x, y, z = ways.ghost
     seen_through = f"{ways.holes} of them as beams went through their floor, " if ways.holes else ""
-    return (
-        f"{ways.ghosts} cells mapped occupied are truly free, {seen_through}"
-        f"such as ({x:.2f}, {y:.2f}, {z:.2f}), and without them the map has a way to the goal"
-    )
+    cells = f"{ways.ghosts} cells mapped occupied are truly free, {seen_through}"
+    such = f"such as ({x:.2f}, {y:.2f}, {z:.2f}), "
+    if narrow:
+        return (
+            f"{cells}{such}and leave no way on which the body may turn; "
+            f"{ways.in_vain:.0%} of the last {facts.window} searches found none of the narrower"
+        )
+    return f"{cells}{such}and without them the map has a way to the goal"
+
+
+def _searched_in_vain(ways: MapWays) -> bool:
+    """Whether searches found no path in maps that had a way around all that was occupied."""
+    return ways.in_vain >= FEW and ways.not_found >= HALF
 
 
 def tracking(facts: StandstillFacts) -> str | None:
@@ -190,7 +202,7 @@ def planner(facts: StandstillFacts) -> str | None:
     ways = facts.map()
     if facts.on_its_way:
         return _too_slow(facts) if ways.passable >= HALF else None
-    if ways.in_vain >= FEW and ways.not_found >= HALF:
+    if _searched_in_vain(ways):
         return (
             f"{ways.in_vain:.0%} of the last {facts.window} searches found no path in "
             f"{facts.iterations} iterations, though {ways.not_found:.0%} of their maps had a way "

@@ -11,7 +11,12 @@ from itertools import pairwise
 import numpy as np
 
 from wayproof.harness.attribution.case import Case, Moment, update_as_decided
-from wayproof.harness.attribution.ghosts import ghosts, goal_of, without_movers
+from wayproof.harness.attribution.ghosts import (
+    ghosts,
+    goal_of,
+    turning_radius,
+    without_movers,
+)
 from wayproof.harness.attribution.grids import (
     DETOUR,
     Array,
@@ -19,6 +24,7 @@ from wayproof.harness.attribution.grids import (
     cell_of,
     clearances,
     distances_from,
+    joined,
     joined_for,
     offsets_of,
     true_occupancy,
@@ -74,12 +80,14 @@ class MapWays:
         passable: Fraction with a path through space that is not occupied.
         in_vain: Fraction whose search found no path.
         not_found: Fraction of these with a path through space that is not occupied.
+        roomy: Fraction with a path on which the body may turn as it likes.
         certain: Fraction with a path through space that is not occupied if the pose were certain.
         ghosts: Number of cells mapped occupied at the end that are truly free, recent movers apart.
         holes: Number of these that are columns forbidden because the map has a free cell below
             the floor.
         ghost: Centre of the ghost nearest to the robot, m.
         without_ghosts: Whether a path exists at the end without ghosts.
+        roomy_without_ghosts: Whether one exists on which the body may turn as it likes.
         without_movers: Whether one exists without present and recent movers.
         held_up: Fraction of all searches without a path whose map had one without movers; 0 unless
             time ran out.
@@ -90,11 +98,13 @@ class MapWays:
     passable: float
     in_vain: float
     not_found: float
+    roomy: float
     certain: float
     ghosts: int
     holes: int
     ghost: tuple[float, float, float]
     without_ghosts: bool
+    roomy_without_ghosts: bool
     without_movers: bool
     held_up: float
     unknown: float
@@ -161,6 +171,7 @@ class _Look:
 
     known: bool
     passable: bool
+    roomy: bool
     certain: bool
 
 
@@ -183,6 +194,7 @@ def map_ways(case: Case, since: int) -> MapWays:
     return MapWays(
         known=float(np.mean([looks[k].known for k in some])),
         passable=float(np.mean([looks[k].passable for k in some])),
+        roomy=float(np.mean([looks[k].roomy for k in some])),
         certain=float(np.mean([looks[k].certain for k in some])),
         in_vain=len(in_vain) / len(numbers),
         not_found=float(np.mean([looks[k].passable for k in some_in_vain] or [False])),
@@ -206,6 +218,7 @@ def _look(case: Case, navigator: Navigator, moment: Moment) -> _Look:
     return _Look(
         known=passes(clearances(occupied | unknown, size) > radius),
         passable=passes(gaps > radius),
+        roomy=joined(gaps > turning_radius(case, navigator), believed, goal, reach),
         certain=passes(gaps > certain_radius(case, navigator)),
     )
 

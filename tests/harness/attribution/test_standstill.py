@@ -22,9 +22,9 @@ TRUTH = TrueWays(
 
 
 MAP = MapWays(
-    known=0.0, passable=1.0, certain=1.0, in_vain=0.0, not_found=0.0, ghosts=0, holes=0,
-    ghost=(0.0, 0.0, 0.0), without_ghosts=True, without_movers=False, held_up=0.0,
-    unknown=0.2,
+    known=0.0, passable=1.0, roomy=1.0, certain=1.0, in_vain=0.0, not_found=0.0, ghosts=0, holes=0,
+    ghost=(0.0, 0.0, 0.0), without_ghosts=True, roomy_without_ghosts=True, without_movers=False,
+    held_up=0.0, unknown=0.2,
 )  # fmt: skip
 
 
@@ -37,6 +37,8 @@ STILL = StandstillFacts(
 
 
 CLOSED = {"map.passable": 0.0, "map.ghosts": 7}
+NARROW = {"map.roomy": 0.0, "map.ghosts": 7}
+IN_VAIN = {"map.in_vain": 0.4, "map.not_found": 0.8}
 
 
 @pytest.mark.parametrize(
@@ -60,6 +62,12 @@ CLOSED = {"map.passable": 0.0, "map.ghosts": 7}
         ({"on_trial": True, "outcome": "fall"}, "tracking"),
         ({"map.in_vain": 0.4, "map.not_found": 0.8}, "planner"),
         ({"map.in_vain": 0.4, "map.not_found": 0.2}, "unexplained"),
+        ({**NARROW, **IN_VAIN}, "ghost_obstacle"),
+        ({**NARROW, "map.in_vain": 0.4, "map.not_found": 0.2}, "unexplained"),
+        ({**NARROW, "map.known": 0.8}, "planner"),
+        ({**NARROW, **IN_VAIN, "map.roomy_without_ghosts": False}, "planner"),
+        ({**NARROW, **IN_VAIN, "map.ghosts": 0}, "planner"),
+        ({**NARROW, **IN_VAIN, "map.roomy": 0.8}, "planner"),
         ({"discarded": 0.6}, "latency"),
         ({"discarded": 0.6, "truth.exists": False}, "impossible"),
         ({"discarded": 0.6, "answered_late": 0.6}, "stack_late"),
