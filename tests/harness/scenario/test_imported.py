@@ -105,7 +105,7 @@ def test_a_ridge_that_was_not_climbed_is_not_called_impossible(tmp_path):
     navigator = case.navigator_at(len(case.moments) - 1)
     ways = true_ways(case, navigator, 0)
     assert ways.exists
-    assert ways.widest > ways.radius
+    assert ways.widest() > ways.radius
     steep = replace(case, config=override(case.config, ["costmap.max_slope=0.0"]))
     assert true_ways(steep, navigator, 0).exists
 
