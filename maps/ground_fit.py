@@ -105,7 +105,7 @@ def level(
         moments: (n,) origin of each beam.
         directions: (n, 3) unit vectors, world.
         ranges_mm: (n,) mm.
-        plane: Of the floor.
+        plane: Plane of the floor.
         two_sided: Whether a return up to six deviations below the floor is noise where the returns
             beside it are at z = 0; else it is up to four and 10 cm, a pit or not.
     """

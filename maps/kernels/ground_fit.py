@@ -29,7 +29,7 @@ BANDS = np.array([0.3, 0.15, 0.1, 0.075, 0.05, 0.0375, 0.0375, 0.0375])
 below three deviations of the round before."""
 
 NARROW_BANDS = np.array([0.075, 0.06, 0.05, 0.0375, 0.0375, 0.0375])
-"""Those of a fit from z = 0: the first finds a floor that is up to 7.5 cm off where it is seen."""
+"""Half widths of the bands of a fit from z = 0, m: a floor up to 7.5 cm off is found."""
 
 ABOVE, ASYMMETRIC = 0.1, 3
 """Weight of returns above the plane in the three rounds after the first: asymmetric least squares
