@@ -77,9 +77,9 @@ def _opens(
     size = costmap.resolution
     gaps = clearances(occupied, size)
     if turning:
-        return joined(gaps > turning_radius(case, navigator), believed, goal, reach)
+        return joined(gaps > turning_radius(case, navigator), believed, goal, reach, corners=False)
     free = gaps > costmap.inflation_radius
-    return joined_for(offsets_of(case), size, free, believed, goal, reach)
+    return joined_for(offsets_of(case), size, free, believed, goal, reach, corners=False)
 
 
 def turning_radius(case: Case, navigator: Navigator) -> float:

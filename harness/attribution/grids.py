@@ -41,11 +41,22 @@ def clearances(occupied: Cells, size: float) -> Array:
     return distances
 
 
-def joined(free: Cells, start: tuple[int, ...], goal: tuple[int, ...], reach: int) -> bool:
-    """Return whether free cells connect the surroundings, `reach` cells wide, of two cells."""
+def joined(
+    free: Cells, start: tuple[int, ...], goal: tuple[int, ...], reach: int, corners: bool = True
+) -> bool:
+    """Return whether free cells connect the surroundings, `reach` cells wide, of two cells.
+
+    Args:
+        free: Cells that may hold the centre of the body.
+        start: Cell.
+        goal: Cell.
+        reach: Cells to each side.
+        corners: Whether cells that share an edge or a corner alone are connected. No planner goes
+            through those, as a line between them touches the cells beside it.
+    """
     from scipy import ndimage
 
-    labels, _ = ndimage.label(free, np.ones((3,) * free.ndim))
+    labels, _ = ndimage.label(free, np.ones((3,) * free.ndim) if corners else None)
     near = [set(np.unique(labels[_about(cell, reach)])) - {0} for cell in (start, goal)]
     return bool(near[0] & near[1])
 
@@ -61,7 +72,7 @@ HEADINGS = 32
 
 def joined_for(
     offsets: Sequence[float], size: float, free: Cells, start: tuple[int, ...],
-    goal: tuple[int, ...], reach: int,
+    goal: tuple[int, ...], reach: int, corners: bool = True,
 ) -> bool:  # fmt: skip
     """Return whether a body of several discs, which may turn anywhere, gets from cell to cell.
 
@@ -72,8 +83,9 @@ def joined_for(
         start: Cell of the body's origin.
         goal: Likewise.
         reach: As of `joined`; any heading will do.
+        corners: As of `joined`.
     """
-    if not joined(free, start, goal, reach):
+    if not joined(free, start, goal, reach, corners):
         return False
     if len(offsets) < 2:
         return True

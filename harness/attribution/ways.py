@@ -213,12 +213,12 @@ def _look(case: Case, navigator: Navigator, moment: Moment) -> _Look:
     gaps = clearances(occupied, size)
 
     def passes(free: Cells) -> bool:
-        return joined_for(offsets_of(case), size, free, believed, goal, reach)
+        return joined_for(offsets_of(case), size, free, believed, goal, reach, corners=False)
 
     return _Look(
         known=passes(clearances(occupied | unknown, size) > radius),
         passable=passes(gaps > radius),
-        roomy=joined(gaps > turning_radius(case, navigator), believed, goal, reach),
+        roomy=joined(gaps > turning_radius(case, navigator), believed, goal, reach, corners=False),
         certain=passes(gaps > certain_radius(case, navigator)),
     )
 

@@ -46,3 +46,14 @@ def test_a_straight_corridor_lets_a_long_body_through_either_way():
     for start, goal in (((15, 6, 0), (44, 6, 0)), ((44, 6, 0), (15, 6, 0))):
         assert joined_for(offsets, 0.1, distances > 0.3, start, goal, reach=1)
     assert not joined_for(offsets, 0.1, distances > 0.45, (15, 6, 0), (44, 6, 0), reach=1)
+
+
+def test_cells_that_share_a_corner_alone_are_connected_for_no_planner():
+    free = np.zeros((12, 12, 1), np.bool_)
+    free[1:6, 1:6] = free[6:11, 6:11] = True
+    ends = (3, 3, 0), (8, 8, 0)
+    assert joined(free, *ends, reach=0)
+    assert not joined(free, *ends, reach=0, corners=False)
+    assert not joined_for((), 0.1, free, *ends, reach=0, corners=False)
+    free[6, 5] = True
+    assert joined(free, *ends, reach=0, corners=False)
