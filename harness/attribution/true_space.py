@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +34,9 @@ class TrueSpace:
         spec = mujoco.MjSpec.from_string(mjcf)
         probe = spec.worldbody.add_body(name=PROBE, mocap=True)
         probe.add_geom(size=[1e-6, 0, 0], contype=0, conaffinity=0, group=ROBOT_GROUP)
-        self._model = model = spec.compile()
+        with warnings.catch_warnings():  # of masses that no motion is computed from here
+            warnings.simplefilter("ignore", UserWarning)
+            self._model = model = spec.compile()
         self._data = mujoco.MjData(model)
         self._probe = int(model.body(PROBE).geomadr[0])
         solid = (model.geom_contype | model.geom_conaffinity) != 0

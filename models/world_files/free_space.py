@@ -63,9 +63,12 @@ class Grid:
     ) -> NDArray[np.float64]:  # (nx, ny)
         """Return distances to what stands in a band above the ground, up to a reach, m."""
         gaps = np.full(self.shape, reach)
+        end = self.low + np.array(self.shape) * self.cell
         for solid in solids:
-            first = np.floor((np.array(solid.low[:2]) - reach - self.low) / self.cell)
-            last = np.ceil((np.array(solid.high[:2]) + reach - self.low) / self.cell)
+            # Clipped first: what is far beyond all numbers of cells divides to no number.
+            low_corner = np.clip(np.array(solid.low[:2]) - reach, self.low, end) - self.low
+            high_corner = np.clip(np.array(solid.high[:2]) + reach, self.low, end) - self.low
+            first, last = np.floor(low_corner / self.cell), np.ceil(high_corner / self.cell)
             (i0, j0), (i1, j1) = (n.astype(int).clip(0, self.shape) for n in (first, last))
             under = ground[i0:i1, j0:j1]
             if not under.size:

@@ -59,6 +59,7 @@ def test_a_line_of_an_octomap_without_a_value_is_passed_over(tmp_path):
 
 @given(st.sampled_from(list(SOURCES)), st.integers(0, 2**32))
 @example("sdf with png", 1514)  # so high that its scale is no number
+@example("sdf", 112_700_532)  # a cylinder at 1e308 m, which divides to no number
 @settings(
     max_examples=100, deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
