@@ -37,12 +37,13 @@ def ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:
     truly = _near(case, navigator, true_occupancy(case, navigator), last)
     cells = occupied & ~truly & ~_near(case, navigator, _swept(case, navigator, number), last)
     believed = cell_of(navigator, last.true_position + last.error)
+    gaps = clearances(occupied & ~cells, costmap.resolution)
     return {
         "ghosts": int(cells.sum()),
         "holes": int((cells & holes_in_floor(case, navigator)).sum()),
         "ghost": _nearest_cell(navigator, cells, believed),
-        "without_ghosts": _opens(case, navigator, occupied & ~cells, last),
-        "roomy_without_ghosts": _opens(case, navigator, occupied & ~cells, last, turning=True),
+        "without_ghosts": _opens(case, navigator, gaps, last),
+        "roomy_without_ghosts": _opens(case, navigator, gaps, last, turning=True),
         "without_movers": without_movers(case, navigator, number),
     }
 
@@ -55,7 +56,8 @@ def without_movers(case: Case, navigator: Navigator, number: int) -> bool:
     moving = _near(case, navigator, _swept(case, navigator, number), moment)
     case.space.place_movers(moment.truth, present=False)
     moving &= _to_nearest(true_occupancy(case, navigator), size) > size
-    return _opens(case, navigator, (navigator.costmap.state == OCCUPIED) & ~moving, moment)
+    still = (navigator.costmap.state == OCCUPIED) & ~moving
+    return _opens(case, navigator, clearances(still, size), moment)
 
 
 def _near(case: Case, navigator: Navigator, cells: Cells, moment: Moment) -> Cells:
@@ -66,16 +68,20 @@ def _near(case: Case, navigator: Navigator, cells: Cells, moment: Moment) -> Cel
 
 
 def _opens(
-    case: Case, navigator: Navigator, occupied: Cells, moment: Moment, turning: bool = False
+    case: Case, navigator: Navigator, gaps: Array, moment: Moment, turning: bool = False
 ) -> bool:
-    """Return whether some occupied cells leave a path from the estimated position to the goal.
+    """Return whether obstacles leave a path from the estimated position to the goal.
 
-    With `turning` one on which the body may turn as it likes.
+    Args:
+        case: The episode.
+        navigator: Navigator with the costmap of the decision.
+        gaps: Distance of each cell of the costmap to these obstacles, m.
+        moment: The decision.
+        turning: Whether only a path counts on which the body may turn as it likes.
     """
     costmap, (goal, reach) = navigator.costmap, goal_of(case, navigator)
     believed = cell_of(navigator, moment.true_position + moment.error)
     size = costmap.resolution
-    gaps = clearances(occupied, size)
     if turning:
         return joined(gaps > turning_radius(case, navigator), believed, goal, reach, corners=False)
     free = gaps > costmap.inflation_radius

@@ -177,9 +177,8 @@ def diagnose_lost_path(
         return Reason("at_viewpoint", path_m=0.0), "none"
     stop = stopping_distance(start.speed, start.acceleration, input.limits)
     free = input.traversable.free_length(path)
-    if free < min(
-        stop, arc_length(path) - LENGTH_ROUNDING
-    ):  # no stretch of it is left that could be bent
+    bendable = min(stop, arc_length(path) - LENGTH_ROUNDING)
+    if free < bendable:  # no stretch of it is left that could be bent
         found = obstruction.on_path(input, path, free, input.unknown_blocks)
         return way_ahead_reason(BRAKES, found, stop_m=stop)
     x, y, z = input.goal.tolist()

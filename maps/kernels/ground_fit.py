@@ -199,7 +199,7 @@ def put_on_floor(
     moments: NDArray[np.int32],  # (n,)
     ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
     deviations: tuple[float, float, float],  # of a range, of the rest, greatest tolerance, m
-    two_sided: bool,  # whether noise is told from a pit by the returns beside it
+    two_sided: bool,  # whether heights below z = 0 are tested by tile, as above it
     tiling: tuple[float, int],  # edge of a tile, m, and tiles along an axis
     ends: NDArray[np.float64],  # (n, 3) in, out, m from the origins
     on_floor: NDArray[np.bool_],  # (n,) out
