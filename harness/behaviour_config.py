@@ -48,7 +48,9 @@ class BehaviourConfig:
             elongated body only grazes is named before one that it overlaps farther on, and a bend
             to stop along is judged to where the robot comes to rest. From 4 on, the floor is also
             fitted from z = 0, and single returns below it make no hole; and a robot at rest beside
-            a goal that has become free goes on to it.
+            a goal that has become free goes on to it. From 5 on, no disc of an elongated body comes
+            deeper into occupied cells on its way out of the inflation, where the nearest of all
+            its discs decided before.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -75,7 +77,7 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 4)] = 4
+    rules: Annotated[int, Bounds(1, 5)] = 5
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -110,3 +112,8 @@ class BehaviourConfig:
     def leaves_ended_paths(self) -> bool:
         """Whether a robot at rest at the end of its path, and not at the goal, plans anew."""
         return self.rules >= 4
+
+    @property
+    def escapes_disc_by_disc(self) -> bool:
+        """Whether each disc of a body keeps its distance to occupied cells on a way out."""
+        return self.rules >= 5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -134,9 +135,40 @@ def keeps_clearance(
         heading: Yaw there, rad.
     """
     offsets = [disc.offset for disc in space.discs] or [0.0]
-    sines, cosines = sines_cosines(np.linspace(start.heading, heading, 9))
-    ahead = np.column_stack((cosines, sines, np.zeros(9)))  # (9, 3)
-    positions = start.position + np.linspace(0.0, 1.0, 9)[:, None] * (target - start.position)
-    paths = [positions + offset * ahead for offset in offsets]
+    paths = _disc_paths(offsets, start, target, heading)
     at_start = min(space.least_clearance(path[[0, 0]]) for path in paths)
     return min(space.least_clearance(path) for path in paths) >= at_start - space.resolution
+
+
+def keeps_bare_clearance(
+    space: FreeSpace,
+    discs: Sequence[tuple[float, float]],
+    start: TrajectorySample,
+    target: Array,
+    heading: float,
+) -> bool:
+    """Whether no disc of the bare body comes deeper into what blocks, by more than a cell.
+
+    Args:
+        space: Space whose clearance is compared.
+        discs: Offset along the x axis of the body, and radius, of each disc, m.
+        start: Pose that a straight motion begins at.
+        target: (3,) that it ends at, m.
+        heading: Yaw there, rad.
+    """
+    paths = _disc_paths([offset for offset, _ in discs], start, target, heading)
+    for path, (_, radius) in zip(paths, discs, strict=True):
+        at_start = min(space.least_clearance(path[[0, 0]]), radius)
+        if space.least_clearance(path) < at_start - space.resolution:
+            return False
+    return True
+
+
+def _disc_paths(
+    offsets: Sequence[float], start: TrajectorySample, target: Array, heading: float
+) -> list[Array]:
+    """Paths (9, 3) of the centres of discs along a straight motion that turns evenly, m."""
+    sines, cosines = sines_cosines(np.linspace(start.heading, heading, 9))
+    ahead = np.column_stack((cosines, sines, np.zeros(9)))
+    positions = start.position + np.linspace(0.0, 1.0, 9)[:, None] * (target - start.position)
+    return [positions + offset * ahead for offset in offsets]

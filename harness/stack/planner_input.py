@@ -209,6 +209,7 @@ class PlannerInputBuilder:
             guided=self._guided(circumscribed=True),
             evidence=self._evidence(circumscribed=True),
             horizon=self._horizon(),
+            bare_discs=mission.body_discs,
         )
 
     def oriented(self, circumscribed: PlannerInput) -> PlannerInput:

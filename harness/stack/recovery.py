@@ -11,7 +11,11 @@ from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.backtrack import backtrack_path
 from wayproof.harness.stack.diagnosis import inflation_reason
-from wayproof.harness.stack.footprint_checks import footprint_free, keeps_clearance
+from wayproof.harness.stack.footprint_checks import (
+    footprint_free,
+    keeps_bare_clearance,
+    keeps_clearance,
+)
 from wayproof.harness.stack.global_path import drop_duplicates
 from wayproof.harness.stack.maneuvers import seconds_waited, wait
 from wayproof.harness.stack.path_following import follow_global_path, plan_trajectory
@@ -66,11 +70,7 @@ def escape_inflation(input: PlannerInput, state: PlannerState, start: Trajectory
         reason = inflation_reason("no_way_out", found, limit_m=MAX_ESCAPE)
         return wait(input, state, start, "start_blocked", reason)
     away = distance(start.position, escape.position)
-    # Away from the unknown may be towards an obstacle, which is worse.
-    if not all(
-        keeps_clearance(space, start, escape.position, escape.heading)
-        for space in (input.traversable, input.optimistic)
-    ):
+    if not _leads_out(input, start, escape.position, escape.heading):
         reason = inflation_reason("way_out_blocked", found, distance_m=away)
         return wait(input, state, start, "start_blocked", reason)
     path = np.stack([start.position, escape.position])
@@ -108,16 +108,26 @@ def continue_escape(
     path = remaining(state.trajectory.path, start.arc_length)
     if not footprint_free(input.traversable, start._replace(position=path[-1])):
         return None
-    if not all(
-        keeps_clearance(space, start, path[-1], start.heading)
-        for space in (input.traversable, input.optimistic)
-    ):
+    if not _leads_out(input, start, path[-1], start.heading):
         return None
     found = obstruction.at_place(input, start.position, start.heading, input.unknown_blocks)
     reason = inflation_reason("escaping_inflation", found, distance_m=arc_length(path))
     trajectory = _sidestep(input, start, path)
     command = Command("recover", reason, "start_blocked", trajectory, path)
     return Decided(command, replace(state, trajectory=trajectory))
+
+
+def _leads_out(input: PlannerInput, start: TrajectorySample, target: Array, heading: float) -> bool:
+    """Whether a straight motion to a pose brings the body no nearer to what blocks it.
+
+    Away from the unknown may be towards an obstacle, which is worse.
+    """
+    spaces = (input.traversable, input.optimistic)
+    if not all(keeps_clearance(space, start, target, heading) for space in spaces):
+        return False
+    if not input.behaviour.escapes_disc_by_disc:
+        return True
+    return keeps_bare_clearance(input.optimistic, input.bare_discs, start, target, heading)
 
 
 def _sidestep(input: PlannerInput, start: TrajectorySample, path: Array) -> Trajectory:

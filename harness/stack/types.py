@@ -114,6 +114,8 @@ class PlannerInput:
         evidence: Space known to be free by each stage of the evidence, the measured one first;
             empty without any other.
         horizon: What the spaces hold of a large operating area; none if they hold all of it.
+        bare_discs: Offset along the x axis of the body, and radius without the margin, of each of
+            its discs, m; those of an elongated body in the circumscribed space, too.
     """
 
     time_ns: int
@@ -141,6 +143,7 @@ class PlannerInput:
     guided: Callable[[], FreeSpace] | None = None
     evidence: tuple[EvidenceSpace, ...] = ()
     horizon: Horizon | None = None
+    bare_discs: tuple[tuple[float, float], ...] = ()
 
     @property
     def uncertain(self) -> bool:

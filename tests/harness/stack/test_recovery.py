@@ -29,6 +29,7 @@ from wayproof.harness.stack.recovery import (
     recover_after_timeout,
 )
 from wayproof.harness.stack.types import BehaviourConfig, Exploration
+from wayproof.planners import Body
 
 BESIDE = (2.05, 2.05)
 BETWEEN = [(0.0, 2.6, 0.0, 2.0), (0.0, 2.6, 2.3, 4.0)]
@@ -54,6 +55,20 @@ def test_an_escape_does_not_brush_an_obstacle(pillars, action, kind):
     input = make_input(make_states(unknown=BETWEEN, occupied=pillars), position=BESIDE)
     command, _ = decide(input, at_rest(BESIDE))
     assert (command.action, command.label, command.reason.kind) == (action, "start_blocked", kind)
+
+
+@pytest.mark.parametrize(("rules", "kind"), [(4, "escaping_inflation"), (5, "way_out_blocked")])
+def test_an_escape_of_the_circumscribed_disc_drags_no_disc_of_the_body_over_an_obstacle(
+    rules, kind
+):
+    """The centre stands beside a wall, and leaves it; the pillar is as far, beside the nose."""
+    states = make_states(occupied=[(0.0, 8.0, 0.0, 1.9), (1.2, 1.3, 2.1, 2.2)])
+    discs = tuple(zip(LONG.offsets, LONG.radii, strict=True))
+    behaviour = BehaviourConfig(rules=rules)
+    about = Body((0.0,), (0.5,))
+    input = make_input(states, about, bare_discs=discs, behaviour=behaviour)
+    command, _ = escape(input, at_rest())
+    assert command.reason.kind == kind
 
 
 def escape(input, state):
