@@ -68,6 +68,37 @@ def test_what_is_cached_is_loaded_without_what_a_compiler_needs(package):
     assert answer(package, "import sys", *lean, then=f"assert not {compiler}") == 41
 
 
+LARGEST = "from wayproof.maps._jit import kernel\n\n\n"
+LARGEST += "@kernel\ndef answer(n):\n    a = np.arange(n)\n    return a.max()\n"
+NEW = """
+from wayproof.kernel_cache import load_without_compiler
+load_without_compiler()
+import numba, sys
+from wayproof.maps.caller import answer
+assert answer(42) == 41
+lean = "numba.np.arraymath" not in sys.modules
+try:
+    answer(0)
+except ValueError as error:
+    assert "zero-size" in str(error)
+else:
+    raise AssertionError("a largest number of none")
+twice = numba.njit(lambda n: 2 * answer(n))
+assert twice(4) == 6
+print(lean)
+"""
+
+
+def test_what_is_loaded_raises_and_is_called_by_kernels_compiled_later(package):
+    (package / "maps" / "caller.py").write_text("import numpy as np\n" + LARGEST)
+    (package.parent / "new.py").write_text(NEW)
+    here = {"PYTHONPATH": str(package.parent), "XDG_CACHE_HOME": str(package.parent / "caches")}
+    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | here
+    for lean in ("False\n", "True\n", "True\n"):
+        command = [sys.executable, package.parent / "new.py"]
+        assert subprocess.check_output(command, env=environment, text=True) == lean
+
+
 UFUNC = "import numba\n\n\n@numba.vectorize(['float64(float64)'], cache=True)\n"
 UFUNC += "def doubled(x):\n    return 2.0 * x\n"
 

@@ -12,6 +12,7 @@ Rendering", SIGGRAPH): positions, logarithms of scales, quaternions w x y z, log
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -77,7 +78,8 @@ UPS = {"z": (0, 1, 2), "-z": (0, -1, -2), "y": (0, -2, 1), "-y": (0, 2, -1)}
 """Which axes of a file the world's x, y and z are, by the axis that points up; -k: against it."""
 
 
-def _votes_of_shares() -> NDArray[np.int32]:
+@functools.cache
+def votes_of_shares() -> NDArray[np.int32]:
     """-ln(1 - p) in steps by p in 256ths; the last is that of p = 0.996."""
     remaining = np.maximum(1.0 - np.arange(256.0) / 256.0, 0.004)
     # The logarithm as the power that gives it: found by bisection on exact exponentials.
@@ -87,9 +89,6 @@ def _votes_of_shares() -> NDArray[np.int32]:
         above = exponentials(-middle) > remaining
         low, high = np.where(above, middle, low), np.where(above, high, middle)
     return np.rint(low * STEPS_OF_VOTE).astype(np.int32)
-
-
-VOTES = _votes_of_shares()
 
 
 class Gaussians(NamedTuple):
@@ -344,7 +343,7 @@ def _vote(
         steps = (np.maximum(squared[near], 0.0) * STEPS_OF_SQUARE).astype(np.int64)
         shares = opacities[index[near]] * VALUES[steps] // OPAQUE  # of 65536
         where = (cells[near, 0] * ny + cells[near, 1]) * nz + cells[near, 2]
-        np.add.at(flat, where, VOTES[np.minimum(shares, 65535) >> 8])
+        np.add.at(flat, where, votes_of_shares()[np.minimum(shares, 65535) >> 8])
     return int((counts == 0).sum())
 
 

@@ -8,6 +8,7 @@ kernel is ever out of date.
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import os
 import re
@@ -78,6 +79,74 @@ def load_without_compiler() -> None:
 
     cache: Any = Cache
     cache.load_overload = load_overload
+    _parse_when_linked()
+    _name_modules_of_numba()
+
+
+def _parse_when_linked() -> None:
+    """Parse the intermediate code of a cached kernel when one is compiled that calls it.
+
+    Numba parses it when it loads the kernel, for the names of its symbols. Those that are looked up
+    are in the symbol table of the machine code, too.
+    """
+    from llvmlite.binding import parse_bitcode
+    from numba.core.codegen import CPUCodeLibrary, JitEngine
+
+    library_class: Any = CPUCodeLibrary
+    engine_class: Any = JitEngine
+    unserialize = library_class._unserialize.__func__
+    module_for_linking = library_class._get_module_for_linking
+    is_symbol_defined = engine_class.is_symbol_defined
+    loaded: list[bytes] = []
+
+    def load(cls: Any, codegen: Any, state: Any) -> Any:
+        name, kind, data = state
+        if kind != "object":
+            return unserialize(cls, codegen, state)
+        library = codegen.create_library(name)
+        library.enable_object_caching()
+        library._set_compiled_object(data[0])
+        library._finalize_final_module()
+        library.unparsed = data[1]
+        loaded.append(data[0])
+        return library
+
+    def parse(self: Any) -> Any:
+        if self._shared_module is None and hasattr(self, "unparsed"):
+            self._shared_module = parse_bitcode(self.unparsed)
+        return module_for_linking(self)
+
+    def is_defined(self: Any, name: str) -> bool:
+        ended = name.encode() + b"\0"
+        return is_symbol_defined(self, name) or any(ended in code for code in reversed(loaded))
+
+    library_class._unserialize = classmethod(load)
+    library_class._get_module_for_linking = parse
+    engine_class.is_symbol_defined = is_defined
+
+
+def _name_modules_of_numba() -> None:
+    """Load functions of numba in a cached kernel without their modules, of which one imports scipy.
+
+    Compiled code refers to an environment of constants and of a module; it uses the constants.
+    """
+    from numba.core import environment as numba_environment
+
+    environment: Any = numba_environment
+    rebuild = environment._rebuild_env
+
+    @functools.wraps(rebuild)  # by whose name it is in the cache
+    def rebuild_env(module: str, constants: Any, name: str) -> Any:
+        known = environment.lookup_environment(name)
+        if known is not None or not module.startswith("numba.") or module in sys.modules:
+            return rebuild(module, constants, name)
+        made = environment.Environment({"__name__": module})
+        made.consts[:] = constants
+        made.env_name = name
+        environment.Environment._memo[name] = made
+        return made
+
+    environment._rebuild_env = rebuild_env
 
 
 def kernel_digest(root: str) -> str:

@@ -9,10 +9,10 @@ from wayproof.harness.config import Config
 from wayproof.harness.prior.grid import UNTURNED, Placement
 from wayproof.harness.prior.splats import (
     OCCUPIED_VOTES,
-    VOTES,
     Gaussians,
     poll,
     read_splat,
+    votes_of_shares,
     write_splat,
 )
 from wayproof.harness.prior.truth import grid_of_world
@@ -66,7 +66,7 @@ def test_votes_are_those_of_the_formula_up_to_their_steps():
     sums = naive(splat, WINDOW) * 64.0
     assert (np.abs(votes - sums) <= 0.1 * sums + 3.0).all()  # near p = 1 a step of p is several
     assert np.corrcoef(votes.ravel(), sums.ravel())[0, 1] > 0.999
-    assert VOTES[128] == OCCUPIED_VOTES
+    assert votes_of_shares()[128] == OCCUPIED_VOTES
 
 
 def test_any_order_and_any_split_gives_the_same_bytes():
