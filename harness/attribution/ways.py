@@ -27,6 +27,7 @@ from wayproof.harness.attribution.grids import (
     joined,
     joined_for,
     offsets_of,
+    true_clearances,
     true_occupancy,
     widest,
 )
@@ -118,7 +119,7 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     start = cell_of(navigator, np.array(case.mission.start))
     here = cell_of(navigator, last.true_position)
     case.space.place_movers(last.truth, present=False)
-    still = clearances(true_occupancy(case, navigator), size)
+    still = true_clearances(true_occupancy(case, navigator), size)
     offsets = offsets_of(case)
     exists = joined_for(offsets, size, still > radius, start, goal, reach)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,9 @@ PLANNER = PlannerConfig(
 MOST_SEARCHED = 4_000_000
 """Largest grid that the planner searches, cells; those of a larger world are wider. It takes 66
 bytes for each."""
+
+KEPT = 16
+"""Number of lengths that a process keeps."""
 
 SEED = 1
 """Of the shortcuts: a world has one length."""
@@ -54,6 +58,18 @@ def route_between(
     a, b = (np.array([point[0], point[1], 0.0]) for point in (begin, end))
     found = plan(space, a, b, PLANNER, SEED)
     return None if found.waypoints is None else found.length
+
+
+def known_route(world: World, radius: float, band: Band, begin: Point, end: Point) -> float | None:
+    """Return what `route_between` does, measured once for an episode, its replays and its arms."""
+    try:
+        hash(world)
+    except TypeError:  # a surface holds arrays
+        return route_between(world, radius, band, begin, end)
+    return _route_between(world, radius, band, begin, end)
+
+
+_route_between = lru_cache(maxsize=KEPT)(route_between)
 
 
 def _all_free(free: NDArray[np.bool_], wide: int) -> NDArray[np.bool_]:

@@ -21,7 +21,7 @@ from wayproof.harness.scenario.robots import (
     log_robot_identity,
     resolve_limits,
 )
-from wayproof.harness.scenario.routes import route_between
+from wayproof.harness.scenario.routes import known_route
 from wayproof.harness.scenario.terrain import check_climb
 from wayproof.harness.scenario.worlds import (
     apply_world_perturbation,
@@ -99,7 +99,7 @@ class Scenario:
         """Length of the shortest way between two places, m; None if there is none."""
         spec = self.spec
         bands = AIR_BANDS if spec.motion == "air" else ((spec.step_height, spec.height),)
-        ways = [route_between(world, spec.radius, band, begin, end) for band in bands]
+        ways = [known_route(world, spec.radius, band, begin, end) for band in bands]
         return min((way for way in ways if way is not None), default=None)
 
 

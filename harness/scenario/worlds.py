@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import lru_cache
+from typing import Any
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
@@ -16,6 +18,9 @@ from wayproof.models.worlds.movers import Mover
 
 ENDING = ".xml"
 """Suffix of a world file, given in place of a world's name."""
+
+KEPT = 4
+"""Number of generated worlds that a process keeps."""
 
 
 def find_world(config: Config) -> World:
@@ -52,9 +57,9 @@ def generate(config: Config) -> World:
     make, seed = WORLDS[config.world], config.seed
     parameters = getattr(config.world_parameters, config.world, None)
     if parameters is None:  # a world that has none
-        return make(seed, config.difficulty)
+        return _made(make, seed, config.difficulty)
     try:
-        world = make(seed, config.difficulty, parameters)
+        world = _made(make, seed, config.difficulty, parameters)
         if parameters.passers_by:
             speed = parameters.passers_by_speed
             world = with_traffic(world, parameters.passers_by, speed, seed)
@@ -67,6 +72,12 @@ def generate(config: Config) -> World:
             f"{section}.passage_radius"
         ) from None
     return world
+
+
+@lru_cache(maxsize=KEPT)
+def _made(make: Callable[..., World], *arguments: Any) -> World:
+    """Generate a world, or take the one that was: an episode, its replay and its arms share it."""
+    return make(*arguments)
 
 
 def refuse_other_worlds(world: str, settings: Iterable[str]) -> None:

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from wayproof.harness.attribution.grids import clearances, joined, joined_for, widest
+from wayproof.harness.attribution.grids import (
+    clearances,
+    distances_from,
+    joined,
+    joined_for,
+    true_clearances,
+    widest,
+)
 
 
 def test_grids_know_the_widest_way():
@@ -57,3 +64,21 @@ def test_cells_that_share_a_corner_alone_are_connected_for_no_planner():
     assert not joined_for((), 0.1, free, *ends, reach=0, corners=False)
     free[6, 5] = True
     assert joined(free, *ends, reach=0, corners=False)
+
+
+def test_what_a_replay_shares_is_of_the_same_cells_and_cannot_be_written_to():
+    rng = np.random.default_rng(0)
+    for _ in range(2):
+        free = rng.random((9, 7, 3)) < 0.7
+        free[0, 0, 0] = True
+        clear, lengths = true_clearances(~free, 0.1), distances_from(free, (0, 0, 0), 0, 0.1)
+        assert np.array_equal(clear, clearances(~free, 0.1))
+        assert true_clearances(~free, 0.1) is clear
+        assert distances_from(free.copy(), (0, 0, 0), 0, 0.1) is lengths
+        for one in (clear, lengths):
+            with pytest.raises(ValueError, match="read-only"):
+                one[0] = 0.0
+        assert lengths[0, 0, 0] == 0.0
+        assert (lengths[~free] == np.inf).all()
+        twice = distances_from(free, (0, 0, 0), 0, 0.2)
+        assert np.allclose(twice[free], 2.0 * lengths[free])

@@ -6,7 +6,7 @@ import pytest
 
 from wayproof.harness.bench.episodes.halls import make_hall
 from wayproof.harness.scenario import routes
-from wayproof.harness.scenario.routes import route_between
+from wayproof.harness.scenario.routes import known_route, route_between
 from wayproof.models.worlds import WORLDS, Box
 from wayproof.models.worlds.solvability import AIR_BANDS, GROUND_BAND
 
@@ -34,3 +34,18 @@ def test_a_large_hall_has_a_way_until_a_wall_closes_it():
     wall = Box.between((60.0, 0.0, 0.0), (60.2, 120.0, 3.0), "wall")
     closed = replace(hall, solids=(*hall.solids, wall))
     assert route_between(closed, 0.45, GROUND_BAND, hall.start, hall.goal) is None
+
+
+def test_a_route_is_measured_once_for_a_world_and_a_body():
+    world = WORLDS["corridor"](3)
+    ends = world.start, world.goal
+    known = known_route(world, 0.3, GROUND_BAND, *ends)
+    assert known == route_between(world, 0.3, GROUND_BAND, *ends)
+    assert (
+        known_route(WORLDS["corridor"](3), 0.3, GROUND_BAND, *ends) is known
+    )  # another, equal one
+    wall = Box.between((world.low[0], *world.goal[1:]), (*world.high[:2], 3.0), "wall")
+    closed = replace(world, solids=(*world.solids, wall))
+    assert known_route(closed, 0.3, GROUND_BAND, *ends) is None
+    for other in ((0.35, GROUND_BAND), (0.3, AIR_BANDS[1])):
+        assert known_route(world, *other, *ends) == route_between(world, *other, *ends)

@@ -25,6 +25,17 @@ def test_only_the_parameters_of_its_own_world_apply():
     assert find_world(Config("empty", "drone", 1)) == WORLDS["empty"](1, 0.5)
 
 
+def test_a_world_is_generated_once_for_equal_parameters():
+    config = Config("empty", "drone", 1)
+    assert find_world(config) is find_world(Config("empty", "quadruped", 1))
+    others = [replace(config, seed=2), replace(config, difficulty=0.7), override(config, SET[:1])]
+    for other in others:
+        assert find_world(other) != find_world(config)
+        assert find_world(other) == WORLDS["empty"](
+            other.seed, other.difficulty, other.world_parameters.empty
+        )
+
+
 def test_a_log_holds_the_parameters_and_is_simulated_again(recorded):
     path = Path(recorded("empty", "drone", 1, *SET).log)
     log = open_log(path)
