@@ -45,23 +45,23 @@ def clearances(occupied: Cells, size: float) -> Array:
 
 def true_clearances(occupied: Cells, size: float) -> Array:
     """Return the `clearances` of a scene, which is not to be written to: a replay shares it."""
-    return _true_clearances(*_packed(occupied), size)
+    return _true_clearances(*packed(occupied), size)
 
 
 @lru_cache(maxsize=2)
 def _true_clearances(bits: bytes, shape: tuple[int, ...], size: float) -> Array:
-    distances = clearances(_unpacked(bits, shape), size)
+    distances = clearances(unpacked(bits, shape), size)
     distances.setflags(write=False)
     return distances
 
 
-def _packed(cells: Cells) -> tuple[bytes, tuple[int, ...]]:
+def packed(cells: Cells) -> tuple[bytes, tuple[int, ...]]:
     """Return cells as something that can be compared, and their shape."""
     return np.packbits(cells).tobytes(), cells.shape
 
 
-def _unpacked(bits: bytes, shape: tuple[int, ...]) -> Cells:
-    """Return the cells of `_packed`."""
+def unpacked(bits: bytes, shape: tuple[int, ...]) -> Cells:
+    """Return the cells of `packed`."""
     flat = np.unpackbits(np.frombuffer(bits, np.uint8), count=math.prod(shape))
     return flat.astype(np.bool_).reshape(shape)
 
@@ -174,7 +174,7 @@ def distances_from(free: Cells, goal: tuple[int, ...], reach: int, size: float) 
     and 13 % in space: divide by `DETOUR` for a lower bound. The result is not to be written to: an
     episode and its replay share it.
     """
-    return _distances_from(*_packed(free), goal, reach, size)
+    return _distances_from(*packed(free), goal, reach, size)
 
 
 @lru_cache(maxsize=2)
@@ -182,7 +182,7 @@ def _distances_from(
     bits: bytes, shape: tuple[int, ...], goal: tuple[int, ...], reach: int, size: float
 ) -> Array:
     """Compute `distances_from` for the cells (shape) that are packed in bits."""
-    free = _unpacked(bits, shape)
+    free = unpacked(bits, shape)
     nodes = np.full(free.shape, -1, np.int32)
     nodes[free] = np.arange(int(free.sum()), dtype=np.int32)
     ends = nodes[_about(goal, reach)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -27,8 +27,10 @@ from wayproof.harness.attribution.grids import (
     joined,
     joined_for,
     offsets_of,
+    packed,
     true_clearances,
     true_occupancy,
+    unpacked,
     widest,
 )
 from wayproof.harness.mission import Mission
@@ -207,20 +209,47 @@ def map_ways(case: Case, since: int) -> MapWays:
 
 def _look(case: Case, navigator: Navigator, moment: Moment) -> _Look:
     costmap = navigator.costmap
-    size, radius = costmap.resolution, costmap.inflation_radius
     goal, reach = goal_of(case, navigator)
     believed = cell_of(navigator, moment.true_position + moment.error)
     occupied, unknown = costmap.state == OCCUPIED, costmap.state == UNKNOWN
-    gaps = clearances(occupied, size)
+    radii = costmap.inflation_radius, turning_radius(case, navigator)
+    return _look_at(
+        *packed(occupied), packed(occupied | unknown)[0], costmap.resolution, offsets_of(case),
+        believed, goal, reach, (*radii, certain_radius(case, navigator)),
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=2 * LOOKS)
+def _look_at(
+    occupied: bytes, shape: tuple[int, ...], closed: bytes, size: float,
+    offsets: tuple[float, ...], believed: tuple[int, ...], goal: tuple[int, ...], reach: int,
+    radii: tuple[float, float, float],
+) -> _Look:  # fmt: skip
+    """Search a map for paths, or take what an episode found for its replay.
+
+    Args:
+        occupied: Occupied cells, `packed`.
+        shape: Of the map.
+        closed: Occupied and unknown cells, likewise.
+        size: Side of a cell, m.
+        offsets: As of `joined_for`.
+        believed: Cell of the body by the pose that it had.
+        goal: Cell.
+        reach: As of `joined`.
+        radii: Half the width, m, of the body with its margin, of the disc in which it turns with
+            that margin, and of the body with the margin of a certain pose.
+    """
+    radius, turning, certain = radii
+    gaps = clearances(unpacked(occupied, shape), size)
 
     def passes(free: Cells) -> bool:
-        return joined_for(offsets_of(case), size, free, believed, goal, reach, corners=False)
+        return joined_for(offsets, size, free, believed, goal, reach, corners=False)
 
     return _Look(
-        known=passes(clearances(occupied | unknown, size) > radius),
+        known=passes(clearances(unpacked(closed, shape), size) > radius),
         passable=passes(gaps > radius),
-        roomy=joined(gaps > turning_radius(case, navigator), believed, goal, reach, corners=False),
-        certain=passes(gaps > certain_radius(case, navigator)),
+        roomy=joined(gaps > turning, believed, goal, reach, corners=False),
+        certain=passes(gaps > certain),
     )
 
 
