@@ -24,9 +24,12 @@ STACKS = Path(__file__).with_name("stacks_on_trial.py")
 CHILD = f"exec:{sys.executable} -m wayproof serve"
 
 
+QUICK = ("episode.time_limit=3", "plugins.wall_s=120")
+BUILTIN = "wayproof.harness.interface.builtin:BuiltinStack"
+
+
 def trial(tmp_path, stack, world="empty", robot="quadruped", seed=1, *settings, name="a"):
-    quick = ("episode.time_limit=3", "plugins.wall_s=120")
-    config = override(Config(world, robot, seed), [*quick, *settings, f"stack.name={stack}"])
+    config = override(Config(world, robot, seed), [*QUICK, *settings, f"stack.name={stack}"])
     return run_episode(build(config), tmp_path / f"{name}.mcap")
 
 
@@ -34,8 +37,18 @@ def own(kind):
     return f"{STACKS}:{kind}"
 
 
-def test_a_stack_in_a_child_process_gives_the_same_chain_as_in_this_one(tmp_path):
-    here = trial(tmp_path, own("Ahead"), name="here")
+@pytest.fixture(scope="session")
+def tried(recorded):
+    """Run a stack in this process, as `trial` does; each combination once for all tests."""
+
+    def run(stack, world="empty", robot="quadruped", seed=1, *settings):
+        return recorded(world, robot, seed, *QUICK, *settings, f"stack.name={stack}")
+
+    return run
+
+
+def test_a_stack_in_a_child_process_gives_the_same_chain_as_in_this_one(tried, tmp_path):
+    here = tried(own("Ahead"))
     there = trial(tmp_path, f"{CHILD} {own('Ahead')}", name="there")
     assert here.chain == there.chain
     assert here.decisions == there.decisions > 20
@@ -44,11 +57,10 @@ def test_a_stack_in_a_child_process_gives_the_same_chain_as_in_this_one(tmp_path
 
 @pytest.mark.parametrize("limits", ["cautious", "full"])
 @pytest.mark.parametrize("robot", ["quadruped", "drone"])
-def test_the_border_loses_nothing_of_the_built_in_stack(tmp_path, robot, limits):
-    stack, ours = "wayproof.harness.interface.builtin:BuiltinStack", f"motion.limits={limits}"
-    direct = trial(tmp_path, "builtin", "cylinders", robot, 2, ours, name="direct")
-    here = trial(tmp_path, stack, "cylinders", robot, 2, ours, name="here")
-    there = trial(tmp_path, f"{CHILD} {stack}", "cylinders", robot, 2, ours, name="there")
+def test_the_border_loses_nothing_of_the_built_in_stack(tried, tmp_path, robot, limits):
+    scene = "cylinders", robot, 2, f"motion.limits={limits}"
+    direct, here = tried("builtin", *scene), tried(BUILTIN, *scene)
+    there = trial(tmp_path, f"{CHILD} {BUILTIN}", *scene)
     assert here.chain == there.chain
     pairs = zip(*(open_log(Path(one.log)).decisions() for one in (direct, here)), strict=True)
     for one, other in pairs:
@@ -66,9 +78,8 @@ def test_the_border_loses_nothing_of_the_built_in_stack(tmp_path, robot, limits)
         ("drone", "full"),
     ],
 )
-def test_the_referee_admits_what_the_built_in_stack_commands(tmp_path, robot, limits):
-    stack, ours = "wayproof.harness.interface.builtin:BuiltinStack", f"motion.limits={limits}"
-    ended = trial(tmp_path, stack, "cylinders", robot, 2, ours)
+def test_the_referee_admits_what_the_built_in_stack_commands(tried, robot, limits):
+    ended = tried(BUILTIN, "cylinders", robot, 2, f"motion.limits={limits}")
     verdicts = {one.verdict.verdict for one in open_log(Path(ended.log)).decisions()}
     assert verdicts == {"admitted"}
 
@@ -88,10 +99,9 @@ def test_the_border_loses_nothing_of_the_mission():
 
 
 def test_the_border_loses_nothing_of_a_covariance(tmp_path):
-    stack = "wayproof.harness.interface.builtin:BuiltinStack"
     lost = "estimate.kind=lidar", "start=[15, 1.3]", "behaviour.lost_sigma=0.04"
     direct = trial(tmp_path, "builtin", "tunnel", "drone", 0, *lost, name="direct")
-    there = trial(tmp_path, f"{CHILD} {stack}", "tunnel", "drone", 0, *lost, name="there")
+    there = trial(tmp_path, f"{CHILD} {BUILTIN}", "tunnel", "drone", 0, *lost, name="there")
     pairs = zip(*(open_log(Path(one.log)).decisions() for one in (direct, there)), strict=True)
     labels = set()
     for one, other in pairs:
@@ -117,17 +127,17 @@ def test_a_log_replays_without_its_stack_and_nothing_in_it_is_run(tmp_path):
     assert not mark.exists()
 
 
-def test_a_stack_asked_again_answers_alike_or_the_first_difference_is_found(tmp_path):
-    same = ask_again(Path(trial(tmp_path, own("Ahead")).log), own("Ahead"))
+def test_a_stack_asked_again_answers_alike_or_the_first_difference_is_found(tried):
+    same = ask_again(Path(tried(own("Ahead")).log), own("Ahead"))
     assert same.identical
     assert same.answers > 20
-    other = ask_again(Path(trial(tmp_path, own("Random"), name="r").log), own("Random"))
+    other = ask_again(Path(tried(own("Random")).log), own("Random"))
     assert not other.identical
     assert other.first_difference == 0
     assert other.differing == other.answers
     assert [one.field for one in other.differences] == ["velocity.forward"]
     with pytest.raises(InputError, match="a log of the built-in stack, expected one of a stack on"):
-        ask_again(Path(trial(tmp_path, "builtin", name="b").log), own("Ahead"))
+        ask_again(Path(tried("builtin").log), own("Ahead"))
 
 
 def test_a_blind_stack_is_judged_and_stopped_by_the_guard(tmp_path):
@@ -206,8 +216,8 @@ def test_nothing_of_a_child_outlives_its_episode(tmp_path):
     assert not Path(f"/proc/{pid}").exists()
 
 
-def test_a_stack_on_a_socket_gives_the_same_chain(tmp_path):
-    here = trial(tmp_path, own("Ahead"), name="here")
+def test_a_stack_on_a_socket_gives_the_same_chain(tried, tmp_path):
+    here = tried(own("Ahead"))
     address = tmp_path / "socket"
     server = subprocess.Popen(
         [sys.executable, "-m", "wayproof", "serve", own("Ahead"), "--listen", f"unix:{address}"]
@@ -250,8 +260,8 @@ def test_a_stack_that_cannot_be_reached_is_one_line_and_leaves_no_log(
     assert not list(tmp_path.glob("*.mcap*"))
 
 
-def test_answers_are_logged_as_they_were_sent(tmp_path):
-    log = open_log(Path(trial(tmp_path, own("Ahead")).log))
+def test_answers_are_logged_as_they_were_sent(tried):
+    log = open_log(Path(tried(own("Ahead")).log))
     for count, record in enumerate(log.records()):
         command = sb.Command.FromString(record.answer.command)
         assert (command.sequence, command.reason) == (count, "on and on")
@@ -279,8 +289,8 @@ def test_a_trajectory_beyond_the_body_s_limits_is_followed_within_them(tmp_path,
     assert replay(Path(result.log)).identical
 
 
-def test_the_card_of_a_decision_shows_the_command_and_the_verdict(tmp_path, capsys):
-    result = trial(tmp_path, own("Ahead"))
+def test_the_card_of_a_decision_shows_the_command_and_the_verdict(tried, capsys):
+    result = tried(own("Ahead"))
     assert main(["explain", result.log, "3"]) == 0
     lines = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "velocity (0.30, 0.00, 0.00) m/s, 0.00 rad/s for 0.5 s; on and on; n 3" in lines

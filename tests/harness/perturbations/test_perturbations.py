@@ -528,7 +528,7 @@ def test_a_perturbed_log_names_what_is_off(pair):
 def test_a_fitted_floor_bears_what_the_floor_of_each_beam_does_not(
     tmp_path, perturbation, ground_fit
 ):
-    settings = [f"map.ground_fit={ground_fit}", "episode.stuck_after=6"]
+    settings = [f"map.ground_fit={ground_fit}", "episode.stuck_after=6", "episode.time_limit=20"]
     config = override(Config("empty", "quadruped", 0), settings)
     off = replace(config, perturbation=perturbation_from(perturbation))
     result = run_episode(build(off), tmp_path / "off.mcap")
