@@ -50,7 +50,8 @@ class BehaviourConfig:
             fitted from z = 0, and single returns below it make no hole; and a robot at rest beside
             a goal that has become free goes on to it. From 5 on, no disc of an elongated body comes
             deeper into occupied cells on its way out of the inflation, where the nearest of all
-            its discs decided before.
+            its discs decided before; a bend that a path begins in has one speed limit from there
+            on; and a path that costs about as much as the present one, and is faster, replaces it.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -116,4 +117,14 @@ class BehaviourConfig:
     @property
     def escapes_disc_by_disc(self) -> bool:
         """Whether each disc of a body keeps its distance to occupied cells on a way out."""
+        return self.rules >= 5
+
+    @property
+    def whole_bends(self) -> bool:
+        """Whether a bend that begins or ends a path limits the speed from that end on."""
+        return self.rules >= 5
+
+    @property
+    def weighs_time(self) -> bool:
+        """Whether a path that costs about as much, and is faster, replaces the present one."""
         return self.rules >= 5

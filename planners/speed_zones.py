@@ -24,14 +24,38 @@ LEAST_SPEED = 0.02
 
 
 def speed_zones(
-    path: Floats, s: float, cap: float, limits: MotionLimits, sideways_speed: float = 0.0
+    path: Floats,
+    s: float,
+    cap: float,
+    limits: MotionLimits,
+    sideways_speed: float = 0.0,
+    speed: float = math.inf,
 ) -> list[SpeedZone]:
-    """Cut a path from an arc length on where its curvature begins or ceases to limit the speed."""
+    """Cut a path from an arc length on where its curvature begins or ceases to limit the speed.
+
+    Args:
+        path: Shape (n, 3), m.
+        s: Arc length at which the first zone begins, m.
+        cap: Speed limit where the path is straight, m/s.
+        limits: Limits of the robot.
+        sideways_speed: Speed at which it need not have turned into the path, m/s.
+        speed: Speed at `s`, m/s. A bend that begins or ends a path that was cut there has its zone
+            to the end, as it would be left without acceleration 1 cm on; unless this is too fast.
+    """
     arcs = arc_lengths(path)
     allowed = speed_limits(path, limits.lateral_acceleration, limits.yaw_rate)
     if sideways_speed > 0.0:
         allowed = _allow_sideways(path, arcs, allowed, limits, sideways_speed)
-    lengths, speeds = np.empty(len(path)), np.empty(len(path))
+    if len(path) > 2 and speed < math.inf:
+        allowed[-1] = allowed[-2]
+        zones = _cut(arcs, np.append(allowed[1], allowed[1:]), s, cap)
+        if zones and speed <= zones[0].speed:
+            return zones
+    return _cut(arcs, allowed, s, cap)
+
+
+def _cut(arcs: Floats, allowed: Floats, s: float, cap: float) -> list[SpeedZone]:
+    lengths, speeds = np.empty(len(arcs)), np.empty(len(arcs))
     count = cut_zones(arcs, allowed, s, cap, lengths, speeds)
     return list(map(SpeedZone, lengths[:count].tolist(), speeds[:count].tolist()))
 

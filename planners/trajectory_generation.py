@@ -13,7 +13,7 @@ from wayproof.planners.jerk_limited import Profile, State
 from wayproof.planners.kernels.angles import edge_headings, rate_limited, wrap, yaw_of_direction
 from wayproof.planners.kernels.grid import Floats
 from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, tangent_at, truncate
-from wayproof.planners.speed_profile import LEAST_ZONE, time_parameterize
+from wayproof.planners.speed_profile import LEAST_ZONE, settled_velocity, time_parameterize
 from wayproof.planners.speed_zones import LEAST_SPEED, slow_while_turning, speed_zones
 from wayproof.planners.trajectory import MotionLimits, Trajectory
 
@@ -41,6 +41,7 @@ def follow_path(
     speed_cap: float,
     reverse: bool = False,
     sideways_speed: float = 0.0,
+    whole_bends: bool = False,
 ) -> Trajectory:
     """Fastest trajectory from a state on a path to rest at the path's end.
 
@@ -55,6 +56,8 @@ def follow_path(
         speed_cap: A further limit of the speed, m/s; at or below 2 cm/s the robot stops.
         reverse: Whether it moves tail first.
         sideways_speed: Speed until the heading has turned into the path, m/s; 0 for no such limit.
+        whole_bends: Whether a bend that begins or ends the path limits the speed from that end on;
+            else from the middle of its edge, where the acceleration is 0.
 
     Returns:
         A trajectory whose arc lengths are those of `path`.
@@ -67,7 +70,9 @@ def follow_path(
     cap = min(limits.speed, speed_cap)
     motion = None
     if cap > LEAST_SPEED and length > LEAST_ZONE:
-        zones = speed_zones(path, state.position, cap, limits, sideways_speed)
+        speed = max(state.velocity, settled_velocity(state, limits.along))
+        speed = speed if whole_bends else math.inf
+        zones = speed_zones(path, state.position, cap, limits, sideways_speed, speed)
         if sideways_speed > 0.0:
             turn = _turn_into(path, state.position, start.heading, math.pi if reverse else 0.0)
             zones = slow_while_turning(zones, turn, limits.yaw_rate, sideways_speed)

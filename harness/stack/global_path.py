@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wayproof.harness.geometry import atan2_rounded
+from wayproof.harness.stack.path_timing import travel_time
 from wayproof.harness.stack.types import (
     Array,
     PlannerInput,
@@ -36,6 +37,9 @@ STOP_SLACK = 1e-3
 
 GOAL_MOVED = 3.0
 """Distance beyond which a projected goal counts as another one, cells."""
+
+LEAST_SAVING = 0.2
+"""Time that a path of about the same cost has to save to replace a valid one, s."""
 
 HEADINGS = np.linspace(0.0, np.pi, 8, endpoint=False)
 """Headings that a goal is tried at, rad; a body that is free at one is free at the opposite one."""
@@ -96,7 +100,7 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
         exhaustive=path is None,
     )
     state = replace(state, improved_ns=input.time_ns)
-    if valid and path is not None and not _is_better(input, state, found, path):
+    if valid and path is not None and not _is_better(input, state, start, found, path):
         return GlobalPlan(replace(state, global_path=path), search, seed)
     return GlobalPlan(replace(state, global_path=found, exploration=None), search, seed)
 
@@ -215,14 +219,33 @@ def drop_duplicates(waypoints: Array) -> Array:
     return distinct
 
 
-def _is_better(input: PlannerInput, state: PlannerState, found: Array | None, path: Array) -> bool:
-    """Whether a new path replaces a valid one; any way to the goal is better than exploring."""
+def _is_better(
+    input: PlannerInput,
+    state: PlannerState,
+    start: TrajectorySample,
+    found: Array | None,
+    path: Array,
+) -> bool:
+    """Whether a new path replaces a valid one; any way to the goal is better than exploring.
+
+    It is much cheaper; or about as cheap and, from the motion that the robot is in, faster.
+    """
     if found is None or state.exploring:
         return found is not None
+    found_cost, cost = _path_costs(input, found, path)
+    if input.planner.replaces(found_cost, cost):
+        return True
+    if not input.behaviour.weighs_time or input.planner.replaces(cost, found_cost):
+        return False
+    saved = travel_time(input, start, path) - travel_time(input, start, found)
+    return saved > LEAST_SAVING
+
+
+def _path_costs(input: PlannerInput, found: Array, path: Array) -> tuple[float, float]:
+    """Costs of a new and of a valid path, by evidence that guides if either is free by it."""
     weight = input.planner.clearance_weight
     if input.guided is not None:
         found_cost, cost = (input.guided().path_cost(one, weight) for one in (found, path))
         if not found_cost == cost == np.inf:
-            return input.planner.replaces(found_cost, cost)
-    found_cost, cost = (input.optimistic.path_cost(one, weight) for one in (found, path))
-    return input.planner.replaces(found_cost, cost)
+            return found_cost, cost
+    return input.optimistic.path_cost(found, weight), input.optimistic.path_cost(path, weight)

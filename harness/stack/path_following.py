@@ -29,6 +29,7 @@ from wayproof.harness.stack.footprint_checks import (
 )
 from wayproof.harness.stack.global_path import STOP_SLACK, heading_at
 from wayproof.harness.stack.maneuvers import brake, wait
+from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.types import (
     Array,
@@ -40,11 +41,9 @@ from wayproof.harness.stack.types import (
     is_stationary,
 )
 from wayproof.planners import (
-    PathState,
     Trajectory,
     TrajectorySample,
     first_stop,
-    follow_path,
     remaining,
     stopping_distance,
     truncate,
@@ -339,24 +338,6 @@ def _shortened_to_fit(
             return None
         path = truncate(path, end)
     return None
-
-
-def plan_trajectory(
-    input: PlannerInput,
-    start: TrajectorySample,
-    path: Array,
-    speed_share: float,
-    tail_first: bool = False,
-) -> Trajectory:
-    """Time-parameterize a path (n, 3) at a share of full speed, ending at rest."""
-    return follow_path(
-        path,
-        PathState(input.effect_ns, 0.0, start.speed, start.acceleration, start.heading),
-        input.limits,
-        speed_share * input.limits.speed,
-        tail_first,
-        input.sideways_speed,
-    )
 
 
 def _final_heading(trajectory: Trajectory) -> float:

@@ -18,7 +18,8 @@ from wayproof.harness.stack.footprint_checks import (
 )
 from wayproof.harness.stack.global_path import drop_duplicates
 from wayproof.harness.stack.maneuvers import seconds_waited, wait
-from wayproof.harness.stack.path_following import follow_global_path, plan_trajectory
+from wayproof.harness.stack.path_following import follow_global_path
+from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.types import (
     Array,
     Command,

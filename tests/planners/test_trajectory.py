@@ -205,6 +205,37 @@ def test_replanning_every_tenth_second_does_not_jump(room, seed, recut):
     assert now * 1e-9 + trajectory.duration_s == pytest.approx(once.duration_s, rel=0.1)
 
 
+def time_to_the_end(path, whole_bends):
+    """Time of a motion that is replanned on what is left of its path every tenth second, s."""
+    now, trajectory = 0, follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), DRONE, 9.0)
+    while now < 20_000 * MS and not trajectory.at(now + 100 * MS).at_rest:
+        now += 100 * MS
+        at = trajectory.at(now)
+        path = remaining(path, at.arc_length)
+        state = PathState(now, 0.0, at.speed, at.acceleration, at.heading)
+        trajectory = follow_path(path, state, DRONE, 9.0, whole_bends=whole_bends)
+    return now * 1e-9 + trajectory.duration_s
+
+
+def test_replanning_in_a_bend_does_not_end_the_acceleration():
+    """Along an arc of 1 m radius, which allows sqrt(3) m/s."""
+    angles = np.linspace(0.0, 1.5, 30)
+    arc = np.column_stack([np.sin(angles), 1.0 - np.cos(angles), np.zeros(30)])
+    once = follow_path(arc, PathState(0, 0.0, 0.0, 0.0, 0.0), DRONE, 9.0, whole_bends=True)
+    assert time_to_the_end(arc, whole_bends=True) == pytest.approx(once.duration_s, rel=0.01)
+    assert time_to_the_end(arc, whole_bends=False) > 1.2 * once.duration_s
+
+
+def test_a_bend_that_is_entered_too_fast_begins_in_the_middle_of_its_edge():
+    angles = np.linspace(0.0, 1.5, 30)
+    arc = np.column_stack([np.sin(angles), 1.0 - np.cos(angles), np.zeros(30)])
+    (bend,) = speed_zones.speed_zones(arc, 0.0, 9.0, DRONE, speed=0.5)
+    assert bend.speed == pytest.approx(math.sqrt(DRONE.lateral_acceleration), rel=1e-3)
+    straight, *_ = speed_zones.speed_zones(arc, 0.0, 9.0, DRONE, speed=bend.speed + 0.1)
+    assert straight.speed == 9.0
+    assert straight.length == pytest.approx(0.5 * 1.5 / 29, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("speed", "acceleration"), [(2.0, 0.0), (1.0, 3.0), (0.05, 0.0), (1.5, -4.0)]
 )

@@ -67,6 +67,22 @@ def test_a_detour_is_replaced_by_a_much_shorter_path_and_a_good_one_kept():
     np.testing.assert_array_equal(planned.state.global_path, STRAIGHT)
 
 
+WINDING = np.array(
+    [place(x, 2.05 + 0.1 * (n % 2)) for n, x in enumerate(np.arange(1.05, 6.6, 0.5))]
+)
+"""About as long as the straight line, and with a turn by 23 degrees every half metre."""
+
+
+@pytest.mark.parametrize(("rules", "straight"), [(4, False), (5, True)])
+def test_of_two_paths_that_cost_about_the_same_the_faster_one_is_taken(rules, straight):
+    input = make_input(sequence=100, behaviour=BehaviourConfig(rules=rules))
+    assert arc_length(WINDING) < 1.03 * arc_length(STRAIGHT)
+    planned = replanned(input, at_rest(global_path=WINDING))
+    assert bool(np.ptp(planned.state.global_path[:, 1]) < 1e-9) == straight
+    back = replanned(input, at_rest(global_path=STRAIGHT))
+    np.testing.assert_array_equal(back.state.global_path, STRAIGHT)
+
+
 def test_a_blocked_path_is_replanned_at_once_around_the_obstacle():
     input = make_input(make_states(occupied=[WALL]), sequence=1)
     state = at_rest(global_path=STRAIGHT, improved_ns=PERIOD_NS)

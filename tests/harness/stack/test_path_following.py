@@ -29,11 +29,11 @@ from wayproof.harness.stack.path_following import (
     fit_trajectory,
     follow_global_path,
     keep_course,
-    plan_trajectory,
     set_out,
     step_aside,
     turn_into_path,
 )
+from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.types import BehaviourConfig, Exploration
 from wayproof.planners import stopping_distance
 
