@@ -10,6 +10,11 @@ def pytest_collection_finish():
     gc.freeze()
 
 
+def pytest_sessionfinish():
+    """Let modules be garbage at exit: OMPL's bindings warn of those that are frozen."""
+    gc.unfreeze()
+
+
 @pytest.fixture(scope="session")
 def common(tmp_path_factory):
     """A folder that all workers of one run of the tests have in common."""
