@@ -125,10 +125,11 @@ def _surfaces(states: NDArray[np.uint8], foot: int, tall: int) -> Mask:
 
 def _stand(ground: Layers, surfaces: Mask, feet: Layers, rises: list[int]) -> None:
     """Let the lowest surfaces about the feet be ground (nx, ny), where there is none yet."""
-    for x, y in np.argwhere(ground == NOWHERE):
+    from_x, from_y = (max(int(one) - BASELINE, 0) for one in feet[:2])
+    to_x, to_y = (max(int(one) + BASELINE + 1, 0) for one in feet[:2])
+    for i, j in np.argwhere(ground[from_x:to_x, from_y:to_y] == NOWHERE):
+        x, y = i + from_x, j + from_y
         away = max(abs(x - feet[0]), abs(y - feet[1]))
-        if away > BASELINE:
-            continue
         low, high = max(feet[2] - rises[away], 0), max(feet[2] + rises[away] + 1, 0)
         found = np.flatnonzero(surfaces[x, y, low:high])
         if len(found):
@@ -147,11 +148,11 @@ def _spread(ground: Layers, surfaces: Mask | None, rise: int) -> None:
         coming = np.full(ground.shape, np.iinfo(np.int64).max)
         for x, y in AXES:
             near = _shifted(ground, x, y, NOWHERE)
-            open_ = (ground == NOWHERE) & (near != NOWHERE)
-            places = np.argwhere(open_)
+            i, j = np.nonzero((ground == NOWHERE) & (near != NOWHERE))
+            if not len(i):
+                continue
             for offset in range(rise, -rise - 1, -1):  # the lowest is written last
-                layer = near[open_] + offset
-                i, j = places.T
+                layer = near[i, j] + offset
                 fits = np.ones(len(layer), np.bool_)
                 if surfaces is not None:
                     fits = (layer >= 0) & (layer < surfaces.shape[2])
