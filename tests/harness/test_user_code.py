@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 
 PLANNERS = '''
 """Planners that go well at first, and then do not."""
-import itertools
+import ctypes
 import os
 import signal
 import time
@@ -106,7 +106,10 @@ class Loops(Late):
 
 class Holds(Late):
     def fail(self):
-        sum(itertools.repeat(0))
+        """Wait in the C library for itself, holding on to the interpreter; no core works."""
+        mutex = ctypes.create_string_buffer(64)
+        for _ in range(2):
+            ctypes.PyDLL(None).pthread_mutex_lock(mutex)
 
 
 class Killed(Late):
