@@ -4,7 +4,7 @@ MuJoCo's own caster takes every ray alone through every body and geom. A sweep h
 it cannot know: neighbouring beams meet the same few geoms. Here beams are grouped in tiles, whole
 geoms are ruled out for a tile at a time, and the rest is a loop over beams that vectorises. Beams
 form a grid or lie scattered, and leave from one pose or, of a rolling sweep, each from its own.
-What is made of triangles follows in a second pass, down a tree that eight beams walk together.
+What is made of triangles follows in a second pass, down trees and grids that a tile walks together.
 """
 
 import mujoco

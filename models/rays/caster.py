@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from wayproof.models.rays.bounds import turn_cones, view_geoms
 from wayproof.models.rays.geometry import Geometry
+from wayproof.models.rays.lanes import Beams, SurfaceHits
 from wayproof.models.rays.normals import surface_normals
 from wayproof.models.rays.records import Geoms, Pattern, Room, Sweep
-from wayproof.models.rays.surface_kernels import Beams, SurfaceHits
 from wayproof.models.rays.surfaces import Surfaces
 from wayproof.models.rays.tile_kernels import cast_blocks
 from wayproof.models.rays.tiles import cut_scattered
@@ -148,7 +148,8 @@ class TileCaster:
             first, last = (tiles * k // self._threads for k in (share, share + 1))
             surfaces.meet(pattern.tile_starts[first : last + 1], aimed, self._range, hits)
 
-        self._share(meet_primitives)
+        if len(geoms.ids):
+            self._share(meet_primitives)
         if len(surfaces):
             self._share(meet_surfaces)
         return distance, geom_id, face

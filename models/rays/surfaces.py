@@ -7,10 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Array
+from wayproof.models.rays.field_grid import (
+    FIRST_FACE,
+    Fields,
+    add_field,
+    count_faces,
+    field_normals,
+    no_fields,
+)
 from wayproof.models.rays.geometry import PRIMITIVES, shape_name, visible
-from wayproof.models.rays.packets import NORMAL, TRIANGLE_COLUMNS
-from wayproof.models.rays.surface_kernels import Beams, Placed, Soup, SurfaceHits, meet_tiles
-from wayproof.models.rays.tree import Tree, build_tree
+from wayproof.models.rays.lanes import Beams, SurfaceHits
+from wayproof.models.rays.surface_kernels import meet_tiles
+from wayproof.models.rays.walks import Placed, Soup
+from wayproof.models.rays.wide_tree import LEAF_BITS, build_wide_tree
 
 MESH, HEIGHT_FIELD = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 SHAPES = (MESH, HEIGHT_FIELD)
@@ -39,8 +48,8 @@ class Surfaces:
         seen = visible(model, group_mask)
         _refuse_what_has_no_triangles(model, seen)
         ids = seen[np.isin(model.geom_type[seen], SHAPES)]
-        self._soup, roots = _gather(model, ids)
-        self._geoms = np.column_stack([ids, roots])
+        self._soup, self._fields, places, self._bounds = _gather(model, ids)
+        self._geoms = np.column_stack([ids, places]).astype(np.int32)
         self._moves = bool((model.body_weldid[model.geom_bodyid[ids]] != 0).any())
         at_rest = mujoco.MjData(model)
         mujoco.mj_kinematics(model, at_rest)
@@ -73,23 +82,35 @@ class Surfaces:
             hits: Hits so far; nearer ones are written over them.
         """
         if len(self) and len(starts) > 1:
-            meet_tiles(starts, beams, self._soup, self._placed, range, hits)
+            meet_tiles(starts, beams, self._soup, self._fields, self._placed, range, hits)
 
     def face_normals(self, face: NDArray[np.int32]) -> Array:
         """Return unit normals (k, 3) of faces (k,) in their geom's frame, out of the solid."""
-        normal = self._soup.triangles[face, NORMAL : NORMAL + 3]
+        first = self._fields.fields[:, FIRST_FACE]
+        field = np.searchsorted(first, face, "right") - 1  # -1 for triangles of trees
+        normal = np.empty((len(face), 3))
+        for number in np.unique(field):
+            rows = field == number
+            if number < 0:
+                a, b, c = np.moveaxis(self._soup.vertices[self._soup.corners[face[rows]]], 1, 0)
+                normal[rows] = np.cross(a - c, b - c)
+            else:
+                normal[rows] = field_normals(self._fields, number, face[rows] - first[number])
         return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
     def _place(self, data: mujoco.MjData) -> Placed:
         """Place the geoms at their poses, in the order of the tree over their boxes there."""
-        ids, roots = self._geoms.T
+        ids = self._geoms[:, 0]
         position, R = data.geom_xpos[ids], data.geom_xmat[ids].reshape(-1, 3, 3)
-        corners = self._soup.boxes[roots].reshape(-1, 2, 3)
-        centre = position + np.einsum("gij,gj->gi", R, corners.mean(axis=1))
-        half = np.einsum("gij,gj->gi", np.abs(R), (corners[:, 1] - corners[:, 0]) / 2)
-        tree = build_tree(centre - half, centre + half)
+        lower, upper = self._bounds[:, :3], self._bounds[:, 3:]
+        centre = position + np.einsum("gij,gj->gi", R, (lower + upper) / 2)
+        half = np.einsum("gij,gj->gi", np.abs(R), (upper - lower) / 2)
+        tree = build_wide_tree(centre - half, centre + half)
         poses = np.concatenate([position, R.reshape(-1, 9)], axis=1)
-        return Placed(tree.boxes, tree.links, self._geoms[tree.order], poses[tree.order])
+        own, order = np.abs(self._bounds).max(axis=1), tree.order
+        world = np.max(np.abs(centre) + half, initial=0.0)
+        reaches = np.append(own[order], world)
+        return Placed(tree.boxes, tree.links, self._geoms[order], poses[order], reaches)
 
 
 def _refuse_what_has_no_triangles(model: mujoco.MjModel, ids: NDArray[np.int32]) -> None:
@@ -103,76 +124,104 @@ def _refuse_what_has_no_triangles(model: mujoco.MjModel, ids: NDArray[np.int32])
             )
 
 
-def _gather(model: mujoco.MjModel, ids: NDArray[np.int32]) -> tuple[Soup, NDArray[np.int32]]:
-    """Return triangles of all assets of some geoms, and the root of each geom's tree, (g,)."""
-    roots = np.empty(len(ids), np.int32)
-    root_of: dict[tuple[int, int], int] = {}
-    trees: list[Tree] = []
-    tables: list[Array] = [np.empty((0, TRIANGLE_COLUMNS))]
-    nodes, triangles = 0, 0
+def _gather(
+    model: mujoco.MjModel, ids: NDArray[np.int32]
+) -> tuple[Soup, Fields, NDArray[np.int32], Array]:
+    """Return the triangles and height fields of some geoms, and where each of the geoms is.
+
+    Of each geom it is the root of its triangles and its row among the fields or -1, (g, 2), and
+    the lower and upper corners of the box about it in its frame, (g, 6).
+    """
+    places, bounds = np.empty((len(ids), 2), np.int32), np.empty((len(ids), 6))
+    known: dict[tuple[int, int], tuple[int, int, Array]] = {}
+    parts, fields, faces = [_build(np.empty((0, 3)), np.empty((0, 3), np.int32))], no_fields(), 0
+    nodes, vertices, triangles = (len(table) for table in parts[0][1:])
     for row, geom in enumerate(ids):
         asset = int(model.geom_type[geom]), int(model.geom_dataid[geom])
-        if asset not in root_of:
-            corners = _corners(model, *asset)
-            tree = build_tree(corners.min(axis=1), corners.max(axis=1))
-            leaf = tree.links[:, 1] > 0
-            tree.links[:, 0] += np.where(leaf, triangles, nodes).astype(np.int32)
-            root_of[asset] = nodes
-            trees.append(tree)
-            tables.append(_table(corners[tree.order]))
-            nodes += len(tree.boxes)
+        if asset not in known:
+            points, corners = _triangles(model, *asset)
+            field, height = -1, np.empty(0)
+            if asset[0] == HEIGHT_FIELD:
+                heights, size = _heights(model, asset[1])
+                field, height = len(fields.fields), heights.astype(np.float64) * size[2]
+                fields = add_field(fields, heights, tuple(size[:2]), size[2], faces)
+                faces += count_faces(*heights.shape)
+            part = _build(points, corners)
+            links = part.links
+            links[links > 0] += nodes
+            links[links < 0] -= triangles << LEAF_BITS
+            part.corners[:] += vertices
+            known[asset] = nodes, field, _bounds(points, height)
+            parts.append(part)
+            nodes, vertices = nodes + len(links), vertices + len(part.vertices)
             triangles += len(corners)
-        roots[row] = root_of[asset]
-    boxes = np.concatenate([np.empty((0, 6)), *(tree.boxes for tree in trees)])
-    links = np.concatenate([np.empty((0, 3), np.int32), *(tree.links for tree in trees)])
-    return Soup(boxes, links, np.concatenate(tables)), roots
+        root, field, bounds[row] = known[asset]
+        places[row] = root, field
+    fields.fields[:, FIRST_FACE] += triangles
+    soup = Soup(*(np.concatenate(tables) for tables in zip(*parts, strict=True)))
+    return soup, fields, places, bounds
 
 
-def _table(corners: Array) -> Array:
-    """Return rows of `Soup.triangles` for corners (t, 3, 3)."""
-    following = np.roll(corners, -1, axis=1)
-    edges = following - corners  # (t, 3, 3)
-    # From the middle of an edge: both triangles at it get the same numbers, but for the sign.
-    pose_indices = np.cross((corners + following) / 2, edges)
-    normals = np.cross(corners[:, 0] - corners[:, 2], corners[:, 1] - corners[:, 2])
-    offsets = np.einsum("ti,ti->t", normals, corners[:, 2])
-    sides = np.concatenate([pose_indices, edges], axis=2).reshape(-1, 18)
-    return np.concatenate([sides, normals, offsets[:, None]], axis=1)
+def _bounds(points: Array, heights: Array) -> Array:
+    """Return the box (6,) about an asset's vertices (v, 3) and heights, m."""
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    lower[2], upper[2] = heights.min(initial=lower[2]), heights.max(initial=upper[2])
+    return np.concatenate([lower, upper])
 
 
-def _corners(model: mujoco.MjModel, kind: int, asset: int) -> Array:
-    """Return triangles of a mesh or a height field in its frame, wound about their outer normal."""
-    return _mesh(model, asset) if kind == MESH else _height_field(model, asset)
+def _build(points: Array, faces: NDArray[np.int32]) -> Soup:
+    """Return one asset's triangles, given as rows (t, 3) of points (v, 3), under a tree.
+
+    Vertices stand in the order in which the leaves need them: what is met together is near.
+    """
+    corners = points[faces]
+    tree = build_wide_tree(corners.min(axis=1), corners.max(axis=1))
+    ordered = faces[tree.order]
+    used, first, rows = np.unique(ordered.ravel(), return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    place = np.empty(len(used), np.int32)
+    place[order] = np.arange(len(used), dtype=np.int32)
+    return Soup(tree.boxes, tree.links, points[used[order]], place[rows].reshape(-1, 3))
 
 
-def _mesh(model: mujoco.MjModel, mesh: int) -> Array:
+def _triangles(model: mujoco.MjModel, kind: int, asset: int) -> tuple[Array, NDArray[np.int32]]:
+    """Return vertices (v, 3) of an asset in its frame, and triangles (t, 3) as rows of these.
+
+    Triangles are wound about their outer normal. Those of a height field are its walls and the box
+    under it, as MuJoCo has it.
+    """
+    return _mesh(model, asset) if kind == MESH else _rim(model, asset)
+
+
+def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[Array, NDArray[np.int32]]:
     start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     vertices = model.mesh_vert[start : start + count].astype(np.float64)
     start, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-    return np.asarray(vertices[model.mesh_face[start : start + count]])
+    return vertices, model.mesh_face[start : start + count].astype(np.int32)
 
 
-def _height_field(model: mujoco.MjModel, field: int) -> Array:
-    """Two triangles a cell, four walls down to height 0 and the box under it, as MuJoCo has it."""
+def _heights(model: mujoco.MjModel, field: int) -> tuple[NDArray[np.float32], Array]:
+    """Return the shares of a field's highest point (rows, columns), and MuJoCo's size (4,), m."""
     rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
-    half_x, half_y, top, base = model.hfield_size[field]
     start = model.hfield_adr[field]
-    heights = model.hfield_data[start : start + rows * columns].astype(np.float64) * top
+    heights = model.hfield_data[start : start + rows * columns].reshape(rows, columns)
+    return heights.astype(np.float32), model.hfield_size[field]
+
+
+def _rim(model: mujoco.MjModel, field: int) -> tuple[Array, NDArray[np.int32]]:
+    """Return the four walls of a field down to height 0, and the box under it."""
+    heights, (half_x, half_y, top, base) = _heights(model, field)
+    rows, columns = heights.shape
     points = np.empty((rows, columns, 3))
     points[..., 0] = 2.0 * half_x / (columns - 1) * np.arange(columns) - half_x
     points[..., 1] = (2.0 * half_y / (rows - 1) * np.arange(rows) - half_y)[:, None]
-    points[..., 2] = heights.reshape(rows, columns)
-    near, far = points[:-1], points[1:]
-    cells = np.concatenate(
-        [
-            np.stack([near[:, :-1], near[:, 1:], far[:, 1:]], axis=2).reshape(-1, 3, 3),
-            np.stack([near[:, :-1], far[:, 1:], far[:, :-1]], axis=2).reshape(-1, 3, 3),
-        ]
-    )
+    points[..., 2] = heights.astype(np.float64) * top
     # Seen from outside, each wall runs to the right.
     crests = points[0], points[:, -1], points[-1, ::-1], points[::-1, 0]
     walls = [_wall(crest, crest * (1.0, 1.0, 0.0)) for crest in crests]
-    return np.concatenate([cells, *walls, _box(half_x, half_y, base)])
+    triangles = np.concatenate([*walls, _box(half_x, half_y, base)])  # (t, 3, 3)
+    corners = np.arange(3 * len(triangles), dtype=np.int32).reshape(-1, 3)
+    return triangles.reshape(-1, 3), corners
 
 
 def _wall(crest: Array, foot: Array) -> Array:

@@ -56,21 +56,28 @@ class Items(NamedTuple):
     order: NDArray[np.int32]
 
 
-def build_tree(lower: Array, upper: Array) -> Tree:
-    """Build the tree over n items with corners (n, 3) and (n, 3); it is empty without items."""
+def build_tree(lower: Array, upper: Array, leaf_size: int = LEAF_SIZE) -> Tree:
+    """Build the tree over n items with corners (n, 3) and (n, 3); it is empty without items.
+
+    Args:
+        lower: (n, 3) lower corners.
+        upper: (n, 3) upper corners.
+        leaf_size: Maximum number of items of a leaf.
+    """
     count = len(lower)
     order = np.arange(count, dtype=np.int32)
     boxes, links = np.empty((2 * count, 6)), np.empty((2 * count, 3), np.int32)
     pending = np.empty((DEEPEST, 4), np.int64)
     bins, costs = np.empty((BINS + 1, 7)), np.empty(BINS)
     items = Items(lower, upper, order)
-    nodes = grow_tree(items, boxes, links, pending, bins, costs) if count else 0
+    nodes = grow_tree(items, leaf_size, boxes, links, pending, bins, costs) if count else 0
     return Tree(boxes[:nodes].copy(), links[:nodes].copy(), order)
 
 
 @kernel
 def grow_tree(
     items: Items,
+    leaf_size: int,
     boxes: Array,
     links: NDArray[np.int32],
     pending: NDArray[np.int64],
@@ -81,6 +88,7 @@ def grow_tree(
 
     Args:
         items: At least one; their order becomes that of the leaves.
+        leaf_size: Maximum number of items of a leaf.
         boxes: (2 n, 6) is written, see `Tree`.
         links: (2 n, 3) is written, see `Tree`.
         pending: (DEEPEST, 4) scratch: nodes that wait, their first and last place, their depth.
@@ -95,7 +103,7 @@ def grow_tree(
         depth = pending[waiting, 3] + 1
         enclose(items, start, stop, boxes, node)
         axis, low, high = widest_axis(items, start, stop)
-        if stop - start <= LEAF_SIZE:
+        if stop - start <= leaf_size:
             links[node, 0], links[node, 1], links[node, 2] = start, stop - start, axis
             continue
         middle = start

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from wayproof.harness.bench.raycast.kernels import GeomTree, RayGeoms, cast_rays
 from wayproof.models.arrays import Array
 from wayproof.models.rays.geometry import PRIMITIVES, visible
+from wayproof.models.rays.lanes import Beams, SurfaceHits
 from wayproof.models.rays.normals import surface_normals
 from wayproof.models.rays.shapes import PLANE, SPHERE
-from wayproof.models.rays.surface_kernels import Beams, SurfaceHits
 from wayproof.models.rays.surfaces import Surfaces
 from wayproof.models.rays.tree import build_tree
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from tests.models.interpreting import interpret_kernels
+from wayproof.models.rays.lanes import Beams, SurfaceHits
 from wayproof.models.rays.packets import WIDTH
-from wayproof.models.rays.surface_kernels import Beams, SurfaceHits
 from wayproof.models.rays.surfaces import Surfaces
 from wayproof.models.rays.tiles import cut_grid
 from wayproof.models.rays.tree import LEAF_SIZE, MAX_SORTED_DEPTH, build_tree
