@@ -14,6 +14,7 @@ from wayproof.planners.astar.se2 import se2_path
 from wayproof.planners.body import Body, Disc
 from wayproof.planners.free_space import CLEARANCE_WEIGHT, FreeSpace
 from wayproof.planners.frontier import best_frontier
+from wayproof.planners.kernels.angles import yaw_of_direction
 from wayproof.planners.kernels.grid import Floats
 from wayproof.planners.ompl.state_spaces import STATE_SPACES
 from wayproof.planners.path import (
@@ -126,6 +127,9 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
     )
     trajectory = follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), limits, speed_cap=1.0)
     trajectory.setpoints(np.zeros(1, np.int64))
+    follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), limits, 1.0, sideways_speed=0.5)
+    point_at(path, 0.1)
+    yaw_of_direction(1.0, 0.0)
     turn_in_place(start, 0, 0.0, 1.0, limits)
 
 
