@@ -17,7 +17,12 @@ from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
 from wayproof.harness.scenario.robots import find_logged_robot
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.scenario.scene_text import safe_scene
-from wayproof.harness.scenario.worlds import apply_world_perturbation, bare_world, generate
+from wayproof.harness.scenario.worlds import (
+    apply_world_perturbation,
+    bare_world,
+    forget_worlds,
+    generate,
+)
 from wayproof.harness.stack.decision import Difference
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import bind, resolve
@@ -77,6 +82,7 @@ def made_otherwise(log: Log) -> list[Difference]:
     log = log.as_of(-1)
     if not is_made_from_seed(log):
         return []
+    forget_worlds()  # that of the recording may be this process's
     try:
         built = build(log.config)
     except InputError as error:

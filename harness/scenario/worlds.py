@@ -80,6 +80,11 @@ def _made(make: Callable[..., World], *arguments: Any) -> World:
     return make(*arguments)
 
 
+def forget_worlds() -> None:
+    """Generate each world anew from now on, for a check that its seed still makes it."""
+    _made.cache_clear()
+
+
 def refuse_other_worlds(world: str, settings: Iterable[str]) -> None:
     """Refuse parameters of a world that is not run.
 

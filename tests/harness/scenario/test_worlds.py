@@ -1,5 +1,6 @@
 """Worlds by the parameters of a config, from the command line to the replay."""
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,8 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute.rebuild import made_otherwise, rebuild
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.replay import replay
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.scenario.worlds import find_world
 from wayproof.models.worlds import WORLDS
 
@@ -34,6 +37,14 @@ def test_a_world_is_generated_once_for_equal_parameters():
         assert find_world(other) == WORLDS["empty"](
             other.seed, other.difficulty, other.world_parameters.empty
         )
+
+
+def test_a_check_of_the_seed_generates_the_world_anew(tmp_path, monkeypatch):
+    make, calls = WORLDS["empty"], itertools.count()
+    monkeypatch.setitem(WORLDS, "empty", lambda seed, *rest: make(seed + next(calls), *rest))
+    path = tmp_path / "e.mcap"
+    run_episode(build(override(Config("empty", "drone", 1), ["episode.time_limit=0.3"])), path)
+    assert made_otherwise(open_log(path))
 
 
 def test_a_log_holds_the_parameters_and_is_simulated_again(recorded):
