@@ -48,13 +48,14 @@ def speed_zones(
         allowed = _allow_sideways(path, arcs, allowed, limits, sideways_speed)
     if len(path) > 2 and speed < math.inf:
         allowed[-1] = allowed[-2]
-        zones = _cut(arcs, np.append(allowed[1], allowed[1:]), s, cap)
+        zones = _zones(arcs, np.append(allowed[1], allowed[1:]), s, cap)
         if zones and speed <= zones[0].speed:
             return zones
-    return _cut(arcs, allowed, s, cap)
+    return _zones(arcs, allowed, s, cap)
 
 
-def _cut(arcs: Floats, allowed: Floats, s: float, cap: float) -> list[SpeedZone]:
+def _zones(arcs: Floats, allowed: Floats, s: float, cap: float) -> list[SpeedZone]:
+    """Zones from an arc length on, of points (n,) and the speeds that they allow (n,)."""
     lengths, speeds = np.empty(len(arcs)), np.empty(len(arcs))
     count = cut_zones(arcs, allowed, s, cap, lengths, speeds)
     return list(map(SpeedZone, lengths[:count].tolist(), speeds[:count].tolist()))

@@ -102,6 +102,8 @@ class PlannerInput:
         limits: Greatest speed, acceleration, jerk and yaw rate of a command.
         planner: Settings of the search.
         behaviour: Settings of the decision.
+        bare_discs: Offset along the x axis of the body, and radius without the margin, of each of
+            its discs, m; those of an elongated body in the circumscribed space, too.
         sideways_speed: Speed in any direction, whatever the body faces, m/s; 0 if it turns before
             it moves, or if it flies, if it takes a bend no faster than it turns.
         mission_goal: (3,) the mission's goal where `goal` is its projection to free space, or an
@@ -114,8 +116,6 @@ class PlannerInput:
         evidence: Space known to be free by each stage of the evidence, the measured one first;
             empty without any other.
         horizon: What the spaces hold of a large operating area; none if they hold all of it.
-        bare_discs: Offset along the x axis of the body, and radius without the margin, of each of
-            its discs, m; those of an elongated body in the circumscribed space, too.
     """
 
     time_ns: int
@@ -136,6 +136,7 @@ class PlannerInput:
     limits: MotionLimits
     planner: PlannerConfig
     behaviour: BehaviourConfig
+    bare_discs: tuple[tuple[float, float], ...]
     sideways_speed: float = 0.0
     mission_goal: Array | None = None
     plan: PlanPath = plan
@@ -143,7 +144,6 @@ class PlannerInput:
     guided: Callable[[], FreeSpace] | None = None
     evidence: tuple[EvidenceSpace, ...] = ()
     horizon: Horizon | None = None
-    bare_discs: tuple[tuple[float, float], ...] = ()
 
     @property
     def uncertain(self) -> bool:

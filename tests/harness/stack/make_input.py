@@ -91,6 +91,7 @@ def make_input(
         limits=LIMITS,
         planner=PlannerConfig(),
         behaviour=BehaviourConfig(),
+        bare_discs=tuple(zip(body.offsets, body.radii, strict=True)),
     )
     return replace(input, **others)
 

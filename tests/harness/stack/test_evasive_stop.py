@@ -52,6 +52,7 @@ def stop(free_space, speed=2.0, ground=False, path=AHEAD, rules=3):
         limits=LIMITS,
         planner=PlannerConfig(),
         behaviour=BehaviourConfig(rules=rules),
+        bare_discs=((0.0, 0.3),),
     )
     return clearest_stop(input, now, path)
 

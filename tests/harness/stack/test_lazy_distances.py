@@ -53,6 +53,7 @@ def make_input(known, passable, position, sequence):
         limits=LIMITS,
         planner=PlannerConfig(),
         behaviour=BehaviourConfig(),
+        bare_discs=((0.0, 0.3),),
         plan=planner_input.memoized_planner(),
     )
 
