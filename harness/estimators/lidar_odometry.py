@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators.kernels import diagonalize
+from wayproof.harness.estimators.kernels.symmetric import diagonalize
 from wayproof.harness.estimators.line_map import LineMap
 from wayproof.harness.estimators.matrices import projected
 from wayproof.harness.estimators.motion_filter import MotionFilter

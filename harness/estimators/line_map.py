@@ -19,15 +19,14 @@ import math
 
 import numpy as np
 
-from wayproof.harness.estimators.kernels import (
-    FLATNESS,
+from wayproof.harness.estimators.kernels.alignment import (
     LEAST_INLIERS,
     NEAR,
     align,
     count_on_planes,
-    score_of,
-    search_start,
 )
+from wayproof.harness.estimators.kernels.scan_search import score_of, search_start
+from wayproof.harness.estimators.kernels.voxels import FLATNESS
 from wayproof.harness.estimators.registration import Registration
 from wayproof.harness.estimators.surface_map import (
     CHANCE,

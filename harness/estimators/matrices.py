@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wayproof.harness.estimators.kernels import solve
+from wayproof.harness.estimators.kernels.symmetric import solve
 from wayproof.models.arrays import Array
 
 

@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators.kernels import FIXED
+from wayproof.harness.estimators.kernels.alignment import FIXED
 from wayproof.harness.estimators.matrices import inverse, projected
 from wayproof.harness.estimators.registration import Registration
 from wayproof.models.arrays import Array

@@ -7,17 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.estimators.kernels import (
-    EMPTY,
-    LEAST_INLIERS,
-    Voxels,
-    add_points,
-    align,
-    count_near,
-    examine,
-    slot_of,
-    spread_out,
-)
+from wayproof.harness.estimators.kernels.alignment import LEAST_INLIERS, align, count_near, examine
+from wayproof.harness.estimators.kernels.thinning import spread_out
+from wayproof.harness.estimators.kernels.voxels import EMPTY, Voxels, add_points, slot_of
 from wayproof.harness.estimators.registration import Registration
 from wayproof.models.arrays import Array
 

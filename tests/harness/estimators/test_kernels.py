@@ -4,32 +4,31 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wayproof.harness.estimators import kernels
 from wayproof.harness.estimators.kernels import (
-    SCALE,
-    add_points,
-    align,
-    count_near,
-    diagonalize,
-    fit_plane,
-    slot_of,
-    solve,
-    voxel_key,
+    alignment,
+    scan_search,
+    symmetric,
+    thinning,
+    voxels,
 )
+from wayproof.harness.estimators.kernels.alignment import SCALE, align, count_near
+from wayproof.harness.estimators.kernels.symmetric import diagonalize, solve
+from wayproof.harness.estimators.kernels.voxels import add_points, fit_plane, slot_of, voxel_key
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
 
 
 @pytest.fixture
 def python_versions(monkeypatch):
-    """Let every kernel of the module call the interpreted ones; the hash may overflow."""
+    """Let every kernel of the modules call the interpreted ones; the hash may overflow."""
     with np.errstate(over="ignore"):
         yield lambda: replace_all(monkeypatch)
 
 
 def replace_all(monkeypatch):
-    for name, value in list(vars(kernels).items()):
-        if hasattr(value, "py_func"):
-            monkeypatch.setattr(kernels, name, value.py_func)
+    for module in (symmetric, voxels, thinning, alignment, scan_search):
+        for name, value in list(vars(module).items()):
+            if hasattr(value, "py_func"):
+                monkeypatch.setattr(module, name, value.py_func)
 
 
 def room(count=3000, seed=1, noise=0.005):
@@ -72,7 +71,7 @@ def in_order(points, spacing, scratch=np.zeros):
     slots = 1 << (2 * len(points)).bit_length()
     keys, heads = scratch(slots, np.int64), scratch(slots, np.int64)
     following, chosen = scratch(len(points), np.int64), scratch(len(points), np.int64)
-    count = kernels.spread_out(points, spacing, keys, heads, following, chosen)
+    count = thinning.spread_out(points, spacing, keys, heads, following, chosen)
     return points[chosen[:count]]
 
 
@@ -122,18 +121,18 @@ def test_noise_does_not_move_a_thinned_wall(place):
 def test_a_voxel_holds_mean_and_covariance_of_its_points():
     surfaces, points = SurfaceMap(0.5, held=0.04, registered_share=0.0), room(400)
     surfaces.add(points, np.zeros(3))
-    voxels = surfaces.voxels
+    table = surfaces.voxels
     by_key = {}
     for point in points:
         by_key.setdefault(int(voxel_key(*point, 1.0 / 0.5)), []).append(point)
-    assert surfaces.count == len(by_key) == (voxels.keys != kernels.EMPTY).sum()
-    for slot in np.flatnonzero(voxels.keys != kernels.EMPTY):
-        own = np.array(by_key[int(voxels.keys[slot])])[: kernels.MOST_POINTS]
-        assert voxels.counts[slot] == len(own)
-        np.testing.assert_allclose(voxels.means[slot], own.mean(axis=0), atol=1e-9)
+    assert surfaces.count == len(by_key) == (table.keys != voxels.EMPTY).sum()
+    for slot in np.flatnonzero(table.keys != voxels.EMPTY):
+        own = np.array(by_key[int(table.keys[slot])])[: voxels.MOST_POINTS]
+        assert table.counts[slot] == len(own)
+        np.testing.assert_allclose(table.means[slot], own.mean(axis=0), atol=1e-9)
         away = own - own.mean(axis=0)
         expected = (away.T @ away)[np.triu_indices(3)]
-        np.testing.assert_allclose(voxels.squares[slot], expected, atol=1e-9)
+        np.testing.assert_allclose(table.squares[slot], expected, atol=1e-9)
 
 
 def test_a_floor_at_zero_with_noise_lies_in_one_layer_of_voxels():
@@ -175,7 +174,7 @@ def test_the_table_grows_and_keeps_what_it_has():
         small.add(part, np.zeros(3))
     keys = [int(voxel_key(*point, 1.0 / 0.05)) for point in cloud]
     assert small.count == len(set(keys))
-    assert set(small.voxels.keys.tolist()) == {*keys, kernels.EMPTY}
+    assert set(small.voxels.keys.tolist()) == {*keys, voxels.EMPTY}
 
 
 def test_points_are_counted_by_what_is_known_of_their_voxels(python_versions):
@@ -186,17 +185,17 @@ def test_points_are_counted_by_what_is_known_of_their_voxels(python_versions):
     near = known = 0
     for point in sweep:
         slot = slot_of(surfaces.voxels.keys, voxel_key(*point, 2.0))
-        if surfaces.voxels.counts[slot] < kernels.LEAST_POINTS:
+        if surfaces.voxels.counts[slot] < voxels.LEAST_POINTS:
             continue
         normal, mean = surfaces.voxels.planes[slot], surfaces.voxels.means[slot]
         if normal[3] == 1.0 and normal[:3] @ -mean < 0.0:
             continue  # seen from behind
         known += 1
-        near += normal[3] == 1.0 and abs(normal[:3] @ (point - mean)) <= kernels.NEAR
+        near += normal[3] == 1.0 and abs(normal[:3] @ (point - mean)) <= alignment.NEAR
     assert 50 < near < known < len(sweep)
     assert count_near(sweep, np.zeros(3), 2.0, surfaces.voxels) == (near, known)
     python_versions()
-    assert kernels.count_near(sweep, np.zeros(3), 2.0, surfaces.voxels) == (near, known)
+    assert alignment.count_near(sweep, np.zeros(3), 2.0, surfaces.voxels) == (near, known)
 
 
 def test_a_sweep_is_registered_by_the_part_of_it_that_the_map_knows():
@@ -245,7 +244,7 @@ def test_compiled_and_interpreted_alignment_give_the_same_bits(python_versions):
     counts = align(sweep - predicted, predicted, 2.0, 0.04, prior, surfaces.voxels, *compiled)
     python_versions()
     again = [np.empty(4), np.empty(3), np.empty((3, 3))]
-    assert counts == kernels.align(
+    assert counts == alignment.align(
         sweep - predicted, predicted, 2.0, 0.04, prior, surfaces.voxels, *again
     )
     for one, other in zip(compiled, again, strict=True):
@@ -260,7 +259,7 @@ def test_compiled_and_interpreted_maps_hold_the_same_bits(python_versions):
     points = room(500)
     assert add_points(points, np.zeros(3), 2.0, compiled.voxels, 3) > 0
     python_versions()
-    kernels.add_points(points, np.zeros(3), 2.0, again.voxels, 3)
+    voxels.add_points(points, np.zeros(3), 2.0, again.voxels, 3)
     for one, other in zip(compiled.voxels, again.voxels, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -309,10 +308,10 @@ def test_compiled_and_interpreted_examination_give_the_same_bits(python_versions
         count = kernel(sweep, np.zeros(3), correction, 2.0, surfaces.voxels, *results)
         return count, *results
 
-    compiled = examined(kernels.examine)
+    compiled = examined(alignment.examine)
     assert compiled[0] > 100
     python_versions()
-    for one, other in zip(compiled, examined(kernels.examine), strict=True):
+    for one, other in zip(compiled, examined(alignment.examine), strict=True):
         np.testing.assert_array_equal(one, other)
 
 

@@ -8,14 +8,10 @@ import pytest
 
 from tests.harness.estimators.test_kernels import replace_all
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators import kernels
-from wayproof.harness.estimators.kernels import (
-    count_on_planes,
-    score_of,
-    search_start,
-    slot_of,
-    voxel_key,
-)
+from wayproof.harness.estimators.kernels import alignment, scan_search
+from wayproof.harness.estimators.kernels.alignment import count_on_planes
+from wayproof.harness.estimators.kernels.scan_search import score_of, search_start
+from wayproof.harness.estimators.kernels.voxels import slot_of, voxel_key
 from wayproof.harness.estimators.lidar_odometry import PLANAR_NAME, LidarOdometry
 from wayproof.harness.estimators.line_map import FORGOTTEN, LINE_POINTS, LineMap
 from wayproof.harness.estimators.motion_sensors import Motion
@@ -269,7 +265,7 @@ def naive_count(points, viewer, voxels):
             continue  # seen from behind
         known += 1
         planar += normal[3] == 1.0
-        near += normal[3] == 1.0 and abs(normal[:3] @ (point - mean)) <= kernels.NEAR
+        near += normal[3] == 1.0 and abs(normal[:3] @ (point - mean)) <= alignment.NEAR
     return near, planar, known
 
 
@@ -303,9 +299,9 @@ def test_counting_and_search_are_as_written_naively(monkeypatch):
     with np.errstate(over="ignore"):
         replace_all(monkeypatch)
         assert (
-            kernels.count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS)
+            alignment.count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS)
             == counted
         )
-        assert kernels.search_start(*arguments, least, again) == (best[0], 27)
-        assert kernels.score_of(*there, -1000) == at_first
+        assert scan_search.search_start(*arguments, least, again) == (best[0], 27)
+        assert scan_search.score_of(*there, -1000) == at_first
     assert np.array_equal(start, again)
