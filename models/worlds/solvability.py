@@ -314,10 +314,10 @@ def _taut(free: NDArray[np.bool_], cells: NDArray[np.int64]) -> list[int]:
 
 
 def warm_up() -> None:
-    """Compile what finds ways and their corners."""
+    """Compile what finds ways and their corners, and load scipy's search."""
     free = np.ones((3, 3), np.bool_)
+    _grid_path(free, (0, 0), (2, 2))
     _taut(free, np.array([[0, 0], [1, 1], [2, 2]]))
-    list_edges(free, np.empty(20), np.empty(20, np.int32), np.zeros(10, np.int32))
 
 
 @kernel
