@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import math
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
+from wayproof.harness.cli.card_table import print_card
+from wayproof.harness.cli.cause_text import print_finding, print_misses, print_verdict
 from wayproof.harness.cli.verb import (
     Document,
     Verb,
@@ -26,7 +24,7 @@ from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
     from wayproof.harness.attribution import Case, Finding, NearMiss
-    from wayproof.harness.counterfactual.verdict import Check, Verdict
+    from wayproof.harness.counterfactual.verdict import Verdict
     from wayproof.harness.explain import Card
     from wayproof.harness.log.reader import Log
     from wayproof.harness.stack.pipeline import Navigator
@@ -143,7 +141,7 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
         print_finding(console, finding)
     if verdict is not None:
         print_verdict(console, verdict)
-    _print_misses(console, misses)
+    print_misses(console, misses)
     document: Document = {
         "log": str(log.path),
         "outcome": outcome,
@@ -221,164 +219,6 @@ def _draw(case: Case, card: Card, navigator: Navigator, target: Path, console: C
 
     draw(case, card, navigator, target)
     console.print(f"picture: {target}", soft_wrap=True, highlight=False)
-
-
-def print_finding(console: Console, finding: Finding) -> None:
-    """Print the cause and its evidence."""
-    line = Text.assemble("cause: ", (finding.cause, "bold red"), f": {finding.evidence}")
-    console.print(line, soft_wrap=True)
-    x, y, z = finding.place
-    console.print(
-        f"  last chance at decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})",
-        soft_wrap=True,
-    )
-
-
-def _print_misses(console: Console, misses: list[NearMiss]) -> None:
-    for miss in misses:
-        finding = miss.finding
-        console.print(
-            f"near miss at {miss.time_s:.1f} s (decision {miss.decision}): {miss.clearance_m:.3f} m"
-            f"; {finding.cause}: {finding.evidence}",
-            soft_wrap=True,
-        )
-
-
-def print_verdict(console: Console, verdict: Verdict) -> None:
-    """Print what each corrected simulation did, a line each, and the conclusion."""
-    if verdict.checks:
-        _print_checks(console, verdict.checks)
-    console.print(f"check: {in_words(verdict)}", soft_wrap=True, highlight=False)
-
-
-def in_words(verdict: Verdict) -> str:
-    """Return the conclusion of a check in words."""
-    note = f"; {verdict.note}" if verdict.note else ""
-    if verdict.answer == "inconclusive":
-        what = "no remedy was tried, or nothing changed and it did not fail again"
-        return f"inconclusive: {verdict.note or what}"
-    saving = [one.remedy.replace("_", " ") for one in verdict.checks if one.saves]
-    by = f"; {', '.join(saving)} would have saved it" if saving else "; nothing saves it"
-    return f"{verdict.finding.cause} is {verdict.answer}{by}{note}"
-
-
-def _print_checks(console: Console, checks: Sequence[Check]) -> None:
-    table = Table("with", "from decision", "outcome", "at, s", "saves the robot")
-    for one in checks:
-        saves = Text("yes", "bold green") if one.saves else "no"
-        remedy, begin = one.remedy.replace("_", " "), str(one.begin)
-        table.add_row(remedy, begin, one.outcome, f"{one.end_s:.1f}", saves)
-    console.print(table)
-
-
-def print_card(console: Console, card: Card) -> None:
-    """Print the card of a decision as a table of two columns."""
-    label = "" if card.label == "none" else f" [{card.label}]"
-    table = Table(
-        title=f"decision {card.sequence} at {card.time_s:.1f} s: {card.action}{label}",
-        title_justify="left",
-        show_header=False,
-    )
-    table.add_column(style="dim")
-    table.add_column()
-    for name, text in _rows(card):
-        table.add_row(name, text)
-    console.print(table)
-
-
-def _rows(card: Card) -> list[tuple[str, str]]:
-    from wayproof.harness.clearance import in_metres, true_in_metres
-
-    stages = ", ".join(f"{name} {ms:.1f}" for name, ms in card.stages_ms.items())
-    missed = ": MISSED" if card.deadline_missed else ""
-    held = "" if card.version_holds else " (the replayed map differs)"
-    if card.keyframe is not None:
-        held += f", from the log's map after decision {card.keyframe}"
-    place = ", ".join(f"{value:.2f}" for value in card.position)
-    search = f"; {card.planner}, {card.iterations} iterations" if card.planner else "; path kept"
-    search = "" if card.stack else search  # it did its own
-    recorded = math.isnan(card.true_clearance_m)  # there is no truth
-    least = in_metres(card.least_clearance_m, card.least_clearance_is_bound)
-    rows = [
-        ("why", card.reason),
-        (
-            "map",
-            f"{card.representation}, {card.resolution_m:g} m cells, unknown: "
-            f"{card.unknown_policy}, version {card.version[:12]}{held}",
-        ),
-        (
-            "evidence on the path",
-            f"oldest {card.oldest_evidence_s:.1f} s, median {card.median_evidence_s:.1f} s; "
-            f"occupied with p at most {card.greatest_probability:.2f}; "
-            f"{card.mean_entropy_bits:.2f} bits open",
-        ),
-        (
-            "pose",
-            f"({place}) m, sigma {card.position_sigma_m:.3f} m; "
-            f"{'off the recorded pose by' if recorded else 'truly'} {card.pose_error_m:.3f} m"
-            f"{'' if recorded else ' off'}",
-        ),
-        (
-            "inflation",
-            f"{card.inflation_radius_m:.2f} m, of it {card.margin_m:.2f} m margin{card.widened}"
-            + ("" if recorded else f"; true clearance {true_in_metres(card.true_clearance_m)}"),
-        ),
-        ("stages", f"{stages} ms"),
-        (
-            "delay",
-            f"{card.delay_s * 1e3:.0f} ms, {card.expected_delay_s * 1e3:.0f} expected, deadline "
-            f"{card.deadline_s * 1e3:.0f}{missed}",
-        ),
-        (
-            "path",
-            f"{_way(card)}, {card.committed_m:.2f} m committed, least clearance there "
-            f"{least}{search}",
-        ),
-    ]
-    if card.floor:
-        rows.append(("floor", card.floor))
-    if card.unmeasured:
-        rows.append(("not measured", card.unmeasured))
-        rows.append(("committed rests on", _rests(card.committed_evidence)))
-        rows.append(("global path rests on", _rests(card.global_evidence)))
-    if card.stack:
-        rows[1:1] = [("stack", f"{card.stack}: {card.answer}"), ("referee", card.verdict)]
-    if card.perturbation:
-        rows.append(("perturbed", card.perturbation))
-    for cell in card.blocking:
-        at = ", ".join(f"{value:.2f}" for value in cell.place)
-        age = "never looked at" if cell.age_s is None else f"looked at {cell.age_s:.1f} s ago"
-        text = f"{cell.state} ({at}), {cell.distance_m:.2f} m away, p {cell.probability:.2f}, {age}"
-        rows.append(("blocked by", text))
-    return rows
-
-
-def _rests(lengths: Mapping[str, float]) -> str:
-    """Return what a path rests on, in words."""
-    parts = [f"{metres:.2f} m {name}" for name, metres in lengths.items() if metres > 0.0]
-    return ", ".join(parts) or "no path"
-
-
-def _way(card: Card) -> str:
-    """Return where the path leads and how far the goal is, in words."""
-    if card.stack:
-        return _planned(card)
-    straight = f"{card.goal} is {card.goal_distance_m:.2f} m away"
-    if not card.path_leads_to:
-        return f"none; {straight}"
-    to_goal = card.path_leads_to == "the goal"
-    path = f"{card.path_length_m:.2f} m to {card.goal if to_goal else card.path_leads_to}"
-    return path if to_goal else f"{path}; {straight}"
-
-
-def _planned(card: Card) -> str:
-    """Return how long the path is that a stack planned, and what the referee admits of it."""
-    if not card.planned_m:
-        return f"the stack gave no planned path; {card.goal} is {card.goal_distance_m:.2f} m away"
-    return (
-        f"{card.planned_m:.2f} m planned by the stack, the referee's map admits "
-        f"{card.planned_admitted_m:.2f} m of it"
-    )
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -91,7 +91,7 @@ def _check(result: Result, options: argparse.Namespace, console: Console) -> Doc
         return None
     from wayproof.harness.attribution.case import read_case
     from wayproof.harness.attribution.procedure import find_cause
-    from wayproof.harness.cli.explain import print_verdict as print_checked
+    from wayproof.harness.cli.cause_text import print_verdict as print_checked
     from wayproof.harness.counterfactual.check import check, refuse_success
     from wayproof.harness.counterfactual.record import record_check
     from wayproof.harness.log.reader import open_log

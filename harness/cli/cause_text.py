@@ -1,0 +1,63 @@
+"""Cause of a failure, near misses, and the check of a cause, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from wayproof.harness.attribution import Finding, NearMiss
+    from wayproof.harness.counterfactual.verdict import Check, Verdict
+
+
+def print_finding(console: Console, finding: Finding) -> None:
+    """Print the cause and its evidence."""
+    line = Text.assemble("cause: ", (finding.cause, "bold red"), f": {finding.evidence}")
+    console.print(line, soft_wrap=True)
+    x, y, z = finding.place
+    console.print(
+        f"  last chance at decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})",
+        soft_wrap=True,
+    )
+
+
+def print_misses(console: Console, misses: Sequence[NearMiss]) -> None:
+    """Print each near miss with the cause of its small clearance."""
+    for miss in misses:
+        finding = miss.finding
+        console.print(
+            f"near miss at {miss.time_s:.1f} s (decision {miss.decision}): {miss.clearance_m:.3f} m"
+            f"; {finding.cause}: {finding.evidence}",
+            soft_wrap=True,
+        )
+
+
+def print_verdict(console: Console, verdict: Verdict) -> None:
+    """Print what each corrected simulation did, a line each, and the conclusion."""
+    if verdict.checks:
+        _print_checks(console, verdict.checks)
+    console.print(f"check: {in_words(verdict)}", soft_wrap=True, highlight=False)
+
+
+def in_words(verdict: Verdict) -> str:
+    """Return the conclusion of a check in words."""
+    note = f"; {verdict.note}" if verdict.note else ""
+    if verdict.answer == "inconclusive":
+        what = "no remedy was tried, or nothing changed and it did not fail again"
+        return f"inconclusive: {verdict.note or what}"
+    saving = [one.remedy.replace("_", " ") for one in verdict.checks if one.saves]
+    by = f"; {', '.join(saving)} would have saved it" if saving else "; nothing saves it"
+    return f"{verdict.finding.cause} is {verdict.answer}{by}{note}"
+
+
+def _print_checks(console: Console, checks: Sequence[Check]) -> None:
+    table = Table("with", "from decision", "outcome", "at, s", "saves the robot")
+    for one in checks:
+        saves = Text("yes", "bold green") if one.saves else "no"
+        remedy, begin = one.remedy.replace("_", " "), str(one.begin)
+        table.add_row(remedy, begin, one.outcome, f"{one.end_s:.1f}", saves)
+    console.print(table)
