@@ -26,7 +26,8 @@ from wayproof.maps.voxel.brick_index import (
     brick_of,
     place_in_brick,
 )
-from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, cell_bounds, guard_of
+from wayproof.maps.voxel.frame import cell_bounds
+from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, guard_of
 
 Cells = dict[str, NDArray[np.generic]]
 """Numbers of some cells by name: arrays of one shape."""

@@ -51,6 +51,7 @@ SUMS_OF_WHOLE_NUMBERS = (
     ),
     *(
         "maps.costmap.distance_field",
+        "maps.voxel.sweep_endpoints",
         "maps.voxel.update_mask",
         "maps.others.tracking",
         "maps.store.slot_pool",

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps.columns import Window, pack
+from wayproof.maps.columns import pack
 from wayproof.maps.config import MapConfig
 from wayproof.maps.grid import FLOOR_LAYER
 from wayproof.maps.kernels import beam_targets, beams, bricks, carve, update
@@ -20,11 +18,11 @@ from wayproof.maps.kernels.early_stop import SLOPES
 from wayproof.maps.kernels.work_queue import new_queue
 from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.sweep import Sweep
-from wayproof.maps.voxel.brick_index import BELOW, BITS
+from wayproof.maps.voxel.frame import Frame, cell_of
+from wayproof.maps.voxel.sweep_endpoints import END_US, EndpointFinder, SweepEndpoints
 
-MAX_WINDOW_WORDS = 1 << 26
-BEAM_US, END_US, TARGET_US, WORD_US = 0.01, 0.008, 0.3, 0.001
-"""About: to place a beam, to list an end, to carve a target, to gather a word."""
+TARGET_US, WORD_US = 0.3, 0.001
+"""About: to carve a target, to gather a word."""
 
 SPREAD = np.argsort(
     [0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64],
@@ -64,23 +62,6 @@ class UpdateMask:
 Guard = Literal["floor", "own", "none"]
 """Which layer beams that graze a surface from above spare."""
 
-Cell = tuple[int, int, int]
-"""Indices of a cell as plain numbers: an array of three takes ten times as long."""
-
-
-class Frame(NamedTuple):
-    """The whole bricks around a box of cells.
-
-    Attributes:
-        first: Index of the first brick.
-        corner: Least cell.
-        shape: (nx, ny, words).
-    """
-
-    first: Cell
-    corner: Cell
-    shape: Cell
-
 
 class _TargetWedges(NamedTuple):
     """Cells that the beams of a sweep have to be traced to, in wedges about the sensor.
@@ -92,25 +73,6 @@ class _TargetWedges(NamedTuple):
 
     targets: int
     wedges: NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class SweepEndpoints:
-    """Endpoints of the beams of a sweep.
-
-    Attributes:
-        ends: Endpoints of informative beams as the kernels pack them; reused for each sweep.
-        parts: [stripe][part] first and one past the last of those that are listed.
-        counts: Beams by fate.
-        box: Least and greatest cell of all beams within the bounds.
-        frame: The bricks around that box.
-    """
-
-    ends: NDArray[np.int64]
-    parts: list[list[tuple[int, int]]]
-    counts: list[int]
-    box: tuple[Cell, Cell]
-    frame: Frame
 
 
 class SweepRasterizer:
@@ -132,7 +94,7 @@ class SweepRasterizer:
         self._hits = np.zeros(0, np.uint64)
         self._aims, self._grazes = np.zeros((2, 0), np.uint64)
         self._flags = np.zeros(0, np.uint8)
-        self._ends = np.empty(0, np.int64)
+        self._finder = EndpointFinder(team, bounds)
         self._misses = np.zeros((team.size, 0), np.uint64)
         self._targets = _new_targets(0)
         self._columns, self._order = np.empty((2, 0), np.int32)
@@ -149,57 +111,7 @@ class SweepRasterizer:
         Raises:
             ValueError: A direction is not of unit length, or the beams span too much space.
         """
-        count, size = len(sweep.ranges_mm), self._team.size
-        stripes = 2 if self._team.worth_sharing(count, END_US) else 1  # even and odd ones, or all
-        each = -(-count // size)
-        if len(self._ends) < size * stripes * each:
-            self._ends = np.empty(size * stripes * each, np.int64)
-        ends = self._ends[: size * stripes * each].reshape(size, stripes * each)
-        sweep_beams = beams.SweepBeams(
-            sweep.origins,
-            sweep.sensors,
-            sweep.groups,
-            sweep.directions.reshape(-1),
-            sweep.ranges_mm,
-            sweep.limits_mm,
-            sweep.resolution,
-        )
-        boxes, counts = np.empty((size, 2, 3), np.int64), np.zeros((size, 4), np.int64)
-        listed, whole = np.empty((size, stripes), np.int64), [True] * size
-
-        def work(_: int, some: tuple[int, int]) -> None:
-            for k in range(*some):
-                whole[k] = beams.place_ends(
-                    sweep_beams,
-                    (each * k, each * (k + 1)),
-                    beams.EndLists(ends[k], listed[k], boxes[k], counts[k]),
-                    np.empty((4, beams.CHUNK), np.int64),
-                    np.empty(beams.CHUNK, np.int64),
-                )
-
-        self._team.parallel_for(work, size, 1, BEAM_US * count / size)
-        if not all(whole):
-            squared = np.square(sweep.directions).sum(axis=1)
-            strange = ~(np.abs(squared - 1.0) < beams.UNIT_TOLERANCE)  # also NaN
-            raise ValueError(
-                f"directions: got {sweep.directions[strange][0]}, expected unit length"
-            )
-        lows, highs = zip(*boxes.tolist(), strict=True)
-        # The first one twice: there may be no other.
-        box = self._clip(map(min, *lows, lows[0])), self._clip(map(max, *highs, highs[0]))
-        frame = _frame(*box)
-        if math.prod(frame.shape) > MAX_WINDOW_WORDS:
-            raise ValueError(
-                f"beams: got {64 * math.prod(frame.shape)} cells around them, "
-                f"expected at most {64 * MAX_WINDOW_WORDS}: a shorter range or coarser cells"
-            )
-        parts: list[list[tuple[int, int]]] = [[] for _ in range(stripes)]
-        for worker, until in enumerate(listed.tolist()):
-            begin = each * stripes * worker  # of the thread's ends; `until` counts from there
-            for stripe, end in enumerate(until):
-                parts[stripe].append((begin + each * stripe, begin + end))
-        fates = [sum(fate) for fate in zip(*counts.tolist(), strict=True)]
-        return SweepEndpoints(self._ends, parts, fates, box, frame)
+        return self._finder.find(sweep)
 
     def trace(self, sweep: Sweep, endpoints: SweepEndpoints, guard: Guard) -> UpdateMask:
         """Mark the cells that the beams hit and cross.
@@ -214,7 +126,7 @@ class SweepRasterizer:
         nx, ny, words = frame.shape
         self._reserve(nx * ny, words)
         guarded = self._guarded_layer(guard, frame)
-        window = beam_targets.Window(frame.shape, _box_in(frame, endpoints.box), guarded)
+        window = beam_targets.Window(frame.shape, frame.box_within(endpoints.box), guarded)
         corner = [(2 * cell << beams.SUBCELL_BITS) - 1 for cell in frame.corner]
         sensors = 2 * sweep.sensors - np.array(corner)
         self._carve(self._mark_ends(endpoints, sensors, window), sensors, window)
@@ -302,7 +214,7 @@ class SweepRasterizer:
         """Mark cells of an array (nx, ny, nz), whose least one is `first`, as hit or as free."""
         first, cells = self._within(first, cells)
         last = first + np.maximum(cells.shape, 1) - 1
-        frame = _frame(_cell(first.tolist()), _cell(last.tolist()))
+        frame = Frame.around(cell_of(first.tolist()), cell_of(last.tolist()))
         nx, ny, words = frame.shape
         self._reserve(nx * ny, words)
         dense = np.zeros((nx, ny, 64 * words), np.bool_)
@@ -314,12 +226,6 @@ class SweepRasterizer:
         masks = self._hits if raised else self._misses[0]
         masks[: nx * ny * words] = pack(dense).reshape(-1)
         return self._collect(frame)
-
-    def _clip(self, cell: Iterable[int]) -> Cell:
-        if self._bounds is None:
-            return _cell(cell)
-        low, high = self._bounds.tolist()
-        return _cell(min(max(c, a), b) for c, a, b in zip(cell, low, high, strict=True))
 
     def _within(
         self, first: NDArray[np.int64], cells: NDArray[np.bool_]
@@ -365,40 +271,8 @@ def guard_of(config: MapConfig) -> Guard:
     return "floor" if config.floor_grazing_filter else "none"
 
 
-def cell_bounds(region: Window | None) -> NDArray[np.int64] | None:
-    """Return the least and greatest cell (2, 3) of a region of interest, if there is one."""
-    if region is None:
-        return None
-    return np.stack([region.first, np.add(region.first, region.shape) - 1])
-
-
 def _new_targets(count: int) -> beam_targets.Targets:
     """Return memory for targets."""
     return beam_targets.Targets(
         np.empty((count, 5), np.int32), np.empty(count, np.uint64), np.empty(count, np.int32)
     )
-
-
-def _frame(low: Cell, high: Cell) -> Frame:
-    """The whole bricks around a box of cells."""
-    x0, y0, z0 = _brick(low)
-    x1, y1, z1 = _brick(high)
-    corner = x0 * bricks.EDGE, y0 * bricks.EDGE, z0 * bricks.HEIGHT - bricks.BELOW_FLOOR
-    shape = (x1 - x0 + 1) * bricks.EDGE, (y1 - y0 + 1) * bricks.EDGE, z1 - z0 + 1
-    return Frame((x0, y0, z0), corner, shape)
-
-
-def _box_in(frame: Frame, box: tuple[Cell, Cell]) -> tuple[int, int, int, int, int, int]:
-    """Least and greatest cell of a box, counted from a frame's corner."""
-    x, y, z = frame.corner
-    (x0, y0, z0), (x1, y1, z1) = box
-    return x0 - x, y0 - y, z0 - z, x1 - x, y1 - y, z1 - z
-
-
-def _brick(cell: Cell) -> Cell:
-    return _cell(at + below >> bits for at, below, bits in zip(cell, BELOW, BITS, strict=True))
-
-
-def _cell(coordinates: Iterable[int]) -> Cell:
-    x, y, z = coordinates
-    return x, y, z

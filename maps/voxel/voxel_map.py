@@ -24,8 +24,9 @@ from wayproof.maps.states import FREE, OCCUPIED
 from wayproof.maps.sweep import Ranges, SweepStatistics, prepare_sweep
 from wayproof.maps.voxel import storage
 from wayproof.maps.voxel.bricks import Bricks
+from wayproof.maps.voxel.frame import cell_bounds
 from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick, states_of
-from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, cell_bounds, guard_of
+from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, guard_of
 
 UPDATE_US, FADE_US = 5.0, 9.0
 """About, to update and to decay a brick, microseconds."""
