@@ -42,7 +42,7 @@ SORTS = {"argsort", "argpartition", "partition", "sort_complex"}
 FOREIGN = {"scipy", "cmath", "statistics", "torch", "jax"}
 
 SUMS_OF_WHOLE_NUMBERS = (
-    *("harness.replay.consistency", "harness.result"),
+    *("harness.replay.consistency.outcome", "harness.result"),
     *(
         "maps.kernels.edt_sections",
         "maps.kernels.update",

@@ -1,0 +1,46 @@
+"""Checks of the log of a recording, which has no simulation and no truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wayproof.harness.replay.consistency.subject import SAME, Subject, is_number
+from wayproof.harness.result import RECORDED, recorded_figures, way_of
+from wayproof.harness.stack.decision import Difference
+
+
+def check_recorded_result(subject: Subject) -> Iterator[Difference]:
+    """Check that the figures of a recording's result follow from decisions and motion."""
+    result, content = subject.log.result, subject.content
+    if result["outcome"] not in (RECORDED, "error"):
+        yield Difference("result.outcome", result["outcome"], RECORDED)
+    for name, value in recorded_figures(content.decisions, content.motions).items():
+        same = result.get(name) == value or (
+            not isinstance(value, str) and is_number(result.get(name), value)
+        )
+        if not same:
+            yield Difference(f"result.{name}", result.get(name, "none"), f"{value}")
+
+
+def check_recorded_way(subject: Subject) -> Iterator[Difference]:
+    """Check that the way is unbroken and leads through the poses, but for a perturbation's error.
+
+    A pose that an estimator made of the sweeps is an input of its own.
+    """
+    before = None
+    estimated = subject.log.config.estimate.kind != "model"
+    shifts = {one.sequence: list(one.pose_shift) for one in subject.content.perturbations}
+    for motion, pose in zip(subject.content.motions, subject.content.poses, strict=False):
+        way, place = way_of(motion), f"/recorded[{motion.sequence}]"
+        ends = way[0, :3].tolist(), way[-1, :3].tolist()
+        if ends[1] != list(motion.position) or (before is not None and ends[0] != before):
+            yield Difference(f"{place}.way", f"{ends}", f"{[before, list(motion.position)]}")
+            return
+        before = ends[1]
+        shift = shifts.get(motion.sequence, [0.0, 0.0, 0.0])
+        off = np.array(pose.position) - np.array(motion.position) - np.array(shift)
+        if not estimated and not (np.abs(off) <= SAME).all():
+            yield Difference(f"{place}.position", f"{list(motion.position)}", f"{pose.position}")
+            return
