@@ -226,7 +226,7 @@ class Config:
         return prior or predicted
 
     @property
-    def asks_predictor(self) -> bool:
+    def runs_predictor(self) -> bool:
         """Whether a predictor from outside is run, whose predictions are inputs of decisions."""
         return is_outside(self.prediction.source) and self.prediction.policy != "ignore"
 

@@ -167,7 +167,7 @@ class Episode:
         """Decide on what was sensed, simulate up to the next decision, and sense there.
 
         Args:
-            answer: Answer of a stack on trial to the inputs; by default the navigator asks it.
+            answer: Answer of a stack on trial to the inputs; by default the navigator queries it.
         """
         verdict: Verdict | None = None
         with self._ending_if_it_fails():
@@ -209,7 +209,7 @@ class Episode:
             self.result = self._failed(error)
 
     def _predict(self, time_ns: int) -> Predicted | None:
-        """Ask a predictor from outside about the map of the decision before."""
+        """Request the prediction of a predictor from outside on the map of the decision before."""
         with self._watchdog.watching():
             return self._navigator.predict(self._sequence, time_ns)
 

@@ -15,8 +15,8 @@ from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.inputs import Beams
 from wayproof.harness.interface.build import live_navigator
 from wayproof.harness.interface.connect import Session
-from wayproof.harness.interface.predictors.asking import predictions_for
 from wayproof.harness.interface.predictors.connect import PredictorSession
+from wayproof.harness.interface.predictors.live import predictions_for
 from wayproof.harness.log.copy import thin
 from wayproof.harness.log.writer import PLUGINS, PREDICTOR_STDERR, STDERR, LogWriter, hold_log
 from wayproof.harness.mission import Mission
@@ -77,8 +77,8 @@ class OpenEpisode:
         navigator: The stack under test, or what stands for one on trial.
         log: Partial until the episode has ended.
         draft: The log's name.
-        session: Stack on trial, if it is asked for its answers.
-        predictor: Predictor from outside, if one is asked.
+        session: Stack on trial, if it is run.
+        predictor: Predictor from outside, if one is run.
     """
 
     episode: Episode
@@ -178,13 +178,13 @@ def _navigator(
 def _predictions(
     scenario: Scenario, infos: list[pb.SensorInfo], given: Predictions | None
 ) -> Iterator[tuple[Predictions | None, PredictorSession | None]]:
-    """The given predictions, or those of the predictor from outside that a scenario names."""
+    """Yield the given predictions, or those of the predictor that a scenario names."""
     if given is not None:
         yield given, None
         return
     period_s = 1.0 / infos[0].rate_hz
-    with predictions_for(scenario.config, scenario.mission, period_s) as asked:
-        yield asked
+    with predictions_for(scenario.config, scenario.mission, period_s) as found:
+        yield found
 
 
 def finish(episode: Episode, log: LogWriter, result: Result) -> Result:

@@ -61,7 +61,7 @@ def plugins_of(config: Config) -> list[str]:
     if runs_in_process(config.stack.name):
         names.append(config.stack.name)
     source = config.prediction.source
-    if config.asks_predictor and PLUGIN in source and predictors.runs_in_process(source):
+    if config.runs_predictor and PLUGIN in source and predictors.runs_in_process(source):
         names.append(source)
     if config.robot_file:
         from wayproof.models.robots.custom import (  # it loads the simulator
@@ -78,7 +78,7 @@ def plugin_digests(config: Config) -> dict[str, str]:
     """SHA-256 of the file of each of the user's classes, of a policy and a network, by name."""
     digests = {name: stack_digest(name) for name in plugins_of(config)}
     source = config.prediction.source
-    if config.asks_predictor and predictors.runs_in_process(source):
+    if config.runs_predictor and predictors.runs_in_process(source):
         digests[source] = predictors.predictor_digest(source)
     return digests
 

@@ -60,7 +60,7 @@ def measure(name: str, lidar: str, steps: int) -> np.ndarray[tuple[int], np.dtyp
     latencies = []
     for sequence in range(steps + 1):
         began = time.perf_counter()
-        stack.ask(replace(observation, time_ns=sequence * 100_000_000, sequence=sequence))
+        stack.query(replace(observation, time_ns=sequence * 100_000_000, sequence=sequence))
         latencies.append(time.perf_counter() - began)
     stack.close()
     return np.array(latencies[1:])

@@ -24,7 +24,7 @@ from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
     from wayproof.harness.log.reader import Log
-    from wayproof.harness.replay.answers import AskedAgain
+    from wayproof.harness.replay.answers import RestartedStack
     from wayproof.harness.replay.closed_loop import ClosedLoop
     from wayproof.harness.replay.replay import Replay
     from wayproof.harness.replay.scope import Scope
@@ -45,7 +45,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         return _fork(options, console)
     check = {True: _simulate, False: _what_if if options.set else _replay}[options.closed_loop]
     if options.stack is not None:
-        check = _ask_again
+        check = _compare_answers
     outcomes = []
     for path in options.log:
         changed = warn_of_changed_plugins(open_log(path, True)) if options.allow_plugins else []
@@ -60,8 +60,8 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(
             "--closed-loop: simulates what was recorded, so it goes with neither --set nor --from"
         )
-    asks = options.stack is not None and options.at is None
-    if asks and (options.closed_loop or options.set):
+    compares = options.stack is not None and options.at is None
+    if compares and (options.closed_loop or options.set):
         raise InputError(
             "--stack: asks the stack again, so it goes with no other way to replay but --from N"
         )
@@ -90,21 +90,26 @@ def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[
     return replayed.identical, asdict(replayed)
 
 
-def _ask_again(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
-    from wayproof.harness.replay.asked_again import ask_again
+def _compare_answers(
+    path: Path, options: argparse.Namespace, console: Console
+) -> tuple[bool, Document]:
+    from wayproof.harness.replay.compare_answers import compare_answers
 
-    asked = ask_again(path, options.stack)
-    if asked.identical:
-        verdict = Text.assemble(("identical", "bold green"), f": {asked.answers} answers")
+    comparison = compare_answers(path, options.stack)
+    if comparison.identical:
+        verdict = Text.assemble(("identical", "bold green"), f": {comparison.answers} answers")
     else:
         verdict = Text.assemble(
             ("differs", "bold red"),
-            f": {asked.differing} of {asked.answers} answers, first {asked.first_difference}",
+            f": {comparison.differing} of {comparison.answers} answers, "
+            f"first {comparison.first_difference}",
         )
-    verdict.append(f" of stack '{asked.stack}'; {asked.wall_time_s:.1f} s; {asked.log}")
+    verdict.append(
+        f" of stack '{comparison.stack}'; {comparison.wall_time_s:.1f} s; {comparison.log}"
+    )
     console.print(verdict, soft_wrap=True)
-    print_differences(console, asked.differences)
-    return asked.identical, asdict(asked)
+    print_differences(console, comparison.differences)
+    return comparison.identical, asdict(comparison)
 
 
 def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:
@@ -144,51 +149,54 @@ def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]
 
     path = options.log[0]
     log = open_log(path, options.allow_plugins)
-    if options.allow_plugins or log.config.asks_predictor:
+    if options.allow_plugins or log.config.runs_predictor:
         warn_of_changed_plugins(log)
     _refuse_worlds(options.set)
     config = override(log.as_of(options.at).config, options.set)
     target = options.out or fork_name(path, options.at, config)
     line = LiveLine(console, config.robot)
     try:
-        with _started_again(log, options.stack) as asked, line:
-            result = fork(path, options.at, options.set, target, options.allow_plugins, line, asked)
+        with _restarted_stack(log, options.stack) as restarted, line:
+            result = fork(
+                path, options.at, options.set, target, options.allow_plugins, line, restarted
+            )
     except KeyboardInterrupt:
         raise interrupted(target, line.decisions) from None
-    if asked is not None:
-        _print_asked(console, asked)
+    if restarted is not None:
+        _print_answers_before(console, restarted)
     before = log.result["outcome"]
     console.print(f"recorded: {before}; from decision {options.at} on: {result.outcome}")
     print_verdict(console, result)
     code = 0 if result.outcome == "success" else 1
     document = {**document_of(result), "recorded_outcome": before, "from": options.at}
-    if asked is not None:
-        document["answers_before"] = asked.answers
-        document["answers_differing"] = asked.differing
-        document["first_answer_differing"] = asked.first_difference
+    if restarted is not None:
+        document["answers_before"] = restarted.answers
+        document["answers_differing"] = restarted.differing
+        document["first_answer_differing"] = restarted.first_difference
     return code, document
 
 
 @contextlib.contextmanager
-def _started_again(log: Log, stack: str | None) -> Iterator[AskedAgain | None]:
+def _restarted_stack(log: Log, stack: str | None) -> Iterator[RestartedStack | None]:
     """The stack on trial that a fork goes on with; none without `--stack`."""
-    from wayproof.harness.replay.answers import started_again
+    from wayproof.harness.replay.answers import restarted_stack
 
     if stack is None:
         yield None
         return
-    with started_again(log, stack) as asked:
-        yield asked
+    with restarted_stack(log, stack) as restarted:
+        yield restarted
 
 
-def _print_asked(console: Console, asked: AskedAgain) -> None:
+def _print_answers_before(console: Console, restarted: RestartedStack) -> None:
     """Print whether a stack answered as recorded before it went on."""
-    first = asked.first_difference
-    differ = "all as recorded" if first is None else f"{asked.differing} differ, first {first}"
+    first = restarted.first_difference
+    differ = "all as recorded" if first is None else f"{restarted.differing} differ, first {first}"
     console.print(
-        f"stack '{asked.stack}' asked on {asked.answers} decisions before: {differ}", soft_wrap=True
+        f"stack '{restarted.stack}' asked on {restarted.answers} decisions before: {differ}",
+        soft_wrap=True,
     )
-    print_differences(console, asked.differences)
+    print_differences(console, restarted.differences)
 
 
 def print_replay(console: Console, replayed: Replay) -> None:

@@ -32,7 +32,7 @@ from wayproof.harness.counterfactual.verdict import (
 )
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log
-from wayproof.harness.replay.answers import started_again
+from wayproof.harness.replay.answers import restarted_stack
 
 BEFORE = 1.0
 """Time before the last chance at which a remedy begins, s: it needs time to take effect."""
@@ -202,10 +202,11 @@ def _try(
     if not stack:
         result, note = go_on(log, case_then, change, begin, limit_s), ""
     else:
-        with started_again(log, stack) as asked:
-            result = go_on(log, case_then, change, begin, limit_s, asked)
-        note = f"{asked.differing} of {asked.answers} answers before it differ from the recorded"
-        note = note if asked.differing else ""
+        with restarted_stack(log, stack) as restarted:
+            result = go_on(log, case_then, change, begin, limit_s, restarted)
+        differing, answers = restarted.differing, restarted.answers
+        note = f"{differing} of {answers} answers before it differ from the recorded"
+        note = note if differing else ""
     saves = result.outcome == "success" or (touched and result.outcome not in HARM)
     took = result.sim_time_s - case.moments[begin].time_ns * 1e-9
     return Check(name, begin, result.outcome, result.sim_time_s, saves), took, note

@@ -27,7 +27,7 @@ from wayproof.harness.perturbations.perturbation import Changes
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.prior_config import NO_PRIOR
 from wayproof.harness.recompute.rebuild import rebuild
-from wayproof.harness.replay.answers import AskedAgain, RecordedPredictions
+from wayproof.harness.replay.answers import RecordedPredictions, RestartedStack
 from wayproof.harness.replay.fork import live_through
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.scenario import Scenario
@@ -256,7 +256,7 @@ def go_on(
     change: Change,
     at: int,
     limit_s: float,
-    asked: AskedAgain | None = None,
+    restarted: RestartedStack | None = None,
     session: Session | None = None,
 ) -> Result:
     """Resume the simulation at a decision with a change, up to a time.
@@ -267,7 +267,7 @@ def go_on(
         change: Change by a remedy.
         at: Number of the decision.
         limit_s: Simulated time of the end, s.
-        asked: A stack on trial that goes on from there.
+        restarted: A stack on trial that goes on from there.
         session: Answers in its place.
     """
     config = change.config
@@ -275,7 +275,7 @@ def go_on(
         config = replace(config, episode=replace(config.episode, time_limit=limit_s))
     scenario = replace(rebuild(log, config), mission=case.mission)
     scenario = change.scenario(with_recorded_movers(scenario, case))
-    past = live_through(log, at, scenario, asked)
+    past = live_through(log, at, scenario, restarted)
     if is_outside(log.config.prediction.source):  # it is not run again
         past.navigator.predictions = RecordedPredictions(log)
     if session is not None and isinstance(past.navigator, TrialNavigator):

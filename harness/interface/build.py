@@ -47,9 +47,9 @@ def live_navigator(
     infos: Mapping[str, pb.SensorInfo],
     session: Session | None = None,
 ) -> Iterator[tuple[Navigator, Session | None]]:
-    """A navigator and the stack behind it, which is closed in the end.
+    """Yield a navigator and the stack behind it, which is closed in the end.
 
-    A predictor from outside is no part of it: `predictions_for` asks one.
+    A predictor from outside is no part of it: see `predictions_for`.
 
     Args:
         config: Settings; `stack.name` is the stack.

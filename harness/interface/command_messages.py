@@ -43,10 +43,10 @@ class CommandError(ValueError):
 
 
 def command_message(command: Command, sequence: int) -> sb.Command:
-    """A command as it is sent and logged.
+    """Return a command as it is sent and logged.
 
     Raises:
-        CommandError: It is not what the interface asks for.
+        CommandError: It is not what the interface expects.
     """
     if not isinstance(command, Command):
         raise CommandError(f"got {type(command).__name__}, expected a Command")
@@ -92,7 +92,7 @@ def check_command(message: sb.Command) -> None:
 
 
 def motion_of(message: sb.Command) -> Motion | None:
-    """The motion of a logged command.
+    """Return the motion of a logged command.
 
     Raises:
         CommandError: Its numbers do not fit together.
@@ -120,12 +120,12 @@ def motion_of(message: sb.Command) -> Motion | None:
 
 
 def planned_path_of(message: sb.Command) -> Array | None:
-    """The stack's own plan (k, 3), m; none if it gave none."""
+    """Return the stack's own plan (k, 3), m; None if it gave none."""
     return np.array(message.planned_path).reshape(-1, 3) if message.planned_path else None
 
 
 def costmap_of(message: sb.Command) -> Grid | None:
-    """The stack's own costmap; none if it gave none."""
+    """Return the stack's own costmap; None if it gave none."""
     if not message.HasField("costmap"):
         return None
     grid = message.costmap

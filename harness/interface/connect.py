@@ -1,6 +1,6 @@
-"""Ways in for a stack: a registered name, a class, a policy, a command, a socket, ROS 2.
+"""Connections to a stack: a registered name, a class, a policy, a command, a socket, ROS 2.
 
-All give the same: something that is started with a task and answers observations with commands.
+Each gives a session, which is started with a task and answers observations with commands.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ class Session(Protocol):
     def announce(self) -> None:
         """Say that an observation follows at once."""
 
-    def ask(self, observation: Observation) -> sb.Command:
-        """The command that answers an observation."""
+    def query(self, observation: Observation) -> sb.Command:
+        """Return the command that answers an observation."""
 
     def close(self) -> None:
-        """End it."""
+        """End the stack."""
 
     def stderr(self) -> str:
-        """The end of its standard error; empty of a class."""
+        """Return the end of its standard error; empty of a class."""
 
 
 @runtime_checkable
@@ -75,10 +75,10 @@ class InProcess:
             self._stack.start(task)
 
     def announce(self) -> None:
-        """Nothing: a class of this process does not sleep."""
+        """Do nothing: a class of this process does not sleep."""
 
-    def ask(self, observation: Observation) -> sb.Command:
-        """The command that answers an observation.
+    def query(self, observation: Observation) -> sb.Command:
+        """Return the command that answers an observation.
 
         Raises:
             StackError: It raised, or returned what is no command.
@@ -96,7 +96,7 @@ class InProcess:
             self._stack.close()
 
     def stderr(self) -> str:
-        """Nothing: it shares this process's."""
+        """Return nothing: it shares this process's."""
         return ""
 
 
@@ -124,7 +124,7 @@ def connect(name: str, wall_s: float) -> Session:
 
 
 def make_stack(name: str) -> Stack:
-    """A registered stack, a policy, or an instance of a class of the user's own.
+    """Return a registered stack, a policy, or an instance of a class of the user's own.
 
     Raises:
         InputError: There is none, or it cannot be made.

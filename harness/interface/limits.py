@@ -1,7 +1,7 @@
 """Limits of the body on a command's motion: what exceeds them, and how the body then moves.
 
 A base controller saturates: it follows a reference that is too fast as closely as its greatest
-speed and acceleration let it. The referee has to judge that motion, not the one that was asked for:
+speed and acceleration let it. The referee has to judge that motion, not the commanded one:
 a trajectory that stops dead before a wall is no proof that the body does.
 """
 
@@ -56,7 +56,7 @@ def clips(velocity: Velocity, limits: MotionLimits, *, planar: bool) -> bool:
 def exceeds(
     trajectory: Trajectory, reference: Reference, effect_ns: int, limits: MotionLimits
 ) -> bool:
-    """Whether a trajectory asks for more speed, acceleration or yaw rate than the body has.
+    """Whether a trajectory commands more speed, acceleration or yaw rate than the body has.
 
     From the speed of the reference at its beginning to rest at its end, by even samples.
     """
@@ -89,7 +89,7 @@ def follow_within(
     """Follow a trajectory as closely as the limits let the body, then brake.
 
     Args:
-        trajectory: Trajectory that is asked for.
+        trajectory: Commanded trajectory.
         reference: Commanded state at the time of effect.
         effect_ns: That time, ns.
         limits: Limits of the body.
@@ -98,14 +98,14 @@ def follow_within(
     left_s = trajectory.duration_s - max(effect_ns - trajectory.start_ns, 0) * 1e-9
     steps = math.ceil(min(max(left_s, 0.0), FOLLOWED_S) / step_s)
     times_ns = effect_ns + np.round(np.arange(steps + 1) * (step_s * 1e9)).astype(np.int64)
-    asked = trajectory.setpoints(times_ns)
+    commanded = trajectory.setpoints(times_ns)
     positions, headings = [reference.position], [reference.heading]
     velocity, rate = reference.velocity, reference.yaw_rate
     while len(positions) <= steps or norm(velocity) > 0.0 or rate != 0.0:
         target, target_rate = np.zeros(3), 0.0
         if len(positions) <= steps:
             target, target_rate = _aimed(
-                asked, len(positions), positions[-1], headings[-1], limits, step_s
+                commanded, len(positions), positions[-1], headings[-1], limits, step_s
             )
         before, rate_before = velocity, rate
         velocity = before + _shortened(target - before, limits.acceleration * step_s)
@@ -117,7 +117,7 @@ def follow_within(
 
 
 def _aimed(
-    asked: Setpoints,
+    commanded: Setpoints,
     index: int,
     position: Array,
     heading: float,
@@ -125,13 +125,13 @@ def _aimed(
     step_s: float,
 ) -> tuple[Array, float]:
     """Velocity (3,), m/s, and yaw rate, rad/s, towards a setpoint, within the greatest ones."""
-    ahead = asked.positions[index] - position - asked.velocities[index] * step_s
-    velocity = _shortened(asked.velocities[index] + GAIN * ahead, limits.speed)
-    rate = float(asked.yaw_rates[index]) + GAIN * (float(asked.headings[index]) - heading)
+    ahead = commanded.positions[index] - position - commanded.velocities[index] * step_s
+    velocity = _shortened(commanded.velocities[index] + GAIN * ahead, limits.speed)
+    rate = float(commanded.yaw_rates[index]) + GAIN * (float(commanded.headings[index]) - heading)
     return velocity, min(max(rate, -limits.yaw_rate), limits.yaw_rate)
 
 
 def _shortened(vector: Array, longest: float) -> Array:
-    """A vector, at most so long."""
+    """Shorten a vector to a length at most."""
     size = norm(vector)
     return vector if size <= longest else vector * (longest / size)

@@ -1,4 +1,4 @@
-"""From a command's motion to the trajectory that the body follows; always the same for the same.
+"""The trajectory that the body follows for a command's motion; deterministic.
 
 A velocity is rolled out for its time and then braked by the body's limits, waypoints become the
 fastest trajectory through them, samples a trajectory through them. All end at rest. What exceeds
@@ -69,11 +69,11 @@ class MotionError(ValueError):
 
 
 class Followed(NamedTuple):
-    """What the body follows for a command.
+    """Trajectory that the body follows for a command.
 
     Attributes:
         trajectory: Trajectory to its rest.
-        limited: Whether the command asked for more than the body's limits allow.
+        limited: Whether the command exceeds the body's limits.
     """
 
     trajectory: Trajectory
@@ -88,7 +88,7 @@ def trajectory_of(
     *,
     planar: bool,
 ) -> Followed:
-    """The trajectory that the body follows for a motion.
+    """Return the trajectory that the body follows for a motion.
 
     Args:
         motion: Motion of a command.
@@ -150,9 +150,9 @@ def _roll_out(
             raise MotionError("velocity: the body does not come to rest")
         if len(positions) > steps:
             target, yaw_rate = np.zeros(3), 0.0
-        wanted_turning = _towards(turning, yaw_rate, limits.yaw.acceleration * STEP_S)
-        heading = headings[-1] + 0.5 * (turning + wanted_turning) * STEP_S
-        turning = wanted_turning
+        next_turning = _towards(turning, yaw_rate, limits.yaw.acceleration * STEP_S)
+        heading = headings[-1] + 0.5 * (turning + next_turning) * STEP_S
+        turning = next_turning
         before = current
         change = _in_world(target, heading) - current
         size = norm(change)
@@ -168,7 +168,7 @@ def _towards(value: float, target: float, largest: float) -> float:
 
 
 def _in_world(vector: Array, heading: float) -> Array:
-    """A vector of the body's frame in the world, by its heading alone."""
+    """Rotate a vector of the body's frame to the world's, by the heading alone."""
     sines, cosines = sines_cosines(np.array([heading]))
     sine, cosine = float(sines[0]), float(cosines[0])
     x, y, z = vector.tolist()
@@ -182,7 +182,7 @@ def _through(
     limits: MotionLimits,
     planar: bool,
 ) -> Trajectory:
-    """The fastest trajectory through waypoints, up to the first sharp corner."""
+    """Return the fastest trajectory through waypoints, up to the first sharp corner."""
     points = _points("waypoints.points", waypoints.points)
     if not 0.0 <= waypoints.speed < math.inf:
         raise MotionError(f"waypoints.speed: got {waypoints.speed}, expected 0 or more m/s")
@@ -213,7 +213,7 @@ def _through(
 def _sampled(
     samples: Samples, references: tuple[Reference, Reference], effect_ns: int, planar: bool
 ) -> Trajectory:
-    """A trajectory through samples, straight and even in between."""
+    """Return a trajectory through samples, straight and even in between."""
     positions = _points("samples.positions", samples.positions)
     headings = np.array(samples.headings, np.float64)
     if headings.shape != (len(positions),) or not (np.abs(headings) <= MAX_HEADING_RAD).all():
@@ -249,7 +249,7 @@ def _checked(
     effect_ns: int,
     planar: bool,
 ) -> Trajectory:
-    """An exact trajectory, if it is one."""
+    """Return an exact trajectory, if it is one."""
     path = _points("trajectory.path", trajectory.path)
     height = references[0].position[2]
     if planar and np.abs(path[:, 2] - height).max() > STILL_M:
@@ -279,7 +279,7 @@ def _checked(
 
 
 def _points(name: str, values: Array) -> Array:
-    """A copy of points (k, 3), finite and near.
+    """Return a copy of points (k, 3), finite and near.
 
     Raises:
         MotionError: They are not.

@@ -71,17 +71,17 @@ class Peer:
         self._announced = answer.hello.announced
 
     def failed(self, what: str, way: Way = "broken", traceback: str = "") -> OutsideError:
-        """What it did, in one line, as an error."""
+        """Return an error that says in one line what the other side did."""
         return StackError(self._who, what, STACK_CAUSES[way], traceback)
 
     def close(self) -> None:
-        """Tell it to end, and see to it."""
+        """Send the end, and end the process if it goes on."""
         with contextlib.suppress(OutsideError):
             self._send(sb.ToStack(close=sb.Close()), within_s=CLOSING_S)
         self._connection.close()
 
     def stderr(self) -> str:
-        """The end of its standard error, where it is a child."""
+        """Return the end of its standard error, where it is a child."""
         return self._connection.stderr()
 
     def _send(self, message: sb.ToStack, within_s: float | None = None) -> None:
@@ -98,7 +98,7 @@ class Peer:
             raise self._ended() from None
 
     def _receive(self, kind: str, wall_s: float) -> sb.FromStack:
-        """The next message, of a kind.
+        """Return the next message, of a kind.
 
         Raises:
             OutsideError: It is none, or of another kind.
@@ -152,8 +152,8 @@ class RemoteStack(Peer):
         if self._announced:
             self._send(sb.ToStack())
 
-    def ask(self, observation: Observation) -> sb.Command:
-        """The command that answers an observation.
+    def query(self, observation: Observation) -> sb.Command:
+        """Return the command that answers an observation.
 
         Raises:
             StackError: None came in time, or what came is none.

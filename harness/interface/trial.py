@@ -1,6 +1,6 @@
 """A stack on trial in the navigator's place: it commands, and the referee judges.
 
-Live, the stack is asked and its answer is logged; from a log the logged answer stands for it, so
+Live, the stack is queried and its answer is logged; from a log the logged answer stands for it, so
 that a replay needs no stack. All else follows from the logged inputs.
 """
 
@@ -75,32 +75,32 @@ class TrialNavigator(Navigator):
     def step(
         self, inputs: Inputs, sense_ms: float = 0.0, answer: pb.StackCommand | None = None
     ) -> pb.Decision:
-        """Ask the stack, or take its logged answer; integrate, judge and record.
+        """Query the stack, or take its logged answer; integrate, judge and record.
 
         Raises:
             StackError: The stack failed, or its command is none that a body can follow.
         """
         began = time.perf_counter()
-        self.answer = self.ask(inputs) if answer is None else answer
-        asked_ms = (time.perf_counter() - began) * 1e3
+        self.answer = self.query(inputs) if answer is None else answer
+        answer_ms = (time.perf_counter() - began) * 1e3
         decision = super().step(inputs, sense_ms)
-        decision.stages.plan_ms += asked_ms
-        decision.stages.answer_ms = asked_ms
+        decision.stages.plan_ms += answer_ms
+        decision.stages.answer_ms = answer_ms
         return decision
 
     def announce(self) -> None:
-        """Have the stack awake when its observation comes."""
+        """Wake the stack before its observation comes."""
         if self.session is not None:
             self.session.announce()
 
-    def ask(self, inputs: Inputs) -> pb.StackCommand:
-        """The stack's answer to the observation of these inputs, as it is logged."""
+    def query(self, inputs: Inputs) -> pb.StackCommand:
+        """Return the stack's answer to the observation of these inputs, as it is logged."""
         if self.session is None:
             raise InputError(f"decision {inputs.sequence}: no answer of the stack in the log")
-        return logged_answer(self.session.ask(self.observe(inputs)), inputs.time_ns)
+        return logged_answer(self.session.query(self.observe(inputs)), inputs.time_ns)
 
     def observe(self, inputs: Inputs) -> Observation:
-        """What a stack observes of these inputs; once for each, in order."""
+        """Return the observation that a stack gets of these inputs; once for each, in order."""
         return self._observations.build(inputs, self.state.trajectory, self._fate)
 
     def take_over(self, before: TrialNavigator) -> None:
@@ -155,7 +155,7 @@ class TrialNavigator(Navigator):
         return f"stack '{self._config.stack.name}'"
 
     def _command(self) -> sb.Command:
-        """The answer, decoded.
+        """Decode the answer.
 
         Raises:
             StackError: It is no command.
@@ -169,7 +169,7 @@ class TrialNavigator(Navigator):
         return command
 
     def _trajectory(self, command: sb.Command, planner_input: PlannerInput) -> Followed:
-        """The trajectory that a command stands for; without a motion the last one stands."""
+        """Return the trajectory of a command; without a motion the last one stands."""
         effect_ns = planner_input.effect_ns
         reference = reference_at(self.state.trajectory, effect_ns, None)
         believed = replace(reference, position=planner_input.position)
@@ -217,7 +217,7 @@ class TrialNavigator(Navigator):
     def _action(
         self, command: sb.Command, trajectory: Trajectory, planner_input: PlannerInput
     ) -> str:
-        """The action of a command: its own, or by where its motion leads.
+        """Return the action of a command: its own, or by where its motion leads.
 
         A goal is reached at rest: a claim of it in motion is none.
         """
@@ -235,7 +235,7 @@ class TrialNavigator(Navigator):
 
 
 def logged_answer(command: sb.Command, time_ns: int) -> pb.StackCommand:
-    """A command that answers the observation of its sequence, as it is logged.
+    """Return a command that answers the observation of its sequence, as it is logged.
 
     Args:
         command: Command of the stack.

@@ -57,12 +57,12 @@ def thin(path: Path, target: Path | None = None) -> None:
 
 def _with_few_global_paths(messages: Iterable[Message]) -> Iterator[Message]:
     """Yield messages; of the global paths only new ones, and one per second."""
-    told_ns = -GLOBAL_PATH_PERIOD_NS
+    written_ns = -GLOBAL_PATH_PERIOD_NS
     for message in messages:
         if isinstance(message, pb.Decision):
             now_ns = time_of(message)
-            if message.planner or now_ns - told_ns >= GLOBAL_PATH_PERIOD_NS:
-                told_ns = now_ns
+            if message.planner or now_ns - written_ns >= GLOBAL_PATH_PERIOD_NS:
+                written_ns = now_ns
             else:
                 message.ClearField("global_path")
         yield message

@@ -1,4 +1,4 @@
-"""Answers in place of those of a live stack or predictor: a log's, or those of one asked again."""
+"""Answers in place of a live stack's or predictor's: a log's, or those of a restarted stack."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ class RecordedAnswers:
         }
 
     def start(self, task: Task) -> None:
-        """Nothing to start."""
+        """Do nothing: no stack is run."""
 
     def announce(self) -> None:
-        """Nothing: the answers are there."""
+        """Do nothing: the answers are there."""
 
-    def ask(self, observation: Observation) -> sb.Command:
-        """The recorded answer to an observation of this number.
+    def query(self, observation: Observation) -> sb.Command:
+        """Return the recorded answer to an observation of this number.
 
         Raises:
             InputError: The log has none.
@@ -61,10 +61,10 @@ class RecordedAnswers:
         return sb.Command.FromString(self._commands[sequence])
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: no stack is run."""
 
     def stderr(self) -> str:
-        """Nothing."""
+        """Return nothing: no stack is run."""
         return ""
 
 
@@ -82,18 +82,18 @@ class RecordedPredictions:
     def of(
         self, measured: ColumnMap, newest: Inputs, sequence: int, time_ns: int
     ) -> Predicted | None:
-        """The recorded prediction of this number; None past the end of the log."""
+        """Return the recorded prediction of this number; None past the end of the log."""
         message = self._messages.get(sequence)
         return None if message is None else Predicted(message, 0.0)
 
 
 @dataclass
-class AskedAgain:
-    """A stack started again for a log, and how its answers compare with the recorded ones.
+class RestartedStack:
+    """A stack restarted for a log, and a comparison of its answers with the recorded ones.
 
     Attributes:
         log: The log's path.
-        stack: Name of the stack asked.
+        stack: Name of the stack.
         session: The stack, started with the task of the log.
         answers: Answers compared.
         differing: Answers that differ.
@@ -109,8 +109,8 @@ class AskedAgain:
     first_difference: int | None = None
     differences: list[Difference] = field(default_factory=list)
 
-    def ask(self, navigator: TrialNavigator, record: Record) -> None:
-        """Ask the stack on the inputs of a decision, with the recorded answers before it.
+    def query(self, navigator: TrialNavigator, record: Record) -> None:
+        """Query the stack on the inputs of a decision, with the recorded answers before it.
 
         Args:
             navigator: Navigator before that decision, with the session.
@@ -122,9 +122,9 @@ class AskedAgain:
         sequence = record.decision.sequence
         if record.answer is None:
             raise InputError(f"log '{self.log}': decision {sequence} without an answer")
-        asked = navigator.ask(record.inputs)
+        answer = navigator.query(record.inputs)
         recorded = sb.Command.FromString(record.answer.command)
-        found = message_differences(recorded, sb.Command.FromString(asked.command))
+        found = message_differences(recorded, sb.Command.FromString(answer.command))
         self.answers += 1
         if found:
             self.differing += 1
@@ -133,7 +133,7 @@ class AskedAgain:
 
 
 @contextlib.contextmanager
-def started_again(log: Log, stack: str) -> Iterator[AskedAgain]:
+def restarted_stack(log: Log, stack: str) -> Iterator[RestartedStack]:
     """Start a stack with the task of a log, and close it in the end.
 
     Args:
@@ -150,7 +150,7 @@ def started_again(log: Log, stack: str) -> Iterator[AskedAgain]:
     session = connect(stack, log.config.plugins.wall_s)
     try:
         session.start(task_of(first.config, first.mission, sensors_of(log)))
-        yield AskedAgain(str(log.path), stack, session)
+        yield RestartedStack(str(log.path), stack, session)
     finally:
         session.close()
 

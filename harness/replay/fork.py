@@ -15,7 +15,7 @@ from wayproof.harness.goals import goals_claimed
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.observations import task_of
-from wayproof.harness.interface.predictors.asking import predictions_for
+from wayproof.harness.interface.predictors.live import predictions_for
 from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.interface.types import Task
 from wayproof.harness.log.codec.container import walk
@@ -27,7 +27,7 @@ from wayproof.harness.log.writer import FORMAT_VERSION, PLUGINS, STDERR, LogWrit
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.recompute.rebuild import rebuild, segment_of
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
-from wayproof.harness.replay.answers import AskedAgain, sensors_of
+from wayproof.harness.replay.answers import RestartedStack, sensors_of
 from wayproof.harness.replay.what_if import refuse_sensed
 from wayproof.harness.result import Result
 from wayproof.harness.runner import finish, publishing_failures, settle_log
@@ -71,7 +71,7 @@ def fork(
     target: Path,
     allow_plugins: bool = False,
     observe: Observer | None = None,
-    asked: AskedAgain | None = None,
+    restarted: RestartedStack | None = None,
 ) -> Result:
     """Simulate the episode of a log from one decision on with other settings.
 
@@ -84,8 +84,8 @@ def fork(
         target: Name of the new log.
         allow_plugins: Whether code that its config names may be imported.
         observe: Called after each decision, for display.
-        asked: The stack that goes on, where one was on trial, from `started_again`: it is asked
-            on all decisions before.
+        restarted: The stack that goes on, where one was on trial, from `restarted_stack`: it is
+            queried on all decisions before.
 
     Raises:
         InputError: There is no such log, decision or setting, no state was kept there, or a stack
@@ -97,9 +97,9 @@ def fork(
     before = log.as_of(at).config
     config = override(before, settings)
     refuse_unnamed_predictor(before, config, settings)
-    if asked is not None:
-        config = replace(config, stack=replace(config.stack, name=asked.stack))
-    return fork_with(log, at, config, target, observe, asked=asked)
+    if restarted is not None:
+        config = replace(config, stack=replace(config.stack, name=restarted.stack))
+    return fork_with(log, at, config, target, observe, restarted=restarted)
 
 
 def fork_with(
@@ -110,7 +110,7 @@ def fork_with(
     observe: Observer | None = None,
     delays: Mapping[int, float] | None = None,
     record: str | None = None,
-    asked: AskedAgain | None = None,
+    restarted: RestartedStack | None = None,
     session: Session | None = None,
     predictions: Predictions | None = None,
 ) -> Result:
@@ -124,8 +124,8 @@ def fork_with(
         observe: Called after each decision, for display.
         delays: Delay by decision, s, instead of measured ones.
         record: Extent of the new log; by default the config's `record`.
-        asked: The stack that goes on, where one was on trial.
-        session: Session in its place, such as recorded answers; nothing is asked before the fork.
+        restarted: The stack that goes on, where one was on trial.
+        session: Session in its place, such as recorded answers; no stack is queried before.
         predictions: Predictions in place of the predictor from outside that the config names, which
             is run.
 
@@ -143,7 +143,7 @@ def fork_with(
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
     refuse_predictor(log.config, config)
     on_trial = log.config.stack.name != BUILTIN
-    if on_trial and asked is None and session is None:
+    if on_trial and restarted is None and session is None:
         raise InputError(
             f"log '{log.path}': stack '{log.config.stack.name}' was on trial, and a log cannot say "
             "how it goes on; expected --stack STACK, which is run"
@@ -155,10 +155,10 @@ def fork_with(
         )
     scenario = rebuild(log, config)
     _check_goals(log, scenario, at)
-    if asked is not None:
+    if restarted is not None:
         refuse_other_task(log, scenario)
     with hold_log(target) as draft:
-        past = live_through(log, at, scenario, asked)
+        past = live_through(log, at, scenario, restarted)
         if session is not None and isinstance(past.navigator, TrialNavigator):
             past.navigator.session = session
         head = to_json(scenario.config), scenario.mission.to_json(), scenario.scene.mjcf
@@ -174,7 +174,7 @@ def fork_with(
             episode.resume(past.state, past.trajectories, past.decisions, past.truths, past.seen)
             with publishing_failures(draft, writer):
                 ended = episode.run()
-                if asked is not None and (text := asked.session.stderr()):
+                if restarted is not None and (text := restarted.session.stderr()):
                     writer.attach(STDERR, bounded(text))
                 result = finish(episode, writer, ended)
         return settle_log(draft, result, record or config.record)
@@ -182,19 +182,19 @@ def fork_with(
 
 @contextlib.contextmanager
 def _predictions(scenario: Scenario, given: Predictions | None) -> Iterator[Predictions | None]:
-    """The given predictions, or those of the predictor that the settings of a fork name."""
+    """Yield the given predictions, or those of the predictor that a fork's settings name."""
     if given is not None:
         yield given
         return
     period_s = 1.0 / sensor_info(scenario.scene.casters[0]).rate_hz
-    with predictions_for(scenario.config, scenario.mission, period_s) as (asked, _):
-        yield asked
+    with predictions_for(scenario.config, scenario.mission, period_s) as (live, _):
+        yield live
 
 
 def refuse_unnamed_predictor(before: Config, config: Config, settings: Sequence[str]) -> None:
-    """Raise an InputError if a fork would run a predictor that a log names, and nobody else."""
+    """Raise an InputError if a fork would run a predictor that a log names, and no setting does."""
     named = any(one.startswith("prediction.source=") for one in settings)
-    if config.asks_predictor and not named:
+    if config.runs_predictor and not named:
         source = before.prediction.source
         raise InputError(
             f"predictor '{source}': a fork runs it, and only the log names it; expected "
@@ -252,21 +252,23 @@ def refuse_other_task(log: Log, scenario: Scenario) -> None:
             )
 
 
-def live_through(log: Log, at: int, scenario: Scenario, asked: AskedAgain | None = None) -> Past:
+def live_through(
+    log: Log, at: int, scenario: Scenario, restarted: RestartedStack | None = None
+) -> Past:
     """Run the stacks of a log, and that of a scenario, through all decisions before a fork.
 
     Args:
         log: The log.
         at: Number of the decision that the fork begins with.
         scenario: Scenario of the fork.
-        asked: A stack that is asked on each of these decisions, and goes on at the fork.
+        restarted: A stack that is queried on each of these decisions, and goes on at the fork.
 
     Raises:
         InputError: The log does not replay, has no such decision, or no state there.
     """
     stack = SegmentedStack([*segments_of(log), segment_of(scenario, at)])
-    if asked is not None and isinstance(stack.navigator, TrialNavigator):
-        stack.navigator.session = asked.session
+    if restarted is not None and isinstance(stack.navigator, TrialNavigator):
+        stack.navigator.session = restarted.session
     trajectories, decisions, seen = [], [], []
     state, reached = None, False
     for record in log.records():
@@ -276,8 +278,8 @@ def live_through(log: Log, at: int, scenario: Scenario, asked: AskedAgain | None
             state, reached = record.state, True
             break
         navigator = stack.go_to(record.decision.sequence)
-        if asked is not None and isinstance(navigator, TrialNavigator):
-            asked.ask(navigator, record)
+        if restarted is not None and isinstance(navigator, TrialNavigator):
+            restarted.query(navigator, record)
         recorded = stack.step(record)
         if recorded.chain != record.decision.chain:
             raise InputError(

@@ -211,7 +211,7 @@ def refuse_sensed(old: Config, new: Config, advice: str, names: Sequence[str] = 
 
 
 def _refuse_other_predictions(old: Config, new: Config) -> None:
-    """Raise an InputError if settings ask for predictions that a log does not hold."""
+    """Raise an InputError if settings need predictions that a log does not hold."""
     before, after = old.prediction, new.prediction
     outside = is_outside(before.source) or is_outside(after.source)
     if outside and (before.source, before.reach) != (after.source, after.reach):
@@ -219,7 +219,7 @@ def _refuse_other_predictions(old: Config, new: Config) -> None:
             "--set prediction.source or reach: the log holds what the predictor said; expected "
             "prediction.policy, occupied_from or free_below, or --from N"
         )
-    if new.asks_predictor and not old.asks_predictor:
+    if new.runs_predictor and not old.runs_predictor:
         raise InputError(
             "--set prediction.policy: the predictor was not run, so the log holds no predictions"
         )

@@ -48,7 +48,7 @@ def find_robot(config: Config) -> Robot:
 
 
 def built_in(config: Config) -> Mapping[str, Robot]:
-    """The built-in robots by name, with the limits that a config asks for."""
+    """Return the built-in robots by name, with the limits that a config sets."""
     return FAST_ROBOTS if config.motion.limits == "full" else ROBOTS
 
 

@@ -157,7 +157,7 @@ def _curves_of_layers(config: Config) -> dict[str, tuple[str, int]]:
     if (source := config.prediction.source) != NO_PREDICTOR:
         words, colour = curves[PREDICTED]
         curves[PREDICTED] = f"{words} by {source}", colour
-    if config.asks_predictor:
+    if config.runs_predictor:
         curves["latency/predict_ms"] = "predictor, beside them", colour
     return curves
 

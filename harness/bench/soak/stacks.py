@@ -1,7 +1,7 @@
-"""Soak of logs of stacks on trial: each must replay without its stack, and ask it again alike.
+"""Soak of logs of stacks on trial: replay without the stack, and its answers again.
 
 Reference stacks drive in random worlds, half of them in a process behind `exec:` whose script is
-gone before the log is replayed. Every fifth stack is asked again, and must answer as recorded;
+gone before the log is replayed. Every fifth stack is queried again, and must answer as recorded;
 every tenth has a generator without a seed, whose first other answer must be found.
 """
 
@@ -22,7 +22,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.stacks import STACKS
-from wayproof.harness.replay.asked_again import ask_again
+from wayproof.harness.replay.compare_answers import compare_answers
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import Scenario, build
@@ -31,7 +31,7 @@ from wayproof.models.robots import ROBOTS
 from wayproof.models.worlds import WORLDS
 
 SETTINGS = ("episode.time_limit=3",)
-ASKED_EVERY, UNSEEDED_EVERY = 5, 10
+COMPARED_EVERY, UNSEEDED_EVERY = 5, 10
 MOST_DRAWS = 50
 """Maximum number of random settings for one episode; some are invalid, as a start in a shelf."""
 
@@ -49,7 +49,7 @@ class Replayed:
         behind_exec: Number of stacks in a process of their own.
         stacks: Number of episodes by stack.
         outcomes: Number of episodes by outcome.
-        asked: Number of answers for which a stack was asked again.
+        compared: Number of answers of stacks that were queried again.
         unseeded: Number of stacks without a seed.
         found: Number of these whose first other answer was found.
         failures: What differs; empty without anything.
@@ -61,7 +61,7 @@ class Replayed:
     behind_exec: int = 0
     stacks: dict[str, int] = field(default_factory=dict)
     outcomes: dict[str, int] = field(default_factory=dict)
-    asked: int = 0
+    compared: int = 0
     unseeded: int = 0
     found: int = 0
     failures: list[str] = field(default_factory=list)
@@ -88,7 +88,7 @@ def soak_stacks(count: int, seed: int, progress: Callable[[str], None], first: i
 
 
 def _one(number: int, rng: np.random.Generator, folder: Path, tally: Replayed) -> None:
-    """Record one episode, replay it, and ask its stack again by turns."""
+    """Record one episode, replay it, and query its stack again by turns."""
     unseeded = number % UNSEEDED_EVERY == UNSEEDED_EVERY - 1
     stack = UNSEEDED if unseeded else sorted(STACKS)[int(rng.integers(len(STACKS)))]
     name, script = stack, folder / "stack.sh"
@@ -112,11 +112,11 @@ def _one(number: int, rng: np.random.Generator, folder: Path, tally: Replayed) -
     if unseeded:
         tally.unseeded += 1
         _find_first(number, path, tally)
-    elif number % ASKED_EVERY == 0:
-        asked = ask_again(path, stack)
-        tally.asked += asked.answers
-        if not asked.identical:
-            tally.failures.append(f"{number}, {stack}: {asked.differing} other answers")
+    elif number % COMPARED_EVERY == 0:
+        comparison = compare_answers(path, stack)
+        tally.compared += comparison.answers
+        if not comparison.identical:
+            tally.failures.append(f"{number}, {stack}: {comparison.differing} other answers")
 
 
 def _count(numbers: dict[str, int], name: str) -> None:
@@ -124,14 +124,14 @@ def _count(numbers: dict[str, int], name: str) -> None:
 
 
 def _find_first(number: int, path: Path, tally: Replayed) -> None:
-    """Ask a stack without a seed again: its first other answer is the first that it draws for."""
-    asked = ask_again(path, UNSEEDED)
-    expected = Unseeded.BEGINS if asked.answers > Unseeded.BEGINS else None
-    if asked.first_difference == expected:
+    """Query a stack without a seed again: its first other answer is the first that it draws for."""
+    compared = compare_answers(path, UNSEEDED)
+    expected = Unseeded.BEGINS if compared.answers > Unseeded.BEGINS else None
+    if compared.first_difference == expected:
         tally.found += 1
     else:
         tally.failures.append(
-            f"{number}: the first other answer is {asked.first_difference}, expected {expected}"
+            f"{number}: the first other answer is {compared.first_difference}, expected {expected}"
         )
 
 

@@ -216,7 +216,7 @@ def turning_about(
 ) -> Course:
     """Such flights within 6 m, and turns by up to half a circle at a constant rate all the while.
 
-    So navigation asks for turns: at once at the full rate, whatever the motion.
+    Navigation commands such turns: at once at the full rate, whatever the motion.
 
     Args:
         rng: Generator of points, headings and pauses.
@@ -235,10 +235,10 @@ def turning_about(
 
 
 def motion_limits(robot: Quadrotor) -> MotionLimits:
-    """What navigation asks of a robot at most, as limits of its trajectories."""
-    asked = robot.limits
+    """Return the limits of the trajectories that navigation gives a robot."""
+    limits = robot.limits
     return MotionLimits(
-        asked.speed, asked.acceleration, asked.jerk, asked.acceleration, asked.yaw_rate
+        limits.speed, limits.acceleration, limits.jerk, limits.acceleration, limits.yaw_rate
     )
 
 

@@ -1,1 +1,1 @@
-"""Predictors from outside: ways in, the questions that they are asked, and their serving."""
+"""Predictors from outside: connecting them, querying them between decisions, serving them."""

@@ -42,7 +42,7 @@ class Answer(NamedTuple):
 
     Attributes:
         log_odds: int8 in steps, of a box of cells, or of columns.
-        offset: Least of these in the box that was asked for, in cells.
+        offset: Least of these in the requested box, in cells.
     """
 
     log_odds: NDArray[np.int8]
@@ -53,25 +53,25 @@ class PredictorSession(Protocol):
     """A predictor that is connected.
 
     Attributes:
-        name: As it calls itself.
-        shape: Cells of the box that it asks for.
+        name: Name by which it calls itself.
+        shape: Cells of the boxes that it takes.
     """
 
     name: str
     shape: Shape
 
-    def ask(self, box: MapBox) -> Answer:
-        """What it expects of a box.
+    def query(self, box: MapBox) -> Answer:
+        """Return its prediction of a box.
 
         Raises:
             PredictorError: It failed, or what came is no prediction.
         """
 
     def close(self) -> None:
-        """End it."""
+        """End the predictor."""
 
     def stderr(self) -> str:
-        """The end of its standard error; empty of a class."""
+        """Return the end of its standard error; empty of a class."""
 
 
 class InProcessPredictor:
@@ -82,8 +82,8 @@ class InProcessPredictor:
         self._predictor, self._who, self.name = predictor, who, name
         self.shape: Shape = getattr(predictor, "shape", ANY_SHAPE)
 
-    def ask(self, box: MapBox) -> Answer:
-        """What it expects of a box."""
+    def query(self, box: MapBox) -> Answer:
+        """Return its prediction of a box."""
         with predictor_code(self._who):
             answer = self._predictor.predict(box)
         try:
@@ -92,10 +92,10 @@ class InProcessPredictor:
             raise PredictorError(self._who, f"predicted what is none: {error}") from None
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: a class needs no end."""
 
     def stderr(self) -> str:
-        """Nothing: it shares this process's."""
+        """Return nothing: it shares this process's."""
         return ""
 
 
@@ -111,11 +111,11 @@ class RemotePredictor(Peer):
         self.name = _name(self.name)
 
     def failed(self, what: str, way: Way = "broken", traceback: str = "") -> PredictorError:
-        """What it did, in one line, as an error."""
+        """Return an error that says in one line what the predictor did."""
         return PredictorError(self._who, what, PREDICTOR_CAUSES[way], traceback)
 
-    def ask(self, box: MapBox) -> Answer:
-        """What it expects of a box."""
+    def query(self, box: MapBox) -> Answer:
+        """Return its prediction of a box."""
         self._send(sb.ToStack(map_box=box_message(box)))
         message = self._receive("prediction", self._wall_s).prediction
         if message.sequence != box.sequence:
@@ -147,7 +147,7 @@ def connect_predictor(source: str, wall_s: float) -> PredictorSession:
 
 
 def in_process(source: str) -> tuple[BoxPredictor, str]:
-    """A predictor that runs in this process, and its name.
+    """Return a predictor that runs in this process, and its name.
 
     Raises:
         InputError: There is none, or it cannot be made.
@@ -157,7 +157,7 @@ def in_process(source: str) -> tuple[BoxPredictor, str]:
 
 
 def make_predictor(source: str) -> BoxPredictor:
-    """A network of a file, or an instance of a class of the user's own.
+    """Return a network of a file, or an instance of a class of the user's own.
 
     Raises:
         InputError: There is none, or it cannot be made.
@@ -209,7 +209,7 @@ def predictor_code(who: str) -> contextlib.AbstractContextManager[None]:
 
 
 def box_message(box: MapBox) -> sb.MapBox:
-    """A box as another process gets it."""
+    """Return a box as another process gets it."""
     x, y, z = box.origin.tolist()
     a, b, c = box.position.tolist()
     return sb.MapBox(
@@ -225,18 +225,20 @@ def box_message(box: MapBox) -> sb.MapBox:
 
 
 def read_answer(message: sb.Prediction, box: MapBox) -> Answer:
-    """The answer of another process.
+    """Decode the answer of another process.
 
     Raises:
         PredictionError: It is not of cells of the box, or not as many as it says.
     """
-    asked = box.states.shape
-    shape = tuple(message.shape) or asked
+    requested = box.states.shape
+    shape = tuple(message.shape) or requested
     offset = tuple(message.offset) or (0,) * len(shape)
     if len(shape) not in (2, 3) or len(offset) != len(shape) or min(shape) < 1:
         raise PredictionError(f"got shape {shape} at {offset}, expected cells along 3 or 2 axes")
-    if any(low + size > most for low, size, most in zip(offset, shape, asked, strict=False)):
-        raise PredictionError(f"got cells {shape} at {offset}, expected within the box of {asked}")
+    if any(low + size > most for low, size, most in zip(offset, shape, requested, strict=False)):
+        raise PredictionError(
+            f"got cells {shape} at {offset}, expected within the box of {requested}"
+        )
     log_odds = np.frombuffer(message.log_odds, np.int8)
     if len(log_odds) != np.prod(shape, dtype=np.int64):
         raise PredictionError(f"got {len(log_odds)} log-odds, expected those of {shape}")

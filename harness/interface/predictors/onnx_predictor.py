@@ -25,7 +25,7 @@ class OnnxPredictor:
 
     Attributes:
         name: Name of the file.
-        shape: Cells of the box along x, y and z that the network asks for; None where it takes any.
+        shape: Cells of the box along x, y and z that the network takes; None where it takes any.
     """
 
     def __init__(self, path: Path) -> None:
@@ -50,7 +50,7 @@ class OnnxPredictor:
         self.shape = sizes[0], sizes[1], None if self._columns else sizes[2]
 
     def predict(self, box: MapBox) -> NDArray[np.floating]:
-        """The output for a box, without batch and channel."""
+        """Return the output for a box, without batch and channel."""
         if self._columns:
             parts = list(box.columns()[:2])
         else:

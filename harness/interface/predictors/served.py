@@ -26,7 +26,7 @@ class ServedPredictor:
         self._predictor, self._name = in_process(source)
 
     def answer(self, message: sb.ToStack) -> sb.FromStack | None:
-        """The answer to a hello or a box; None to anything else.
+        """Return the answer to a hello or a box; None to anything else.
 
         Raises:
             PredictionError: What it returned is no prediction.
@@ -53,7 +53,7 @@ class ServedPredictor:
 
 
 def box_from(message: sb.MapBox) -> MapBox:
-    """A box, in the predictor's process."""
+    """Decode a box in the predictor's process."""
     window = window_at(message.resolution, message.origin, message.shape)
     return MapBox(
         time_ns=message.time_ns,

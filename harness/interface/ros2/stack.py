@@ -114,7 +114,7 @@ class Ros2Stack:
     def announce(self) -> None:
         """Nothing: the nodes wait for topics."""
 
-    def ask(self, observation: Observation) -> sb.Command:
+    def query(self, observation: Observation) -> sb.Command:
         """The command that answers an observation.
 
         Raises:
@@ -134,8 +134,8 @@ class Ros2Stack:
                 raise self._hung(f"had not received all of {topic}")
         if self._costmap is not None:
             self._outputs.send_grids(self._costmap, observation.time_ns, stamp_ns)
-        ask = self._in_lockstep if self._lockstep else self._in_controller_periods
-        return self._command(observation, ask(observation, stamp_ns, self._outputs))
+        await_answer = self._in_lockstep if self._lockstep else self._in_controller_periods
+        return self._command(observation, await_answer(observation, stamp_ns, self._outputs))
 
     def close(self) -> None:
         """Leave the domain."""

@@ -108,7 +108,7 @@ def check_cause(subject: Subject) -> Iterator[Difference]:
     """Check that only a failure has a cause."""
     cause, outcome = subject.log.result.get("cause", ""), subject.log.result["outcome"]
     on_trial = subject.log.config.stack.name != BUILTIN
-    predicts = subject.log.config.asks_predictor
+    predicts = subject.log.config.runs_predictor
     if outcome == "error" and (
         (on_trial and cause in get_args(StackCause))
         or (predicts and cause in get_args(PredictorCause))

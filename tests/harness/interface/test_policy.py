@@ -17,7 +17,7 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.policy import PolicyStack
 from wayproof.harness.interface.policy_tensors import OBSERVATION
-from wayproof.harness.replay.asked_again import ask_again
+from wayproof.harness.replay.compare_answers import compare_answers
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.study.file import read_study
 
@@ -40,7 +40,7 @@ def test_a_policy_is_on_trial_as_any_stack(policy, tmp_path):
     assert log.plugins == {f"policy:{policy}": hashlib.sha256(policy.read_bytes()).hexdigest()}
     for decision in log.decisions():
         assert decision.verdict.verdict in ("admitted", "unknown", "blocked")
-    assert ask_again(Path(result.log), f"policy:{policy}").identical
+    assert compare_answers(Path(result.log), f"policy:{policy}").identical
     served = f"exec:{sys.executable} -m wayproof serve policy:{policy}"
     assert run(served, tmp_path / "b.mcap").chain == result.chain
     policy.unlink()
@@ -53,7 +53,7 @@ def test_a_changed_policy_is_seen(policy, tmp_path, capsys):
     policies.saved(policy, policies.constant((0.4, 0.0, 0.0, 0.2)))
     assert main(["replay", result.log, "--allow-plugins"]) == 0
     assert "has changed since the log was written (SHA-256" in capsys.readouterr().err
-    again = ask_again(Path(result.log), f"policy:{policy}")
+    again = compare_answers(Path(result.log), f"policy:{policy}")
     assert (again.first_difference, again.differing) == (0, again.answers)
 
 

@@ -14,9 +14,9 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.observation_messages import task_from, task_message
 from wayproof.harness.interface.types import Task
-from wayproof.harness.replay.asked_again import ask_again
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.closed_loop import simulate_again
+from wayproof.harness.replay.compare_answers import compare_answers
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import stack_pb2 as sb
 
@@ -128,16 +128,16 @@ def test_a_log_replays_without_its_stack_and_nothing_in_it_is_run(tmp_path):
 
 
 def test_a_stack_asked_again_answers_alike_or_the_first_difference_is_found(tried):
-    same = ask_again(Path(tried(own("Ahead")).log), own("Ahead"))
+    same = compare_answers(Path(tried(own("Ahead")).log), own("Ahead"))
     assert same.identical
     assert same.answers > 20
-    other = ask_again(Path(tried(own("Random")).log), own("Random"))
+    other = compare_answers(Path(tried(own("Random")).log), own("Random"))
     assert not other.identical
     assert other.first_difference == 0
     assert other.differing == other.answers
     assert [one.field for one in other.differences] == ["velocity.forward"]
     with pytest.raises(InputError, match="a log of the built-in stack, expected one of a stack on"):
-        ask_again(Path(tried("builtin").log), own("Ahead"))
+        compare_answers(Path(tried("builtin").log), own("Ahead"))
 
 
 def test_a_blind_stack_is_judged_and_stopped_by_the_guard(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.interface.predictors.asking import box_about
+from wayproof.harness.interface.predictors.live import box_about
 from wayproof.harness.prediction.map_box import MapBox
 from wayproof.harness.prediction.predicted_box import (
     blank_message,

@@ -11,7 +11,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import Packet, walk
 from wayproof.harness.log.copy import thin
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.replay.answers import started_again
+from wayproof.harness.replay.answers import restarted_stack
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork
@@ -130,20 +130,22 @@ def test_a_fork_of_a_stack_on_trial_goes_on_with_the_stack(recorded, tmp_path):
     with pytest.raises(InputError, match="stack 'blind' was on trial, and a log cannot say how"):
         fork(path, 10, (), target)
     log = open_log(path)
-    with started_again(log, "blind") as asked:
-        same = fork(path, 10, (), target, asked=asked)
-    assert (asked.answers, asked.differing) == (10, 0)
+    with restarted_stack(log, "blind") as restarted:
+        same = fork(path, 10, (), target, restarted=restarted)
+    assert (restarted.answers, restarted.differing) == (10, 0)
     assert same.chain == result.chain
     assert packets(target) == packets(path)
-    with started_again(log, "blind") as asked:
-        kept = fork(path, 9, ("stack.guard=true", "episode.stuck_after=2"), target, asked=asked)
+    with restarted_stack(log, "blind") as restarted:
+        kept = fork(
+            path, 9, ("stack.guard=true", "episode.stuck_after=2"), target, restarted=restarted
+        )
     assert (kept.outcome, kept.collisions) == ("stuck", 0)
     assert replay(target).identical
     assert simulate_again(target).identical
     assert audit(target).violations == ()
-    with started_again(log, "gap") as asked:
-        fork(path, 5, ("episode.time_limit=1",), target, asked=asked)
-    assert (asked.differing, asked.first_difference) == (5, 0)
+    with restarted_stack(log, "gap") as restarted:
+        fork(path, 5, ("episode.time_limit=1",), target, restarted=restarted)
+    assert (restarted.differing, restarted.first_difference) == (5, 0)
     assert replay(target).identical
     assert open_log(target).config.stack.name == "gap"
 
@@ -157,8 +159,11 @@ def test_a_fork_of_a_stack_on_trial_goes_on_with_the_stack(recorded, tmp_path):
 )
 def test_the_task_of_a_stack_on_trial_stays(recorded, tmp_path, setting, line):
     path = Path(recorded(*BLIND).log)
-    with started_again(open_log(path), "blind") as asked, pytest.raises(InputError, match=line):
-        fork(path, 10, (setting,), tmp_path / "fork.mcap", asked=asked)
+    with (
+        restarted_stack(open_log(path), "blind") as restarted,
+        pytest.raises(InputError, match=line),
+    ):
+        fork(path, 10, (setting,), tmp_path / "fork.mcap", restarted=restarted)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -71,7 +71,7 @@ def test_garbage_is_no_answer(seed):
     stack = RemoteStack(FileDescriptors(read, sink), "stack 'garbage'", 5.0)
     stack._task = SimpleNamespace(sensors={})
     with pytest.raises(StackError) as caught:
-        stack.ask(OBSERVATION)
+        stack.query(OBSERVATION)
     assert caught.value.cause == "stack_broken"
     os.close(theirs)
 

@@ -13,7 +13,7 @@ from wayproof.harness.bench.ros2_latency import measure
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.command_messages import costmap_of, planned_path_of
 from wayproof.harness.interface.connect import connect
-from wayproof.harness.replay.asked_again import ask_again
+from wayproof.harness.replay.compare_answers import compare_answers
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import stack_pb2 as sb
 
@@ -76,9 +76,9 @@ def test_a_second_run_gives_the_same_chain_though_the_first_sweep_came_twice(loc
 
 def test_the_node_asked_again_on_the_log_answers_alike(lockstep):
     with node("Client"):
-        asked = ask_again(Path(lockstep.log), f"ros2:domain={DOMAIN},pace=lockstep")
-    assert asked.identical
-    assert asked.answers == lockstep.decisions
+        comparison = compare_answers(Path(lockstep.log), f"ros2:domain={DOMAIN},pace=lockstep")
+    assert comparison.identical
+    assert comparison.answers == lockstep.decisions
 
 
 def test_a_node_with_a_timer_is_found_out_and_slow_or_not_gives_the_same_chain(tmp_path):

@@ -1,4 +1,4 @@
-"""Predictions of a predictor from outside, asked for between two decisions."""
+"""Predictions of a predictor from outside, requested between two decisions."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from wayproof.maps.columns import WORD_BITS, ColumnMap, Window, unpack
 from wayproof.maps.states import FREE, OCCUPIED
 
 
-class AskedPredictions:
-    """Predictions of a predictor that is asked.
+class LivePredictions:
+    """Predictions requested from a running predictor.
 
     It has the time from one decision to the next, and the decisions do not wait for it: what it
     says of the map after one decision is an input of the next. Where latencies are measured, what
@@ -37,7 +37,7 @@ class AskedPredictions:
     def __init__(
         self, session: PredictorSession, config: Config, mission: Mission, period_s: float
     ) -> None:
-        """Ask a predictor about the map of a mission.
+        """Request predictions of the map of a mission.
 
         Args:
             session: The predictor.
@@ -69,7 +69,7 @@ class AskedPredictions:
     def of(
         self, measured: ColumnMap, newest: Inputs, sequence: int, time_ns: int
     ) -> Predicted | None:
-        """Ask about the box about the robot."""
+        """Request the prediction of the box about the robot."""
         window = box_about(newest.pose.position, self._area, self._reach, self._session.shape)
         box = MapBox(
             time_ns=newest.time_ns,
@@ -80,7 +80,7 @@ class AskedPredictions:
             quaternion=newest.pose.quaternion.copy(),
         )
         began = time.perf_counter()
-        answer = self._session.ask(box)
+        answer = self._session.query(box)
         took_ms = (time.perf_counter() - began) * 1e3
         late = math.ceil(took_ms) > self._longest_ms
         message = blank_message(sequence, time_ns, self._session.name, late)
@@ -93,7 +93,7 @@ class AskedPredictions:
 def predictions_for(
     config: Config, mission: Mission, period_s: float
 ) -> Iterator[tuple[Predictions | None, PredictorSession | None]]:
-    """The predictions that a config asks for, and the predictor, which is closed in the end.
+    """Yield the predictions that a config names, and the predictor, which is closed in the end.
 
     Args:
         config: Settings; a predictor from outside that they name is run.
@@ -103,25 +103,25 @@ def predictions_for(
     Raises:
         InputError: There is no such predictor, or it does not answer.
     """
-    if not config.asks_predictor:
+    if not config.runs_predictor:
         yield None, None
         return
     session = connect_predictor(config.prediction.source, config.plugins.wall_s)
     try:
-        yield AskedPredictions(session, config, mission, period_s), session
+        yield LivePredictions(session, config, mission, period_s), session
     finally:
         session.close()
 
 
 def box_about(position: NDArray[np.float64], area: Window, reach: int, shape: Shape) -> Window:
-    """The box of cells about a position.
+    """Return the box of cells about a position.
 
     Args:
         position: (3,) m, world.
         area: Cells of the operating area.
-        reach: Cells from the position to its sides along x and y, where no shape is asked for; it
+        reach: Cells from the position to its sides along x and y, where no shape is requested; it
             ends with the area.
-        shape: Cells that are asked for along each axis; along z they begin where the area does.
+        shape: Requested cells along each axis; along z they begin where the area does.
     """
     first, sizes = [], []
     for axis in range(3):
@@ -140,7 +140,7 @@ def box_about(position: NDArray[np.float64], area: Window, reach: int, shape: Sh
 
 
 def states_of(measured: ColumnMap, window: Window) -> NDArray[np.uint8]:
-    """The states (nx, ny, nz) of the cells of a window, read-only."""
+    """Return the states (nx, ny, nz) of the cells of a window, read-only."""
     nx, ny, nz = window.shape
     occupied, free = measured.columns(window.first, (nx, ny, -(-nz // WORD_BITS)))
     states = unpack(free, nz) * np.uint8(FREE) + unpack(occupied, nz) * np.uint8(OCCUPIED)

@@ -1,4 +1,4 @@
-"""A stack asked again on a log's inputs: the first answer that differs from the recorded one."""
+"""A comparison of a stack's answers to a log's inputs with the recorded ones."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute.side_by_side import recompute
-from wayproof.harness.replay.answers import AskedAgain, started_again
+from wayproof.harness.replay.answers import RestartedStack, restarted_stack
 from wayproof.harness.stack.decision import Difference
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """How the answers of a stack compare with the recorded ones.
+    """Comparison of the answers of a stack with the recorded ones.
 
     Attributes:
         log: The log's path.
-        stack: Name of the stack asked.
+        stack: Name of the stack.
         identical: Whether every answer is the recorded one, bit by bit.
         answers: Answers compared.
         differing: Answers that differ.
@@ -39,37 +39,37 @@ class Comparison:
     wall_time_s: float
 
 
-def ask_again(path: Path, stack: str) -> Comparison:
-    """Ask a stack on the inputs of each decision of a log, with the recorded answers before it.
+def compare_answers(path: Path, stack: str) -> Comparison:
+    """Query a stack on the inputs of each decision of a log, with the recorded answers before it.
 
     Args:
         path: The log of a stack on trial.
         stack: As `--stack` takes it; it is run.
 
     Raises:
-        InputError: The log's stack was not on trial, or the stack cannot be asked.
+        InputError: The log's stack was not on trial, or the stack cannot be restarted.
     """
     log = open_log(path, allow_plugins=True)
     if log.forks:
         raise InputError(f"log '{path}': a forked log, expected one of a stack on trial")
     began = time.perf_counter()
-    with started_again(log, stack) as asked:
-        navigator = TrialNavigator(log.config, log.mission, log.beams, asked.session)
+    with restarted_stack(log, stack) as restarted:
+        navigator = TrialNavigator(log.config, log.mission, log.beams, restarted.session)
         for record in log.records():
-            asked.ask(navigator, record)
+            restarted.query(navigator, record)
             recompute(navigator, record)
-    return comparison(asked, time.perf_counter() - began)
+    return comparison(restarted, time.perf_counter() - began)
 
 
-def comparison(asked: AskedAgain, wall_time_s: float) -> Comparison:
-    """Return how the answers of a stack that was asked again compare."""
+def comparison(restarted: RestartedStack, wall_time_s: float) -> Comparison:
+    """Return the comparison of the answers of a restarted stack."""
     return Comparison(
-        log=asked.log,
-        stack=asked.stack,
-        identical=not asked.differing,
-        answers=asked.answers,
-        differing=asked.differing,
-        first_difference=asked.first_difference,
-        differences=tuple(asked.differences),
+        log=restarted.log,
+        stack=restarted.stack,
+        identical=not restarted.differing,
+        answers=restarted.answers,
+        differing=restarted.differing,
+        first_difference=restarted.first_difference,
+        differences=tuple(restarted.differences),
         wall_time_s=wall_time_s,
     )
