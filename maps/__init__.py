@@ -35,6 +35,9 @@ MAPS: dict[str, type[Representation]] = {
 }
 """Representations by name."""
 
+LATER_NS = 100_000_000_000
+"""Time at which a map that is compiled closes a period of `DynamicConfig`, ns."""
+
 __all__ = [
     "FREE",
     "INSCRIBED_COST",
@@ -77,6 +80,7 @@ def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -
     tiny.mark_free((0.0, 0.0, 0.1), (0.2, 0.2, 0.3), 0)
     tiny.advance(round(2e9 * config.decay_period))
     tiny.observed_ns_at([[0.5, 0.5, 0.5]])
+    tiny.integrate((0.5, 0.5, 0.5), beams, ranges_mm, 1.0, LATER_NS)
     tiny.version()
     tiny.counts()
     low, high = (0.0, 0.0, -0.2), (1.0, 1.0, 1.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayproof.harness.estimators.kernels.alignment import LEAST_INLIERS, align, count_near, examine
 from wayproof.harness.estimators.kernels.thinning import spread_out
@@ -207,7 +206,9 @@ def unregistered(inliers: int = 0) -> Registration:
 def warm_up() -> None:
     """Compile the kernels, or load them from the cache."""
     surfaces = SurfaceMap(0.3, held=0.04, registered_share=0.25)
-    grid: NDArray[np.float64] = np.mgrid[:8, :8, :1].reshape(3, -1).T * 0.07
-    surfaces.add(thinned(grid, 0.01), np.array([0.0, 0.0, 1.0]))
-    surfaces.register(grid, np.array([0.0, 0.0, 1.0]))
-    surfaces.contradicts(grid, np.array([0.0, 0.0, 1.0]))
+    floor = np.stack([*np.indices((8, 8)).reshape(2, -1) * 0.07, np.zeros(64)], axis=1)
+    corner = np.concatenate([floor, np.roll(floor, 1, axis=1), np.roll(floor, 2, axis=1)])
+    viewer = np.array([1.0, 1.0, 1.0])
+    surfaces.add(thinned(corner, 0.01), viewer)
+    surfaces.register(corner, viewer)
+    surfaces.contradicts(corner, viewer)

@@ -12,12 +12,13 @@ EPISODE = """
 import sys
 from pathlib import Path
 from numba.core.dispatcher import Dispatcher
-from wayproof.harness.config_document import from_document
+from wayproof.harness.config_document import from_document, override
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.warm_up import warm_up
 
-config = from_document({"world": "warehouse", "robot": sys.argv[1], "seed": 0})
+robot, world, path, *settings = sys.argv[1:]
+config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
 warm_up(config)
 compile = Dispatcher.compile
 
@@ -26,14 +27,22 @@ def noted(kernel, signature):
     return compile(kernel, signature)
 
 Dispatcher.compile = noted
-print(run_episode(build(config), Path(sys.argv[2]) / "episode.mcap").outcome)
+print(run_episode(build(config), Path(path) / "episode.mcap").outcome)
 """
 
 
-@pytest.mark.parametrize("robot", ["quadruped", "drone"])
-def test_no_kernel_is_compiled_or_loaded_during_an_episode(robot, tmp_path):
+@pytest.mark.parametrize(
+    ("robot", "world", "setting"),
+    [
+        ("quadruped", "warehouse", "threads=1"),
+        ("drone", "warehouse", "threads=1"),
+        ("quadruped", "office", "estimate.kind=lidar"),
+        ("quadruped", "crossing", "map.kind=dynamic"),
+    ],
+)
+def test_no_kernel_is_compiled_or_loaded_during_an_episode(robot, world, setting, tmp_path):
     done = subprocess.run(
-        [sys.executable, "-c", EPISODE, robot, str(tmp_path)],
+        [sys.executable, "-c", EPISODE, robot, world, str(tmp_path), setting],
         cwd=ROOT,
         capture_output=True,
         text=True,
