@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 NO_SCENE = """<mujoco><worldbody><body name="robot_base"><freejoint/>
 <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
-"""In the place of the scene of a recording: nothing is known to stand anywhere."""
+"""Scene of a recording, in MJCF: nothing is known to stand anywhere."""
 
 
 @dataclass(frozen=True)
@@ -282,7 +282,7 @@ def moments_of(messages: Iterable[Message]) -> Iterator[Moment]:
 
 
 def _truth_of(message: Message, given: DecisionMessages) -> pb.Truth | None:
-    """The truth of a decision if a message completes it; in a recording the decision itself does.
+    """Return the truth of a decision if a message completes it; a recording's decision itself does.
 
     Args:
         message: Message that follows what precedes a decision.

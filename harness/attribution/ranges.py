@@ -73,7 +73,7 @@ class RangeFacts:
         return self.lost > LOST or self.off > OFF
 
     def __str__(self) -> str:
-        """In words."""
+        """Describe the errors in words."""
         parts = []
         if self.lost > LOST:
             parts.append(f"{self.lost:.1%} of the echoes were lost")

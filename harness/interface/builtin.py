@@ -26,7 +26,7 @@ class BuiltinStack:
         self._navigator = build_navigator(config, task.mission, beams)
 
     def step(self, observation: Observation) -> Command:
-        """The decision of the navigator as a command."""
+        """Return the decision of the navigator as a command."""
         navigator = self._navigator
         if observation.last is not None:
             self._settle(observation)
@@ -67,7 +67,7 @@ class BuiltinStack:
 
 
 def _inputs(observation: Observation) -> Inputs:
-    """The inputs of the navigator, in own arrays: kernels compile anew for read-only ones."""
+    """Return the navigator's inputs in own arrays: kernels compile anew for read-only ones."""
     trail = observation.trail
     if trail is not None:
         trail = Trail(trail.positions.copy(), trail.quaternions.copy(), trail.period)

@@ -54,11 +54,11 @@ class Connection(ABC):
         """End the connection, and the process behind it if it is a child."""
 
     def ending(self) -> str:
-        """How the other side ended, in words; empty if nothing is known."""
+        """Describe how the other side ended; empty if nothing is known."""
         return ""
 
     def stderr(self) -> str:
-        """The end of the stack's standard error."""
+        """Return the end of the stack's standard error."""
         return ""
 
 
@@ -195,7 +195,7 @@ class ChildProcess(FileDescriptors):
         return "closed its output, and still runs"
 
     def stderr(self) -> str:
-        """The end of its standard error."""
+        """Return the end of its standard error."""
         return b"".join(self._stderr).decode(errors="replace")
 
 
@@ -207,7 +207,7 @@ def _widen(pipe: int) -> None:
 
 
 def _die_with_parent() -> None:
-    """In the child, before the command: be killed when the harness is gone."""
+    """Have the kernel kill this child when the harness is gone; called before its command."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 

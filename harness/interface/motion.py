@@ -230,7 +230,7 @@ def _sampled(
 
 
 def _joined(start_ns: int, positions: Array, headings: Array, period_s: float) -> Trajectory:
-    """Positions (k, 3) and headings (k,) at even times as a trajectory."""
+    """Return positions (k, 3) and headings (k,) at even times as a trajectory."""
     steps = np.sqrt(np.square(np.diff(positions, axis=0)).sum(axis=1))
     arcs = np.concatenate([[0.0], np.cumsum(steps)])
     kept = np.append(True, steps > STILL_M)

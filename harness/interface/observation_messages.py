@@ -29,7 +29,7 @@ from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 
 def hello(name: str, announced: bool = False) -> sb.Hello:
-    """The first message of each side.
+    """Return the first message of each side.
 
     Args:
         name: Name of who says it.
@@ -39,7 +39,7 @@ def hello(name: str, announced: bool = False) -> sb.Hello:
 
 
 def task_message(task: Task) -> sb.Task:
-    """The task, as another process gets it."""
+    """Encode the task for another process."""
     mission = task.mission
     message = sb.Task(
         robot=task.robot,
@@ -96,7 +96,7 @@ def _prior_message(cells: PriorCells) -> sb.PriorMap:
 
 
 def task_from(message: sb.Task) -> Task:
-    """The task, in another process."""
+    """Decode the task, in another process."""
     mission = Mission(
         motion=message.motion,  # type: ignore[arg-type]
         radius=message.radius,
@@ -138,7 +138,7 @@ def _prior_from(message: sb.PriorMap) -> PriorCells:
 
 
 def window_at(resolution: float, origin: sb.Vector, shape: Sequence[int]) -> Window:
-    """The cells of a box by its least corner, m, and its size."""
+    """Return the cells of a box by its least corner, m, and its size."""
     shift = np.array([0.0, 0.0, FLOOR_HEIGHT_IN_CELL])
     corner = np.rint(np.array([origin.x, origin.y, origin.z]) / resolution + shift)
     x, y, z = corner.astype(np.int64).tolist()
@@ -147,7 +147,7 @@ def window_at(resolution: float, origin: sb.Vector, shape: Sequence[int]) -> Win
 
 
 def observation_message(observation: Observation, task: Task) -> sb.Observation:
-    """An observation, as another process gets it."""
+    """Encode an observation for another process."""
     reference, last, trail = observation.reference, observation.last, observation.trail
     message = sb.Observation(
         time_ns=observation.time_ns,
@@ -195,7 +195,7 @@ def _in_16_bits(ranges_mm: Ranges) -> NDArray[np.uint16]:  # (n,)
 
 
 def sweep_inputs(message: sb.Observation) -> list[SweepInput]:
-    """The sweeps of an observation, in another process."""
+    """Decode the sweeps of an observation, in another process."""
     return [
         SweepInput(
             sweep.sensor,
@@ -218,7 +218,7 @@ def trail_from(message: sb.Observation) -> Trail | None:
 
 
 def reference_from(message: sb.Observation) -> Reference:
-    """The commanded state at the time of effect, in another process."""
+    """Decode the commanded state at the time of effect, in another process."""
     return Reference(
         np.array(_triple(message.reference_position)),
         np.array(_triple(message.reference_velocity)),
@@ -229,7 +229,7 @@ def reference_from(message: sb.Observation) -> Reference:
 
 
 def fate_from(message: sb.Observation) -> Fate | None:
-    """What became of the previous command, in another process."""
+    """Decode the fate of the previous command, in another process."""
     if not message.HasField("last"):
         return None
     last = message.last

@@ -32,7 +32,7 @@ AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 
 def task_of(config: Config, mission: Mission, infos: Mapping[str, pb.SensorInfo]) -> Task:
-    """The task of one mission.
+    """Return the task of one mission.
 
     Args:
         config: Settings of the episode.
@@ -54,7 +54,7 @@ def task_of(config: Config, mission: Mission, infos: Mapping[str, pb.SensorInfo]
 
 
 def reference_at(trajectory: Trajectory, time_ns: int, height_m: float | None) -> Reference:
-    """The commanded state of a robot that follows a trajectory.
+    """Return the commanded state of a robot that follows a trajectory.
 
     Args:
         trajectory: Trajectory that it follows.
@@ -70,7 +70,7 @@ def reference_at(trajectory: Trajectory, time_ns: int, height_m: float | None) -
 
 
 def read_only(array: AnyArray) -> AnyArray:
-    """A view of an array that its user cannot write to: the referee judges by the same array."""
+    """Return a read-only view of an array: the referee judges by the same array."""
     view = array.view()
     view.flags.writeable = False
     return view
@@ -89,7 +89,7 @@ class ObservationBuilder:
         self._before = before._before
 
     def build(self, inputs: Inputs, followed: Trajectory, last: Fate | None) -> Observation:
-        """The observation of one set of inputs.
+        """Return the observation of one set of inputs.
 
         Args:
             inputs: Sweeps and pose of one instant.

@@ -73,36 +73,36 @@ class PolicyStack:
         self._observer = PolicyObserver(task)
 
     def step(self, observation: Observation) -> Command:
-        """The policy's action as a velocity."""
+        """Return the policy's action as a velocity."""
         return Command(velocity_of(self.act(self._observer.tensors(observation)), self._mission))
 
     def close(self) -> None:
         """Nothing to end."""
 
     def act(self, tensors: Mapping[str, NDArray[np.float32]]) -> NDArray[np.float32]:
-        """The action (4,) that answers the tensors of `OBSERVATION`, without a batch."""
+        """Return the action (4,) that answers the tensors of `OBSERVATION`, without a batch."""
         action: NDArray[np.float32] = self._run(tensors)[0]
         return action
 
     def _run(self, tensors: Mapping[str, NDArray[np.float32]]) -> NDArray[np.float32]:
-        """The output (1, 4) for a batch of one."""
+        """Return the output (1, 4) for a batch of one."""
         batch = {name: tensors[name][None] for name in self._names}
         return self._session.run([OUTPUT], batch)[0]
 
 
 class Session(Protocol):
-    """What is used of an `onnxruntime.InferenceSession`."""
+    """Part of an `onnxruntime.InferenceSession` that is used."""
 
     def get_inputs(self) -> Sequence[Node]:
-        """Inputs of the model."""
+        """Return the inputs of the model."""
 
     def get_outputs(self) -> Sequence[Node]:
-        """Outputs of the model."""
+        """Return the outputs of the model."""
 
     def run(
         self, names: Sequence[str], tensors: Mapping[str, NDArray[np.float32]]
     ) -> Sequence[NDArray[np.float32]]:
-        """The outputs of these names."""
+        """Return the outputs of these names."""
 
 
 def load_model(path: Path, what: str = "policy") -> Session:
@@ -149,7 +149,7 @@ EXTERNAL_FOLDER = "session.model_external_initializers_file_folder_path"
 
 
 def read_model(path: Path, what: str = "policy") -> bytes:
-    """The bytes of a model's file.
+    """Return the bytes of a model's file.
 
     Args:
         path: The file.

@@ -82,7 +82,7 @@ class PolicyObserver:
         self._edges = _pseudo_angles(cosines, sines)
 
     def tensors(self, observation: Observation) -> dict[str, Tensor]:
-        """The tensors of `OBSERVATION`, without a batch."""
+        """Return the tensors of `OBSERVATION`, without a batch."""
         heading = yaw_of_quaternion(observation.quaternion)
         reference = observation.reference
         values = {
@@ -124,7 +124,7 @@ class PolicyObserver:
 
 
 def velocity_of(action: NDArray[np.floating], mission: Mission) -> Velocity:
-    """The velocity that an action (4,) of `ACTION` stands for.
+    """Return the velocity that an action (4,) of `ACTION` stands for.
 
     Components beyond -1 and 1 are clipped, those below `STILL` are zero. One that is not finite
     stays so, and the referee refuses it.

@@ -107,7 +107,7 @@ class Served(Protocol):
     """A stack or a predictor behind the messages of the harness."""
 
     def answer(self, message: sb.ToStack) -> sb.FromStack | None:
-        """The answer to a message; None to one that has none.
+        """Return the answer to a message; None to one that has none.
 
         Raises:
             CommandError: What it returned is no command.
@@ -139,7 +139,7 @@ def answer_all(served: Served, read: RawIOBase, write: IO[bytes]) -> None:
 
 
 def _answer(served: Served, message: sb.ToStack) -> tuple[sb.FromStack | None, bool]:
-    """The answer to a message, and whether it is a failure."""
+    """Return the answer to a message, and whether it is a failure."""
     try:
         return served.answer(message), False
     except CommandError as error:
@@ -154,7 +154,7 @@ def _answer(served: Served, message: sb.ToStack) -> tuple[sb.FromStack | None, b
 
 
 def served_stack(name: str) -> Served:
-    """A stack, as `--stack` takes it.
+    """Return a stack, as `--stack` takes it.
 
     Raises:
         InputError: There is none.
@@ -163,7 +163,7 @@ def served_stack(name: str) -> Served:
 
 
 def served_predictor(source: str) -> Served:
-    """A predictor, as `prediction.source` takes it.
+    """Return a predictor, as `prediction.source` takes it.
 
     Raises:
         InputError: There is none.
@@ -181,7 +181,7 @@ class ServedStack:
         self._observed: sb.Observation | None = None
 
     def answer(self, message: sb.ToStack) -> sb.FromStack | None:
-        """The answer to a message; None to one that has none.
+        """Return the answer to a message; None to one that has none.
 
         Raises:
             CommandError: What the stack returned is no command.
@@ -216,7 +216,7 @@ class ServedStack:
 
 
 def observation_from(message: sb.Observation, task: Task) -> Observation:
-    """An observation, in the stack's process."""
+    """Decode an observation, in the stack's process."""
     position = message.position
     pose = Pose(
         position=np.array([position.x, position.y, position.z]),
@@ -259,13 +259,13 @@ def observation_from(message: sb.Observation, task: Task) -> Observation:
 
 
 def _placed(sensor: Sensor, sweep: SweepInput, pose: Pose, sequence: int) -> WorldSweep:
-    """A sweep in the world frame, of ranges that kernels are compiled for: not read-only ones."""
+    """Place a sweep in the world frame, with writable ranges, which kernels are compiled for."""
     own = replace(sweep, ranges_mm=sweep.ranges_mm.copy())
     return sensor.beams.place(own, pose, sequence)
 
 
 def _receive(read: RawIOBase, rehearse: Callable[[], None]) -> sb.ToStack | None:
-    """The next message; none at the end. Rehearse whenever an observation is announced."""
+    """Read the next message; None at the end. Rehearse whenever an observation is announced."""
     while (head := _exactly(read, 4)) is not None:
         (length,) = struct.unpack("<I", head)
         if length:
@@ -277,7 +277,7 @@ def _receive(read: RawIOBase, rehearse: Callable[[], None]) -> sb.ToStack | None
 
 
 def _exactly(read: RawIOBase, count: int) -> bytes | None:
-    """So many bytes; none if the input ends before."""
+    """Read a number of bytes; None if the input ends before."""
     data = bytearray(count)
     left = memoryview(data)
     while left:

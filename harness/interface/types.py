@@ -57,7 +57,7 @@ class Sensor:
         return beams_from_info(self.info)
 
     def directions(self, sequence: int = 0) -> Array:
-        """Unit vectors (n, 3) of the beams of one sweep, in the sensor's frame.
+        """Return unit vectors (n, 3) of the beams of one sweep, in the sensor's frame.
 
         Args:
             sequence: Number of the sweep; of a grid all sweeps have the same.
@@ -161,7 +161,7 @@ class Reference:
 
 @dataclass(frozen=True)
 class Fate:
-    """What became of the previous command.
+    """Fate of the previous command.
 
     Attributes:
         sequence: Number of its observation.
@@ -177,7 +177,7 @@ class Fate:
 
 @dataclass(frozen=True)
 class Observation:
-    """What the robot knows at one instant; its arrays are read-only, as the referee has the same.
+    """Knowledge of the robot at one instant; its arrays are read-only, as the referee shares them.
 
     Attributes:
         time_ns: Time of the sweeps, ns.
@@ -193,7 +193,7 @@ class Observation:
         reference: Commanded state at that time; a trajectory has to start there.
         goal: (3,) where to go now, base origin, m; of a mission with several goals it changes when
             one was reached.
-        last: What became of the previous command; none at the first.
+        last: Fate of the previous command; None at the first.
         trail: Estimated poses while the sweeps were taken, for a rolling shutter; else none.
         covariance: (4, 4) stated covariance of x, y, z, m, and heading, rad, in the world frame;
             none if the estimator states standard deviations alone.

@@ -22,7 +22,7 @@ FIELDS: dict[type[Message], str] = {
 
 @dataclass
 class DecisionMessages:
-    """What a log holds of one decision before the decision itself.
+    """Messages of a log that precede one decision.
 
     Attributes:
         pose: Estimated pose; of the decision before where the log lacks one.
@@ -31,7 +31,7 @@ class DecisionMessages:
         goal: Goal of this decision; None of the mission's.
         prediction: Prediction of a predictor from outside, if there is one.
         answer: Answer of a stack on trial, if there is one.
-        motion: What the robot of a recording did up to the decision; None of an episode.
+        motion: Motion of a recording's robot up to the decision; None of an episode.
         state: State of the simulator, if it was kept.
     """
 

@@ -301,7 +301,7 @@ class Log:
 
 
 def as_truth(motion: pb.RecordedMotion) -> pb.Truth:
-    """The recorded motion in the place of a truth, to show it; its clearance is not a number."""
+    """Return the recorded motion in place of a truth, to show it; its clearance is NaN."""
     return pb.Truth(
         timestamp=motion.timestamp,
         sequence=motion.sequence,

@@ -30,11 +30,11 @@ class Calibration(Perturbation, frozen=True, tag="calibration"):
         return "degrees" if self.mode == "rotation" else "cm"
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The first sensor."""
+        """Return the first sensor."""
         return tuple(sensors[:1])
 
     def displacement(self, seed: int) -> Displacement:
-        """The same for the whole episode."""
+        """Return the displacement of the sensor, constant over the episode."""
         axis = stream(seed, "perturbation/calibration", 0).standard_normal(3)
         axis /= np.linalg.norm(axis)
         shift = 0.01 * self.amount if self.mode == "translation" else 0.0

@@ -26,11 +26,11 @@ class DepthDropout(Perturbation, frozen=True, tag="depth_dropout"):
     values: ClassVar[tuple[float, float, float, float, float]] = (0.01, 0.03, 0.1, 0.3, 0.6)
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """All sensors."""
+        """Return all sensors."""
         return tuple(sensors)
 
     def report(self, report: Report) -> Ranges:
-        """The sweep without the echoes that are lost."""
+        """Return the sweep without the echoes that are lost."""
         lost = LOST[self.mode](report, self.amount) & report.echoes
         return np.where(lost, report.silence, report.ranges_mm)
 
@@ -40,7 +40,7 @@ def _rays(report: Report, share: float) -> NDArray[np.bool_]:
 
 
 def _patch(report: Report, share: float) -> NDArray[np.bool_]:
-    """A rectangle of that share of the image and of its shape; it may wrap round the columns."""
+    """Choose a patch of that share of the image, of its shape; it may wrap round the columns."""
     rows, columns = report.image_shape
     height = max(1, round(rows * math.sqrt(share)))
     width = max(1, round(share * rows * columns / height))

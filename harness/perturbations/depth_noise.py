@@ -19,11 +19,11 @@ class DepthNoise(Perturbation, frozen=True, tag="depth_noise"):
     values: ClassVar[tuple[float, float, float, float, float]] = (0.01, 0.03, 0.06, 0.12, 0.24)
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """All sensors."""
+        """Return all sensors."""
         return tuple(sensors)
 
     def report(self, report: Report) -> Ranges:
-        """The sweep with the error, clipped to the device's range so that no echo is lost."""
+        """Add the error to the sweep, clipped to the device's range so that no echo is lost."""
         device, reported = report.device, report.ranges_mm
         error = self.amount * MILLIMETRES * report.rng().standard_normal(len(reported))
         nearest = max(1.0, device.minimum_range * MILLIMETRES)

@@ -19,11 +19,11 @@ class DepthScale(Perturbation, frozen=True, tag="depth_scale"):
     values: ClassVar[tuple[float, float, float, float, float]] = (0.005, 0.01, 0.02, 0.05, 0.1)
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """All sensors."""
+        """Return all sensors."""
         return tuple(sensors)
 
     def report(self, report: Report) -> Ranges:
-        """The sweep with longer ranges; what then lies beyond the device's range is lost."""
+        """Return the sweep with longer ranges; what then lies beyond the device's range is lost."""
         scaled = np.rint(report.ranges_mm * (1.0 + self.amount))
         seen = scaled <= report.device.range * MILLIMETRES
         longer = np.where(seen, scaled, report.silence)

@@ -37,7 +37,7 @@ class Displacement:
         matrix[:] = (R_world_sensor @ self.R).ravel()
 
     def move_trail(self, trail: Trail, position: Array, R: Array) -> Trail:
-        """Poses of a base whose stated sensor is where the displaced one truly was.
+        """Return poses of a base whose stated sensor is where the displaced one truly was.
 
         With D the displacement, T_world_base T_base_sensor D = (T_world_base D') T_base_sensor,
         where D' = T_base_sensor D T_base_sensor^-1.

@@ -34,7 +34,7 @@ class ImuBias(Perturbation, frozen=True, tag="imu_bias"):
         return "mg" if self.mode == "accelerometer" else "mrad/s"
 
     def inertial_bias(self, seed: int) -> InertialBias:
-        """The same for the whole episode."""
+        """Return the bias, constant over the episode."""
         axis = stream(seed, "perturbation/imu_bias", 0).standard_normal(3)
         if self.mode == "gyroscope":
             return InertialBias(np.zeros(3), 1e-3 * float(np.copysign(self.amount, axis[0])))

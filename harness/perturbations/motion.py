@@ -26,7 +26,7 @@ class Motion(Perturbation, frozen=True, tag="motion"):
     values: ClassVar[tuple[float, float, float, float, float]] = (0.4, 0.8, 1.34, 1.6, 2.0)
 
     def change_world(self, world: World, seed: int) -> World:
-        """The world with the people in it; their ways do not depend on the severity."""
+        """Return the world with the people in it; their ways do not depend on the severity."""
         from wayproof.models.worlds import with_traffic  # it loads the simulator
 
         peopled = with_traffic(world, PEOPLE, self.amount, seed)

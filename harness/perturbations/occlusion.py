@@ -28,11 +28,11 @@ class Occlusion(Perturbation, frozen=True, tag="occlusion"):
     values: ClassVar[tuple[float, float, float, float, float]] = (10.0, 30.0, 60.0, 120.0, 240.0)
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The first sensor."""
+        """Return the first sensor."""
         return tuple(sensors[:1])
 
     def report(self, report: Report) -> Ranges:
-        """The sweep with its blocked beams blinded."""
+        """Return the sweep with its blocked beams blinded."""
         cosine = _planar(report.directions) @ self._centre(report)
         blocked = cosine >= math.cos(math.radians(0.5 * self.amount))
         return np.where(blocked, DROPPED, report.ranges_mm)
@@ -47,7 +47,7 @@ class Occlusion(Perturbation, frozen=True, tag="occlusion"):
 
 
 def _planar(beams: NDArray[np.float64]) -> NDArray[np.float64]:  # (n, 2)
-    """Unit vectors of the beams' azimuths; a vertical beam has none and is never blocked."""
+    """Return unit vectors of the beams' azimuths; a vertical beam has none and is never blocked."""
     plane = beams[:, :2]
     length = np.linalg.norm(plane, axis=1, keepdims=True)
     azimuths = np.zeros_like(plane)

@@ -36,9 +36,9 @@ MAX_SEVERITY = 5.0
 Changes = Literal[
     "nothing", "pose", "motion_sensors", "ranges", "arrivals", "delay", "world", "prior"
 ]
-"""What a perturbation changes: the estimated pose, the sensors of motion that a pose is estimated
-by, the ranges of sweeps, which sweeps arrive, the delay of decisions, the simulated world, or the
-prior map."""
+"""Input that a perturbation changes: the estimated pose, the sensors of motion that a pose is
+estimated by, the ranges of sweeps, which sweeps arrive, the delay of decisions, the simulated
+world, or the prior map."""
 
 UNCHANGED = PoseError()
 
@@ -58,7 +58,7 @@ class Misplacement(NamedTuple):
 
 
 class RangeLimits(Protocol):
-    """What a perturbation reads of a device; `Device` and recorded sensors have it."""
+    """Range limits of a device or of a recorded sensor."""
 
     @property
     def range(self) -> float:
@@ -193,7 +193,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
 
     @classmethod
     def severity_of(cls, amount: float) -> float:
-        """The severity of an amount.
+        """Return the severity of an amount.
 
         Raises:
             ValueError: The amount is outside the scale.
@@ -212,7 +212,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return self.window[0] <= time_ns * 1e-9 < self.window[1]
 
     def change_world(self, world: World, seed: int) -> World:
-        """The perturbed world of the episode.
+        """Return the perturbed world of the episode.
 
         Raises:
             ValueError: The world cannot be changed so.
@@ -221,7 +221,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return world
 
     def change_prior(self, world: World, seed: int) -> World:
-        """The world as a prior map of it shows it.
+        """Return the world as a prior map of it shows it.
 
         Raises:
             ValueError: The world cannot be changed so.
@@ -230,12 +230,12 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return world
 
     def misplacement(self, seed: int) -> Misplacement:
-        """The error of the place of the prior map."""
+        """Return the error of the place of the prior map."""
         del seed
         return Misplacement()
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The sensors whose sweeps it changes, in the order given."""
+        """Return the sensors whose sweeps it changes, in the order given."""
         del sensors
         return ()
 
@@ -269,7 +269,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return True
 
     def report(self, report: Report) -> Ranges:  # (n,)
-        """The ranges (n,) that the stack gets in place of those reported, mm."""
+        """Return the ranges (n,) that the stack gets in place of those reported, mm."""
         return report.ranges_mm
 
     def displacement(self, seed: int) -> Displacement | None:

@@ -23,18 +23,18 @@ class PoseDrift(Perturbation, frozen=True, tag="pose_drift"):
     values: ClassVar[tuple[float, float, float, float, float]] = (0.001, 0.005, 0.02, 0.06, 0.09)
 
     def active_pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
-        """The drift so far."""
+        """Return the drift so far."""
         return along(direction(self.direction, seed, self.kind), self.amount * travelled)
 
 
 def direction(given: float | None, seed: int, name: str) -> float:
-    """A horizontal direction, given in degrees or chosen by the seed, rad."""
+    """Return a horizontal direction, given in degrees or chosen by the seed, rad."""
     if given is not None:
         return math.radians(given)
     return float(stream(seed, f"perturbation/{name}", 0).uniform(-math.pi, math.pi))
 
 
 def along(direction: float, length: float) -> PoseError:
-    """A shift of a length in a horizontal direction, in whole micrometres."""
+    """Return a shift of a length in a horizontal direction, in whole micrometres."""
     x, y = length * math.cos(direction), length * math.sin(direction)
     return PoseError((round(x, 6), round(y, 6), 0.0))

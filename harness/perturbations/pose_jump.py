@@ -35,6 +35,6 @@ class PoseJump(Perturbation, frozen=True, tag="pose_jump"):
 
 
 def jump_time_ns(seed: int) -> int:
-    """When the pose jumps, in simulated time."""
+    """Return the simulated time at which the pose jumps, ns."""
     time_s = float(stream(seed, "perturbation/pose_jump", 1).uniform(EARLIEST, LATEST))
     return round(time_s * 10.0) * 10**8

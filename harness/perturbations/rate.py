@@ -10,9 +10,9 @@ from wayproof.harness.perturbations.perturbation import Changes, Perturbation
 
 
 class Rate(Perturbation, frozen=True, tag="rate"):
-    """Of every sensor's sweeps only each n-th arrives; decisions are made as often as before.
+    """Only each n-th sweep of every sensor arrives; decisions are made as often as before.
 
-    In between two whole n, the sweeps that come next after whole multiples of n arrive.
+    For a fractional n, the sweeps that come next after whole multiples of n arrive.
     """
 
     changes: ClassVar[Changes] = "arrivals"
@@ -21,7 +21,7 @@ class Rate(Perturbation, frozen=True, tag="rate"):
     nothing: ClassVar[float] = 1.0
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """All sensors."""
+        """Return all sensors."""
         return tuple(sensors)
 
     def delivers(self, sequence: int) -> bool:

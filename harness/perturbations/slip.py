@@ -25,10 +25,10 @@ class Slip(Perturbation, frozen=True, tag="slip"):
     windowed: ClassVar[bool] = False
 
     def change_world(self, world: World, seed: int) -> World:
-        """The world with the slippery floor."""
+        """Return the world with the slippery floor."""
         del seed
         return replace(world, friction=round(world.friction - self.amount, 9))
 
     def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The world, and what follows from how the body slips: its pose and all sensors."""
+        """Return the world, and what follows from how the body slips: its pose and all sensors."""
         return ("world", "pose", *(f"sensor/{name}" for name in sensors))

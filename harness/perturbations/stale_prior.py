@@ -53,12 +53,12 @@ class StalePrior(Perturbation, frozen=True, tag="stale_prior"):
         return UNITS[self.mode]
 
     def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """The prior map alone."""
+        """Return the prior map alone."""
         del sensors
         return ("prior",)
 
     def change_prior(self, world: World, seed: int) -> World:
-        """The world as the prior map shows it."""
+        """Return the world as the prior map shows it."""
         if self.mode in ("shift", "turn"):
             return world
         if self.mode == "doors":
@@ -66,7 +66,7 @@ class StalePrior(Perturbation, frozen=True, tag="stale_prior"):
         return self._with_other_things(world, seed)
 
     def misplacement(self, seed: int) -> Misplacement:
-        """The error of the map's place, the same for the whole episode."""
+        """Return the error of the map's place, the same for the whole episode."""
         rng = stream(seed, "perturbation/stale_prior", 1)
         direction, side = rng.uniform(0.0, 2.0 * math.pi), 1.0 if rng.integers(2) else -1.0
         if self.mode == "shift":

@@ -27,7 +27,7 @@ class CdrError(ValueError):
 
 
 class Kind(NamedTuple):
-    """What a field holds: one of text, numbers, a message, or a sequence of messages."""
+    """Type of a field: text, numbers, a message, or a sequence of messages."""
 
     code: Code | None = None
     message: type[Message] | None = None
@@ -38,7 +38,7 @@ _fields: dict[str, tuple[tuple[str, Kind], ...]] = {}
 
 
 def fields_of(kind: type[Message]) -> tuple[tuple[str, Kind], ...]:
-    """The fields of a message in order, each with what it holds."""
+    """Return the fields of a message in order, each with its type."""
     if kind.TYPE not in _fields:
         hints = get_type_hints(kind, include_extras=True)
         known = [(name, _kind(hint)) for name, hint in hints.items() if name != "TYPE"]
@@ -55,14 +55,14 @@ def _kind(hint: object) -> Kind:
 
 
 def encode(message: Message) -> bytes:
-    """The bytes of a message, with the header of the encapsulation."""
+    """Encode a message, with the header of the encapsulation."""
     writer = Writer()
     writer.message(message)
     return writer.finish()
 
 
 def decode(kind: type[M], data: bytes) -> M:
-    """The message in these bytes.
+    """Decode a message.
 
     Raises:
         CdrError: They end early, or are in another encoding.
@@ -80,7 +80,7 @@ class Writer:
         self._parts, self._length = [HEADER], 0
 
     def finish(self) -> bytes:
-        """All of it, after the header."""
+        """Return the header and what was appended after it."""
         return b"".join(self._parts)
 
     def message(self, message: Message) -> None:
@@ -172,7 +172,7 @@ class Reader:
             raise CdrError(f"got the bytes {data[:20].hex()}, expected UTF-8") from None
 
     def _count(self, size: int) -> int:
-        """A number of elements, each of at least so many bytes."""
+        """Read a number of elements, each of at least so many bytes."""
         count = int(self._take(np.dtype(self._order + "u4"), 1)[0])
         if count * size > len(self._data) - self._place:
             raise CdrError(f"got a sequence of {count} in {len(self._data)} bytes")

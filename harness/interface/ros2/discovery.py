@@ -1,4 +1,4 @@
-"""What keeps ROS 2 nodes from an episode: another type or quality of service, a second clock."""
+"""Mismatches of ROS 2 nodes with an episode: another type or quality of service, a second clock."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def mismatch(
     publishers: Iterable[Publisher],
     ours: Iterable[Subscription[Message]],
 ) -> str:
-    """The first pair that cannot match, or a second clock, in words; empty if all is well.
+    """Return the first pair that cannot match, or a second clock, in words; empty if all is well.
 
     Args:
         publications: Publications of the others.

@@ -24,7 +24,7 @@ HIGHEST_COST = 98
 
 
 def map_grid(costmap: Costmap, frame: str, stamp: Time) -> OccupancyGrid:
-    """The three states of a plane: free 0, occupied 100, unknown -1."""
+    """Return the three states of a plane: free 0, occupied 100, unknown -1."""
     state = costmap.state[:, :, 0]
     cells = np.where(state == OCCUPIED, LETHAL, np.where(state == FREE, 0, UNKNOWN))
     return _grid(costmap, cells, frame, stamp)

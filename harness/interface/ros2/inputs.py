@@ -1,4 +1,4 @@
-"""What a ROS 2 stack sends: velocity commands, a plan and a costmap; each checked."""
+"""Messages of a ROS 2 stack: velocity commands, a plan and a costmap; each checked."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Inputs:
         return sorted(received, key=lambda one: one.sent_ns)
 
     def plan(self) -> Array | None:
-        """The newest plan received since, (k, 3) m, world; none if none was."""
+        """Return the newest plan since the last call, (k, 3) m, world; None without one."""
         samples = self._taken(self._plan) if self._plan else []
         if not samples:
             return None
@@ -102,7 +102,7 @@ class Inputs:
         return np.array([(one.x, one.y, one.z) for one in positions]).reshape(-1, 3)
 
     def costmap(self) -> Grid | None:
-        """The newest costmap received since; none if none was."""
+        """Return the newest costmap since the last call; None without one."""
         samples = self._taken(self._costmap) if self._costmap else []
         if not samples:
             return None

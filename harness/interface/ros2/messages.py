@@ -57,12 +57,12 @@ class Time(Message):
 
     @classmethod
     def of(cls, time_ns: int) -> Time:
-        """From nanoseconds."""
+        """Make a time of nanoseconds."""
         return cls(*divmod(time_ns, 1_000_000_000))
 
     @property
     def ns(self) -> int:
-        """In nanoseconds."""
+        """The time in nanoseconds."""
         return self.sec * 1_000_000_000 + self.nanosec
 
 

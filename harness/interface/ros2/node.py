@@ -39,8 +39,8 @@ CONFIG = (
     '<SocketSendBufferSize min="65536B" max="4194304B"/></Internal>'
 )
 """Cyclone DDS's settings where `CYCLONEDDS_URI` gives none. Fragments are as large as UDP takes, as
-a cloud of many small ones overruns the receiver's buffer; readers are asked at once what they have
-received."""
+a cloud of many small ones overruns the receiver's buffer; readers have to state at once what
+they have received."""
 
 BLOCKING_NS = 5_000_000_000
 """Longest that a write waits for a slow reader, ns."""
@@ -117,7 +117,7 @@ class Node:
         self._waitset.wait(max(round(wall_s * 1e9), 1))
 
     def publications(self) -> list[Endpoint]:
-        """Publishers of other participants."""
+        """Return the publishers of other participants."""
         return self._endpoints(self._publications)
 
     def subscriptions(self) -> list[Endpoint]:
@@ -193,7 +193,7 @@ class Subscription(Generic[M]):
         self.condition = ReadCondition(self._reader, mask)
 
     def take(self) -> list[Sample[M]]:
-        """All that has been received since, oldest first.
+        """Return all that has been received since, oldest first.
 
         Raises:
             CdrError: Bytes that are no such message.

@@ -45,7 +45,7 @@ NAME = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 @dataclass(frozen=True)
 class Options:
-    """How a stack of ROS 2 nodes is connected.
+    """Connection of a stack of ROS 2 nodes.
 
     Attributes:
         domain: DDS domain.
@@ -73,7 +73,7 @@ class Options:
     topics: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
     def topic(self, name: str) -> str:
-        """The full name of a topic; empty if it is not used. Ranges stay beside their points."""
+        """Return the full name of a topic; empty if unused. Ranges stay beside their points."""
         beside = name.removesuffix(RANGES)
         if beside != name and name not in self.topics:
             return self.topic(beside) and self.topic(beside) + RANGES

@@ -1,4 +1,4 @@
-"""What a ROS 2 stack gets: the topics of one mission, and when they are sent."""
+"""Topics that a ROS 2 stack gets in one mission, and their times."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from wayproof.harness.interface.types import Observation, Task
 from wayproof.maps import Costmap
 
 LATCHED = ("tf_static", "task", "map", "referee/costmap", "goal_pose")
-"""Topics whose last message a node gets that joins later."""
+"""Topics with a durability of transient local: a node that joins later gets the last message."""
 
 GRID_PERIOD_NS = 1_000_000_000
 """Simulated time between two maps and costmaps, ns; Nav2's default publish frequency."""
 
 PAST_NS = 1
-"""By how much the clock is past the stamps of sweeps and the ends of controller periods, ns: so a
-stamp that was copied from a sweep can be distinguished from one that a node took from its clock."""
+"""Lead of the clock over the stamps of sweeps and the ends of controller periods, ns: so a stamp
+that was copied from a sweep can be distinguished from one that a node took from its clock."""
 
 
 class Outputs:
@@ -115,7 +115,7 @@ class Outputs:
         self._send("referee/costmap", costmap_grid(costmap, frame, stamp))
 
     def not_taken(self, wall_s: float) -> str:
-        """The topic that a reliable reader has not received all of in so long; empty if none."""
+        """Return a topic of which a reliable reader still lacks messages; empty if none."""
         for publisher in self.publishers.values():
             if not publisher.wait_for_readers(wall_s):
                 return publisher.topic

@@ -15,7 +15,7 @@ class Unexpected(Exception):
 
 
 def answer_to(sweep_ns: int, commands: Iterable[Received]) -> Received | None:
-    """The command with a sweep's stamp; those with an earlier one answer an earlier sweep.
+    """Return the command with a sweep's stamp; those with an earlier one answer an earlier sweep.
 
     Raises:
         Unexpected: A command has no stamp, or a later one.
@@ -31,7 +31,7 @@ def answer_to(sweep_ns: int, commands: Iterable[Received]) -> Received | None:
 
 
 def made_after(clock_ns: int, ticked_ns: int, commands: Iterable[Received]) -> Received | None:
-    """The first command that was made after the clock had a time.
+    """Return the first command that was made after the clock had a time.
 
     Args:
         clock_ns: That ROS time, ns, for commands with a stamp.
@@ -47,7 +47,7 @@ def made_after(clock_ns: int, ticked_ns: int, commands: Iterable[Received]) -> R
 
 
 def ticks_up_to(stamp_ns: int, tick_ns: int, period_ns: int) -> list[int]:
-    """Ends of the controller periods after one of them, up to a time and with it, ns.
+    """Return the ends of the controller periods after one of them, up to a time and with it, ns.
 
     Args:
         stamp_ns: That time.

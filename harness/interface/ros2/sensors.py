@@ -83,7 +83,7 @@ class Lidar:
         return f"{self.prefix}points{RANGES}"
 
     def messages(self, sweep: Sweep, sequence: int, stamp: Time) -> list[Named]:
-        """A sweep as a cloud, and as a scan where it has one."""
+        """Return a sweep as a cloud, and as a scan where it has one."""
         header = Header(stamp, self.sensor.info.name)
         made = [Named(f"{self.prefix}points", self._cloud(sweep, sequence, header))]
         if self.row is not None:
@@ -91,7 +91,7 @@ class Lidar:
         return made
 
     def _cloud(self, sweep: Sweep, sequence: int, header: Header) -> PointCloud2:
-        """The returns, in the sensor's frame at the time of each."""
+        """Build the cloud of returns, in the sensor's frame at the time of each."""
         returned = (sweep.ranges_mm != DROPPED) & (sweep.ranges_mm != NO_RETURN)
         beams = self.sensor.directions(sequence)[returned]
         ranges = sweep.ranges_mm[returned] * 1e-3
@@ -154,7 +154,7 @@ class DepthCamera:
         return f"{self.prefix}image{RANGES}"
 
     def messages(self, sweep: Sweep, sequence: int, stamp: Time) -> list[Named]:
-        """A sweep as an image, 32FC1 in metres, and the calibration with its stamp."""
+        """Return a sweep as an image, 32FC1 in metres, and the calibration with its stamp."""
         header = Header(stamp, optical_frame(self.sensor))
         image = Named(f"{self.prefix}image", self._image(sweep, header))
         return [image, Named(f"{self.prefix}camera_info", self._info(header))]
@@ -170,7 +170,7 @@ class DepthCamera:
         return Image(header, height, width, "32FC1", 0, 4 * width, data)
 
     def _info(self, header: Header) -> CameraInfo:
-        """A pinhole without distortion, whose pixels' centres have the table's slopes."""
+        """Describe a pinhole without distortion, whose pixels' centres have the table's slopes."""
         table = self.sensor.beams.table
         fx, cx = _pinhole(table.columns[:, 0])
         fy, cy = _pinhole(table.rows[:, 0])
@@ -216,7 +216,7 @@ Publication = Lidar | DepthCamera | Rangefinder
 
 
 def publications_of(task: Task) -> dict[str, Publication]:
-    """What is published of each sensor, by its name."""
+    """Return the publication of each sensor by its name."""
     found: dict[str, Publication] = {}
     for name, sensor in task.sensors.items():
         kind: type[Publication] | None = KINDS.get(sensor.info.kind)
@@ -243,7 +243,7 @@ def has_ranges(sensor: Sensor) -> bool:
 
 
 def ranges_image(sensor: Sensor, sweep: Sweep, stamp: Time) -> Image:
-    """A sweep as it was measured, mm, 16UC1: 0 dropped, 65535 no return; rows by columns of beams.
+    """Return a sweep as measured, mm, 16UC1: 0 dropped, 65535 no return; rows by columns of beams.
 
     With the beam tables of the topic `/task` it is all that a map takes of the sweep.
     """

@@ -28,11 +28,11 @@ from wayproof.maps import Costmap
 T = TypeVar("T")
 
 REPEAT_S = 1.0
-"""Wall time after which what has not been answered is sent again, s: a node that has just been
-found, or that asks for best effort, can lose a message."""
+"""Wall time after which an unanswered message is sent again, s: a node that has just been found, or
+that subscribes with best effort, can lose one."""
 
 GOAL_REPEAT_S = 5.0
-"""The same of the goal, s: Nav2 starts over with each."""
+"""Wall time after which an unanswered goal is sent again, s: Nav2 starts over with each."""
 
 CHECKED_EACH = 20
 """Observations between two looks at all other endpoints of the domain."""
@@ -112,10 +112,10 @@ class Ros2Stack:
         self._costmap = costmap
 
     def announce(self) -> None:
-        """Nothing: the nodes wait for topics."""
+        """Do nothing: the nodes wait for topics."""
 
     def query(self, observation: Observation) -> sb.Command:
-        """The command that answers an observation.
+        """Return the command that answers an observation.
 
         Raises:
             StackError: None came in time, or what came is none.
@@ -144,7 +144,7 @@ class Ros2Stack:
             self.__dict__.pop(name, None)
 
     def stderr(self) -> str:
-        """Nothing: the nodes have terminals of their own."""
+        """Return nothing: the nodes have terminals of their own."""
         return ""
 
     @property
@@ -251,7 +251,7 @@ class Ros2Stack:
             )
 
     def _wait(self, find: Callable[[list[Received]], T | None], until: float) -> T | None:
-        """What is found among the commands received before a time of `time.monotonic`."""
+        """Wait until a command is found; None at a time of `time.monotonic`."""
         while True:
             commands = self._inputs.commands()
             self._check_source(commands)
@@ -297,7 +297,7 @@ class Ros2Stack:
         )
 
     def _command(self, observation: Observation, answer: Answer) -> sb.Command:
-        """What was received, and when in simulated time, as it is logged."""
+        """Return the received command as it is logged, with its simulated time."""
         assert self._offset_ns is not None
         received = answer.received
         scalars = {"ros2.received_s": (answer.time_ns - self._offset_ns) * 1e-9}

@@ -20,7 +20,7 @@ MALFORMED = (
     *(msgspec.MsgspecError, json_format.ParseError),
     *(ValueError, KeyError, TypeError, RecursionError),
 )
-"""What reading a text that is no task raises."""
+"""Exceptions of reading a text that is no task."""
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ def moving_transforms(
 def _trail(
     observation: Observation, options: Options, stamp_ns: int, since_ns: int
 ) -> list[TransformStamped]:
-    """The poses while the sweeps were taken, oldest first, without that of now."""
+    """Return the poses while the sweeps were taken, oldest first, without the current one."""
     trail = observation.trail
     if trail is None:
         return []
@@ -102,7 +102,7 @@ def _moved(stamp: Time, options: Options, position: Array, wxyz: Array) -> Trans
 
 
 def odometry(observation: Observation, options: Options, stamp: Time) -> Odometry:
-    """The estimated pose in the odometry's frame, and the velocity in the base's."""
+    """Return the estimated pose in the odometry's frame, and the velocity in the base's."""
     header = Header(stamp, options.odom_frame)
     pose = Pose(_point(observation.position), quaternion_of(observation.quaternion))
     velocity = observation.rotation.T @ observation.velocity
@@ -116,7 +116,7 @@ def odometry(observation: Observation, options: Options, stamp: Time) -> Odometr
 
 
 def goal_pose(task: Task, options: Options, stamp: Time, reached: int = 0) -> PoseStamped:
-    """The next goal, headed to it from the one before, or the start: any heading is as good."""
+    """Return the next goal, headed to it from the one before, or the start: any heading will do."""
     before, goal = (task.mission.start, *task.mission.goals)[reached : reached + 2]
     heading = math.atan2(goal[1] - before[1], goal[0] - before[0])
     turned = Quaternion(0.0, 0.0, math.sin(0.5 * heading), math.cos(0.5 * heading))
@@ -124,13 +124,13 @@ def goal_pose(task: Task, options: Options, stamp: Time, reached: int = 0) -> Po
 
 
 def quaternion_of(wxyz: Array) -> Quaternion:
-    """A quaternion (4,), w x y z."""
+    """Convert a quaternion (4,), w x y z, to its message."""
     w, x, y, z = wxyz.tolist()
     return Quaternion(x, y, z, w)
 
 
 def quaternion_from_rotation(R: Array) -> Quaternion:
-    """The quaternion of a rotation matrix (3, 3), by its greatest component (Shepperd 1978)."""
+    """Convert a rotation (3, 3) to a quaternion, by its greatest component (Shepperd 1978)."""
     x, y, z = R[0, 0], R[1, 1], R[2, 2]
     squares = np.array([x + y + z, x - y - z, y - x - z, z - x - y])
     greatest = int(np.argmax(squares))
@@ -157,14 +157,14 @@ def _transform(stamp: Time, frames: tuple[str, str], position: Array, R: Array) 
 
 
 def _heading_alone(R: Array) -> Array:
-    """The rotation about the vertical in a rotation (3, 3)."""
+    """Return the rotation about the vertical in a rotation (3, 3)."""
     heading = math.atan2(R[1, 0], R[0, 0])
     c, s = math.cos(heading), math.sin(heading)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _covariance(observation: Observation) -> NDArray[np.float64]:
-    """Of the pose, (36,) x, y, z and rotations about them: the stated one, or of the deviations."""
+    """Return the covariance (36,) of x, y, z and rotations about them: stated, or diagonal."""
     if observation.covariance is not None:
         full = np.zeros((6, 6))
         full[np.ix_(STATED, STATED)] = observation.covariance

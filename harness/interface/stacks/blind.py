@@ -22,7 +22,7 @@ class Blind:
         self._task = task
 
     def step(self, observation: Observation) -> Command:
-        """A velocity towards the goal."""
+        """Return a velocity towards the goal."""
         mission = self._task.mission
         reference = observation.reference
         dx, dy, dz = (observation.goal - reference.position).tolist()

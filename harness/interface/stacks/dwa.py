@@ -190,7 +190,7 @@ class Dwa:
         self._yaw_acceleration = mission.max_acceleration * mission.max_yaw_rate / mission.max_speed
 
     def step(self, observation: Observation) -> Command:
-        """The velocity of greatest objective in the search space V_r."""
+        """Return the velocity of greatest objective in the search space V_r."""
         mission, reference = self._task.mission, observation.reference
         goal = observation.goal
         offset = (goal - reference.position)[: mission.axes]
@@ -231,7 +231,7 @@ class Dwa:
         """Nothing to end."""
 
     def _returns(self, observation: Observation) -> Array:
-        """Returns (k, 3) of the sweeps at a height that the body takes, world frame, m."""
+        """Select the returns (k, 3) at a height that the body takes, world frame, m."""
         mission = self._task.mission
         points = np.vstack([sweep.points for sweep in observation.sweeps] or [np.zeros((0, 3))])
         height = float(observation.position[2])
@@ -281,7 +281,7 @@ class Dwa:
         return np.column_stack([flat, np.full(len(flat), yaw_rate)])
 
     def _simulate(self, twists: Array, reference: Reference) -> Array:
-        """Poses (m, k, 3) x, y, m, and heading, rad, of twists (m, 3) reached within the limits."""
+        """Roll out twists (m, 3) within the limits: poses (m, k, 3) x, y, m, and heading, rad."""
         largest = self._task.mission.max_acceleration * STEP_S
         turn = self._yaw_acceleration * STEP_S
         velocity = np.tile(reference.velocity[:2], (len(twists), 1))
@@ -315,7 +315,7 @@ class Dwa:
         return least
 
     def _free_steps(self, clearances: Array) -> NDArray[np.int64]:
-        """Number (m,) of the last pose before the body hits anything.
+        """Return the number (m,) of the last pose before the body hits anything.
 
         A body that is within the margin already may move if it does not come nearer.
         """
@@ -361,7 +361,7 @@ class Dwa:
 
 
 def _in_body(velocity: Array, heading: float) -> Array:
-    """The horizontal part (2,) of a velocity of the world in the body's frame, m/s."""
+    """Return the horizontal part (2,) of a velocity of the world in the body's frame, m/s."""
     cosine, sine = math.cos(heading), math.sin(heading)
     x, y = velocity[:2].tolist()
     return np.array([cosine * x + sine * y, cosine * y - sine * x])

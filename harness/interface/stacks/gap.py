@@ -43,7 +43,7 @@ class Gap:
         self._course = mission.start_heading
 
     def step(self, observation: Observation) -> Command:
-        """A velocity into the best gap."""
+        """Return a velocity into the best gap."""
         mission, reference = self._task.mission, observation.reference
         dx, dy, dz = (observation.goal - reference.position).tolist()
         away = math.hypot(dx, dy)
