@@ -1,15 +1,15 @@
-"""From a recording and a body to the settings, the mission and the sensors of a log."""
+"""Settings, mission and sensors of a log, from a recording and a body."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.config import HASH_SEPARATOR, Config
-from wayproof.harness.config_document import override, with_perturbation
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
 from wayproof.harness.perturbations import AnyPerturbation
@@ -21,15 +21,18 @@ from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Tra
 from wayproof.harness.scenario.worlds import bare_world
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.body import Body
+from wayproof.harness.shadow.recording_settings import (
+    is_planar,
+    settings_of,
+    with_stack,
+    within_altitudes,
+)
 from wayproof.harness.shadow.sweeps import SweepWriter, TableWriter, sensor_message, topic_name
 from wayproof.harness.shadow.way import Way
 from wayproof.maps.kernels.beams import MAX_BEAM_CELLS
 from wayproof.models.sensors.beams import LONGEST_LISTED_RANGE
 
 Array = NDArray[np.float64]
-
-FAR = 5e3
-"""Coordinate beyond which the first pose becomes the origin of the log's frame, m."""
 
 BELOW, ABOVE = 0.5, 0.5
 """Room of the operating area below the floor and above the body of a ground robot, m."""
@@ -40,28 +43,8 @@ AIR_MARGIN = 2.0
 LEAST_STEP_CELLS = 0.3
 """Least step height, cells: the floor's layer of a map reaches up to a quarter of a cell."""
 
-SCANS = {
-    "spacing": 0.05,
-    "sweep_noise_share": 0.12,
-    "map_error_share": 0.05,
-    "motion_share": 0.1,
-    "turn_share": 0.2,
-    "turn_walk": 0.1,
-}
-"""Defaults of `estimate` for recordings of planar lasers alone. They see few points, of which one
-for each beam is taken, and some 70 lie on lines: the error of a mean is that of one by the root of
-their number. The error that a registration leaves is that of a sweep by the root of 20, as a scan
-has a twentieth of its points. Wheels predict, which are off as GMapping takes them to be by its
-defaults (Grisetti, Stachniss and Burgard 2007, T-RO 23)."""
-
 FIRST_SWEEPS = 50
 """Number of sweeps that are looked at for the rate and the mount of each sensor."""
-
-REMOTE = ("exec", "unix", "tcp")
-"""Kinds of stacks in another process."""
-
-NAME = 60
-"""Longest part of a recording's name in the name of the world."""
 
 
 @dataclass(frozen=True)
@@ -123,53 +106,61 @@ def prepare(
     settings = list(settings)
     if prior is not None:
         settings.append(f"prior.source={prior}")
-    if stack is not None and stack.partition(":")[0] in REMOTE:
-        raise InputError(
-            f"--stack {stack}: the interface to other processes has no sweeps that list their "
-            "beams, expected a name of 'wayproof list', module:Class or file.py:Class"
-        )
-    lasers = all(sensor.kind == "laser" for sensor in recording.sensors)
-    planar = lasers and body.motion == "ground"
+    planar = is_planar(recording, body)
     first = _first_sweeps(recording)
-    config = _config(recording, body, settings, seed, planar)
+    config = settings_of(recording, body, settings, seed)
+    config = with_stack(with_perturbation(config, perturbation), stack)
     recorded = config.recording
     assert recorded is not None
-    config = with_perturbation(config, perturbation)
-    if stack is not None:
-        recorded = replace(recorded, goal="end")  # a stack on trial gets one goal, in its task
-        trial = replace(config.stack, name=stack)
-        config = replace(config, stack=trial, recording=recorded)
     way = Way(_read_part(recording), recorded, flat=planar)
     start_ns = min(sweeps[0].time_ns for sweeps in first.values())
     mission = _mission(way, body, config, start_ns, recording.mission)
     if body.motion == "air" and recording.mission is None:
-        config = _within_altitudes(config, mission, settings)
+        config = within_altitudes(config, mission, settings)
     config = with_prior(config, bare_world(config, mission))
     lift = _lift(config, recorded, first) if planar else 0.0
-    infos: list[pb.SensorInfo] = []
-    writers: dict[str, SweepWriter | TableWriter] = {}
-    for sensor in recording.sensors:
-        sweeps = first.get(sensor.name)
-        if sweeps is None:
-            continue
-        writer = _writer(sensor, sweeps, lift, recording, config)
-        if any(writer.info.name == other.name for other in infos):
-            name = writer.info.name
-            raise InputError(f"recording '{recording.name}': two sensors of the name {name}")
-        infos.append(writer.info)
-        writers[sensor.name] = writer
-    named = any(one.partition("=")[0].strip() == "recording.body_height" for one in settings)
-    stated = named or recording.body_height is not None or recording.options.mount is not None
+    writers = _writers(recording, first, lift, config)
     return Prepared(
         config=config,
         mission=mission,
-        infos=tuple(infos),
+        infos=tuple(writer.info for writer in writers.values()),
         writers=writers,
         lift=lift,
         way=way,
         planar=frozenset(topic_name(one.name) for one in recording.sensors if one.kind == "laser"),
-        assumes_height=body.motion == "ground" and not planar and not stated,
+        assumes_height=not planar and _assumes_height(recording, body, settings),
     )
+
+
+def _assumes_height(recording: Recording, body: Body, settings: Iterable[str]) -> bool:
+    """Return whether nothing says how high the body of a ground robot is above the floor."""
+    named = any(one.partition("=")[0].strip() == "recording.body_height" for one in settings)
+    stated = named or recording.body_height is not None or recording.options.mount is not None
+    return body.motion == "ground" and not stated
+
+
+def _writers(
+    recording: Recording,
+    first: Mapping[str, list[RecordedSweep]],
+    lift: float,
+    config: Config,
+) -> dict[str, SweepWriter | TableWriter]:
+    """Return the writers of the sweeps of all sensors that have any, by name in the recording.
+
+    Raises:
+        InputError: Two sensors have one name in the log.
+    """
+    writers: dict[str, SweepWriter | TableWriter] = {}
+    names: set[str] = set()
+    for sensor in recording.sensors:
+        if sensor.name not in first:
+            continue
+        writer = _writer(sensor, first[sensor.name], lift, recording, config)
+        if (name := writer.info.name) in names:
+            raise InputError(f"recording '{recording.name}': two sensors of the name {name}")
+        names.add(name)
+        writers[sensor.name] = writer
+    return writers
 
 
 def _writer(
@@ -210,47 +201,6 @@ def _read_part(recording: Recording) -> RecordedTrack:
 def lifted(mount: Transform, lift: float) -> Transform:
     """A mount at a greater height, m."""
     return Transform(mount.position + np.array([0.0, 0.0, lift]), mount.quaternion)
-
-
-def _config(
-    recording: Recording, body: Body, settings: list[str], seed: int, planar: bool
-) -> Config:
-    """The settings: a flat grid for planar lasers on the ground, unless the user says otherwise."""
-    name = "".join(c if c.isprintable() else "?" for c in recording.name)[:NAME]
-    config = Config(
-        world=f"{name}{HASH_SEPARATOR}{recording.sha256[:16]}",
-        robot=body.identity,
-        seed=seed,
-        recording=RecordingConfig(
-            format=recording.format,
-            sha256=recording.sha256,
-            options=recording.options.changed(),
-        ),
-    )
-    defaults = ["motion.limits=cautious"]  # `find_body` knows no others
-    if planar:
-        defaults.append("map.kind=grid2d")
-    if recording.mission is not None:  # the episode's own map had only its start declared free
-        defaults.append("recording.footprint_clearing=false")
-    lasers = all(sensor.kind == "laser" for sensor in recording.sensors)
-    if lasers and override(config, settings).estimate.kind == "lidar":
-        defaults.extend(f"estimate.{name}={value}" for name, value in SCANS.items())
-    if recording.body_height is not None:
-        defaults.append(f"recording.body_height={recording.body_height!r}")
-    config = override(config, [*defaults, *settings])
-    assert config.recording is not None
-    if config.estimate.kind == "truth":
-        raise InputError(
-            "--set estimate.kind=truth: of a simulated episode; expected 'model', which here is "
-            "the recorded pose, or 'lidar'"
-        )
-    if recording.mission is not None:
-        return config
-    x, y, z = recording.track.positions[0].tolist()
-    if max(abs(x), abs(y)) <= FAR:
-        x = y = 0.0
-    origin = (float(round(x)), float(round(y)), z - config.recording.body_height)
-    return replace(config, recording=replace(config.recording, origin=origin))
 
 
 def _first_sweeps(recording: Recording) -> dict[str, list[RecordedSweep]]:
@@ -311,15 +261,6 @@ def _mission(
         )
     except ValueError as error:
         raise InputError(f"recording with robot '{body.identity}': {error}") from None
-
-
-def _within_altitudes(config: Config, mission: Mission, settings: list[str]) -> Config:
-    """The config with the altitudes of the operating area, unless the user gave some."""
-    named = {setting.partition("=")[0] for setting in settings}
-    own = {"motion.altitude_low": mission.low[2], "motion.altitude_high": mission.high[2]}
-    given = [f"{name}={value!r}" for name, value in own.items() if name not in named]
-    given.sort(reverse=own["motion.altitude_low"] < config.motion.altitude_high)
-    return override(config, given)
 
 
 def _lift(

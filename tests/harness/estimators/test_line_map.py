@@ -16,7 +16,7 @@ from wayproof.harness.estimators.lidar_odometry import PLANAR_NAME, LidarOdometr
 from wayproof.harness.estimators.line_map import FORGOTTEN, LINE_POINTS, LineMap
 from wayproof.harness.estimators.motion_sensors import Motion
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
-from wayproof.harness.shadow.prepare import SCANS
+from wayproof.harness.shadow.recording_settings import SCANS
 
 VOXEL = 0.3
 CONFIG = EstimateConfig(**SCANS)
