@@ -4,30 +4,34 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from wayproof.harness.config import BUILTIN, Config
+from wayproof.harness.config import Config
 from wayproof.harness.config_document import override, to_json
 from wayproof.harness.episode import Episode, Observer, arrival_ns
 from wayproof.harness.errors import InputError
-from wayproof.harness.goals import goals_claimed
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.connect import Session
-from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.predictors.live import predictions_for
 from wayproof.harness.interface.trial import TrialNavigator
-from wayproof.harness.interface.types import Task
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import time_of, topic_of
 from wayproof.harness.log.head import read_head
 from wayproof.harness.log.reader import Log, before, fork_note, open_log
-from wayproof.harness.log.writer import FORMAT_VERSION, PLUGINS, STDERR, LogWriter, hold_log
-from wayproof.harness.prediction_config import is_outside
+from wayproof.harness.log.writer import PLUGINS, STDERR, LogWriter, hold_log
 from wayproof.harness.recompute.rebuild import rebuild, segment_of
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
-from wayproof.harness.replay.answers import RestartedStack, sensors_of
+from wayproof.harness.replay.answers import RestartedStack
+from wayproof.harness.replay.fork_refusals import (
+    refuse_goals,
+    refuse_not_compared,
+    refuse_other_task,
+    refuse_predictor,
+    refuse_stack,
+    refuse_unnamed_predictor,
+)
 from wayproof.harness.replay.what_if import refuse_sensed
 from wayproof.harness.result import Result
 from wayproof.harness.runner import finish, publishing_failures, settle_log
@@ -133,28 +137,13 @@ def fork_with(
         InputError: A changed setting determines the beginning of the episode, there is no such
             decision, or no state was kept there.
     """
-    if log.not_compared:
-        raise InputError(
-            f"log '{log.path}': format version {log.run['format_version']}, expected "
-            f"{FORMAT_VERSION}, whose chain a fork can go on with; --closed-loop --log FILE writes "
-            "it so"
-        )
+    refuse_not_compared(log)
     log = log.as_of(at)
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
     refuse_predictor(log.config, config)
-    on_trial = log.config.stack.name != BUILTIN
-    if on_trial and restarted is None and session is None:
-        raise InputError(
-            f"log '{log.path}': stack '{log.config.stack.name}' was on trial, and a log cannot say "
-            "how it goes on; expected --stack STACK, which is run"
-        )
-    if on_trial != (config.stack.name != BUILTIN):
-        raise InputError(
-            f"--set stack.name={config.stack.name}: goes on from stack '{log.config.stack.name}'; "
-            "expected --stack STACK after a stack on trial, and no other after the built-in one"
-        )
+    refuse_stack(log, config, goes_on=restarted is not None or session is not None)
     scenario = rebuild(log, config)
-    _check_goals(log, scenario, at)
+    refuse_goals(log, scenario, at)
     if restarted is not None:
         refuse_other_task(log, scenario)
     with hold_log(target) as draft:
@@ -189,67 +178,6 @@ def _predictions(scenario: Scenario, given: Predictions | None) -> Iterator[Pred
     period_s = 1.0 / sensor_info(scenario.scene.casters[0]).rate_hz
     with predictions_for(scenario.config, scenario.mission, period_s) as (live, _):
         yield live
-
-
-def refuse_unnamed_predictor(before: Config, config: Config, settings: Sequence[str]) -> None:
-    """Raise an InputError if a fork would run a predictor that a log names, and no setting does."""
-    named = any(one.startswith("prediction.source=") for one in settings)
-    if config.runs_predictor and not named:
-        source = before.prediction.source
-        raise InputError(
-            f"predictor '{source}': a fork runs it, and only the log names it; expected "
-            f"--set prediction.source={source}, or prediction.policy=ignore"
-        )
-
-
-def refuse_predictor(old: Config, new: Config) -> None:
-    """Raise an InputError if a fork begins or ends to have predictions as inputs."""
-    before, after = old.prediction.source, new.prediction.source
-    if is_outside(before) != is_outside(after):
-        raise InputError(
-            f"--set prediction.source={after}: goes on from '{before}'; expected a predictor from "
-            "outside after one, and none but then; prediction.policy=ignore switches one off"
-        )
-
-
-def _check_goals(log: Log, scenario: Scenario, at: int) -> None:
-    """Raise an InputError unless the mission of a fork goes on with that of the log.
-
-    Either both have one goal, or both several, as only these have goals as inputs; and one has to
-    be left after those reached.
-    """
-    goals, old = scenario.mission.goals, log.mission.goals
-    if goals == old:
-        return
-    if (len(goals) > 1) != (len(old) > 1):
-        raise InputError(
-            f"--set waypoints: got a mission of {len(goals)} goals, expected "
-            f"{'several' if len(old) > 1 else 'one'}, as the episode began with {len(old)}"
-        )
-    reached = goals_claimed(one for one in log.decisions() if one.sequence < at)
-    if reached >= len(goals):
-        raise InputError(
-            f"--set waypoints: got a mission of {len(goals)} goals, of which {reached} are reached "
-            f"at decision {at}; expected at least {reached + 1}"
-        )
-
-
-def refuse_other_task(log: Log, scenario: Scenario) -> None:
-    """Raise an InputError if the settings of a fork change the task that a stack began with.
-
-    Its `settings` may differ: those of the referee are none of the stack's. A prior map cannot.
-    """
-    infos = {caster.mount.name: sensor_info(caster) for caster in scenario.scene.casters}
-    old = task_of(log.config, log.mission, sensors_of(log))
-    new = task_of(scenario.config, scenario.mission, infos)
-    for field in fields(Task):
-        if field.name in ("settings", "seed", "prior"):
-            continue
-        if getattr(old, field.name) != getattr(new, field.name):
-            raise InputError(
-                f"--set: changes the {field.name} of the task, which the stack got at its start; "
-                "expected settings of the referee or of the simulation"
-            )
 
 
 def live_through(
