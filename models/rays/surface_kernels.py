@@ -90,54 +90,78 @@ def meet_together(
     lanes: Lanes,
 ) -> bool:
     """Meet the geoms with the n beams from `first` on; return False if these are too far apart."""
-    rays, bits, found, frame, local, slopes, fans, sides, farthest, _, _, _, _, near, near_ahead = (
-        lanes
-    )
-    _, _, geoms, poses, reaches = placed
+    rays, frame, slopes = lanes.rays, lanes.frame, lanes.slopes
     aim_lanes(first, n, beams, rays)
     choose_frame(n, rays, frame)
-    if not measure_slopes(rays, bits, frame, slopes) and n > 1:
+    if not measure_slopes(rays, lanes.bits, frame, slopes) and n > 1:
         return False
     stop = n if len(beams.origins) > 1 else 1
     count = (n + WIDTH - 1) // WIDTH
-    margin = margin_of(reaches[len(geoms)], rays, PX, stop)
-    set_fan(TILE, slopes, frame, rays, PX, 0, stop, margin, fans, sides)
-    bound_fan(slopes, frame, rays, PX, stop, limit, margin, fans)
-    geoms_near = list_geoms(placed.boxes, placed.links, limit, lanes)
-    if geoms_near == 0:
+    margin = margin_of(placed.reaches[len(placed.geoms)], rays, PX, stop)
+    set_fan(TILE, slopes, frame, rays, PX, 0, stop, margin, lanes.fans, lanes.sides)
+    bound_fan(slopes, frame, rays, PX, stop, limit, margin, lanes.fans)
+    near = list_geoms(placed.boxes, placed.links, limit, lanes)
+    if near == 0:
         return True
-    measure_packets(count, rays, bits, slopes)
-    start_lanes(first, n, beams.places, limit, hits, rays, found)
+    measure_packets(count, rays, lanes.bits, slopes)
+    start_lanes(first, n, beams.places, limit, hits, rays, lanes.found)
     for p in range(count):
-        farthest[p] = farthest_hit(rays, bits, U(WIDTH * p))
-    for k in range(geoms_near):
-        if near_ahead[k] > farthest_of(count, farthest):
+        lanes.farthest[p] = farthest_hit(rays, lanes.bits, U(WIDTH * p))
+    for k in range(near):
+        if lanes.near_ahead[k] > farthest_of(count, lanes.farthest):
             break
-        g = near[k]
-        localize(rays, poses, g)
-        turn_frame(frame, poses, g, local)
-        margin = margin_of(reaches[g], rays, OX, stop)
-        set_fan(TILE, slopes, local, rays, OX, 0, stop, margin, fans, sides)
-        bound_fan(slopes, local, rays, OX, stop, limit, margin, fans)
-        root, field = geoms[g, 1], geoms[g, 2]
-        most = farthest_of(count, farthest)
-        if (
-            field < 0
-            and boxes_met(soup.boxes, root, soup.boxes, root, 0, fans, sides, TILE, most) == 0
-        ):
-            continue
-        for p in range(count):
-            start = WIDTH * p
-            end = min(start + WIDTH, n) if stop > 1 else start + 1
-            set_fan(p, slopes, local, rays, OX, start, end, margin, fans, sides)
-        start_geom(geoms[g, 0], rays, found)
-        nearer = walk_tree(count, root, soup, lanes)
-        if field >= 0:
-            nearer |= walk_field(count, field, fields, lanes)
-        if nearer:
-            end_geom(geoms[g, 0], rays, found)
-    end_lanes(first, n, beams.places, hits, rays, found)
+        meet_geom(lanes.near[k], n, stop, soup, fields, placed, limit, lanes)
+    end_lanes(first, n, beams.places, hits, rays, lanes.found)
     return True
+
+
+@kernel
+def meet_geom(
+    g: int,
+    n: int,
+    stop: int,
+    soup: Soup,
+    fields: Fields,
+    placed: Placed,
+    limit: float,
+    lanes: Lanes,
+) -> None:
+    """Meet one geom with n beams, in its frame.
+
+    Args:
+        g: Row of the geom in `placed`.
+        n: Number of beams.
+        stop: Number of beams whose origins differ; 1 if all have the same.
+        soup: Triangles.
+        fields: Height fields.
+        placed: Geoms.
+        limit: Longest distance, m.
+        lanes: Beams in the world, and their best hits, which are updated.
+    """
+    rays, local, slopes, fans, sides = (
+        lanes.rays, lanes.local_frame, lanes.slopes, lanes.fans, lanes.sides,
+    )  # fmt: skip
+    localize(rays, placed.poses, g)
+    turn_frame(lanes.frame, placed.poses, g, local)
+    margin = margin_of(placed.reaches[g], rays, OX, stop)
+    set_fan(TILE, slopes, local, rays, OX, 0, stop, margin, fans, sides)
+    bound_fan(slopes, local, rays, OX, stop, limit, margin, fans)
+    geom, root, field = placed.geoms[g, 0], placed.geoms[g, 1], placed.geoms[g, 2]
+    count = (n + WIDTH - 1) // WIDTH
+    most = farthest_of(count, lanes.farthest)
+    boxes = soup.boxes
+    if field < 0 and boxes_met(boxes, root, boxes, root, 0, fans, sides, TILE, most) == 0:
+        return
+    for p in range(count):
+        start = WIDTH * p
+        end = min(start + WIDTH, n) if stop > 1 else start + 1
+        set_fan(p, slopes, local, rays, OX, start, end, margin, fans, sides)
+    start_geom(geom, rays, lanes.found)
+    nearer = walk_tree(count, root, soup, lanes)
+    if field >= 0:
+        nearer |= walk_field(count, field, fields, lanes)
+    if nearer:
+        end_geom(geom, rays, lanes.found)
 
 
 @kernel

@@ -166,14 +166,12 @@ def meet_triangle(
 
 
 @kernel
-def move_farthest(
-    count: int, met: int, rays: Array, bits: NDArray[np.int64], farthest: NDArray[np.float32]
-) -> np.float32:
+def move_farthest(count: int, met: int, lanes: Lanes) -> np.float32:
     """Update the farthest hits of the packets that met something; return the tile's, m."""
     for j in range(SIZES[met]):
         p = SUBSETS[met, j]
-        farthest[p] = farthest_hit(rays, bits, U(WIDTH * p))
-    return farthest_of(count, farthest)
+        lanes.farthest[p] = farthest_hit(lanes.rays, lanes.bits, U(WIDTH * p))
+    return farthest_of(count, lanes.farthest)
 
 
 @kernel
@@ -189,9 +187,9 @@ def walk_tree(count: int, root: int, soup: Soup, lanes: Lanes) -> bool:
     Returns:
         Whether a nearer hit was found.
     """
-    boxes, links, vertices, corners = soup
-    rays, bits, _, _, _, _, fans, sides, farthest, masks, stack, ahead, _, _, _ = lanes
-    most, any_hit = farthest_of(count, farthest), False
+    boxes, links = soup.boxes, soup.links
+    fans, sides, stack, ahead = lanes.fans, lanes.sides, lanes.stack, lanes.ahead
+    most, any_hit = farthest_of(count, lanes.farthest), False
     stack[0], ahead[0] = root, np.float32(-1.0)
     waiting = 1
     while waiting > 0:
@@ -218,20 +216,20 @@ def walk_tree(count: int, root: int, soup: Soup, lanes: Lanes) -> bool:
             link = -links[node, leaf]
             first = link >> LEAF_BITS
             for row in range(first, first + (link & ((1 << LEAF_BITS) - 1))):
-                numbers = triangle_of(vertices, corners, row)
-                met |= meet_triangle(count, leaf, numbers, row, rays, masks)
+                numbers = triangle_of(soup.vertices, soup.corners, row)
+                met |= meet_triangle(count, leaf, numbers, row, lanes.rays, lanes.masks)
         if met > 0:
             any_hit = True
-            most = move_farthest(count, met, rays, bits, farthest)
+            most = move_farthest(count, met, lanes)
     return any_hit
 
 
 @kernel
 def walk_field(count: int, field: int, tables: Fields, lanes: Lanes) -> bool:
     """Meet the cells of a height field as `walk_tree` meets triangles."""
-    rays, bits, _, _, _, _, fans, sides, farthest, masks, stack, ahead, boxes, _, _ = lanes
-    ranges = tables.ranges
-    most, any_hit = farthest_of(count, farthest), False
+    fans, sides, stack, ahead = lanes.fans, lanes.sides, lanes.stack, lanes.ahead
+    boxes, ranges = lanes.node, tables.ranges
+    most, any_hit = farthest_of(count, lanes.farthest), False
     stack[0], ahead[0] = top_node(tables, field), np.float32(-1.0)
     waiting = 1
     while waiting > 0:
@@ -253,18 +251,15 @@ def walk_field(count: int, field: int, tables: Fields, lanes: Lanes) -> bool:
         needed, met = packets_met(count, boxes, 0, ranges, level, HEIGHTS, nearest, mask, lanes), 0
         for j in range(SIZES[needed]):
             leaf = SUBSETS[needed, j]
-            met |= meet_cell(count, leaf, child_of(node, leaf), field, tables, rays, masks)
+            met |= meet_cell(count, leaf, child_of(node, leaf), field, tables, lanes)
         if met > 0:
             any_hit = True
-            most = move_farthest(count, met, rays, bits, farthest)
+            most = move_farthest(count, met, lanes)
     return any_hit
 
 
 @kernel
-def meet_cell(
-    count: int, leaf: int, cell: int, field: int, tables: Fields, rays: Array,
-    masks: NDArray[np.int64],
-) -> int:  # fmt: skip
+def meet_cell(count: int, leaf: int, cell: int, field: int, tables: Fields, lanes: Lanes) -> int:
     """Meet both triangles of a cell of a height field; see `meet_triangle`."""
     place = (1 << PLACE_BITS) - 1
     row, column = cell >> PLACE_BITS & place, cell & place
@@ -272,5 +267,6 @@ def meet_cell(
     c, d = point_of(tables, field, row + 1, column + 1), point_of(tables, field, row + 1, column)
     fields = tables.fields
     face = fields[field, FIRST_FACE] + 2 * (row * (fields[field, COLUMNS] - 1) + column)
+    rays, masks = lanes.rays, lanes.masks
     met = meet_triangle(count, leaf, numbers_of(a, b, c), face, rays, masks)
     return met | meet_triangle(count, leaf, numbers_of(a, c, d), face + 1, rays, masks)
