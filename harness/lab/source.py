@@ -101,7 +101,7 @@ def of_recording(recording: Recording, prepared: Prepared, most: int) -> Source:
 
 
 def first(sweeps: Iterator[PlacedSweep], most: int) -> tuple[PlacedSweep, ...]:
-    """The first of some sweeps."""
+    """Return the first of some sweeps."""
     kept = []
     for sweep in sweeps:
         kept.append(sweep)

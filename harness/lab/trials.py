@@ -76,11 +76,11 @@ class Trial:
 
 @dataclass(frozen=True)
 class Rays:
-    """What rays from the last sensor's place meet in the map of the default settings.
+    """Outcomes of rays from the last sensor's place through the map of the default settings.
 
     Attributes:
         occupied: Share that stop at an occupied cell.
-        unknown: Share that, asked to stop there, stop at an unknown cell before it.
+        unknown: Share that, stopped by unknown cells, end at one before it.
         mean_free_m: Mean length up to the first occupied or unknown cell, m.
     """
 
@@ -148,7 +148,7 @@ def build(
 
 
 def _empty(source: Source, config: MapConfig) -> Representation:
-    """An empty map of the source's region; of all space where fine cells make that too large."""
+    """Make an empty map of the source's region; of all space if fine cells make it too large."""
     low, high = np.array(source.low), np.array(source.high)
     if float(np.prod((high - low) / config.resolution)) > MOST_CELLS:
         return MAPS[config.kind](config, 1)

@@ -49,7 +49,7 @@ ODOMETRY, CORRECTED = "odometry", "corrected"
 
 @dataclass
 class _Index:
-    """What is kept of one kind of message while the log is read for the first time."""
+    """Index of one kind of message, of the first pass over the log."""
 
     stamps: array[int] = field(default_factory=lambda: array("q"))
     logged: array[int] = field(default_factory=lambda: array("q"))
@@ -216,7 +216,7 @@ def _offset(kind: str, parameters: dict[str, str]) -> float | None:
 
 
 def _poses(planes: NDArray[np.float64], offset: float | None, options: RecordingOptions) -> _Poses:
-    """Tell a mount from a correction, by poses (n, 6) of laser and robot."""
+    """Distinguish a mount from a correction, by poses (n, 6) of laser and robot."""
     lasers, robots = planes[:, :3], planes[:, 3:]
     steps = _mounts(lasers, _finite_yaws(robots))
     usual = np.median(steps, axis=0)

@@ -47,7 +47,7 @@ ReadBeams = Callable[[Path, Limits, Faults], Beams]
 
 @dataclass(frozen=True)
 class FolderContents:
-    """What a folder holds.
+    """Contents of a folder.
 
     Attributes:
         format: Name of the format.
@@ -56,10 +56,10 @@ class FolderContents:
         files: Sweeps, in order of their stamps.
         poses: T_world_body.
         mount: T_body_sensor.
-        source: Where the poses come from, in words.
-        chosen: What was chosen or assumed beside, in words.
+        source: Source of the poses, in words.
+        chosen: Further choices and assumptions, in words.
         others: Further files that were read.
-        read: Reads a sweep's file.
+        read: Reader of a sweep's file.
     """
 
     format: str
@@ -80,7 +80,7 @@ def open_folder(
     """Open a folder as a recording.
 
     Raises:
-        InputError: No sweep, no pose, or another sensor was asked for.
+        InputError: No sweep, no pose, or another sensor was requested.
     """
     if not contents.files:
         raise InputError(f"recording '{path}': no sweep in it")

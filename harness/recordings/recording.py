@@ -17,7 +17,7 @@ Faults = Counter[str]
 
 @dataclass(frozen=True)
 class RecordingOptions:
-    """What to read of a recording. All times are counted from its first pose.
+    """Selection of a recording, and settings to read it. Times are counted from its first pose.
 
     Attributes:
         format: Name of the format; None finds it.
@@ -25,15 +25,15 @@ class RecordingOptions:
         pose: Topic of the poses, or the fixed frame of the transforms; None takes the only one.
         body: Frame of the body; None takes the one that the poses are of.
         mount: T_body_sensor of the sensor as it stands on the body, x ahead and z up also of a
-            camera, where the recording does not say it. A folder's poses are then the sensor's.
+            camera, where the recording lacks it. A folder's poses are then the sensor's.
         start_s: Time of the first sweep, s.
         end_s: Time of the last sweep, s; None reads to the end.
-        range_max: Maximum range, m, where the recording does not say it, or a shorter one.
+        range_max: Maximum range, m, where the recording lacks it, or a shorter one.
         missing_returns_free: Whether a beam without return was free, as `missing_returns_known`;
-            None takes what the format says.
-        intrinsics: fx, fy, cx, cy of the depth images, pixels, where the recording does not say.
+            None takes the format's convention.
+        intrinsics: fx, fy, cx, cy of the depth images, pixels, where the recording lacks them.
         depth_scale: Units of an integer depth image in a metre; None takes the format's.
-        pixel_stride: Every so many pixels of a depth image are read along each axis.
+        pixel_stride: Step between the pixels of a depth image that are read, along each axis.
         max_gap_s: Maximum time between two poses between which one is interpolated, s.
     """
 

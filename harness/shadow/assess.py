@@ -174,7 +174,7 @@ class _Judging:
         number: int,
         shift: Array,
     ) -> Piece:
-        """The way to the next decision, judged on the map of this one."""
+        """Return the way to the next decision, judged on the map of this one."""
         poses = self._ways[number + 1] + np.append(shift, 0.0)
         admitted, found = self._admits(navigator, planned, poses), Found("margin", ())
         if not admitted:

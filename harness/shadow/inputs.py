@@ -73,7 +73,7 @@ class InputWriter:
         ]
 
     def _motion(self, time_ns: int, sequence: int) -> pb.RecordedMotion:
-        """What the robot did since the decision before."""
+        """Return the robot's motion since the decision before."""
         way, pose = self._prepared.way, self._prepared.way.pose(time_ns)
         begin_ns = self._before_ns if self._before is not None else time_ns
         poses = way.between(begin_ns, time_ns)
@@ -97,7 +97,7 @@ class InputWriter:
     def _pose(
         self, sweeps: Sequence[pb.Sweep], motion: pb.RecordedMotion, time_ns: int, sequence: int
     ) -> pb.Pose:
-        """The pose that the stack is given, with a trail where beams are older."""
+        """Return the pose that the stack is given, with a trail where beams are older."""
         message = pb.Pose(
             sequence=sequence,
             position=motion.position,
@@ -119,7 +119,7 @@ class InputWriter:
         return message
 
     def _trail(self, time_ns: int, age_ns: int, step_ns: int) -> Trail:
-        """Poses up to a time, from at least an age before it on, and so far apart if possible."""
+        """Select poses up to a time, from at least an age before it, so far apart if possible."""
         period_ns = max(step_ns, -(-age_ns // (MOST_TRAIL - 1)))
         steps = np.arange(-(-age_ns // period_ns), -1, -1, dtype=np.int64)
         times = np.maximum(time_ns - steps * period_ns, 0)

@@ -105,7 +105,7 @@ class RecordedOdometry:
         self._lidar.add_to_map(points, believed.position, covariance)
 
     def _believed(self, message: pb.Pose) -> Pose:
-        """The recorded pose and trail, moved by the error of the present estimate."""
+        """Return the recorded pose and trail, moved by the error of the present estimate."""
         assert self._lidar is not None
         error = self._lidar.error
         now = Trail(np.array([message.position]), np.array([message.quaternion]), 1.0)
@@ -121,7 +121,7 @@ class RecordedOdometry:
     def _points(
         self, sweeps: Sequence[SweepInput], pose: Pose, sequence: int, walls: bool
     ) -> Array:
-        """Returns of sweeps, (n, 3) world, m; of planar lasers at the middle of a voxel's height.
+        """Place returns (n, 3), world, m; of planar lasers at the middle of a voxel's height.
 
         Args:
             sweeps: Sweeps of a decision.

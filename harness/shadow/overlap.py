@@ -64,7 +64,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Terms:
-    """What a way is judged by.
+    """Settings and body by which a way is judged.
 
     Attributes:
         config: Settings.
@@ -127,7 +127,7 @@ def clearance(terms: Terms, pose: Array, a_map: Representation) -> float:
 
 
 def overlaps_occupied(terms: Terms, poses: Array, a_map: Representation) -> int:
-    """Number of occupied cells that the bare body overlaps at or between poses (n, 4)."""
+    """Count the occupied cells that the bare body overlaps at or between poses (n, 4)."""
     cells = terms.cells(a_map, poses, terms.radius)
     gaps = _gaps(terms, cells, poses, cells.states == OCCUPIED)
     return int((gaps < 0.0).sum())

@@ -81,7 +81,7 @@ class RecordedPerturbation:
         self._added, self._withheld = PoseError(), False
 
     def sweeps(self, sweeps: list[pb.Sweep], time_ns: int, sequence: int) -> list[pb.Sweep]:
-        """The sweeps that the stack gets at a decision, which are written to."""
+        """Return the sweeps that the stack gets at a decision, changed in place."""
         active = self._perturbation.is_active(time_ns)
         self._changed_beams = 0
         self._withheld = active and not self._perturbation.delivers(sequence)
@@ -118,7 +118,7 @@ class RecordedPerturbation:
         return self._perturbation.delay if self._perturbation.is_active(time_ns) else 0.0
 
     def message(self, sequence: int, time_ns: int) -> pb.Perturbation | None:
-        """What was done to the inputs of a decision, for the log; None if unperturbed."""
+        """Describe the perturbation of a decision's inputs for the log; None if unperturbed."""
         perturbation = self._perturbation
         if perturbation is UNPERTURBED:
             return None
@@ -220,7 +220,7 @@ def _displace(sweep: pb.Sweep, info: pb.SensorInfo, displacement: Displacement) 
 
 
 def _quaternion(R: Array) -> Array:
-    """Unit quaternion (4,) w x y z of a rotation (3, 3), from its greatest component.
+    """Return the unit quaternion (4,) w x y z of a rotation (3, 3), from its greatest component.
 
     Shepperd 1978, "Quaternion from rotation matrix".
     """

@@ -170,7 +170,7 @@ def _writer(
     recording: Recording,
     config: Config,
 ) -> SweepWriter | TableWriter:
-    """The writer of a sensor's sweeps: as lists of beams, or by tables if the recording has them.
+    """Make the writer of a sensor's sweeps: lists of beams, or tables if recorded.
 
     Where a mount is given, it is that of the list.
     """
@@ -183,7 +183,7 @@ def _writer(
 
 
 def _read_part(recording: Recording) -> RecordedTrack:
-    """The part of the track that is read, with the pose before it and the one after it."""
+    """Return the part of the track that is read, with the pose before it and the one after it."""
     track, begin_s, end_s = recording.track, recording.options.start_s, recording.options.end_s
     first = int(np.searchsorted(track.times_ns, round(begin_s * 1e9), side="right")) - 1
     last = len(track.times_ns)
@@ -199,12 +199,12 @@ def _read_part(recording: Recording) -> RecordedTrack:
 
 
 def lifted(mount: Transform, lift: float) -> Transform:
-    """A mount at a greater height, m."""
+    """Return a mount at a greater height, m."""
     return Transform(mount.position + np.array([0.0, 0.0, lift]), mount.quaternion)
 
 
 def _first_sweeps(recording: Recording) -> dict[str, list[RecordedSweep]]:
-    """The first sweeps of each sensor."""
+    """Return the first sweeps of each sensor."""
     found: dict[str, list[RecordedSweep]] = {}
     for count, sweep in enumerate(recording.sweeps()):
         found.setdefault(sweep.sensor, []).append(sweep)
@@ -229,7 +229,7 @@ def _rate(sweeps: list[RecordedSweep]) -> float:
 def _mission(
     way: Way, body: Body, config: Config, start_ns: int, of_episode: Mission | None
 ) -> Mission:
-    """The mission: area and start are those of the episode that was recorded, if one was."""
+    """Return the mission: area and start are those of the episode that was recorded, if one was."""
     assert config.recording is not None
     margin = config.recording.area_margin
     low, high = way.positions.min(axis=0) - margin, way.positions.max(axis=0) + margin

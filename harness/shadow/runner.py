@@ -31,7 +31,7 @@ from wayproof.harness.stack.pipeline import Navigator
 Array = NDArray[np.float64]
 
 SCENE = "<!-- a recording: there is no scene -->\n"
-"""In the place of the flattened MJCF."""
+"""Scene of a recording's log, instead of the flattened MJCF."""
 
 Observer = Callable[[pb.Decision, pb.RecordedMotion], None]
 
@@ -115,7 +115,7 @@ class ShadowRun:
         return decision
 
     def result(self, faults: dict[str, int]) -> dict[str, str]:
-        """The result for the log.
+        """Return the result for the log.
 
         Raises:
             InputError: There was nothing to decide on.

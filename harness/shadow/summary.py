@@ -1,4 +1,4 @@
-"""What an assessment says: shares, places and what the stack would have done, as plain values."""
+"""Summary of an assessment as plain values: shares, places, and what the stack would have done."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Stop:
 
 @dataclass(frozen=True)
 class Summary:
-    """What is said of a recording.
+    """Verdict on a recording, with its figures.
 
     Attributes:
         log: Path of the log.
@@ -97,7 +97,7 @@ class Summary:
         least_clearance_m: Least clearance of the bare body from occupied cells of the map of the
             moment, m.
         least_clearance_s: Time of that, s.
-        clearance_is_bound: Whether there was nothing within reach: it is that or more.
+        clearance_is_bound: Whether nothing was within reach: `least_clearance_m` is a lower bound.
         actions: Decisions by action.
         moving_s: Time in which the robot moved, s.
         stopped_s: Time of it in which the stack would have stood, s.
@@ -296,7 +296,7 @@ def _by_reason(legs: Sequence[Leg]) -> dict[str, float]:
 
 
 def _counts(names: Sequence[str]) -> dict[str, int]:
-    """The number of each, most first, and those alike by name."""
+    """Count values, the most frequent first, equal counts by name."""
     ordered = sorted(set(names), key=lambda name: (-names.count(name), name))
     return {name: names.count(name) for name in ordered}
 

@@ -23,7 +23,7 @@ SAME_MOUNT = 1e-6
 
 
 def topic_name(name: str) -> str:
-    """The name of a sensor in the log, from its topic or file."""
+    """Return the name of a sensor in the log, from its topic or file."""
     kept = "".join(c if c.isalnum() or c in "-_." else "_" for c in name.strip("/"))
     return kept[:60] or "sensor"
 
@@ -31,7 +31,7 @@ def topic_name(name: str) -> str:
 def sensor_message(
     sensor: RecordedSensor, mount: Transform, range_m: float, rate_hz: float
 ) -> pb.SensorInfo:
-    """The sensor as the log declares it.
+    """Return the sensor as the log declares it.
 
     Args:
         sensor: Sensor of the recording.

@@ -70,18 +70,18 @@ class Way:
         return bool(self._track.covers(np.array([time_ns]))[0])
 
     def at(self, times_ns: NDArray[np.int64]) -> tuple[Array, Array]:
-        """Positions (m, 3), m, and unit quaternions (m, 4) at times (m,), ns."""
+        """Return positions (m, 3), m, and unit quaternions (m, 4) at times (m,), ns."""
         positions, quaternions = self._track.at(times_ns)
         turned = [unit_quaternion(quaternion) for quaternion in quaternions]
         return self._shifted(positions), np.array(turned).reshape(-1, 4)
 
     def pose(self, time_ns: int) -> RecordedPose:
-        """The pose at a time, ns."""
+        """Return the pose at a time, ns."""
         positions, quaternions = self.at(np.array([time_ns]))
         return RecordedPose(positions[0], quaternions[0])
 
     def between(self, begin_ns: int, end_ns: int) -> Array:
-        """Poses (k, 4) from a time to another, both with it: x, y, z, m, and heading, rad."""
+        """Return poses (k, 4) in a closed interval of times: x, y, z, m, and heading, rad."""
         own = self._track.times_ns
         inside = own[(own > begin_ns) & (own < end_ns)]
         ends = [begin_ns] if begin_ns == end_ns else [begin_ns, end_ns]
@@ -90,7 +90,7 @@ class Way:
         return np.column_stack((positions, headings))
 
     def goal(self, time_ns: int) -> Array:
-        """The goal (3,) of a decision at a time, m: see `RecordingConfig.goal`."""
+        """Return the goal (3,) of a decision at a time, m: see `RecordingConfig.goal`."""
         last: Array = self.positions[-1]
         if self._config.goal == "end":
             return last
@@ -111,7 +111,7 @@ class Way:
 
 
 def knots(positions: Array) -> NDArray[np.int64]:
-    """Indices of the points of a path (n, 3) that are at least `LEAST_STEP` from the one before."""
+    """Select points of a path (n, 3) at least `LEAST_STEP` from the one before: their indices."""
     kept = [0]
     last = positions[0]
     for index, point in enumerate(positions):

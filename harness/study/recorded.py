@@ -133,7 +133,7 @@ def run_recorded(job: Job) -> None:
 
 @dataclass(frozen=True)
 class Judged:
-    """What the judgement of a way says, for the table of a study.
+    """Judgement of a way, for the table of a study.
 
     Attributes:
         verdict: `admitted`, `not admitted` or `nothing shown`.

@@ -11,7 +11,7 @@ from wayproof.harness.recordings.recording import RecordingOptions
 
 
 class ReadOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What to read of each recording of a study, as the options of `wayproof shadow`.
+    """Selection of each recording of a study, as by the options of `wayproof shadow`.
 
     Attributes:
         format: Name of the format; None finds it.
@@ -22,13 +22,13 @@ class ReadOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         end: Last second read, s; None reads to the end.
         range_max: Longest range that counts, m; None takes the recording's.
         no_return_is_free: Whether a beam without return was free up to the longest range; None
-            takes what the format says.
+            takes the format's convention.
         max_gap: Longest time between two poses between which one is interpolated, s.
         mount: Sensor in the body's frame, x, y, z, yaw, pitch, roll, m and degrees; the angles may
             be left out.
         intrinsics: fx, fy, cx, cy of depth images, pixels.
         depth_scale: Units of a depth image in a metre.
-        pixel_stride: Each so many rows and columns of depth images are read.
+        pixel_stride: Step between the rows and columns of depth images that are read.
     """
 
     format: str | None = None

@@ -49,13 +49,13 @@ from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 MOST_HITS = 3000
 SWEEP_PERIOD_NS = 200_000_000
 CELLS_PERIOD_NS = EVIDENCE_PERIOD_NS = 1_000_000_000
-"""As in the view by Rerun."""
+"""Most hits drawn and simulated times between two updates, ns, as in the view by Rerun."""
 
 EDGE_M = 1.0
 """Width of the unknown space drawn around the map, m."""
 
 OPACITY = 230
-"""Of grids on the floor, 0 to 255."""
+"""Opacity of grids on the floor, 0 to 255."""
 
 View = tuple[str, Message]
 """A topic and a message on it."""

@@ -39,7 +39,7 @@ SURFACES: dict[str, tuple[Colour, float]] = {
 MOVERS: tuple[Colour, float] = ((0.9, 0.55, 0.08), 0.35)
 
 OPACITY = 230
-"""Of grids on the floor, 0 to 255."""
+"""Opacity of grids on the floor, 0 to 255."""
 
 
 class TrueScene:

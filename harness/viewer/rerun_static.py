@@ -1,4 +1,4 @@
-"""What does not change during an episode, in Rerun: mission, styles, true scene."""
+"""Static parts of an episode in Rerun: mission, styles, true scene."""
 
 from __future__ import annotations
 

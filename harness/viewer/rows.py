@@ -16,7 +16,7 @@ AT_A_TIME = 64
 """Number of decisions per batch, the pace at which an open viewer updates."""
 
 LIVE_AT_A_TIME = 5
-"""The same of a log that is being written, which brings about ten at a time."""
+"""Number of decisions per batch of a log that is being written, which gains ten at a time."""
 
 
 @dataclass

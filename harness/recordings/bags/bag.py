@@ -144,7 +144,7 @@ class _TopicReader:
 
     @property
     def text(self) -> str:
-        """What is read, in words."""
+        """Topic, kind of sensor and field of the times, in words."""
         time = self.reading.topic.time
         return f"{self.topic} ({self.sensor.kind}{f', time {time.text}' if time else ''})"
 

@@ -101,7 +101,7 @@ def finite(cloud: Cloud, faults: Faults) -> Cloud:
 
 
 def point_time(cloud: Cloud) -> PointTime | None:
-    """Tell the unit and the origin of the times of a cloud's points.
+    """Determine the unit and the origin of the times of a cloud's points.
 
     An integer is in nanoseconds (Ouster's `t`, Livox's `offset_time`), or in microseconds if a
     sweep would else take less than a millisecond (Velodyne's packets), a floating-point number in

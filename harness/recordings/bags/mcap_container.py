@@ -45,7 +45,7 @@ def messages(path: Path, faults: Faults) -> Iterator[RawMessage]:
 
 
 class _Walk:
-    """What is known of a file so far: its schemas and channels."""
+    """Reader of a file's records: the schemas and channels known so far."""
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults

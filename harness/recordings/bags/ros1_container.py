@@ -49,7 +49,7 @@ def messages(path: Path, faults: Faults) -> Iterator[RawMessage]:
 
 
 class _Walk:
-    """What is known of a bag so far: its connections."""
+    """Reader of a bag's records: the connections known so far."""
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults

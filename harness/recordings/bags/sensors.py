@@ -49,13 +49,13 @@ MOST_ANGLE = 100.0
 
 
 class Topic(NamedTuple):
-    """What the first message of a sensor says, which holds for all of them.
+    """Properties of a sensor by its first message, constant over the bag.
 
     Attributes:
         kind: Kind of the sensor.
         frame: Frame of its beams.
         range_min: Minimum range, m.
-        range_max: Maximum range, m; inf where it does not say.
+        range_max: Maximum range, m; inf where it is not stated.
         time: Field with the time of a point.
         camera: Geometry of the images.
         declared: Of a sensor whose ranges are recorded as it measured them.
@@ -72,10 +72,10 @@ class Topic(NamedTuple):
 
 @dataclass(frozen=True)
 class Reading:
-    """How the messages of a topic are read.
+    """Settings by which the messages of a topic are read.
 
     Attributes:
-        topic: What its first message says.
+        topic: Properties by its first message.
         limits: Limits of the ranges.
         options: Stride and scale of depth images.
     """

@@ -59,7 +59,7 @@ STAMPLESS = "sweep: without a stamp, taken as recorded"
 
 @dataclass
 class SensorTopic:
-    """What the first pass keeps of a topic with ranges, points or depths.
+    """Index of a topic with ranges, points or depths, of the first pass over a bag.
 
     Attributes:
         first: Its first message that can be read, None if there was none.
@@ -96,7 +96,7 @@ class PoseTopic:
 
 @dataclass
 class Survey:
-    """What a first pass over a bag finds.
+    """Result of the first pass over a bag.
 
     Attributes:
         sensors: Topics with ranges, points or depths.
@@ -177,7 +177,7 @@ def survey(files: Sequence[Path], faults: Faults) -> Survey:
 
 
 class _Walk:
-    """What was found so far."""
+    """First pass over a bag."""
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults

@@ -39,8 +39,8 @@ UP, DOWN = 6, 7
 """Matplotlib's markers of an interval that goes on beyond the axis."""
 
 REACH = 1.5
-"""How far the axis reaches beyond the means, in their spread or their size: an interval may be a
-hundred times as wide, and would press the means together."""
+"""Reach of the axis beyond the means, in their spread or their size: an interval may be a hundred
+times as wide, and would press the means together."""
 
 TALLEST_FLOOR = 0.05
 """Height below which a geom counts as floor, m."""

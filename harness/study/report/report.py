@@ -92,13 +92,13 @@ class Borne:
 
 @dataclass(frozen=True)
 class Material:
-    """What a report is made from.
+    """Material of a report.
 
     Attributes:
         study: The study.
         planned: Its episodes.
-        rows: Those that have ended.
-        samples: The same by arm.
+        rows: Rows of the episodes that have ended.
+        samples: Rows by arm.
         result: Verdict.
         store: Folder of the study.
         views: Views of its logs.

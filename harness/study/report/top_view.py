@@ -26,7 +26,7 @@ EDGE = 0.4
 
 
 class Tracks(NamedTuple):
-    """What is drawn over the geometry; positions are x, y, m.
+    """Overlay of the geometry; positions are x, y, m.
 
     Attributes:
         believed: (n, 2) estimated positions.

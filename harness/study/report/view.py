@@ -1,4 +1,4 @@
-"""What an episode's page draws: the series of one log, read in one pass."""
+"""View of an episode's page: the series of one log, read in one pass."""
 
 from __future__ import annotations
 

@@ -185,7 +185,7 @@ def _measure(means: Array, support: Support, tail: float) -> Ends:
 
 
 def _ends_of(means: Array, support: Support) -> tuple[Array, Array]:
-    """Ends of the support, moved out to the sample where rounding took it beyond, (n,) each."""
+    """Return the ends (n,) of the support, moved out to a sample that rounding took beyond."""
     low = np.minimum(support.low, means.min(axis=1))
     return low, np.maximum(support.high, means.max(axis=1))
 
