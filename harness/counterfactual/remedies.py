@@ -94,7 +94,7 @@ def nothing(log: Log, case: Case) -> Change:
 
 
 def true_pose(log: Log, case: Case) -> Change:
-    """Poses without error."""
+    """Return poses without error."""
     config = replace(
         log.config,
         estimate=replace(log.config.estimate, kind="truth"),
@@ -154,14 +154,14 @@ def admits_by_prior(config: Config) -> bool:
 
 
 def larger_margin(log: Log, case: Case) -> Change:
-    """A larger margin."""
+    """Enlarge the margin."""
     old = log.config.costmap
     margin = MARGIN_FACTOR * old.localization_margin + MARGIN_MORE
     return Change(replace(log.config, costmap=replace(old, localization_margin=margin)))
 
 
 def no_movers(log: Log, case: Case) -> Change:
-    """No movers."""
+    """Remove all movers."""
 
     def still(scenario: Scenario) -> Scenario:
         gone = tuple(
@@ -173,7 +173,7 @@ def no_movers(log: Log, case: Case) -> Change:
 
 
 def perfect_tracking(log: Log, case: Case) -> Change:
-    """Body exactly at its setpoints, upright and with its joints at rest."""
+    """Hold the body exactly at its setpoints, upright and with its joints at rest."""
 
     def carried(scenario: Scenario) -> Scenario:
         scene = scenario.scene
@@ -187,7 +187,7 @@ def perfect_tracking(log: Log, case: Case) -> Change:
 
 
 def no_delay(log: Log, case: Case) -> Change:
-    """No delays, and every sweep arrives."""
+    """Remove delays, and let every sweep arrive."""
     deadline = log.config.latency.deadline
     latency = LatencyConfig(sense=0.0, map=0.0, plan=0.0, deadline=deadline)
     config = _unperturbed(replace(log.config, latency=latency), "delay", "arrivals")
@@ -195,29 +195,29 @@ def no_delay(log: Log, case: Case) -> Change:
 
 
 def more_search(log: Log, case: Case) -> Change:
-    """Default planner with many more iterations than it needs."""
+    """Use the default planner with many more iterations than it needs."""
     return Change(replace(log.config, planner=PlannerConfig(iterations=MORE_SEARCH)))
 
 
 def no_margin(log: Log, case: Case) -> Change:
-    """No margin: the body may pass wherever it fits."""
+    """Remove the margin: the body may pass wherever it fits."""
     return Change(replace(log.config, costmap=replace(log.config.costmap, localization_margin=0.0)))
 
 
 def more_time(log: Log, case: Case) -> Change:
-    """A time limit several times as long."""
+    """Prolong the time limit several times."""
     old = log.config.episode
     limit = min(MORE_LIMIT * old.time_limit + 30.0, 3600.0)
     return Change(replace(log.config, episode=replace(old, time_limit=limit)))
 
 
 def guard(log: Log, case: Case) -> Change:
-    """The guard brakes in the place of a stack on trial, from the first command on that it cuts."""
+    """Let the guard brake in place of a stack on trial, from the first command on that it cuts."""
     return Change(replace(log.config, stack=replace(log.config.stack, guard=True)))
 
 
 def no_guard(log: Log, case: Case) -> Change:
-    """The guard lets a stack on trial do as it commands."""
+    """Let a stack on trial do as it commands, without the guard."""
     return Change(replace(log.config, stack=replace(log.config.stack, guard=False)))
 
 

@@ -22,7 +22,7 @@ ENTRY_POINT = "wayproof.harness.gym.environment:WayproofEnv"
 
 
 def environment_id(world: str, robot: str) -> str:
-    """The id of the environment of a world and a robot."""
+    """Return the id of the environment of a world and a robot."""
     return f"{NAMESPACE}/{world.title()}-{robot.title()}-v0"
 
 

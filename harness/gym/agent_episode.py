@@ -66,11 +66,11 @@ class AgentEpisode:
             self._end()
 
     def truth(self) -> pb.Truth:
-        """The simulator's truth of this instant."""
+        """Return the simulator's truth of this instant."""
         return self._episode.truth()
 
     def goal_distance(self) -> float:
-        """True distance from the goal, m; in the plane for a ground robot."""
+        """Return the true distance from the goal, m; in the plane for a ground robot."""
         return self._episode.goal_distance()
 
     def _observe(self) -> Observation:

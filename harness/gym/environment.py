@@ -208,7 +208,7 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
             episode.leave(why)
 
     def _config(self, options: Mapping[str, Any], seed: int) -> Config:
-        """The config of an episode.
+        """Return the config of an episode.
 
         Raises:
             InputError: There is no such option, world, robot, setting or perturbation.
@@ -238,7 +238,7 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
         return observed(self._observation, self._observer, self.seen, self._beams)
 
     def _truth(self) -> Info:
-        """The simulator's truth of this instant."""
+        """Return the simulator's truth of this instant."""
         episode = self._current()
         truth = episode.truth()
         return {
@@ -252,7 +252,7 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
 
 
 def _summary(result: Result, *, kept: bool) -> Info:
-    """The result of an episode; `spl` without a way to the goal is left out."""
+    """Return the result of an episode; `spl` without a way to the goal is left out."""
     info: Info = {
         "outcome": result.outcome,
         "reason": result.reason,

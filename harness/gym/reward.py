@@ -34,7 +34,7 @@ class Reward:
     def of_step(
         self, *, progress_m: float, elapsed_s: float, admitted: bool, outcome: Outcome | None
     ) -> float:
-        """The reward of one step.
+        """Return the reward of one step.
 
         Args:
             progress_m: How much shorter the distance from the goal became, m.

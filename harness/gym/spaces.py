@@ -29,7 +29,7 @@ ObservationKind = Literal["scan", "sweeps"]
 """`scan`: the tensors of a policy. `sweeps`: besides, each sensor's ranges and the pose."""
 
 ActionKind = Literal["velocity", "waypoints"]
-"""What an action stands for."""
+"""Meaning of an action."""
 
 WAYPOINTS = 3
 """Number of waypoints of an action."""
@@ -42,7 +42,7 @@ MAX_POSITION_M = 1e5
 
 
 def observation_space(kind: ObservationKind, beams: Mapping[str, Beams]) -> spaces.Dict:
-    """The space of observations.
+    """Return the space of observations.
 
     Args:
         kind: Which ones.
@@ -64,7 +64,7 @@ def observation_space(kind: ObservationKind, beams: Mapping[str, Beams]) -> spac
 def observed(
     kind: ObservationKind, observer: PolicyObserver, seen: Observation, beams: Mapping[str, Beams]
 ) -> Arrays:
-    """An observation as a point of the space of its kind; a sweep that did not come is dropped."""
+    """Return an observation as a point of the space of its kind, without sweeps that lack."""
     arrays: Arrays = dict(observer.tensors(seen))
     if kind == "sweeps":
         position = np.clip(seen.position, -MAX_POSITION_M, MAX_POSITION_M)
@@ -77,13 +77,13 @@ def observed(
 
 
 def action_space(kind: ActionKind) -> spaces.Box:
-    """The space of actions: shares of the body's limits, or of `REACH_M`."""
+    """Return the space of actions: shares of the body's limits, or of `REACH_M`."""
     shape = ACTION.shape if kind == "velocity" else (WAYPOINTS, 3)
     return spaces.Box(ACTION.low, ACTION.high, shape, np.float32)
 
 
 def motion_of(kind: ActionKind, action: NDArray[Any], task: Task, seen: Observation) -> Motion:
-    """The motion that an action commands.
+    """Return the motion that an action commands.
 
     Raises:
         InputError: It has another shape.

@@ -39,7 +39,7 @@ REACH = 20
 """Greatest distance from a measured column at which it says something, cells."""
 
 STRIDE = 2
-"""Every how many columns it is asked, along x and y; those between take the answer."""
+"""Spacing of the columns that are predicted, along x and y; those between take the prediction."""
 
 MOST_LOG_ODDS = 6 * STEPS
 
@@ -88,7 +88,7 @@ class Completion:
 
 
 def places_of(view: View) -> Ints:
-    """Columns (n, 2) to ask about: unknown, near a measured one, each `STRIDE`-th."""
+    """Select the columns (n, 2) to predict: unknown, near a measured one, each `STRIDE`-th."""
     known = view.occupied | view.free
     near = _box_sums(known.astype(np.int64), 2 * REACH + 1) > 0
     unknown_near = near & ~known
@@ -105,7 +105,7 @@ def places_of(view: View) -> Ints:
 
 
 def features_at(view: View, places: Ints) -> Floats:
-    """Inputs (n, inputs) of the network at columns (n, 2): whole numbers from 0 to 81."""
+    """Return inputs (n, inputs) of the network at columns (n, 2): whole numbers, 0 to 81."""
     parts = []
     offsets = np.arange(-HALF, HALF + 1)
     for block in BLOCKS:
@@ -159,7 +159,7 @@ def check_exact(layers: list[Layer]) -> None:
 
 
 def _box_sums(cells: Ints, edge: int) -> Ints:
-    """Sums over boxes of an odd edge about each cell; nothing lies outside."""
+    """Sum over boxes of an odd edge about each cell; nothing lies outside."""
     half = edge // 2
     padded = np.pad(cells, ((half + 1, half), (half + 1, half)))
     sums = padded.cumsum(axis=0).cumsum(axis=1)

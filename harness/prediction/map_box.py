@@ -30,7 +30,7 @@ PADDED = 64
 
 @dataclass(frozen=True)
 class MapBox:
-    """What was measured of a box about the robot.
+    """Measured states of a box about the robot.
 
     Attributes:
         time_ns: Simulated time of the newest sweeps in the map.
@@ -59,7 +59,7 @@ class MapBox:
         return self.window.origin
 
     def columns(self) -> View:
-        """The columns (nx, ny) that are occupied, and free, between step height and a lintel."""
+        """Return the columns (nx, ny) occupied, and free, between step height and a lintel."""
         nx, ny, nz = self.states.shape
         bits = []
         for state in (OCCUPIED, FREE):
@@ -69,7 +69,7 @@ class MapBox:
         return view_of(self.window, *bits)
 
     def unmeasured(self, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-        """Where nothing was measured: cells, or columns, by the number of axes of a shape."""
+        """Return a mask of the cells, or columns by a shape of two axes, without measurements."""
         if len(shape) == 2:
             view = self.columns()
             return ~(view.occupied | view.free)

@@ -20,7 +20,7 @@ MOST_STEPS = 127
 """Greatest log-odds in steps: p = 0.9996."""
 
 MOST_CELLS = 1 << 25
-"""Maximum number of cells of a box that is asked for or answered: a message holds them."""
+"""Maximum number of cells of a box, requested or answered: a message holds them."""
 
 FARTHEST = 1 << 24
 """Farthest cell along an axis: 1e4 m at 1 cm, and to spare."""
@@ -48,7 +48,7 @@ class PredictedBox:
 
 
 def in_steps(answer: object, box: MapBox) -> NDArray[np.int8]:
-    """The answer of a predictor in steps.
+    """Return the answer of a predictor in steps.
 
     Raises:
         PredictionError: It is no array of finite numbers of the shape of the box or its columns.
@@ -73,11 +73,11 @@ def in_steps(answer: object, box: MapBox) -> NDArray[np.int8]:
 def prediction_message(
     blank: pb.Prediction, box: MapBox, answer: NDArray[np.int8], offset: tuple[int, ...] = (0, 0, 0)
 ) -> pb.Prediction:
-    """A prediction for the log: of what was not measured, and only the part with an opinion.
+    """Encode a prediction for the log: unmeasured cells, and only the part with an opinion.
 
     Args:
         blank: The same without an opinion.
-        box: Box that was asked for.
+        box: Requested box.
         answer: Log-odds in steps of a box within it, or of columns.
         offset: Least cell of the answer in the box.
     """
@@ -98,7 +98,7 @@ def prediction_message(
 
 
 def blank_message(sequence: int, time_ns: int, predictor: str, late: bool = False) -> pb.Prediction:
-    """A prediction without an opinion.
+    """Return a prediction without an opinion.
 
     Args:
         sequence: Number of the decision that it is an input of.
@@ -112,7 +112,7 @@ def blank_message(sequence: int, time_ns: int, predictor: str, late: bool = Fals
 
 
 def read_prediction(message: pb.Prediction) -> PredictedBox | None:
-    """The log-odds of a message of unknown origin; None if it has no opinion.
+    """Decode the log-odds of a message of unknown origin; None if it has no opinion.
 
     Raises:
         InputError: It is none.
@@ -139,7 +139,7 @@ def read_prediction(message: pb.Prediction) -> PredictedBox | None:
 
 
 def _opinion(log_odds: NDArray[np.int8]) -> tuple[slice, ...]:
-    """The least box that holds all that is not 0; there is some."""
+    """Return the least box that holds all that is not 0; there is some."""
     parts = []
     for axis in range(log_odds.ndim):
         others = tuple(other for other in range(log_odds.ndim) if other != axis)

@@ -28,7 +28,7 @@ BAND = (0.3, 1.5)
 
 
 class View(NamedTuple):
-    """What was measured.
+    """Measured states of columns.
 
     Attributes:
         occupied: (nx, ny) columns in which something was measured occupied within `BAND`.
@@ -58,7 +58,7 @@ class Predictor(Protocol):
 
 
 def view_of(window: Window, occupied: NDArray[np.uint64], free: NDArray[np.uint64]) -> View:
-    """What a predictor sees of the columns of bits (nx, ny, words) of a window."""
+    """Return a predictor's view of the columns of bits (nx, ny, words) of a window."""
     size, bottom = window.resolution, window.first[2]
     first, end = (FLOOR_LAYER + round(height / size) - bottom for height in BAND)
     band = layer_bits(max(first, 0), max(end, 0), WORD_BITS * occupied.shape[2])

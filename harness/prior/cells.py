@@ -59,7 +59,7 @@ class PriorCells:
         return found
 
     def counts(self) -> dict[str, int]:
-        """Number of free and of occupied cells."""
+        """Return the number of free and of occupied cells."""
         return {
             "free": int(np.count_nonzero(self.states == FREE)),
             "occupied": int(np.count_nonzero(self.states == OCCUPIED)),
@@ -67,14 +67,14 @@ class PriorCells:
 
 
 def packed(cells: PriorCells) -> bytes:
-    """The cells as bytes: equal cells give equal bytes."""
+    """Return the cells as bytes: equal cells give equal bytes."""
     bits = [np.packbits(cells.states == state).tobytes() for state in (OCCUPIED, FREE)]
     head = HEAD.pack(MAGIC, cells.resolution, *cells.first, *cells.states.shape)
     return head + zstandard.compress(b"".join(bits), LEVEL)
 
 
 def unpacked(data: bytes) -> PriorCells:
-    """The cells of bytes of unknown origin.
+    """Return the cells of bytes of unknown origin.
 
     Raises:
         ValueError: They are none.
@@ -105,7 +105,7 @@ def unpacked(data: bytes) -> PriorCells:
 
 
 def logged_cells(config: Config) -> PriorCells | None:
-    """The cells of the prior map in the config of a log; None if there are none.
+    """Return the cells of the prior map in the config of a log; None if there are none.
 
     Raises:
         InputError: They are none.
@@ -119,7 +119,7 @@ def logged_cells(config: Config) -> PriorCells | None:
 
 
 def prior_layer(config: Config, mission: Mission) -> CellLayer | None:
-    """The prior map of a config as a layer of the operating area; None without one.
+    """Return the prior map of a config as a layer of the operating area; None without one.
 
     The cells in the config are those of the map that it was recorded with; for another resolution
     they are sampled.

@@ -34,7 +34,7 @@ class Placement(NamedTuple):
     yaw: float
 
     def after(self, first: Placement) -> Placement:
-        """The placement of a grid that is placed by `first`, and then by this one."""
+        """Return the placement of a grid that is placed by `first`, and then by this one."""
         c, s = _turn(self.yaw)
         return Placement(
             self.x + c * first.x - s * first.y,
@@ -69,7 +69,7 @@ class Grid:
 
 
 def resampled(grid: Grid, placement: Placement, window: Window) -> States:
-    """The states (nx, ny, nz) of the cells of a window.
+    """Return the states (nx, ny, nz) of the cells of a window.
 
     A cell is what the cell of the grid is that holds its centre; and it is occupied if the centre
     of an occupied one lies in it, so that nothing falls between the cells of a coarser map.
@@ -92,7 +92,7 @@ def resampled(grid: Grid, placement: Placement, window: Window) -> States:
 
 
 def _extruded(grid: Grid, placement: Placement, window: Window) -> States:
-    """The states of a flat map's columns, from the floor to the height of its walls."""
+    """Return the states of a flat map's columns, from the floor to the height of its walls."""
     assert grid.height is not None
     nz = window.shape[2]
     states = _plane_states(grid, placement, window)
@@ -107,7 +107,7 @@ def _extruded(grid: Grid, placement: Placement, window: Window) -> States:
 
 
 def _plane_states(grid: Grid, placement: Placement, window: Window) -> States:
-    """The states (nx, ny) of the columns of a window by a flat map."""
+    """Return the states (nx, ny) of the columns of a window by a flat map."""
     nx, ny, _ = window.shape
     size, corner = window.resolution, window.origin[:2]
     level = Placement(placement.x, placement.y, 0.0, placement.yaw)
@@ -130,7 +130,7 @@ def _turn(yaw: float) -> tuple[float, float]:
 
 
 def _at(grid: Grid, points: Array) -> States:
-    """The states (n,) at points (n, 3) in the frame of the grid; unknown outside."""
+    """Return the states (n,) at points (n, 3) in the frame of the grid; unknown outside."""
     cells = np.floor((points - grid.origin) / grid.resolution).astype(np.int64)
     inside = ((cells >= 0) & (cells < grid.states.shape)).all(axis=1)
     states = np.full(len(points), UNKNOWN, np.uint8)
@@ -161,7 +161,7 @@ def _out_of_grid(points: Array, placement: Placement) -> Array:
 
 
 def known_box(states: States) -> tuple[slice, slice, slice]:
-    """The least box of a grid that holds all known cells; one unknown cell if there are none."""
+    """Return the least box of a grid with all known cells; one unknown cell without any."""
     known = states != UNKNOWN
     box = []
     for axis in range(3):

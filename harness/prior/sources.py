@@ -44,7 +44,7 @@ MOST_BYTES = 2**30
 
 
 def with_prior(config: Config, world: World) -> Config:
-    """The config for the log, with the cells of its prior map and the identity of its file.
+    """Return the config for the log, with the cells of its prior map and the identity of its file.
 
     Args:
         config: Config of an episode.
@@ -96,7 +96,7 @@ def _placed(prior: PriorConfig, world: World, error: Misplacement) -> Placement:
 
 
 def _shown(config: Config, world: World) -> World:
-    """The world as a prior map shows it."""
+    """Return the world as a prior map shows it."""
     source, perturbation = config.prior.source, config.perturbation or UNPERTURBED
     try:
         shown = perturbation.change_prior(world, config.seed)
@@ -113,7 +113,7 @@ def _shown(config: Config, world: World) -> World:
 
 
 def _states(config: Config, shown: World, placed: Placement, window: Window) -> tuple[States, str]:
-    """The states of the cells of a window by a source, and the identity of the source."""
+    """Return the states of the cells of a window by a source, and the identity of the source."""
     prior = config.prior
     if prior.source == TRUTH:
         return resampled(grid_of_world(shown, window.resolution), placed, window), TRUTH
@@ -134,7 +134,7 @@ def _states(config: Config, shown: World, placed: Placement, window: Window) -> 
 
 
 def _read(path: Path, read: Callable[[Path], T]) -> tuple[T, str]:
-    """What a file holds, and its identity: name and hash.
+    """Read a file; return its content and its identity, name and hash.
 
     Raises:
         InputError: There is no such file, or it is of another format.
@@ -156,7 +156,7 @@ def _read(path: Path, read: Callable[[Path], T]) -> tuple[T, str]:
 
 
 def _read_occupancy_map(path: Path, config: Config) -> Grid:
-    """A flat map, whose image may be turned about its corner."""
+    """Return a flat map, whose image may be turned about its corner."""
     flat = read_occupancy_grid(path)
     states = np.where(flat.occupied, OCCUPIED, flat.free * FREE).astype(np.uint8)[:, :, None]
     x, y, yaw = flat.origin
@@ -172,7 +172,7 @@ def _read_octomap(path: Path, config: Config) -> Grid:
 
 
 def _read_own_map(path: Path, config: Config) -> Grid:
-    """A voxel map that was saved, within the bounds of its bricks."""
+    """Return a voxel map that was saved, within the bounds of its bricks."""
     del config
     voxel_map = VoxelMap.load(path)
     keys = voxel_map.content().keys.astype(np.int64)
@@ -192,7 +192,7 @@ def _grid_of(a_map: ColumnMap, window: Window) -> Grid:
 
 
 def _read_log(path: Path, config: Config) -> Grid:
-    """The map at the end of a log, built again from its sweeps."""
+    """Return the map at the end of a log, built again from its sweeps."""
     del config
     log = open_log(path)
     begins = {fork.at for fork in log.forks}

@@ -75,7 +75,7 @@ CHUNK = 1 << 19
 """Cells that are looked at together."""
 
 UPS = {"z": (0, 1, 2), "-z": (0, -1, -2), "y": (0, -2, 1), "-y": (0, 2, -1)}
-"""Which axes of a file the world's x, y and z are, by the axis that points up; -k: against it."""
+"""Axes of a file along the world's x, y and z, by the axis that points up; -k: against axis k."""
 
 
 @functools.cache
@@ -167,7 +167,7 @@ def read_splat(path: Path) -> Gaussians:
 
 
 def _layout(path: Path, lines: list[str]) -> tuple[int, np.dtype[np.void]]:
-    """Number of vertices and the layout of each, by the head of a file."""
+    """Return the number of vertices and the layout of each, by the head of a file."""
     words = [line.split() for line in lines if line.split()]
     if not words or words[0] != ["ply"]:
         raise WorldFileError(path, "got no 'ply' in the first line, expected a splat", 1)
@@ -252,7 +252,7 @@ def poll(
 def _in_world(
     splat: Gaussians, placement: Placement, scale: float, up: str, cell: float
 ) -> tuple[Array, Array]:
-    """Positions (n, 3), m, and covariances (n, 6): xx, yy, zz, xy, xz, yz, m^2, with the blur.
+    """Read positions (n, 3), m, and covariances (n, 6): xx, yy, zz, xy, xz, yz, m^2, blurred.
 
     Without products of matrices, whose last bits depend on the processor.
     """

@@ -16,7 +16,7 @@ HALF_CELL = 0.49
 
 
 def grid_of_world(world: World, resolution: float) -> Grid:
-    """The states of the cells in the operating area of a world, without its movers.
+    """Return the states of the cells in the operating area of a world, without its movers.
 
     What is solid is occupied, and so is the layer of the floor; above it all else is free, and so
     is a hole in the floor. What lies below a floor is unknown.

@@ -1,1 +1,1 @@
-"""From a config to what is simulated: world, robot, scene, mission."""
+"""Scenarios, built from configs: world, robot, scene, mission."""

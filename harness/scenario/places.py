@@ -19,7 +19,7 @@ Point = tuple[float, float, float]
 
 
 def goals_of(config: Config, world: World) -> tuple[Given, ...]:
-    """The goals of a config in their order.
+    """Return the goals of a config in their order.
 
     Args:
         config: Config with goals as points or by the names in `models.places.PLACES`.

@@ -33,7 +33,7 @@ MAX_SPEC_BYTES = 2**20
 
 
 def find_robot(config: Config) -> Robot:
-    """The robot that a config names, or that a spec file describes.
+    """Return the robot that a config names, or that a spec file describes.
 
     Raises:
         InputError: No such robot or file; or a robot whose spec is only in its log.
@@ -53,7 +53,7 @@ def built_in(config: Config) -> Mapping[str, Robot]:
 
 
 def resolve_limits(config: Config, world: World) -> Config:
-    """The config with the limits that `motion.limits=auto` stands for in a world.
+    """Return the config with the limits that `motion.limits=auto` stands for in a world.
 
     A robot stops within the space that is admitted. What moves or appears can come into it
     meanwhile, so where the operator knows of such things, the robot goes more slowly. So it does
@@ -93,7 +93,7 @@ def refuse_unused(config: Config, settings: Iterable[str]) -> None:
 
 
 def controller_of(name: str) -> str:
-    """The controller named by a robot's spec file, without loading it; else empty."""
+    """Return the controller named by a robot's spec file, without loading it; else empty."""
     if not name.endswith(ENDING):
         return ""
     try:
@@ -103,7 +103,7 @@ def controller_of(name: str) -> str:
 
 
 def find_logged_robot(config: Config, scene: str) -> Robot:
-    """The robot of a log, which opens no file: its spec is in the config, its body in the scene.
+    """Return the robot of a log by its config and scene; no file is opened.
 
     Args:
         config: Config of the log.
@@ -124,7 +124,7 @@ def find_logged_robot(config: Config, scene: str) -> Robot:
 
 
 def log_robot_identity(robot: Robot, config: Config) -> Config:
-    """The config for the log, with the identity and the spec of a robot from a file."""
+    """Return the config for the log, with the identity and the spec of a robot from a file."""
     if isinstance(robot, CustomRobot):
         return replace(config, robot=robot.identity, robot_file=robot.text)
     return replace(config, robot_file="")

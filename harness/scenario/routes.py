@@ -31,7 +31,7 @@ KEPT = 16
 """Number of lengths that a process keeps."""
 
 SEED = 1
-"""Of the shortcuts: a world has one length."""
+"""Seed of the shortcuts: a world has one length."""
 
 
 def route_between(

@@ -83,7 +83,7 @@ class Scenario:
         return total
 
     def _scored_world(self) -> World:
-        """The world; of one from a file the scene's, which is all that a log holds of it.
+        """Return the world; of one from a file the scene's, which is all that a log holds of it.
 
         Raises:
             InputError: The scene is of no world file.
@@ -155,7 +155,7 @@ def build(config: Config, world: World | None = None) -> Scenario:
 
 
 def edit_scene(scenario: Scenario, edit: Callable[[mujoco.MjSpec], None]) -> Scenario:
-    """The scenario of a registered robot with its scene changed and compiled anew.
+    """Return the scenario of a registered robot with its scene changed and compiled anew.
 
     The world keeps what it was generated from, so only the scene knows of the change.
     """
@@ -168,7 +168,7 @@ def edit_scene(scenario: Scenario, edit: Callable[[mujoco.MjSpec], None]) -> Sce
 
 
 def make_transparent(scenario: Scenario, is_glass: Callable[[str], bool]) -> Scenario:
-    """The scenario with the geoms of some names invisible to every beam, as glass is to a lidar."""
+    """Return the scenario with named geoms invisible to every beam, as glass is to a lidar."""
 
     def clear(spec: mujoco.MjSpec) -> None:
         for geom in spec.geoms:
@@ -199,7 +199,7 @@ def _inspect(scene: Scene, world: World, config: Config) -> tuple[str, ...]:
 
 
 def sensor_info(caster: Caster) -> pb.SensorInfo:
-    """The sensor's beam tables and where it sits on the base, as the log states them."""
+    """Return the sensor's beam tables and its mounting on the base, as the log states them."""
     device, table = caster.mount.device, caster.table
     position, R = caster.mounting
     return pb.SensorInfo(
@@ -224,7 +224,7 @@ def sensor_info(caster: Caster) -> pb.SensorInfo:
 
 
 def _place(point: tuple[float, ...], world: World, spec: RobotSpec) -> Point:
-    """Base origin for a point given as x,y or x,y,z; without z at rest on the floor there."""
+    """Return the base origin at x,y or x,y,z; without z at rest on the floor there."""
     if len(point) == 3:
         z = float(point[2])
     else:

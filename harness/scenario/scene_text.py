@@ -17,7 +17,7 @@ from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.xml_tree import Element
 
 MAX_CHARACTERS = 64 * 2**20
-"""As of an imported world: two million heights in text take half of it."""
+"""Maximum size of a scene's text, as of an imported world: two million heights take half of it."""
 
 MAX_ELEMENTS = 50_000
 
@@ -43,7 +43,7 @@ TIMESTEPS = (1e-4, 0.05)
 
 
 def safe_scene(text: str) -> str:
-    """A scene's text, parsed and serialized again, so that MuJoCo reads what was checked.
+    """Parse and serialize a scene's text, so that MuJoCo reads what was checked.
 
     Raises:
         InputError: The text is no XML, too large, or not self-contained.
@@ -83,7 +83,7 @@ def _walk(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, int]
 
 
 def _check_bounds(bounds: Bounds, element: ElementTree.Element) -> None:
-    """As for a scene that is imported: sizes and counts by the numbers written."""
+    """Check sizes and counts by the numbers written, as of an imported scene."""
     try:
         bounds.check(Path("scene"), Element(str(element.tag), element.attrib, 0))
     except WorldFileError as error:

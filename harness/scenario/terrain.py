@@ -25,7 +25,7 @@ SLOPES = tuple(round(0.05 * n, 2) for n in range(1, 12))
 """Greatest slopes of a way that are tried, rad."""
 
 SPARE = 0.05
-"""By which the proposed `costmap.max_slope` exceeds that, rad: the map has whole cells only."""
+"""Excess of the proposed `costmap.max_slope` over a way's slope, rad: the map has whole cells."""
 
 BASELINE = 0.4
 """Distance over which a slope is measured, m: a scan's noise is no slope."""

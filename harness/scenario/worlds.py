@@ -104,12 +104,12 @@ def refuse_other_worlds(world: str, settings: Iterable[str]) -> None:
 
 
 def log_world_identity(world: World, config: Config) -> Config:
-    """The config for the log, with the identity of a world from a file."""
+    """Return the config for the log, with the identity of a world from a file."""
     return replace(config, world=world.identity) if isinstance(world, FileWorld) else config
 
 
 def apply_world_perturbation(world: World, config: Config) -> World:
-    """The world of an episode, changed by its perturbation.
+    """Return the world of an episode, changed by its perturbation.
 
     Raises:
         InputError: The perturbation cannot change this world.

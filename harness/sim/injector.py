@@ -50,7 +50,7 @@ class PerturbationInjector:
         return (*own, "pose") if sensed and self._registers else own
 
     def delivered(self, casters: tuple[Caster, ...], sequence: int) -> list[Caster]:
-        """The sensors whose sweeps reach the stack at this decision."""
+        """Return the sensors whose sweeps reach the stack at this decision."""
         self._changed_beams = 0
         self._active = self._perturbation.is_active(round(sequence / self._rate * 1e9))
         arrives = not self._active or self._perturbation.delivers(sequence)

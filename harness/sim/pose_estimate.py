@@ -36,7 +36,7 @@ NONE = -1
 
 
 class Estimator(Protocol):
-    """What makes the estimates of one body."""
+    """Pose estimator of one body."""
 
     travelled: float
 
@@ -120,7 +120,7 @@ class PoseEstimate:
         self.tracked = np.array([self.error_row, np.zeros(4)])
 
     def state(self) -> dict[str, Array]:
-        """The estimator, the time of the next estimate, errors of the trail (n, 4), the filter."""
+        """Return the estimator, the next estimate's time, the trail's errors (n, 4), the filter."""
         errors = [(*one.shift, one.turn) for one in self._errors]
         return {
             **{f"{ESTIMATOR}{name}": array for name, array in self._estimator.state().items()},
@@ -226,7 +226,7 @@ class PoseEstimate:
         return believed.every(self._stride) if rolling else believed
 
     def _points(self, sweeps: Iterable[SweepInput], pose: Pose, sequence: int) -> Array:
-        """Returns of sweeps, (n, 3) world, m."""
+        """Place the returns of sweeps, (n, 3), world, m."""
         points = [self._beams[one.sensor].place(one, pose, sequence).points for one in sweeps]
         return np.concatenate([np.zeros((0, 3)), *points])
 

@@ -117,7 +117,7 @@ class Recorder:
             self._log.write("/perturbation", done, time_ns)
 
     def truth(self, sequence: int, time_ns: int) -> pb.Truth:
-        """The simulator's truth, where decision `sequence` is made at `time_ns`."""
+        """Return the simulator's truth, where decision `sequence` is made at `time_ns`."""
         simulation, truth = self._simulation, self._simulation.truth
         message = pb.Truth(
             sequence=sequence,

@@ -155,7 +155,7 @@ class Simulation:
         return self._setpoints.drain_setpoints()
 
     def trail(self) -> Trail:
-        """True poses of the base since the sweeps began; without a rolling shutter the last one."""
+        """Return the true poses since the sweeps began; without rolling shutter the last one."""
         now = np.concatenate([self.position, self.quaternion])
         poses = np.array([*self.step_poses.poses, now] if self.rolling else [now])
         return Trail(poses[:, :3], poses[:, 3:], self._timestep)

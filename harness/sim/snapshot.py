@@ -63,7 +63,7 @@ class PhysicsState:
         mujoco.mj_getState(self._model, self._data, self._before, self.KIND)
 
     def state(self) -> Arrays:
-        """The state last saved."""
+        """Return the state last saved."""
         return {"integration": self._before.copy()}
 
     def restore(self, state: Arrays) -> None:
@@ -98,7 +98,7 @@ class StepPoses:
         self.poses.append(pose)
 
     def state(self) -> Arrays:
-        """The poses (n, 7), oldest first."""
+        """Return the poses (n, 7), oldest first."""
         return {"poses": np.array(self.poses).reshape(-1, 7)}
 
     def restore(self, state: Arrays) -> None:

@@ -41,7 +41,7 @@ class TerminationMonitor:
         positions: Sequence[NDArray[np.float64]],
         reached: int = 0,
     ) -> Verdict | None:
-        """The verdict of the newest decision, if it ends the episode.
+        """Return the verdict of the newest decision, if it ends the episode.
 
         Args:
             decision: The newest.
@@ -51,7 +51,7 @@ class TerminationMonitor:
         return self._limits.ending_at(decision, positions, reached)
 
     def check_physics(self) -> Verdict | None:
-        """The verdict of a physics step; called outside `safe_limits` or after a contact."""
+        """Return the verdict of a physics step; called outside `safe_limits` or after a contact."""
         mission, truth = self._scenario.mission, self._truth
         if truth.collisions:
             return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
@@ -71,7 +71,7 @@ class TerminationMonitor:
         return None
 
     def distance_left(self, reached: int) -> float:
-        """True straight distance to the next goal and on through the others, m; see `goals`."""
+        """Return the true straight distance through all goals left, m; see `goals`."""
         return distance_left(self._limits.mission, reached, self._position)
 
     def _place(self) -> str:
@@ -90,7 +90,7 @@ def safe_limits(scenario: Scenario) -> NDArray[np.float64]:
 
 
 def first_contact(scene: Scene, data: mujoco.MjData) -> Contact | None:
-    """The first contact of the robot with anything but the floor; a mover by its body's name."""
+    """Return the robot's first contact other than with the floor; a mover by its body's name."""
     model = scene.model
     for pair, position in zip(data.contact.geom, data.contact.pos, strict=True):
         mine = [int(model.geom_group[geom]) == ROBOT_GROUP for geom in pair]
