@@ -88,7 +88,7 @@ def samples_of(path: Path) -> Iterator[Samples]:
 
 
 def gathered(folder: Path) -> Samples:
-    """The samples of all logs in a folder that have neither a prior nor predictions."""
+    """Return the samples of all logs in a folder that have neither a prior nor predictions."""
     parts: list[Samples] = []
     for path in sorted(folder.glob("*.mcap")):
         if not open_log(path).config.has_layers:
@@ -137,7 +137,7 @@ def trained(samples: Samples, seed: int = 0) -> list[tuple[Array, Array]]:
 
 
 def rounded(parameters: list[tuple[Array, Array]]) -> list[Layer]:
-    """The network in whole steps, checked to be exact."""
+    """Return the network in whole steps, checked to be exact."""
     layers = []
     for number, (weights, biases) in enumerate(parameters, 1):
         scale = float(INPUT_SCALE * WEIGHT_SCALE**number)

@@ -21,7 +21,7 @@ from wayproof.harness.scenario.scenario import build, sensor_info
 from wayproof.planners import hold
 
 RANGE_MM = 3000
-"""What every beam reports, mm, so that all of them are in the cloud."""
+"""Range that every beam reports, mm, so that all of them are in the cloud."""
 
 
 def main() -> None:

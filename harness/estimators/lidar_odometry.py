@@ -39,7 +39,7 @@ NAME = "lidar/8"
 """Name and version of the estimator, as it is logged."""
 
 PLANAR_NAME = "lidar-planar/2"
-"""The same by planar lasers; `lidar/8` was that, too, before it had a map of its own for them."""
+"""Name and version of the estimator by planar lasers: `lidar/8`, before it had its own map."""
 
 
 class LidarOdometry:
@@ -261,7 +261,7 @@ def put_estimate(message: pb.Pose, lidar: LidarOdometry) -> None:
 
 
 def regained(before: Array, unheld: Array) -> Array:
-    """Unit directions (k, 3) that a sweep holds and the one before did not.
+    """Return unit directions (k, 3) that a sweep holds and the one before did not.
 
     Args:
         before: (m, 3) unit directions that the sweep before did not hold.
@@ -284,7 +284,7 @@ def _part(state: dict[str, Array], prefix: str) -> dict[str, Array]:
 
 
 def _turned(vector: Array, angle: float) -> Array:
-    """A vector (3,) turned about the vertical."""
+    """Return a vector (3,) turned about the vertical."""
     c, s = math.cos(angle), math.sin(angle)
     x, y, z = vector.tolist()
     return np.array([c * x - s * y, s * x + c * y, z])

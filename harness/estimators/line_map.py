@@ -49,8 +49,8 @@ SEARCH_SHIFT, SEARCH_SHIFTS = 0.1, 3
 at most, and 0.3 m is what a robot of 1.5 m/s goes between two scans 0.2 s apart."""
 
 SEARCH_TURN, SEARCH_TURNS = 0.03, 10
-"""The same of the heading, rad: a step moves what is 4 m away by twice `NEAR`, and 0.3 rad is what
-a robot turns at 1.5 rad/s."""
+"""Step, rad, and number of steps to either side of the search of the heading: a step moves what is
+4 m away by twice `NEAR`, and 0.3 rad is what a robot turns at 1.5 rad/s in 0.2 s."""
 
 
 MOST_SHIFTS, MOST_TURNS = 15, 20

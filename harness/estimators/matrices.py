@@ -26,5 +26,5 @@ def product(one: Array, other: Array) -> Array:
 
 
 def projected(symmetric: Array, matrix: Array) -> Array:
-    """The product A B A of a symmetric A, both (n, n)."""
+    """Return the product A B A of a symmetric A, both (n, n)."""
     return product(product(symmetric, matrix), symmetric)

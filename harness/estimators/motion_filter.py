@@ -161,7 +161,7 @@ class MotionFilter:
         return position
 
     def _update_held(self, information: Array, shift: Array, unheld: Array) -> Array:
-        """As `update`, by a sweep that holds a part alone; `information` is (3, 3)."""
+        """Update by a sweep that holds the pose along some axes only; `information` is (3, 3)."""
         held, kept = np.eye(3), np.eye(9)
         for axis in unheld:
             held = held - axis[:, None] * axis
@@ -182,7 +182,7 @@ class MotionFilter:
         return change
 
     def _in_base(self, axis: Array) -> Array:
-        """A direction (3,) of the world in the axes of the base."""
+        """Return a direction (3,) of the world in the axes of the base."""
         turned: Array = (self._axes.T * axis).sum(axis=1)
         return turned
 

@@ -30,7 +30,7 @@ DRAWS = 7
 
 
 class Motion(NamedTuple):
-    """What was measured since the measurement before.
+    """Motion between two measurements.
 
     Attributes:
         velocity_change: (3,) by the accelerometer without gravity, in true world axes, m/s.
@@ -50,7 +50,7 @@ class Motion(NamedTuple):
 
 
 class MotionSource(Protocol):
-    """What measures the motion of a body.
+    """Sensors of the motion of a body.
 
     Attributes:
         period: Time between two measurements, s.
@@ -157,7 +157,7 @@ class MotionSensors:
         return Motion(change, turned, feet, axes)
 
     def _bias(self) -> InertialBias:
-        """The biases of this instant."""
+        """Return the biases of this instant."""
         time_ns = round((self._sequence + 1) * self.period * 1e9)
         if self._added is None or not self._perturbation.is_active(time_ns):
             return self._own
@@ -197,6 +197,6 @@ class MotionSensors:
 
 
 def turned_by(rotation: Array, vector: Array) -> Array:
-    """A vector (3,) turned by a rotation (3, 3)."""
+    """Return a vector (3,) turned by a rotation (3, 3)."""
     turned: Array = (rotation * vector).sum(axis=1)
     return turned

@@ -9,7 +9,7 @@ from wayproof.models.arrays import Array
 
 @dataclass(frozen=True)
 class Registration:
-    """How a sweep lies in the map.
+    """Registration of a sweep in the map.
 
     Attributes:
         correction: (4,) shift from the predicted position, m, and turn about the vertical, rad.

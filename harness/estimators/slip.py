@@ -1,4 +1,4 @@
-"""How far wheels are astray: by what registered scans correct, beyond what wheels are said to err.
+"""Error of wheel odometry beyond its stated one, by the corrections of registered scans.
 
 Wheels that slip, are pushed, or count back as ahead err by as much as the robot moves, for seconds.
 Scans that are registered see it. Once they no longer are, the prediction is believed to be off as

@@ -217,7 +217,7 @@ class StatedCovariance:
             self._held[HEADING, HEADING] += grown
 
     def _levels(self) -> list[Array]:
-        """Unit directions (3,) that the last sweep did not hold, but for upright ones."""
+        """Return unit directions (3,) that the last sweep did not hold, but for upright ones."""
         return [axis for axis in self.axes if abs(float(axis[2])) < LEVEL]
 
     def _unheld(self, motion: Array) -> Array:

@@ -145,7 +145,7 @@ class SurfaceMap:
         )
 
     def _least_near(self, known: int) -> float:
-        """Number of points that agree with a plane, of those in known voxels, beyond chance."""
+        """Count the points that agree with a plane, of those in known voxels, beyond chance."""
         share = self._share
         return share * known + CHANCE * math.sqrt(share * (1.0 - share) * known)
 

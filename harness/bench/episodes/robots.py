@@ -153,7 +153,7 @@ def run_once(seed: int, number: int, run: int) -> Run:
 
 
 def summarise(case: Case, runs: list[Run]) -> RobotRow:
-    """A row of all runs of one case; errors are of those that stayed up."""
+    """Return a row of all runs of one case; errors are of those that stayed up."""
     up = [run for run in runs if not run.fallen]
     errors = [run.errors for run in up if run.errors is not None]
     velocity = np.sqrt(np.mean(np.square(errors), axis=0)).tolist() if errors else [None] * 3
@@ -179,7 +179,7 @@ def summarise(case: Case, runs: list[Run]) -> RobotRow:
 
 
 def speed_rows() -> list[RobotRow]:
-    """Controller and physics on one core, the controller reading the truth, nothing drawn."""
+    """Time controller and physics on one core, the controller reading the truth, nothing drawn."""
     quadruped = min(_timed(_walk_for_speed) for _ in range(SPEED_TRIES))
     drone = min(_timed(_fly_for_speed) for _ in range(SPEED_TRIES))
     return [

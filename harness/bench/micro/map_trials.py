@@ -69,7 +69,7 @@ class Agreement:
 
 
 def ghosts() -> Iterator[Ghost]:
-    """An object that is seen until its cells are saturated, and is gone at the next look."""
+    """Show an object until its cells are saturated, and remove it at the next look."""
     still = MapConfig(half_life=0.0)
     for clamp in CLAMPS:
         yield ghost("voxel", replace(still, prob_max=clamp), 0.0)
@@ -219,7 +219,7 @@ def _mapped(kind: str, config: MapConfig, sweeps: Sequence[Sweep]) -> Any:
 
 
 def _cells(points: NDArray[np.float64], resolution: float) -> NDArray[np.int64]:
-    """The cells (n, 3) of points (n, 3), m, world, as every map lays them."""
+    """Return the cells (n, 3) of points (n, 3), m, world, as every map lays them."""
     return np.floor(points / resolution + [0.0, 0.0, FLOOR_HEIGHT_IN_CELL]).astype(np.int64)
 
 

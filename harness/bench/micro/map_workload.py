@@ -64,12 +64,12 @@ class Sweep:
     geoms: NDArray[np.int32]
 
     def points(self) -> NDArray[np.float64]:
-        """True points where beams hit surfaces, world frame, m: (k, 3), without misses."""
+        """Return the true points (k, 3) where beams hit surfaces, world, m, without misses."""
         hit = self.geoms >= 0
         return self.origin + self.directions[hit] * self.distances[hit, None]
 
     def moved(self, offset: NDArray[np.float64]) -> Sweep:
-        """The same sweep from elsewhere, (3,) m, in a world that looks the same from there."""
+        """Return the sweep moved by (3,) m, in a world that looks the same from there."""
         return replace(self, origin=self.origin + offset)
 
 

@@ -152,12 +152,12 @@ def _block(blocked: NDArray[np.bool_], low: Array, high: Array) -> None:
 
 
 def air(blocked: NDArray[np.bool_]) -> Spaces:
-    """The drone's space: a ball in three dimensions."""
+    """Return the drone's space: a ball in three dimensions."""
     return _spaces(blocked, DRONE, flat=False)
 
 
 def ground(blocked: NDArray[np.bool_]) -> Spaces:
-    """The quadruped's space: discs in the plane, and the disc about its middle."""
+    """Return the quadruped's space: discs in the plane, and the disc about its middle."""
     low, high = (round(height / RESOLUTION) for height in BAND)
     columns = np.asarray(blocked[:, :, low:high].any(axis=2))  # (nx, ny)
     return _spaces(columns[:, :, None], QUADRUPED, flat=True)
@@ -304,7 +304,7 @@ def _replan_rows(robot: str, space: FreeSpace, queries: list[Query]) -> Iterator
 def put_box(
     space: FreeSpace, path: Array, seed: int
 ) -> tuple[FreeSpace, tuple[NDArray[np.int64], NDArray[np.int64]]] | None:
-    """The space with a box of 0.8 m on the path 2 to 6 m ahead, and the cells that it changed.
+    """Put a box of 0.8 m on the path 2 to 6 m ahead; return the space and the changed cells.
 
     None if the box is at the start or the goal.
     """

@@ -164,7 +164,7 @@ def _tessellate(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], 
 def _field_triangles(
     model: mujoco.MjModel, asset: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The upper surface of a height field, each cell cut as MuJoCo cuts it."""
+    """Return the upper surface of a height field, each cell cut as MuJoCo cuts it."""
     rows, columns = int(model.hfield_nrow[asset]), int(model.hfield_ncol[asset])
     half_x, half_y, relief, _ = model.hfield_size[asset]
     first = model.hfield_adr[asset]

@@ -32,7 +32,7 @@ TILE = 256
 """Cells along the edges of the columns that are compared at a time."""
 
 BEYOND = 1.0
-"""What the range limit is above the longest return, m."""
+"""Excess of the range limit over the longest return, m."""
 
 
 @dataclass(frozen=True)

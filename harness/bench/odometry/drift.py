@@ -137,7 +137,7 @@ def measure(peer: Peer, sweeps: Sweeps) -> Measured:
 
 
 def _ours(sweeps: Sweeps) -> Measured:
-    """The estimates of the episode; the time of registering and mapping its sweeps again."""
+    """Return the estimates of the episode; the time of registering and mapping its sweeps again."""
     config = Config("empty", "drone", 0).estimate
     surfaces, seconds = SurfaceMap(config.voxel, config.held, config.registered_share), []
     for points, inputs in zip(sweeps.points, sweeps.inputs, strict=True):

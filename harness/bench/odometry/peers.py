@@ -126,6 +126,6 @@ def imported(name: str) -> Any:
 
 
 def _shares(ages: Array) -> Array:
-    """Times as shares of a sweep, 0 to 1: both libraries bring points to its end."""
+    """Return times as shares of a sweep, 0 to 1: both libraries bring points to its end."""
     longest = float(ages.max(initial=0.0))
     return 1.0 - ages / longest if longest > 0.0 else np.ones(len(ages))

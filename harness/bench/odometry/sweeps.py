@@ -70,7 +70,7 @@ def read_sweeps(path: Path) -> Sweeps:
 
 
 def _at_rest(pose: Pose) -> Pose:
-    """The pose of the base in its own frame, at all instants of a sweep."""
+    """Return the pose of the base in its own frame, at all instants of a sweep."""
     upright = np.array([1.0, 0.0, 0.0, 0.0])
     trail = pose.trail
     if trail is not None:

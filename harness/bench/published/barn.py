@@ -218,7 +218,7 @@ def shortest_way(world: FileWorld) -> float | None:
 
 
 def best_score(world: FileWorld, way: float | None) -> float:
-    """The score on the shortest way at the body's greatest speed from the first moment on."""
+    """Return the score of the shortest way at the body's greatest speed from the first moment."""
     if way is None:
         return 0.0
     return barn_score(
@@ -249,14 +249,14 @@ def margin_of(cell: float) -> float:
 
 
 def settings() -> tuple[str, ...]:
-    """Settings of the protocol for the robot: cells and margin follow from its body."""
+    """Return the protocol's settings for the robot: cells and margin follow from its body."""
     cell = cell_size(inscribed_radius(ROBOTS[ROBOT].spec))
     sizes = (f"map.resolution={cell:g}", f"costmap.localization_margin={margin_of(cell):g}")
     return (*sizes, *UNCERTAINTIES)
 
 
 def barn_config(world: FileWorld, seed: int) -> Config:
-    """The protocol's settings."""
+    """Return the protocol's settings."""
     return override(Config(world.name, ROBOT, seed), settings())
 
 

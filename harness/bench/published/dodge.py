@@ -155,14 +155,14 @@ def read_field(path: Path) -> FileWorld:
 
 
 def dodge_config(world: FileWorld, seed: int) -> Config:
-    """The protocol's settings, and the start and goal of a seed."""
+    """Return the protocol's settings, and the start and goal of a seed."""
     start, goal = flight_ends(world, seed)
     config = override(Config(world.name, ROBOT, seed), SETTINGS)
     return replace(config, start=start, goal=goal)
 
 
 def flight_ends(world: FileWorld, seed: int) -> tuple[Point, Point]:
-    """A start over the origin that is free, and the free goal nearest to straight ahead.
+    """Return a start over the origin that is free, and the free goal nearest to straight ahead.
 
     Raises:
         InputError: The field leaves no such place.

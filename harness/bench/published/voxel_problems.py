@@ -98,7 +98,7 @@ def bench_scenarios(files: Files, repeats: int, seed: int, progress: Progress) -
 
 
 def read_problems(path: Path) -> tuple[str, NDArray[np.bool_], list[Problem]]:
-    """The map's name, its occupied cells (nx, ny, nz), and the problems on it.
+    """Return the map's name, its occupied cells (nx, ny, nz), and the problems on it.
 
     Raises:
         InputError: Naming the file, the line and what was expected there.
@@ -136,7 +136,7 @@ def _problem(path: Path, number: int, line: str, occupied: NDArray[np.bool_]) ->
 
 
 def _space(occupied: NDArray[np.bool_]) -> FreeSpace:
-    """The map for a body that is a point."""
+    """Return the map for a body that is a point."""
     field = np.empty(occupied.shape, np.uint16)
     for first in range(0, len(occupied), SLAB):  # a whole map takes 40 bytes a cell on the way
         low, high = max(first - REACH, 0), first + SLAB + REACH

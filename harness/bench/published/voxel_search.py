@@ -63,7 +63,7 @@ class VoxelSearch:
         self._round = 0
 
     def solve(self, start: tuple[int, int, int], goal: tuple[int, int, int]) -> Moves | None:
-        """The moves of a shortest way, or None if there is none.
+        """Return the moves of a shortest way, or None if there is none.
 
         Args:
             start: A cell of the map.

@@ -19,7 +19,7 @@ RAYS_AT_A_TIME = 64
 """Rays that are met with triangles in one run, as the beams of a tile are."""
 
 UNIT_TOLERANCE = 1e-9
-"""By how much a direction's length may differ from 1."""
+"""Tolerance of a direction's length, which is 1."""
 
 
 class RayCaster:

@@ -197,7 +197,7 @@ def random_config(rng: np.random.Generator) -> Config:
 
 
 def needed_by(perturbation: AnyPerturbation) -> tuple[str, ...]:
-    """Settings without which a perturbation has nothing to act on."""
+    """Return the settings without which a perturbation has nothing to act on."""
     return ("estimate.kind=lidar",) if perturbation.changes == "motion_sensors" else ()
 
 

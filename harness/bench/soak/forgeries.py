@@ -73,17 +73,17 @@ class Forgery:
         self.sealed = self.digested = True
 
     def each(self, kind: type[Kind]) -> list[Kind]:
-        """All messages of a kind, to be edited in place."""
+        """Return all messages of a kind, to be edited in place."""
         return [one for one in self.messages if isinstance(one, kind)]
 
     def middle(self, kind: type[Kind]) -> Kind:
-        """The one in the middle of its kind."""
+        """Return the one in the middle of its kind."""
         found = self.each(kind)
         return found[len(found) // 2]
 
     @contextmanager
     def document(self, name: str) -> Iterator[dict[str, Any]]:
-        """An attached JSON document, to be edited in place."""
+        """Yield an attached JSON document, to be edited in place."""
         document = json.loads(self._attachments[name])
         yield document
         self._attachments[name] = json.dumps(document, indent=1).encode()

@@ -367,7 +367,7 @@ def _pgm(folder: Path) -> list[str]:
 
 
 def attached(folder: Path, sub: str, name: str = "sub.xml") -> Path:
-    """A scene in a folder of its own that attaches another one; beside the folder lie secrets."""
+    """Write a scene in its own folder that attaches another one; beside the folder lie secrets."""
     inner = folder / "scene"
     inner.mkdir(exist_ok=True)
     (folder / "secret.obj").write_text(BODY)
@@ -381,7 +381,7 @@ def attached(folder: Path, sub: str, name: str = "sub.xml") -> Path:
 
 
 def with_mesh(file: str) -> str:
-    """A model of one body, whose mesh is a file."""
+    """Return a model of one body, whose mesh is a file."""
     return (
         f"<mujoco model='sub'><asset><mesh name='m' file='{file}'/></asset><worldbody>"
         "<body name='b'><geom type='mesh' mesh='m'/></body></worldbody></mujoco>"

@@ -104,7 +104,7 @@ for scene in SCENES:
 
 
 def study_with_log(folder: Path, log: Path) -> Path:
-    """A study's folder of one episode, whose log is given."""
+    """Return a study's folder of one episode, whose log is given."""
     config: Config = open_log(log).config
     written = folder / "study.toml"
     written.write_text(STUDY.format(config=config))
@@ -135,7 +135,7 @@ def record(opcode: int, body: bytes) -> bytes:
 
 
 def chunk(data: bytes) -> bytes:
-    """A chunk of records, packed."""
+    """Return a chunk of records, packed."""
     packed = zstandard.ZstdCompressor(level=3).compress(data)
     head = struct.pack("<QQQI", 10**9, 10**9, len(data), zlib.crc32(data))
     body = head + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed)) + packed
@@ -143,7 +143,7 @@ def chunk(data: bytes) -> bytes:
 
 
 def with_chunks(chunks: list[bytes], target: Path) -> Path:
-    """The short log with more chunks before its end of data."""
+    """Return the short log with more chunks before its end of data."""
     data = source().read_bytes()
     place = len(MAGIC)
     while data[place] != END:
@@ -154,12 +154,12 @@ def with_chunks(chunks: list[bytes], target: Path) -> Path:
 
 
 def message(channel: int, data: bytes) -> bytes:
-    """A message one second after the start."""
+    """Return a message one second after the start."""
     return record(MESSAGE, struct.pack("<HIQQ", channel, 0, 10**9, 10**9) + data)
 
 
 def declared(channel: int, schema: str, topic: str) -> bytes:
-    """A schema and a channel of it, of one number."""
+    """Return a schema and a channel of it, of one number."""
 
     def text(value: str) -> bytes:
         return struct.pack("<I", len(value)) + value.encode()
@@ -170,7 +170,7 @@ def declared(channel: int, schema: str, topic: str) -> bytes:
 
 
 def flood(one: bytes, count: int, chunks: int, head: bytes, target: Path) -> Path:
-    """The short log and after it the same record over and over."""
+    """Return the short log and after it the same record over and over."""
     return with_chunks([chunk(head + one * count)] * chunks, target)
 
 

@@ -120,7 +120,7 @@ def _same(one: Result, other: Result) -> Iterator[tuple[int, bool]]:
 
 
 def _content(decision: pb.Decision) -> tuple[object, ...]:
-    """What a stack decided, and on which sweeps and map."""
+    """Return a stack's decision with the hashes of its inputs and map."""
     return (
         decision.input_digest,
         decision.map_version,

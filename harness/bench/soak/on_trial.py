@@ -301,7 +301,7 @@ def _contradicted(log: Path, cause: str) -> Iterator[str]:
 
 
 def table(tallies: dict[str, Tally]) -> Table:
-    """A line for each kind."""
+    """Return a line for each kind."""
     lines = Table(
         "fault", "episodes", "drawn again", "cause right", "causes found", "check", "troubles"
     )

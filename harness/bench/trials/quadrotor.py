@@ -161,7 +161,7 @@ def hover(rng: np.random.Generator) -> Course:
 
 
 def figure_of_eight(rng: np.random.Generator, speed: float = 3.0, ramp: float = 4.0) -> Course:
-    """A Lissajous figure 6 m long and 3 m wide, climbing and sinking by 0.4 m, at any heading.
+    """Return a Lissajous figure, 6 m by 3 m, climbing and sinking by 0.4 m, at any heading.
 
     Args:
         rng: Generator of the heading.
@@ -214,7 +214,7 @@ def point_to_point(
 def turning_about(
     rng: np.random.Generator, seconds: float, yaw_rate: float, limits: Limits | None = None
 ) -> Course:
-    """Such flights within 6 m, and turns by up to half a circle at a constant rate all the while.
+    """Return flights within 6 m, with turns by up to half a circle at a constant rate meanwhile.
 
     Navigation commands such turns: at once at the full rate, whatever the motion.
 
@@ -243,7 +243,7 @@ def motion_limits(robot: Quadrotor) -> MotionLimits:
 
 
 def winding(rng: np.random.Generator, limits: MotionLimits, corners: int = 14) -> Course:
-    """A path as navigation plans it, through drawn corners in space, at its limits, to rest.
+    """Return a path as navigation plans it, through drawn corners in space, at its limits, to rest.
 
     Args:
         rng: Generator of edges of 0.5 to 3 m, turns of up to 1.2 rad and heights of 1 to 3 m.
@@ -271,7 +271,7 @@ def winding(rng: np.random.Generator, limits: MotionLimits, corners: int = 14) -
 
 
 def _rounded(waypoints: Array, reach: float) -> Array:
-    """A polyline with a parabola in place of each corner, from up to `reach` before it, m."""
+    """Replace each corner of a polyline by a parabola, from up to `reach` before it, m."""
     share = np.linspace(0.0, 1.0, 7)[:, None]
     parts = [waypoints[:1]]
     for before, corner, after in zip(waypoints, waypoints[1:], waypoints[2:], strict=False):

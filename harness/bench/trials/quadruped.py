@@ -30,7 +30,7 @@ SPEEDS = (1.5, 0.4, 1.0)
 
 
 class Tracked(NamedTuple):
-    """How well velocity commands were followed in one run.
+    """Tracking of velocity commands in one run.
 
     Attributes:
         fallen: Whether it fell; the run ends there.
@@ -94,7 +94,7 @@ def draw_command(rng: np.random.Generator, speeds: Velocity) -> Array:
 
 
 def body_velocity(data: mujoco.MjData) -> Velocity:
-    """True forward, left (yaw frame, m/s) and yaw rate (rad/s) of the base."""
+    """Return the base's true forward, left (yaw frame, m/s) and yaw rate (rad/s)."""
     w, x, y, z = data.qpos[3:7].tolist()
     vx, vy, _, _, _, rate = data.qvel[:6].tolist()
     ahead, aside = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
@@ -114,7 +114,7 @@ def stride_rms(errors: Array, ticks: int) -> tuple[float, float, float]:
 
 
 class Crossed(NamedTuple):
-    """How a walk over terrain ended.
+    """End of a walk over terrain.
 
     Attributes:
         fallen: Whether it fell.
@@ -211,7 +211,7 @@ def stand(
     rng: np.random.Generator,
     seconds: float = 60.0,
 ) -> Stood:
-    """No command at all."""
+    """Measure a body that stands without a command."""
     sim = TrialSim(robot, Conditions(), noise, seconds, rng)
     feet = [sim.model.geom(f"{ROBOT_PREFIX}{leg}_foot").id for leg in LEGS]
     places = []

@@ -39,7 +39,7 @@ class Block(NamedTuple):
     pitch: float = 0.0
 
     def mjcf(self, friction: float) -> str:
-        """The `<geom>` element."""
+        """Return the `<geom>` element."""
         cy, sy, cp, sp = *_half(self.yaw), *_half(self.pitch)
         quaternion = cy * cp, -sy * sp, cy * sp, sy * cp
         return (

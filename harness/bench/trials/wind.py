@@ -53,7 +53,7 @@ def dryden_gusts(
 
 
 def _first_order(rng: np.random.Generator, count: int, step: float) -> Array:
-    """Unit variance, spectrum of 1 / (1 + s), in steps of its time constant."""
+    """Return a process of unit variance, spectrum of 1 / (1 + s), in steps of its time constant."""
     keep = math.exp(-step)
     kicks = rng.standard_normal(count)
     kicks[1:] *= math.sqrt(1.0 - keep * keep)
@@ -62,7 +62,7 @@ def _first_order(rng: np.random.Generator, count: int, step: float) -> Array:
 
 
 def _second_order(rng: np.random.Generator, count: int, step: float) -> Array:
-    """Unit variance, spectrum of (1 + sqrt(3) s) / (1 + s)^2.
+    """Return a process of unit variance, spectrum of (1 + sqrt(3) s) / (1 + s)^2.
 
     That is sqrt(3) / (1 + s) + (1 - sqrt(3)) / (1 + s)^2 of white noise of intensity 1.
     """
