@@ -15,7 +15,7 @@ FILE = Path(__file__).parent / "catalogue.json"
 
 
 class Entry(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What is known of one name.
+    """Description of one name.
 
     Attributes:
         meaning: One or two sentences.

@@ -99,7 +99,7 @@ def _card_or_error(log: Log, number: int) -> tuple[Case, Card, Navigator] | Inpu
 
 
 def _card(log: Log, number: int) -> tuple[Case, Card, Navigator]:
-    """The case of a decision, its card, and a stack with its map."""
+    """Return the case of a decision, its card, and a stack with its map."""
     from wayproof.harness.attribution import read_case
     from wayproof.harness.explain.card import make_card, moment_of
 

@@ -63,7 +63,7 @@ OUTPUTS: dict[str, Output] = {
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Write each file that is asked for."""
+    """Write each requested file."""
     from wayproof.harness.log.reader import open_log
 
     requested = {name: getattr(options, name) for name in OUTPUTS}

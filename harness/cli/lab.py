@@ -72,7 +72,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _source(options: argparse.Namespace) -> Source:
-    """The sweeps of a log, or of a recording."""
+    """Return the sweeps of a log, or of a recording."""
     from wayproof.harness.lab.source import of_log, of_recording
     from wayproof.harness.log.reader import open_log
 
@@ -92,7 +92,7 @@ def _source(options: argparse.Namespace) -> Source:
 
 
 def _policies(options: argparse.Namespace) -> list[Policy]:
-    """The way of the log of a recording under each policy; none of other sources."""
+    """Judge the way of a recording's log under each policy; None for other sources."""
     from wayproof.harness.lab.policies import policies_of
     from wayproof.harness.log.reader import open_log
 

@@ -52,7 +52,7 @@ def _print_entry(console: Console, found: Catalogue) -> None:
 
 
 def _facts(entry: Entry) -> dict[str, str]:
-    """What is known of an entry, by label, in words."""
+    """Describe an entry in words, by label."""
     bounds = f"{entry.bounds[0]:g} to {entry.bounds[1]:g}" if entry.bounds else ""
     amounts = ", ".join(f"{one:g}" for one in entry.amounts)
     facts = {

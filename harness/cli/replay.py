@@ -178,7 +178,7 @@ def _fork(options: argparse.Namespace, console: Console) -> tuple[int, Document]
 
 @contextlib.contextmanager
 def _restarted_stack(log: Log, stack: str | None) -> Iterator[RestartedStack | None]:
-    """The stack on trial that a fork goes on with; none without `--stack`."""
+    """Yield the stack on trial that a fork goes on with; None without `--stack`."""
     from wayproof.harness.replay.answers import restarted_stack
 
     if stack is None:

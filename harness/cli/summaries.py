@@ -26,7 +26,7 @@ def add_summaries(parser: argparse.ArgumentParser) -> None:
 def write_summaries(
     options: argparse.Namespace, result: StudyResult, allow_inconclusive: bool = False
 ) -> None:
-    """Write the files that are asked for.
+    """Write the requested files.
 
     Raises:
         InputError: A file cannot be written.

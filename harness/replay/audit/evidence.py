@@ -32,7 +32,7 @@ SETS_OUT = ("follow", "slow", "explore")
 """Actions whose paths are free; a stop may follow one that was measured before and forgotten."""
 
 SHIFT_SHARE = 0.02
-"""The same as a share of the path: each border that it crosses may shift."""
+"""Tolerance of a length by provenance, as a share: each border that a path crosses may shift."""
 
 
 @dataclass(frozen=True)

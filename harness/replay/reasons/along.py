@@ -83,6 +83,6 @@ def _steps_near(way: Array, arc: float) -> Array:
 
 
 def heading_of_body(decision: pb.Decision) -> float:
-    """Of a decision's pose, rad."""
+    """Return the heading of a decision's pose, rad."""
     w, x, y, z = decision.quaternion
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

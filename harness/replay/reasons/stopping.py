@@ -26,7 +26,7 @@ def braking_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def path_too_short(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """What is left of the last way is less than the robot needs to stop."""
+    """The rest of the last way is shorter than the robot needs to stop."""
     yield from stops(scene, reason)
     if not reason.path_m < reason.stop_m:
         yield f"{reason.path_m:.2f} m are left, and {reason.stop_m:.2f} m enough to stop"
@@ -34,7 +34,7 @@ def path_too_short(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 
 def goal_place_moved(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The last way ends elsewhere than where the goal now is, or what stands for it."""
+    """The last way ends elsewhere than at the goal of now, or its projection."""
     yield from stops(scene, reason)
     target = point_of(reason.target)
     yield from same("distance_m", reason.distance_m, scene.apart(past.way[-1], target))
@@ -91,7 +91,7 @@ def deadline_missed(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str
 
 
 def stops(scene: Scene, reason: pb.Reason) -> Iterator[str]:
-    """What it takes to stop is what the trajectory takes."""
+    """The stated stopping distance is that of the trajectory."""
     yield from same("stop_m", reason.stop_m, length(scene.path), 0.012)
     arcs = np.array(scene.decision.trajectory.arc_length)
     period, limits = scene.decision.trajectory.sample_period_s, scene.mission

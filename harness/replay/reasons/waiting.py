@@ -31,7 +31,7 @@ def waiting_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def no_path_in_map(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """What is not known to be blocked does not connect the robot with the goal."""
+    """Cells that are not known to be blocked do not connect the robot with the goal."""
     from scipy import ndimage
 
     yield from _searched(scene, past, reason)
