@@ -10,7 +10,7 @@ from wayproof.maps.bounds import Bounds, check_fields
 
 @dataclass(frozen=True)
 class BehaviourConfig:
-    """When the stack waits, recovers and gives up.
+    """Rules by which the stack waits, recovers and gives up.
 
     Attributes:
         wait_timeout: Time at rest before the robot explores, s.

@@ -34,5 +34,5 @@ def in_metres(clearance: float, is_bound: bool) -> str:
 
 
 def true_in_metres(clearance: float) -> str:
-    """A true clearance in words."""
+    """Return a true clearance in words."""
     return in_metres(clearance, true_clearance_is_bound(clearance))

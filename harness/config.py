@@ -57,13 +57,13 @@ class LatencyConfig:
 
     @property
     def expected(self) -> float:
-        """How far ahead a decision is made for, s: the delay if modelled, else the deadline."""
+        """Time ahead for which a decision is made, s: the delay if modelled, else the deadline."""
         return self.deadline if self.mode == "measured" else self.sense + self.map + self.plan
 
 
 @dataclass(frozen=True)
 class EpisodeConfig:
-    """When an episode ends.
+    """Conditions that end an episode.
 
     Attributes:
         time_limit: Simulated time after which the outcome is `timeout`, s.
@@ -85,14 +85,14 @@ class EpisodeConfig:
 
 @dataclass(frozen=True)
 class MotionConfig:
-    """How the stack asks the body to move; the body's own limits stand in its spec.
+    """Motion that the stack commands; the body's own limits stand in its spec.
 
     Attributes:
         limits: Speed, acceleration and turning of a built-in robot: `full` is what it follows in
             trials; `cautious` is what it had before; `auto` is what the robot's registry says,
             `full` for both, but `cautious` in a world with things that are known to move or
             appear, on slopes and on recordings. A log says which.
-        speed_fraction: Share of the body's greatest speed that navigation asks for.
+        speed_fraction: Share of the body's greatest speed that navigation commands.
         altitude_low: Lowest altitude that any part of a flying robot may take, m.
         altitude_high: Highest, m.
     """
@@ -114,7 +114,7 @@ class MotionConfig:
 
 @dataclass(frozen=True)
 class PluginConfig:
-    """What a planner or controller of the user's own may take before the episode ends as `error`.
+    """Limits of a planner or controller of the user's own, past which the episode ends as `error`.
 
     No decision depends on it: wall time and memory are this machine's.
 
@@ -133,7 +133,7 @@ class PluginConfig:
 
 @dataclass(frozen=True)
 class StackConfig:
-    """Which stack is on trial, and whether the referee may brake in its place.
+    """Stack on trial, and whether the referee may brake in its place.
 
     Attributes:
         name: `builtin`, a reference stack, `module:Class` or `path/to/file.py:Class` of the user's

@@ -124,13 +124,13 @@ def from_document(document: Any) -> Config:
 
 
 def _section(document: Any, name: str) -> dict[str, Any]:
-    """A section of settings; an empty one of its own if the document has none."""
+    """Return a section of settings; an empty one of its own if the document has none."""
     section = document.get(name) if isinstance(document, dict) else None
     return section if isinstance(section, dict) else {}
 
 
 def document_of(config: Config) -> dict[str, Any]:
-    """The resolved config as plain JSON values.
+    """Return the resolved config as plain JSON values.
 
     Waypoints, a prior map and predictions are left out where there are none.
     """
@@ -145,7 +145,7 @@ def document_of(config: Config) -> dict[str, Any]:
 
 
 def to_json(config: Config) -> bytes:
-    """The resolved config as JSON, fields in their declared order; see `document_of`."""
+    """Return the resolved config as JSON, fields in their declared order; see `document_of`."""
     document = document_of(config)
     return msgspec.json.format(msgspec.json.encode(document), indent=1)
 
@@ -240,7 +240,7 @@ def _names_in(section: Any, prefix: str = "") -> list[str]:
 
 
 def _locate(document: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:
-    """The section of a document that holds a setting, and the setting's name in it."""
+    """Return the section of a document that holds a setting, and the setting's name in it."""
     names = setting_names()
     if document.get(RECORDING) is not None:
         names += recording_setting_names()
@@ -260,7 +260,7 @@ def _locate(document: dict[str, Any], key: str) -> tuple[dict[str, Any], str]:
 
 
 def _parse(text: str) -> Any:
-    """A JSON value where the text is one, the text itself where not; no guessing beyond that."""
+    """Parse a text as JSON; return the text itself where it is none."""
     try:
         return json.loads(text, parse_constant=_refuse_constant)
     except ValueError:

@@ -50,7 +50,7 @@ class Limits:
     def ending_at(
         self, decision: pb.Decision, positions: Sequence[Array], reached: int = 0
     ) -> Verdict | None:
-        """The verdict of a decision; a claim of a goal is checked against the truth.
+        """Return the verdict of a decision; a claim of a goal is checked against the truth.
 
         Args:
             decision: The newest.

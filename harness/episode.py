@@ -39,11 +39,11 @@ Observer = Callable[[pb.Decision, pb.Truth], None]
 
 
 class Sensed(NamedTuple):
-    """What was sensed at one instant, as it is logged.
+    """Inputs sensed at one instant, as they are logged.
 
     Attributes:
-        messages: Sweeps, pose, the goal of a mission with several, and what a predictor from
-            outside said, with their bytes.
+        messages: Sweeps, pose, the goal of a mission with several, and the prediction of a
+            predictor from outside, with their bytes.
         sense_ms: Wall time of casting the sweeps, ms.
         predict_ms: Wall time until the prediction came, ms.
     """
@@ -188,11 +188,11 @@ class Episode:
         self.result = self._result("error", reason)
 
     def truth(self) -> pb.Truth:
-        """The simulator's truth of this instant."""
+        """Return the simulator's truth of this instant."""
         return self._recorder.truth(self._sequence, self._simulation.now_ns)
 
     def goal_distance(self) -> float:
-        """True straight distance to the next goal and on through the others, m."""
+        """Return the true straight distance to the next goal and on through the others, m."""
         return self._termination.distance_left(self._reached)
 
     @contextlib.contextmanager

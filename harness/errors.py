@@ -18,7 +18,7 @@ class InputError(Exception):
 
 
 def printable(text: str) -> str:
-    """The text with an escape, as Python writes it, for each control character and line break."""
+    """Escape each control character and line break of a text, as Python writes it."""
     return "".join(one if one.isprintable() else ascii(one)[1:-1] for one in text)
 
 
@@ -35,7 +35,7 @@ def unknown_name(kind: str, got: str, available: Iterable[str]) -> InputError:
 
 
 def near_name(got: str, names: Iterable[str]) -> str | None:
-    """The nearest name: another case or separator, a misspelling, or a part of it.
+    """Return the nearest name: another case or separator, a misspelling, or a part of it.
 
     A part has at least three characters and belongs to one name alone.
     """

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def wrap_angle(angle: float) -> float:
-    """The equal angle in [-pi, pi), rad."""
+    """Return the equal angle in [-pi, pi), rad."""
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 

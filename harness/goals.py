@@ -21,23 +21,23 @@ Array = NDArray[np.float64]
 
 
 def goals_claimed(decisions: Iterable[pb.Decision]) -> int:
-    """Number of goals that decisions claim."""
+    """Return the number of goals that decisions claim."""
     return len([one for one in decisions if one.action == "goal"])
 
 
 def goals_before_last(decisions: Sequence[pb.Decision]) -> int:
-    """Number of goals reached before the last decision: the index of the goal that it leads to."""
+    """Return the number of goals reached before the last decision: the index of its goal."""
     return goals_claimed(decisions[:-1])
 
 
 def goals_reached(decisions: Sequence[pb.Decision], outcome: str) -> int:
-    """Number of goals reached in an episode; only a false claim ends it as `aborted`."""
+    """Return the number of goals reached in an episode; only a false claim ends it as `aborted`."""
     false = outcome == "aborted" and bool(decisions) and decisions[-1].action == "goal"
     return goals_claimed(decisions) - false
 
 
 def goal_message(mission: Mission, reached: int, sequence: int, time_ns: int) -> pb.Goal | None:
-    """The goal of a decision as an input; None of a mission with one goal.
+    """Return the goal of a decision as an input; None of a mission with one goal.
 
     Args:
         mission: Mission with all goals.
@@ -53,7 +53,7 @@ def goal_message(mission: Mission, reached: int, sequence: int, time_ns: int) ->
 
 
 def mission_towards(mission: Mission, goal: ArrayLike | None) -> Mission:
-    """The mission with the goal of one decision, (3,) m, as its only one; itself without one."""
+    """Return the mission with one decision's goal, (3,) m, as its only one; unchanged without."""
     if goal is None:
         return mission
     x, y, z = (float(value) for value in np.asarray(goal))
@@ -61,7 +61,7 @@ def mission_towards(mission: Mission, goal: ArrayLike | None) -> Mission:
 
 
 def leg_towards(mission: Mission, goal: pb.Goal | None) -> Mission:
-    """The mission from the goal before, or the start, to the goal of one decision."""
+    """Return the mission from the goal before, or the start, to the goal of one decision."""
     if goal is None:
         return mission
     leg = mission_towards(mission, goal.position)
@@ -93,6 +93,6 @@ def distance(a: Array, b: Array) -> float:
 
 
 def goal_name(mission: Mission, reached: int) -> str:
-    """The next goal in words: `the goal`, or `goal 2 of 3`."""
+    """Return the next goal in words: `the goal`, or `goal 2 of 3`."""
     count = len(mission.goals)
     return "the goal" if count == 1 else f"goal {min(reached + 1, count)} of {count}"

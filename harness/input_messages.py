@@ -87,7 +87,7 @@ def inputs_from_messages(
 
 
 def decode_ranges(sweep: pb.Sweep) -> Ranges:  # (rows * columns,)
-    """The ranges of a sweep, mm.
+    """Return the ranges of a sweep, mm.
 
     Raises:
         InputError: Unknown codec, or not the right number of bytes for each beam.
@@ -128,12 +128,12 @@ def inputs_digest(written: Sequence[bytes]) -> str:
 
 
 def serialized(message: Message) -> bytes:
-    """A message as it is logged and hashed."""
+    """Return a message as it is logged and hashed."""
     return message.SerializeToString(deterministic=True)
 
 
 def _pose(message: pb.Pose) -> Pose:
-    """The pose of a message, its quaternion scaled to unit length.
+    """Return the pose of a message, its quaternion scaled to unit length.
 
     Raises:
         InputError: A number is missing or out of range.
@@ -175,7 +175,7 @@ class StatesCovariance(Protocol):
 
 
 def covariance_of(message: StatesCovariance) -> NDArray[np.float64] | None:  # (4, 4)
-    """The stated covariance of x, y, z and heading; none if there is none.
+    """Return the stated covariance of x, y, z and heading; none if there is none.
 
     Raises:
         InputError: It is no 16 finite numbers, not symmetric, or has a negative variance.
@@ -217,7 +217,7 @@ def _goal(message: pb.Goal) -> NDArray[np.float64]:  # (3,) m
 
 
 def unit_quaternion(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:  # (4,)
-    """A quaternion scaled to unit length, or unchanged if it has it to rounding."""
+    """Return a quaternion scaled to unit length, or unchanged if it has it to rounding."""
     length = np.sqrt(np.square(quaternion).sum())
     if abs(length - 1.0) <= UNIT_LENGTH:
         return quaternion

@@ -27,7 +27,7 @@ from wayproof.models.sensors.beams import (
 )
 
 NONE_UNHELD = np.zeros((0, 3))
-"""No direction that the sweeps do not hold; read-only, as all poses without one share it."""
+"""Empty array of directions that the sweeps do not hold; read-only, as poses share it."""
 
 NONE_UNHELD.flags.writeable = False
 
@@ -90,7 +90,7 @@ class WorldSweep:
         return self.points_within(math.inf)
 
     def points_within(self, range_m: float) -> NDArray[np.float64]:  # (k, 3)
-        """The returns of at most a range, world frame, m."""
+        """Select the returns of at most a range, world frame, m."""
         returned = (self.ranges_mm != DROPPED) & (self.ranges_mm != NO_RETURN)
         returned &= self.ranges_mm <= range_m * 1e3
         along = self.ranges_mm[returned, None] * 1e-3 * self.directions[returned]
@@ -98,7 +98,7 @@ class WorldSweep:
         return points
 
     def without_no_returns(self) -> WorldSweep:
-        """The sweep with beams without return dropped."""
+        """Return the sweep with beams without return dropped."""
         silent = self.ranges_mm == NO_RETURN
         ranges_mm = self.ranges_mm.copy()
         ranges_mm[silent] = DROPPED

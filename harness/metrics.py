@@ -260,7 +260,7 @@ def unmeasured_share(trace: Trace) -> float | None:
 
 
 def guided_share(trace: Trace) -> float | None:
-    """The same of global paths: how much of the way ahead is known from elsewhere."""
+    """Length of global paths that rests on a prior map or a prediction over all of it."""
     return _unmeasured(trace.global_evidence)
 
 
@@ -288,7 +288,7 @@ class Metric:
 
 
 BARN = Support("share", 0.0, 1.0 / BARN_CLIP[0])
-"""Of BARN's score: the time counts at least twice the optimal one."""
+"""Support of BARN's score: the time counts at least twice the optimal one."""
 
 METRICS: dict[str, Metric] = {
     "success": Metric(success, "", True, RATE),

@@ -196,7 +196,7 @@ def remove_abandoned(partial: Path, longest_s: float) -> None:
 
 
 def _missing_folders(folder: Path) -> list[Path]:
-    """The folder and those above it that are not there, the deepest first."""
+    """Return the folder and those above it that are not there, the deepest first."""
     return list(itertools.takewhile(lambda one: not one.exists(), (folder, *folder.parents)))
 
 

@@ -11,7 +11,7 @@ SET_BY_RUN = ("format", "sha256", "options", "origin")
 """Fields that follow from the recording, and that `--set` refuses."""
 
 GoalRule = Literal["ahead", "end"]
-"""Where the goal of a decision lies: ahead on the recorded way, or at its end."""
+"""Place of a decision's goal: ahead on the recorded way, or at its end."""
 
 
 @dataclass(frozen=True)

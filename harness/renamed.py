@@ -65,17 +65,17 @@ FORMER_VALUES: dict[str, dict[str, Any]] = {
 
 
 def renamed(key: str) -> str:
-    """The key of a setting, given that or its former one."""
+    """Return the key of a setting, given that or its former one."""
     return RENAMED.get(key, key)
 
 
 def current_value(key: str, value: Any) -> Any:
-    """The value of a setting, given that or its former one."""
+    """Return the value of a setting, given that or its former one."""
     return FORMER_VALUES.get(key, {}).get(value, value) if isinstance(value, str) else value
 
 
 def with_current_names(document: Any) -> Any:
-    """A config's JSON document with every setting under its current name.
+    """Return a config's JSON document with every setting under its current name.
 
     What is no document of sections is returned as it is, for the check of its types to refuse.
     """

@@ -73,7 +73,7 @@ class Result:
     traceback: str = ""
 
     def to_metadata(self) -> dict[str, str]:
-        """The result for the log, without the fields of this run alone."""
+        """Return the result for the log, without the fields of this run alone."""
         apart = ("log", "log_mb_per_min", "wall_time_s", "traceback")
         fields = {k: v for k, v in asdict(self).items() if k not in apart}
         return {name: str(value) for name, value in fields.items()}
@@ -90,7 +90,7 @@ def ends_in_error(result: Mapping[str, str]) -> bool:
 
 
 def figures_of(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> dict[str, float]:
-    """The result's figures that follow from decisions and truths, by name.
+    """Return the result's figures that follow from decisions and truths, by name.
 
     Args:
         decisions: All of them.
@@ -106,7 +106,7 @@ def figures_of(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> 
 def recorded_figures(
     decisions: Sequence[pb.Decision], motions: Sequence[pb.RecordedMotion]
 ) -> dict[str, float | str]:
-    """The figures of a recording's result that follow from its decisions and motion, by name.
+    """Return a recording's figures that follow from its decisions and motion, by name.
 
     Args:
         decisions: All of them.
@@ -122,7 +122,7 @@ def recorded_figures(
 
 
 def way_of(motion: pb.RecordedMotion) -> NDArray[np.float64]:
-    """Poses (n, 4) since the decision before: x, y, z, m, and heading, rad."""
+    """Return poses (n, 4) since the decision before: x, y, z, m, and heading, rad."""
     return np.array(motion.way).reshape(-1, 4)
 
 
@@ -134,7 +134,7 @@ def way_length(motion: pb.RecordedMotion) -> float:
 def figures(
     positions: Sequence[NDArray[np.float64]], clearances: Sequence[float], misses: int
 ) -> dict[str, float]:
-    """The result's figures by name; without a decision the least clearance is NaN.
+    """Return the result's figures by name; without a decision the least clearance is NaN.
 
     Args:
         positions: True ones of the base at each decision, (3,) m.
@@ -170,5 +170,5 @@ class Contact:
         return cls(name, (x, y, z))
 
     def __str__(self) -> str:
-        """As a log's result holds it."""
+        """Format the contact as a log's result holds it."""
         return f"{self.name} at " + ",".join(f"{value:.4f}" for value in self.position)

@@ -164,7 +164,7 @@ def _navigator(
     stack: NavigatorFactory | None,
     session: Session | None,
 ) -> Iterator[tuple[Navigator, Session | None]]:
-    """The navigator of a scenario, and the stack on trial behind it."""
+    """Yield the navigator of a scenario, and the stack on trial behind it."""
     config, mission = scenario.config, scenario.mission
     if stack is not None:
         yield stack(config, mission, {info.name: beams_from_info(info) for info in infos}), None

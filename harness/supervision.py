@@ -58,5 +58,5 @@ def bound_memory(mebibytes: int | None) -> None:
 
 
 def stacks_file() -> IO[bytes] | None:
-    """Where a child that hangs leaves its stacks; none in a process without such a parent."""
+    """Return the file for the stacks of a child that hangs; None without a supervising parent."""
     return _parent[0].stacks if _parent else None

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Beliefs:
-    """What an estimator states of its error, and the error; one entry for each of n decisions.
+    """Stated and true errors of an estimator; one entry for each of n decisions.
 
     Attributes:
         errors: (n, 3) estimated less true position, world, m.
@@ -127,7 +127,7 @@ def trace_of(
     motions: Sequence[pb.RecordedMotion] = (),
     poses: Sequence[pb.Pose] = (),
 ) -> Trace:
-    """The trace of a log whose messages were read already."""
+    """Return the trace of a log whose messages were read already."""
     if log.config.recording is not None:
         return _recorded_trace(log, decisions, motions)
     if not truths:
@@ -212,7 +212,7 @@ def _track(messages: Sequence[pb.Decision | pb.Truth]) -> Track:
 def _recorded_trace(
     log: Log, decisions: Sequence[pb.Decision], motions: Sequence[pb.RecordedMotion]
 ) -> Trace:
-    """The trace of a recording: the motion is the recorded one, and there is no truth."""
+    """Return the trace of a recording: the motion is the recorded one, and there is no truth."""
     if not motions:
         raise InputError(f"log '{log.path}': no decisions in it")
     judged = all(one.HasField("verdict") for one in decisions)

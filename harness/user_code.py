@@ -56,7 +56,7 @@ class Failure:
 
 
 def plugins_of(config: Config) -> list[str]:
-    """The user's classes that a config names, as `module:Class` or `path/to/file.py:Class`."""
+    """Return the user's classes of a config, as `module:Class` or `path/to/file.py:Class`."""
     names = [config.planner.name]
     if runs_in_process(config.stack.name):
         names.append(config.stack.name)
@@ -108,7 +108,7 @@ def failure_of(error: BaseException, place: str, names: list[str]) -> Failure:
 
 
 def bounded(text: str) -> str:
-    """The end of a text in printable lines, as a log and a terminal may hold them."""
+    """Return the end of a text in printable lines, as a log and a terminal may hold them."""
     lines = [printable(line)[:LONGEST_LINE] for line in text.splitlines()]
     kept, size = [], 0
     for line in reversed(lines):

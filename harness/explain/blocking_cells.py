@@ -97,7 +97,7 @@ def _blocking(
 
 
 def _way(case: Case, moment: Moment) -> Array:
-    """The way (n, 3) to the goal that the cells block, m; see `blocking_cells`."""
+    """Return the way (n, 3) to the goal that the cells block, m; see `blocking_cells`."""
     global_path = path_of(moment.decision.global_path)
     committed = path_of(moment.decision.trajectory.path)
     if len(global_path) >= 2:
