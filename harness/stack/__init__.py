@@ -1,1 +1,1 @@
-"""The stack under test: from what a decision may see to what it decides."""
+"""The stack under test: from the inputs of a decision to the decision."""

@@ -17,7 +17,7 @@ SPARE_BREADCRUMBS = 2
 
 
 def record_breadcrumb(state: PlannerState, input: PlannerInput) -> PlannerState:
-    """The state with the position of the robot, if that is a spacing away from the last one."""
+    """Append the robot's position to the state if it is a spacing away from the last one."""
     crumbs = state.breadcrumbs
     if len(crumbs) and distance(crumbs[-1], input.position) < BREADCRUMB_SPACING:
         return state
@@ -28,7 +28,7 @@ def record_breadcrumb(state: PlannerState, input: PlannerInput) -> PlannerState:
 def backtrack_path(
     input: PlannerInput, state: PlannerState, start: TrajectorySample
 ) -> Array | None:
-    """The breadcrumbs from the last one backwards, (n, 3), as far as they are traversable.
+    """Return the breadcrumbs from the last one backwards, (n, 3), as far as they are traversable.
 
     Returns:
         None if that is too short to be worth it, or if the robot has backtracked often enough.

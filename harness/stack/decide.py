@@ -82,7 +82,7 @@ def decide(input: PlannerInput, state: PlannerState) -> Decided:
 
 
 def not_yet_superseded(input: PlannerInput, state: PlannerState) -> tuple[Trajectory, ...]:
-    """The committed trajectories from the one that the robot follows at the time of the sweep."""
+    """Return the committed trajectories from the one followed at the time of the sweep on."""
     committed = (*state.earlier, state.trajectory)
     begun = [k for k, trajectory in enumerate(committed) if trajectory.start_ns <= input.time_ns]
     return committed[begun[-1] if begun else 0 :]
@@ -127,7 +127,7 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
 def _planning_goal(
     input: PlannerInput, state: PlannerState, start: TrajectorySample
 ) -> PlanningGoal:
-    """The mission's goal, its projection to free space, or an intermediate one on the way."""
+    """Return the mission's goal, its projection to free space, or an intermediate one."""
     goal = goal_within(input, state, start)
     if goal is not input.goal:  # an intermediate one, which is projected already
         return PlanningGoal(goal, projected=False)

@@ -190,14 +190,14 @@ def widening_of(decision: pb.Decision) -> tuple[int, int]:
 
 
 def widened_in_words(decision: pb.Decision) -> str:
-    """What the localization margin is more along x and y, after a comma; empty if it is not."""
+    """Describe the margin's excess along x and y, each after a comma; empty without one."""
     more = zip("xy", widening_of(decision), strict=True)
     size = decision.resolution_m
     return "".join(f", {cells * size:.2f} m more along {axis}" for axis, cells in more if cells)
 
 
 def path_of(points: Iterable[pb.Point]) -> NDArray[np.float64]:
-    """Logged points as a path (n, 3), m."""
+    """Return logged points as a path (n, 3), m."""
     return np.array([(one.x, one.y, one.z) for one in points], np.float64).reshape(-1, 3)
 
 

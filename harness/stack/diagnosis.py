@@ -39,7 +39,7 @@ AT_GOAL = 0.01
 
 
 class Kinds(NamedTuple):
-    """Kinds of reason by what ends the way ahead: unknown space, or something blocked."""
+    """Kinds of reason by the end of the way ahead: unknown space, or a blocked cell."""
 
     unknown: Kind
     blocked: Kind
@@ -51,14 +51,14 @@ WAITS = Kinds("waiting_before_unknown", "waiting_before_blocked")
 
 
 def way_ahead_reason(kinds: Kinds, found: Obstruction, **figures: Any) -> tuple[Reason, Label]:
-    """The reason and label that name what is unknown or blocked on the way ahead."""
+    """Return the reason and label that name what is unknown or blocked on the way ahead."""
     if found.cell_state == "unknown":
         return _reason(kinds.unknown, found, free_m=found.free_m, **figures), "unknown_ahead"
     return _reason(kinds.blocked, found, free_m=found.free_m, **figures), "path_blocked"
 
 
 def inflation_reason(kind: Kind, found: Obstruction, **figures: Any) -> Reason:
-    """The reason of a body, or of a goal, inside the inflation of a cell."""
+    """Return the reason of a body, or of a goal, inside the inflation of a cell."""
     return _reason(kind, found, **figures)
 
 
@@ -75,7 +75,7 @@ def diagnose_driving(
     blocked: bool,
     slowed: bool,
 ) -> tuple[Action, Reason, Label]:
-    """The action, reason and label of a robot that drives its global path.
+    """Return the action, reason and label of a robot that drives its global path.
 
     Args:
         input: Planner input of the decision.
@@ -111,7 +111,7 @@ def diagnose_driving(
 def _unobstructed_reason(
     input: PlannerInput, start: TrajectorySample, path: Array, end: float
 ) -> Reason:
-    """The reason where all of a path is traversable, to its end or to a corner."""
+    """Return the reason where all of a path is traversable, to its end or to a corner."""
     whole = arc_length(path)
     goal = input.goal if input.mission_goal is None else input.mission_goal
     beside = distance(path[-1], goal)
@@ -127,7 +127,7 @@ def _unobstructed_reason(
 def exploration_reason(
     state: PlannerState, path: Array, input: PlannerInput
 ) -> tuple[Action, Reason]:
-    """The action and reason of a robot on its way to a viewpoint, or back."""
+    """Return the action and reason of a robot on its way to a viewpoint, or back."""
     exploration = state.exploration
     assert exploration is not None
     x, y, z = path[-1].tolist()
@@ -150,7 +150,7 @@ def exploration_reason(
 
 
 def diagnose_no_path(input: PlannerInput, search: Plan) -> Reason:
-    """The reason of a robot for which no path to the goal was found."""
+    """Return the reason of a robot for which no path to the goal was found."""
     if search.label == "goal_blocked":
         found = obstruction.at_place(input, input.goal, 0.0, unknown_blocks=False)
         return inflation_reason("goal_blocked", found, limit_m=input.behaviour.goal_search_radius)
@@ -163,7 +163,7 @@ def diagnose_no_path(input: PlannerInput, search: Plan) -> Reason:
 def diagnose_lost_path(
     input: PlannerInput, previous: PlannerState, start: TrajectorySample
 ) -> tuple[Reason, Label]:
-    """The reason and label of a robot in motion without a global path.
+    """Return the reason and label of a robot in motion without a global path.
 
     Args:
         input: Planner input of the decision.
@@ -187,7 +187,7 @@ def diagnose_lost_path(
 
 
 def _diagnose_earlier_loss(input: PlannerInput, previous: PlannerState) -> tuple[Reason, Label]:
-    """The reason and label where an earlier decision dropped the path."""
+    """Return the reason and label where an earlier decision dropped the path."""
     loss = previous.path_loss
     if loss is None:  # a robot in motion without a path has had none from the start
         return Reason("coming_to_rest", path_m=0.0, since=input.sequence), "none"
@@ -199,7 +199,7 @@ def _diagnose_earlier_loss(input: PlannerInput, previous: PlannerState) -> tuple
 def diagnose_no_room(
     input: PlannerInput, start: TrajectorySample, along: Trajectory, target: float
 ) -> Reason:
-    """The reason of an elongated body that can neither turn into its path nor follow it.
+    """Return the reason of an elongated body that can neither turn into its path nor follow it.
 
     Args:
         input: Planner input of the decision.

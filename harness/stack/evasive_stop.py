@@ -26,7 +26,7 @@ MIN_EVASION_SPEED = 0.3
 
 
 def clearest_stop(input: PlannerInput, start: TrajectorySample, path: Array) -> Array:
-    """The path to stop along: the one given, unless it leads where the robot may not be.
+    """Return the path to stop along: the one given, unless it leads where the robot may not be.
 
     Then it is the bend that keeps farthest from what is blocked, on the way and at its end, if
     that is farther than the path does; of those bends that come no nearer on the way.
@@ -56,7 +56,7 @@ def clearest_stop(input: PlannerInput, start: TrajectorySample, path: Array) -> 
 
 
 def _with_length(path: Array, length: float) -> Array:
-    """A path cut to a length, or prolonged to it in its last direction, m."""
+    """Return a path cut to a length, or prolonged to it in its last direction, m."""
     beyond = length - arc_length(path)
     if beyond <= 0.0:
         return truncate(path, length)
@@ -64,7 +64,7 @@ def _with_length(path: Array, length: float) -> Array:
 
 
 class _Clearance(NamedTuple):
-    """Distance of a path from what is blocked, m."""
+    """Distance of a path from blocked cells, m."""
 
     along: float  # the least
     at_end: float

@@ -21,7 +21,7 @@ PROJECTION = 3.0
 class FarWays:
     """Plans over the whole operating area in coarse cells, for one map.
 
-    A way depends on the map as it is and on its ends, not on what was asked for before: see
+    A way depends on the map as it is and on its ends, not on earlier requests: see
     `GlobalCostmap` and `GoalField`. It is the shortest one, whether what it leads through is known
     or not: nearly all of what lies beyond the window has not been seen yet.
     """

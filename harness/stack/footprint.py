@@ -15,7 +15,7 @@ from wayproof.planners import Body
 Array = NDArray[np.float64]
 
 HEADING_TOLERANCE = 0.05
-"""Yaw error of the body that the margin covers, rad; what is beyond it is planned with."""
+"""Yaw error of the body that the margin covers, rad; a larger one is planned with."""
 
 COST_STEPS = 2.0**20
 """Number of steps of a unit of cost, to which costs are rounded."""
@@ -25,7 +25,7 @@ NARROW_COST = 2.0
 
 
 def body_of(mission: Mission) -> Body:
-    """The discs of a mission's body, or the one about it."""
+    """Return the discs of a mission's body, or the one about it."""
     offsets, radii = zip(*mission.body_discs, strict=True)
     return Body(offsets, radii)
 

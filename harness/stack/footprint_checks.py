@@ -24,7 +24,7 @@ MIN_PATH = 0.1
 def compensate_yaw_lag(
     input: PlannerInput, setpoint: TrajectorySample, start: TrajectorySample
 ) -> TrajectorySample:
-    """The start of the new trajectory, with the yaw that the lagging body will have there.
+    """Return the start of the new trajectory, with the yaw that the lagging body will have there.
 
     Legs turn late. An elongated body is planned for at its own yaw, within the heading tolerance,
     so that the poses checked are those that it takes.
@@ -75,7 +75,7 @@ def first_misfit(
 
 
 def poses_from(trajectory: Trajectory, elapsed: float, *, corners: bool) -> Array:
-    """Poses (n, 4) of a trajectory after a time, s, to check: x, y, z, m, and yaw, rad.
+    """Return poses (n, 4) of a trajectory after a time, s, to check: x, y, z, m, and yaw, rad.
 
     Without the corners of its path they cut its bends: at 4 m/s they are 8 cm apart.
     """
@@ -109,7 +109,7 @@ def headings_to_start_at(
 
 
 def truncate_where_turnable(space: FreeSpace, path: Array, min_length: float) -> Array:
-    """A path (n, 3) up to the first place where the body can turn about.
+    """Return a path (n, 3) up to the first place where the body can turn about.
 
     Args:
         space: Space to keep to.
@@ -126,7 +126,7 @@ def truncate_where_turnable(space: FreeSpace, path: Array, min_length: float) ->
 def keeps_clearance(
     space: FreeSpace, start: TrajectorySample, target: Array, heading: float
 ) -> bool:
-    """Whether no disc of the footprint comes nearer to what blocks, by more than a cell.
+    """Whether no disc of the footprint comes nearer to blocked cells, by more than a cell.
 
     Args:
         space: Space whose clearance is compared.
@@ -147,7 +147,7 @@ def keeps_bare_clearance(
     target: Array,
     heading: float,
 ) -> bool:
-    """Whether no disc of the bare body comes deeper into what blocks, by more than a cell.
+    """Whether no disc of the bare body comes deeper into blocked cells, by more than a cell.
 
     Args:
         space: Space whose clearance is compared.

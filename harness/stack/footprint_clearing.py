@@ -44,7 +44,7 @@ def clear_footprint(a_map: Representation, mission: Mission, pose: Pose, time_ns
 
 
 def _within(mask: CellMask, x: float, y: float, radius: float, resolution: float) -> CellMask:
-    """The cells of a mask whose centres lie within a radius of a vertical axis."""
+    """Return the cells of a mask whose centres lie within a radius of a vertical axis."""
     across, along, _ = mask.inside.shape
     cells = np.stack(
         np.meshgrid(np.arange(across), np.arange(along), [0], indexing="ij"), axis=-1

@@ -67,12 +67,12 @@ def decide_with_footprint(
     wide = decide(circumscribed, replace(state, oriented=False))
     keeps_moving = circumscribed.behaviour.keep_moving
     limit = DETOUR_RATIO * _length_left(state, circumscribed) + DETOUR_LENGTH
-    wide_leads = _leads_on(wide) and not (keeps_moving and _brakes(wide))
+    wide_leads = _makes_progress(wide) and not (keeps_moving and _brakes(wide))
     if wide_leads and _path_length(wide.state) <= limit:
         return FootprintDecision(*wide, circumscribed)
     oriented = make_oriented()
     narrow = decide(oriented, replace(state, oriented=True))
-    narrow_leads = _leads_on(narrow) and not (keeps_moving and _brakes(narrow))
+    narrow_leads = _makes_progress(narrow) and not (keeps_moving and _brakes(narrow))
     if narrow_leads and (not wide_leads or _path_length(narrow.state) <= limit):
         return FootprintDecision(*narrow, oriented)
     if keeps_moving and state.oriented and _brakes(wide) and _brakes(narrow):
@@ -108,7 +108,7 @@ def _path_length(state: PlannerState) -> float:
     return arc_length(state.global_path)
 
 
-def _leads_on(decided: Decided) -> bool:
+def _makes_progress(decided: Decided) -> bool:
     """Whether the robot moves, turns or has arrived; a robot that brakes has to come to rest."""
     command = decided.command
     if command.reason.kind in STUCK_INSIDE or command.action == "abort":

@@ -60,7 +60,7 @@ class GlobalPlan(NamedTuple):
 
 
 def project_goal_to_free(input: PlannerInput) -> Array:
-    """The goal (3,), or the nearest position outside the inflation where the goal lies inside."""
+    """Return the goal (3,); if inside the inflation, the nearest position outside."""
     space, reach = input.optimistic, input.behaviour.goal_search_radius
     if not space.discs:
         if space.is_free(input.goal):
@@ -106,9 +106,9 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
 
 
 def _leads_on(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> bool:
-    """Whether the goal is still to be planned for at the end of the path.
+    """Whether the goal is planned for anew at the end of the path.
 
-    From a viewpoint; and where a robot came to rest beside a goal that has become free since.
+    It is at a viewpoint, and where a robot rests beside a goal that has become free since.
     """
     return state.exploring or (input.behaviour.leaves_ended_paths and is_stationary(start))
 
@@ -124,7 +124,7 @@ def _is_valid(input: PlannerInput, state: PlannerState, path: Array) -> bool:
 def _prefix_to_keep(
     input: PlannerInput, start: TrajectorySample, path: Array | None, slack: float
 ) -> Array | None:
-    """The part (n, 3) that the robot drives before a new path can bend off; None if blocked.
+    """Return the part (n, 3) that the robot drives before a new path can bend off; None if blocked.
 
     It is as long as the robot takes to stop, so that a stop on the old path always remains.
     """

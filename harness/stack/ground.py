@@ -14,7 +14,7 @@ from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 def on_level_ground(
     placed: WorldSweep, range_m: float, config: Config, mission: Mission
 ) -> WorldSweep:
-    """A sweep levelled by its own floor, where that is not as expected: `map.ground_fit`.
+    """Return a sweep levelled by its own floor, where that is not as expected: `map.ground_fit`.
 
     Args:
         placed: The sweep in the world frame; the floor is expected at z = 0.

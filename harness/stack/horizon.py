@@ -24,7 +24,7 @@ REACH = 2.0
 
 
 def goal_within(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Array:
-    """The goal (3,), or an intermediate one where it lies beyond the rolling window.
+    """Return the goal (3,), or an intermediate one where it lies beyond the rolling window.
 
     An intermediate goal is kept while the global path leads there and is not known to be blocked.
     Else it is where the coarse way to the goal leaves the window.
@@ -53,7 +53,7 @@ def goal_within(input: PlannerInput, state: PlannerState, start: TrajectorySampl
 
 
 def exit_of(way: Array, low: Array, high: Array) -> Array:
-    """The point (2,) at which a polyline (n, 2) leaves a box, m; its end if it does not.
+    """Return the point (2,) at which a polyline (n, 2) leaves a box, m; its end if it does not.
 
     Args:
         way: Way from a point in the box on.

@@ -76,7 +76,7 @@ def has_maps(config: Config) -> bool:
 
 
 class Schedule:
-    """When keyframes are due in an episode: by time, and maps by a share of the log as well."""
+    """Schedule of keyframes in an episode: by time, and maps by a share of the log as well."""
 
     def __init__(self, config: Config, begun_ns: int) -> None:
         """Begin at a time, ns, with the settings of the episode."""
@@ -111,7 +111,7 @@ class Schedule:
 
 
 def keyframe_of(navigator: Navigator, decision: pb.Decision, with_map: bool) -> pb.Keyframe:
-    """The state of a stack after a decision that it committed."""
+    """Return the state of a stack after a decision that it committed."""
     keyframe = pb.Keyframe(
         timestamp=decision.timestamp,
         sequence=decision.sequence,
@@ -181,7 +181,7 @@ def keyframe_differences(
 
 
 def _arrays(content: VoxelContent, voxel_map: VoxelMap) -> list[list[NDArray[np.generic]]]:
-    """The fields of a content and those of a map."""
+    """Return the fields of a content and those of a map."""
     return [[np.asarray(field) for field in one] for one in (content, voxel_map.content())]
 
 
@@ -192,7 +192,7 @@ def _window_centre(navigator: Navigator) -> tuple[int, ...]:
 
 
 def _voxel_map(navigator: Navigator) -> VoxelMap:
-    """The map of a stack whose keyframes hold it.
+    """Return the map of a stack whose keyframes hold it.
 
     Raises:
         ValueError: Its map is of another kind.

@@ -14,7 +14,7 @@ from wayproof.maps.semantic import UNLABELLED
 from wayproof.models.classes import CLASSES, UNKNOWN_CLASS
 
 VOTE_PARTS = 4
-"""Number of parts of a sweep, of which each sweep votes with one: classes do not change."""
+"""Number of parts of a sweep; each sweep votes with one of them, as classes do not change."""
 
 
 def make_layer(config: MapConfig, semantics: bool) -> SemanticLayer | None:
@@ -25,7 +25,7 @@ def make_layer(config: MapConfig, semantics: bool) -> SemanticLayer | None:
 def with_class_margins(
     a_map: Representation, layer: SemanticLayer | None, margins: Mapping[str, float]
 ) -> Representation | ClassMargins:
-    """The map with the margins of its classes, if there are any, for a costmap."""
+    """Return the map with the margins of its classes, if there are any, for a costmap."""
     if layer is None or not margins:
         return a_map
     by_class = {CLASSES.index(name): margin for name, margin in margins.items()}

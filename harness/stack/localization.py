@@ -1,4 +1,4 @@
-"""What the decision makes of an uncertain pose: drive slower, go back, or give up.
+"""Reactions to an uncertain pose: drive slower, go back, or give up.
 
 For estimators that state a covariance. What such an estimator does not see in its sweeps it states
 as unheld directions, and its standard deviation then grows with the way. Before the stack guesses
@@ -36,7 +36,7 @@ TRAIL_SPACING = 0.25
 
 
 def record_unheld_trail(state: PlannerState, input: PlannerInput) -> PlannerState:
-    """The state with the trail (n, 3) from the last position that the sweeps held, m."""
+    """Return the state with the trail (n, 3) from the last position that the sweeps held, m."""
     pose = input.localization
     if pose is None:
         return state
@@ -49,7 +49,7 @@ def record_unheld_trail(state: PlannerState, input: PlannerInput) -> PlannerStat
 
 
 def is_lost(input: PlannerInput) -> bool:
-    """Whether the stated standard deviation of the position is beyond what is driven with."""
+    """Whether the stated standard deviation of the position exceeds `behaviour.lost_sigma`."""
     pose = input.localization
     return pose is not None and pose.sigma > input.behaviour.lost_sigma
 

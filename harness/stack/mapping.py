@@ -156,7 +156,7 @@ class Mapper:
         return spent
 
     def planning_point(self, position: Array) -> Array:
-        """The point (3,) in the costmap's frame: ground robots plan in the plane of its layer."""
+        """Return the point (3,) to plan from: ground robots plan in the plane of the costmap."""
         if not self._mission.planar:
             return position.copy()
         layer = self.costmap.origin[2] + 0.5 * self.costmap.resolution
@@ -189,7 +189,7 @@ class Mapper:
             vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
 
     def _hold_about_body(self, pose: Pose, time_ns: int) -> None:
-        """Keep what the body's sensors do not see about it, and its own space free."""
+        """Keep the blind zone about the body from decaying, and the body's own space free."""
         if (reach := self._config.map.no_decay_radius) > 0.0:
             low, high = pose.position - reach, pose.position + reach
             self.map.exempt_from_decay(low, high, time_ns)

@@ -62,7 +62,7 @@ class Obstruction(NamedTuple):
 
 
 def on_path(input: PlannerInput, path: Array, free_m: float, unknown_blocks: bool) -> Obstruction:
-    """The obstruction at the end of the free length of a path.
+    """Return the obstruction at the end of the free length of a path.
 
     Args:
         input: Planner input of the decision.
@@ -75,7 +75,7 @@ def on_path(input: PlannerInput, path: Array, free_m: float, unknown_blocks: boo
     if input.traversable.discs:  # anything on the next edge, or in the turn at its end, may end it
         arcs = arc_lengths(path)
         reach, end = REACH, float(np.append(arcs[arcs > free_m + SAME_EDGE], free_m)[0])
-    # What is grazed on that edge or in that turn comes before what is overlapped farther on.
+    # Cells grazed on that edge or in that turn come before those overlapped farther on.
     turned = end + STEP * size if input.behaviour.grazes_in_order else free_m
     for begin, length, fineness in _pieces(free_m, turned, end + reach, reach):
         beyond = begin + JUST_BEYOND * size + np.arange(0.0, length, fineness * STEP * size)
@@ -100,12 +100,12 @@ def _pieces(
 
 
 def on_poses(input: PlannerInput, poses: Array, unknown_blocks: bool) -> Obstruction:
-    """The first obstruction at poses (n, 4): x, y, z, m, and heading, rad."""
+    """Return the first obstruction at poses (n, 4): x, y, z, m, and heading, rad."""
     return _first(input, poses, arc_lengths(poses[:, :3]), unknown_blocks)
 
 
 def on_turn(input: PlannerInput, position: Array, heading: float, target: float) -> Obstruction:
-    """The first obstruction of a turn in place, the shorter way round."""
+    """Return the first obstruction of a turn in place, the shorter way round."""
     turn = wrap_angle(target - heading)
     headings = heading + np.linspace(0.0, turn, max(math.ceil(abs(turn) / TURN_STEP), 1) + 1)
     return on_poses(input, _poses(position, headings), input.unknown_blocks)
@@ -114,7 +114,7 @@ def on_turn(input: PlannerInput, position: Array, heading: float, target: float)
 def at_place(
     input: PlannerInput, position: Array, heading: float, unknown_blocks: bool
 ) -> Obstruction:
-    """The obstruction at one pose."""
+    """Return the obstruction at one pose."""
     return on_poses(input, _poses(position, np.array([heading])), unknown_blocks)
 
 
@@ -123,7 +123,7 @@ def _poses(position: Array, headings: Array) -> Array:
 
 
 def _headed(input: PlannerInput, path: Array, arcs: Array, turn_step: float) -> Array:
-    """Poses (m, 4) on a path; an elongated body heads along it and turns at its points.
+    """Return poses (m, 4) on a path; an elongated body heads along it and turns at its points.
 
     A turn adds poses, `turn_step` rad apart.
     """
@@ -142,7 +142,7 @@ def _headed(input: PlannerInput, path: Array, arcs: Array, turn_step: float) -> 
 
 
 def _first(input: PlannerInput, poses: Array, along: Array, unknown_blocks: bool) -> Obstruction:
-    """The first pose with a cell within a disc, and the nearest such cell."""
+    """Return the first pose with a cell within a disc, and the nearest such cell."""
     offsets, thresholds = input.traversable.shape
     size, origin = input.traversable.resolution, input.traversable.origin
     centres = np.repeat(poses[:, None, None, :3], len(offsets), axis=2)  # (n, 1, discs, 3)

@@ -114,7 +114,7 @@ def follow_global_path(
 
 
 def drivable_part(input: PlannerInput, path: Array, start: TrajectorySample) -> DrivablePart:
-    """The part of a path (n, 3) that is traversable and has no corner at which the robot stops."""
+    """Return the part of a path (n, 3) that is traversable and without a corner to stop at."""
     whole = arc_length(path)
     traversable = input.traversable.free_length(path)
     corner = whole

@@ -55,7 +55,7 @@ class Navigator:
         self.chain = ""
 
     def planner_inputs(self, inputs: Inputs) -> tuple[PlannerInput, PlannerInput]:
-        """The planner input for the circumscribed footprint, and for the oriented one.
+        """Return the planner input for the circumscribed footprint, and for the oriented one.
 
         Of a round body they are the same. They hold until the next update of the costmap.
         """

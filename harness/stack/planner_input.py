@@ -58,7 +58,7 @@ class FreeSpaceBuilder:
     """
 
     def __init__(self, config: Config, mission: Mission, costmap: Costmap) -> None:
-        """Build from one costmap, whatever it is updated to."""
+        """Build from one costmap, also after its updates."""
         self._config, self._costmap = config, costmap
         self._body = body_of(mission)
         self._elongated = bool(mission.discs)
@@ -143,7 +143,7 @@ class FreeSpaceBuilder:
         return self._cost_by_distance
 
     def _threshold(self, circumscribed: bool) -> int:
-        """The largest squared distance at which a body collides, cells^2."""
+        """Return the largest squared distance at which a body collides, cells^2."""
         costmap = self._costmap
         if not circumscribed:
             return costmap.collision_distance_sq
@@ -151,7 +151,7 @@ class FreeSpaceBuilder:
         return collision_distance_sq(radius, costmap.resolution, flat=True)
 
     def _discs(self) -> tuple[Disc, ...]:
-        """The discs that are checked at the heading; none if the body is one."""
+        """Return the discs that are checked at the heading; none if the body is one."""
         if not self._elongated:
             return ()
         return self._body.discs(self._costmap.margin, self._costmap.resolution, flat=True)
@@ -181,7 +181,7 @@ class PlannerInputBuilder:
         return bool(self._mission.discs)
 
     def circumscribed(self, inputs: Inputs) -> PlannerInput:
-        """The planner input for the circumscribed footprint."""
+        """Return the planner input for the circumscribed footprint."""
         config, mission = self._config, self._mission
         spaces = self._spaces.circumscribed()
         return PlannerInput(
@@ -213,7 +213,7 @@ class PlannerInputBuilder:
         )
 
     def oriented(self, circumscribed: PlannerInput) -> PlannerInput:
-        """The same for the oriented footprint."""
+        """Return the planner input for the oriented footprint."""
         spaces = self._spaces.oriented()
         return replace(
             circumscribed,
@@ -225,14 +225,14 @@ class PlannerInputBuilder:
         )
 
     def _guided(self, circumscribed: bool) -> Callable[[], FreeSpace] | None:
-        """Makes the guided space where it is asked for, and once for a decision."""
+        """Return a function that makes the guided space where it is needed, once per decision."""
         guide, measured = self._guide, self._mapper.stages[0].costmap
         if guide is None:
             return None
         return functools.cache(lambda: guide.guided(measured, circumscribed))
 
     def _horizon(self) -> Horizon | None:
-        """The rolling window of this decision, with ways beyond it that are planned once each."""
+        """Return this decision's rolling window, with ways beyond it that are planned once each."""
         window, far_ways = self._mapper.window, self._far_ways
         if window is None or far_ways is None:
             return None
@@ -254,7 +254,7 @@ class PlannerInputBuilder:
 
 
 def localization_of(pose: Pose, axes: int) -> Localization | None:
-    """How well a pose is known along the axes of motion, 2 or 3; none without a covariance."""
+    """Return the uncertainty of a pose along the axes of motion, 2 or 3; None if not stated."""
     if pose.covariance is None:
         return None
     along = np.sqrt(np.square(pose.unheld[:, :axes]).sum(axis=1))

@@ -1,4 +1,4 @@
-"""Predicted cells of a mission: what a predictor says of the measured map, as a layer below it.
+"""Predicted cells of a mission: a predictor's answer to the measured map, as a layer below it.
 
 Our own predictors are computed anew from the measured map at each decision. What one from outside
 said is an input of the decision.
@@ -41,12 +41,12 @@ class Predicted(NamedTuple):
 
 
 class Predictions(Protocol):
-    """Predictions of a predictor from outside: it is asked, or a log has them."""
+    """Predictions of a predictor from outside: live, or from a log."""
 
     def of(
         self, measured: ColumnMap, newest: Inputs, sequence: int, time_ns: int
     ) -> Predicted | None:
-        """The prediction of a map; None without one.
+        """Return the prediction of a map; None without one.
 
         Args:
             measured: The map.
@@ -70,7 +70,7 @@ class PredictedLayer(Protocol):
 
 
 def predicted_layer(config: Config, mission: Mission) -> PredictedLayer:
-    """The layer of the predictor of a config, without predictions.
+    """Return the layer of the predictor of a config, without predictions.
 
     Raises:
         ValueError: The predictor is for cells of another size.
@@ -83,7 +83,7 @@ class Thresholds:
     """The states that log-odds in whole steps stand for."""
 
     def __init__(self, config: Config, steps: int) -> None:
-        """Take the probabilities of a config, for log-odds of so many steps to a unit."""
+        """Take the probabilities of a config, for log-odds of a number of steps to a unit."""
         settings = config.prediction
         self._occupied_from = math.ceil(steps * _log_odds(settings.occupied_from))
         self._free_below = math.floor(steps * _log_odds(settings.free_below))
@@ -120,7 +120,7 @@ class ComputedCells:
         self._predictor.log_odds(view_of(self._window, none, none))
 
     def follow(self, measured: ColumnMap, inputs: Inputs) -> None:
-        """Predict anew from a measured map; only what changes is put into the layer."""
+        """Predict anew from a measured map; only changed cells are put into the layer."""
         nx, ny, nz = self._window.shape
         words = -(-nz // WORD_BITS)
         odds = self._predictor.log_odds(
@@ -156,7 +156,7 @@ class GivenCells:
         self._states = np.zeros(self._window.shape, np.uint8)
 
     def follow(self, measured: ColumnMap, inputs: Inputs) -> None:
-        """Take what the inputs hold in place of all before; only what changes is put anew."""
+        """Replace the predictions by those of the inputs; only changed cells are put anew."""
         states = np.zeros_like(self._states)
         if inputs.prediction is not None:
             self._place(inputs.prediction, states)
@@ -199,7 +199,7 @@ def standing(columns: States, layers: int) -> States:
 
 
 def _least_box(changed: NDArray[np.bool_]) -> tuple[slice, slice, slice] | None:
-    """The least box that holds all cells that are set; None without any."""
+    """Return the least box that holds all cells that are set; None without any."""
     parts = []
     for others in ((1, 2), (0, 2), (0, 1)):
         held = np.flatnonzero(changed.any(axis=others))

@@ -1,4 +1,4 @@
-"""Provenance of the evidence: what was measured, and layers of what was not.
+"""Provenance of the evidence: the measured map, and layers that were not measured.
 
 The stages of the evidence are the measured map, then that map laid over each layer in turn. Each
 stage has a costmap, and what is free by a stage and by none before it rests on that stage's layer.
@@ -82,7 +82,7 @@ class Stages(NamedTuple):
 
 
 def layers_of(config: Config, mission: Mission) -> tuple[Layer, ...]:
-    """The layers that a config has, those that admit first.
+    """Return the layers that a config has, those that admit first.
 
     Raises:
         ValueError: A prior map is none, or a predictor is for other cells.
@@ -99,7 +99,7 @@ def layers_of(config: Config, mission: Mission) -> tuple[Layer, ...]:
 def stages_of(
     measured: ColumnMap, layers: Sequence[Layer], make: Callable[[ColumnMap], Costmap]
 ) -> Stages:
-    """The stages of a measured map over some layers.
+    """Return the stages of a measured map over some layers.
 
     Args:
         measured: The map.
@@ -116,7 +116,7 @@ def stages_of(
 
 
 def evidence_along(path: Array | None, spaces: Sequence[EvidenceSpace]) -> pb.Evidence:
-    """The lengths of a path (n, 3) at which the body is free by each provenance, m.
+    """Return the lengths of a path (n, 3) at which the body is free by each provenance, m.
 
     By its circumscribed disc or ball, or by the smallest of its discs where it is planned for by
     them. What no stage has free is unproven: unknown, or inside the inflation.

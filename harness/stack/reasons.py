@@ -60,13 +60,13 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class Reason:
-    """One predicate; a figure that its kind does not have is none.
+    """One predicate; a figure that its kind lacks is None.
 
     Attributes:
         kind: Key of `MEANINGS`.
         free_m: Length of the way ahead that the body may enter, m; a long body's ends with a piece
             of its path, and it overlaps `cell` on the next piece.
-        path_m: What is left of the path, to its end, m.
+        path_m: Length of the rest of the path, m.
         short_m: Straight distance from the path's end to the goal, if it ends elsewhere, m.
         stop_m: What the robot needs to stop, m.
         full_speed_stop_m: What it would need at full speed, m.
@@ -122,12 +122,12 @@ class Reason:
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a kind of reason says, and what it goes with.
+    """Sentence of a kind of reason, with the actions and labels that it occurs with.
 
     Attributes:
         text: The sentence, with the figures that every reason of this kind has.
-        actions: Actions that it can be the reason of.
-        labels: Labels that it goes with.
+        actions: Actions that it can explain.
+        labels: Labels that it occurs with.
     """
 
     text: str
@@ -321,7 +321,7 @@ MEANINGS: dict[Kind, Meaning] = {
         ("deadline_missed",),
     ),
 }
-"""What each kind says."""
+"""Sentence, actions and labels of each kind."""
 
 STUCK_INSIDE = (
     "escaping_inflation",
@@ -329,7 +329,7 @@ STUCK_INSIDE = (
     "no_way_out",
     "way_out_blocked",
 )
-"""Kinds of a body that stands inside the inflation."""
+"""Kinds of reason of a body that stands inside the inflation."""
 
 FIGURES = tuple(one.name for one in fields(Reason) if one.name != "kind")
 POINTS = ("cell", "place", "target")
@@ -338,7 +338,7 @@ COUNTS = ("since", "places", "iterations")
 
 
 def sentence(reason: Reason) -> str:
-    """What a reason says, with its figures."""
+    """Return the sentence of a reason, with its figures."""
     values: dict[str, Any] = {name: getattr(reason, name) for name in FIGURES}
     for name in POINTS:
         if values[name] is not None:
@@ -353,7 +353,7 @@ def sentence(reason: Reason) -> str:
 
 
 def _additions(reason: Reason, text: str) -> list[str]:
-    """What figures say that only some reasons of a kind have."""
+    """Return clauses on the figures that only some reasons of a kind have."""
     found = []
     if reason.cell is not None and "{cell}" not in text:
         x, y, z = reason.cell
@@ -374,7 +374,7 @@ def _additions(reason: Reason, text: str) -> list[str]:
 
 
 def reason_message(reason: Reason) -> pb.Reason:
-    """A reason as it is logged; figures in whole grains."""
+    """Return a reason as it is logged; figures in whole grains."""
     message = pb.Reason(kind=reason.kind)
     for name in FIGURES:
         value = getattr(reason, name)
@@ -389,7 +389,7 @@ def reason_message(reason: Reason) -> pb.Reason:
 
 
 def logged_reason(message: pb.Reason) -> Reason:
-    """A logged reason; its kind may be one that this version does not know."""
+    """Return a logged reason; its kind may be one that this version does not know."""
     values: dict[str, Any] = {}
     for name in FIGURES:
         if name in TEXTS:
@@ -401,5 +401,5 @@ def logged_reason(message: pb.Reason) -> Reason:
 
 
 def in_grains(value: float) -> float:
-    """A figure as it is logged: a whole multiple of 2^-20."""
+    """Return a figure as it is logged: a whole multiple of 2^-20."""
     return round(value / GRAIN) * GRAIN + 0.0

@@ -78,7 +78,7 @@ def record(
 
 
 def record_missed_deadline(decision: pb.Decision, standing: Trajectory) -> None:
-    """Change a decision past its deadline to what the robot does instead: follow `standing`."""
+    """Change a decision past its deadline to the robot's actual action: to follow `standing`."""
     late_ns = decision.timestamp.ToNanoseconds() - standing.start_ns
     decision.action = "stop_and_wait" if late_ns >= standing.duration_s * 1e9 else "follow"
     decision.label = "deadline_missed"

@@ -53,7 +53,7 @@ ESCAPE_SPEED_SHARE = 0.3
 """Share of full speed at which the robot leaves the inflation."""
 
 SIDESTEP_SPEED_SHARE = 0.2
-"""The same with `behaviour.keep_moving`, where it does so in any direction."""
+"""Share of full speed at which it leaves it in any direction, with `behaviour.keep_moving`."""
 
 MAX_FRONTIERS = 4
 """Number of frontiers that an elongated body, which cannot get to each, tries to plan to."""
@@ -119,7 +119,7 @@ def continue_escape(
 
 
 def _leads_out(input: PlannerInput, start: TrajectorySample, target: Array, heading: float) -> bool:
-    """Whether a straight motion to a pose brings the body no nearer to what blocks it.
+    """Whether a straight motion to a pose brings the body no nearer to the cells that block it.
 
     Away from the unknown may be towards an obstacle, which is worse.
     """
@@ -132,7 +132,7 @@ def _leads_out(input: PlannerInput, start: TrajectorySample, target: Array, head
 
 
 def _sidestep(input: PlannerInput, start: TrajectorySample, path: Array) -> Trajectory:
-    """A slow motion along a path (n, 3), of a body on the ground at the heading that it has."""
+    """Return a slow motion along a path (n, 3); a ground body keeps its heading."""
     if not input.behaviour.keep_moving:
         trajectory = plan_trajectory(input, start, path, ESCAPE_SPEED_SHARE)
         return trajectory.facing(start.heading) if input.traversable.discs else trajectory
@@ -149,7 +149,7 @@ class _Pose(NamedTuple):
 
 
 def _nearest_escape(input: PlannerInput, start: TrajectorySample) -> _Pose | None:
-    """The nearest traversable position at the present heading, or the nearest heading here."""
+    """Return the nearest traversable position at this heading, or the nearest heading here."""
     space = input.traversable
     if not space.discs:
         position = space.nearest_free(start.position, MAX_ESCAPE)
@@ -220,7 +220,7 @@ def explore_frontier(input: PlannerInput, start: TrajectorySample, waiting: Deci
 def _search_frontier(
     input: PlannerInput, start: TrajectorySample, viewpoints: Array, seed: int
 ) -> Plan | None:
-    """The path to the best frontier that can be reached; None if no frontier is left."""
+    """Return the path to the best frontier that can be reached; None if no frontier is left."""
     search = None
     for _ in range(MAX_FRONTIERS if input.traversable.discs else 1):
         target = best_frontier(

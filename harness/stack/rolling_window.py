@@ -18,7 +18,7 @@ SLACK = 0.125
 """Distance from its centre at which the robot takes the window with it, in edges."""
 
 INSET = 2.0
-"""Distance from a border of the window, beyond which the area goes on, that a goal keeps, m."""
+"""Distance of a goal from a border of the window that lies within the area, m."""
 
 
 def rolls(config: Config, mission: Mission) -> bool:
@@ -78,7 +78,7 @@ class RollingWindow:
         return least, greatest
 
     def centred_on(self, position: Array) -> Cell:
-        """The centre nearest to a position (3,), m, that keeps the window within the area."""
+        """Return the centre nearest to a position (3,), m, with the window within the area."""
         least, greatest = self._low[:2] + self._half, self._high[:2] - self._half
         place = np.minimum(np.maximum(position[:2], least), greatest)
         x, y = np.rint(place / self._resolution).astype(np.int64).tolist()

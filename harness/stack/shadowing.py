@@ -45,7 +45,7 @@ class AtRecordedPoses(Navigator):
 
 
 def at_rest(state: PlannerState, position: Array, heading: float, time_ns: int) -> PlannerState:
-    """The planner state of a robot that rests at a pose, wherever it was commanded to be.
+    """Return the planner state of a robot that rests at a pose, wherever it was commanded to be.
 
     Args:
         state: Planner state after the last decision; not written to.
@@ -68,7 +68,7 @@ def at_rest(state: PlannerState, position: Array, heading: float, time_ns: int) 
 
 
 def rejoined(path: Array, position: Array) -> Array | None:
-    """The rest of a path (n, 3), from a position (3,) that is near it; None if it is not."""
+    """Return the rest of a path (n, 3), from a position (3,) that is near it; None if it is not."""
     arcs = arc_lengths(path)
     along, away = nearest_on(path, arcs, position)
     if away > NEAR_PATH:
@@ -85,7 +85,7 @@ def rejoined(path: Array, position: Array) -> Array | None:
 
 
 def nearest_on(path: Array, arcs: Array, position: Array) -> tuple[float, float]:
-    """The nearest point of a path (n, 3): its arc length, and its distance from a position, m."""
+    """Return the arc length of a path's (n, 3) nearest point to a position, and its distance, m."""
     if len(path) == 1:
         return 0.0, float(np.sqrt(np.square(path[0] - position).sum()))
     starts, steps = path[:-1], np.diff(path, axis=0)

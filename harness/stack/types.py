@@ -37,7 +37,7 @@ PlanPath = Callable[[FreeSpace, Array, Array, PlannerConfig, int, float], Plan]
 
 
 class Localization(NamedTuple):
-    """How well the pose is known, by an estimator that states a covariance.
+    """Uncertainty of the pose, by an estimator that states a covariance.
 
     Attributes:
         sigma: Stated standard deviation of the position along its worst axis, m.
@@ -237,19 +237,19 @@ class PlannerState:
 
 
 def for_next_goal(state: PlannerState) -> PlannerState:
-    """The state after a goal was reached: what the robot may try is all before it again."""
+    """Return the state after a goal was reached: all counts of tries begin anew."""
     return replace(state, rest_since_ns=-1, viewpoints=np.empty((0, 3)), backtracks=0, returns=0)
 
 
 @dataclass(frozen=True)
 class Command:
-    """The action of one decision and what led to it.
+    """Action of one decision, its reason and its trajectory.
 
     Attributes:
-        action: What the robot does.
-        reason: Why, as a predicate with its figures.
-        label: What stands in the way.
-        trajectory: What the robot follows.
+        action: Action of the robot.
+        reason: Predicate, with its figures, that explains the action.
+        label: Obstacle to reaching the goal.
+        trajectory: Trajectory that the robot follows.
         global_path: (n, 3) to the goal or to a viewpoint, or none.
         search: The search made for this decision; none if the global path was kept.
         search_seed: Its seed, 0 if none.
