@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -25,7 +26,7 @@ from wayproof.harness.errors import InputError
 if TYPE_CHECKING:
     from wayproof.harness.attribution import Case, Finding, NearMiss
     from wayproof.harness.counterfactual.verdict import Verdict
-    from wayproof.harness.explain import Card
+    from wayproof.harness.explain import Card, Phase
     from wayproof.harness.log.reader import Log
     from wayproof.harness.stack.pipeline import Navigator
 
@@ -116,24 +117,12 @@ def _card(log: Log, number: int) -> tuple[Case, Card, Navigator]:
 
 def _explain_episode(log: Log, options: argparse.Namespace, console: Console) -> Document:
     from wayproof.harness.counterfactual.record import read_check
-    from wayproof.harness.explain import make_card, phases
-    from wayproof.harness.log.reader import as_truth
 
-    outcome, reason = log.result["outcome"], log.result.get("reason", "")
-    decisions = list(log.decisions())
-    recorded = log.config.recording is not None
-    truths = [as_truth(motion) for motion in log.motions()] if recorded else list(log.truth())
-    course = phases(decisions, truths)
-    console.print(f"{outcome}: {reason}; {log.path}", soft_wrap=True)
-    for phase in course:
-        console.print(f"  {phase}", soft_wrap=True, highlight=False)
-    for line in log.traceback.splitlines():
-        console.print(f"  {line}", soft_wrap=True, highlight=False)
-    for line in _last_lines(log):
-        console.print(f"  stderr: {line}", soft_wrap=True, highlight=False)
-    case, finding, misses = _why(log, bool(decisions))
-    if recorded and options.check:
+    if log.config.recording is not None and options.check:
         raise InputError("--check: simulates again, which a recording cannot")
+    course = _course(log)
+    _print_course(log, course, console)
+    case, finding, misses = _why(log)
     verdict = _check(log, finding, options.stack) if options.check else read_check(log)
     if verdict is not None:
         finding = verdict.finding
@@ -142,26 +131,57 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
     if verdict is not None:
         print_verdict(console, verdict)
     print_misses(console, misses)
+    if options.png is not None:
+        _draw_episode(log, case, finding, options.png, console)
     document: Document = {
         "log": str(log.path),
-        "outcome": outcome,
-        "reason": reason,
+        "outcome": log.result["outcome"],
+        "reason": log.result.get("reason", ""),
         "traceback": log.traceback,
         "stderr": log.stderr,
         "phases": [asdict(phase) for phase in course],
         "cause": None if finding is None else asdict(finding),
         "near_misses": [asdict(miss) for miss in misses],
     }
-    if options.png is not None:
-        if case is None:
-            raise InputError(f"log '{log.path}': no sweeps in it, so there is no map")
-        last = len(case.moments) - 1
-        number = last if finding is None else finding.decision
-        case, navigator = case.as_of(number), case.navigator_at(number)
-        _draw(case, make_card(case, number, navigator), navigator, options.png, console)
     if verdict is not None:
         document["check"] = asdict(verdict)
     return document
+
+
+def _course(log: Log) -> list[Phase]:
+    """Return the phases of an episode or a recording."""
+    from wayproof.harness.explain import phases
+    from wayproof.harness.log.reader import as_truth
+
+    recorded = log.config.recording is not None
+    truths = [as_truth(motion) for motion in log.motions()] if recorded else list(log.truth())
+    return phases(list(log.decisions()), truths)
+
+
+def _print_course(log: Log, course: Sequence[Phase], console: Console) -> None:
+    """Print the outcome, the phases, and what a failed stack left behind."""
+    outcome, reason = log.result["outcome"], log.result.get("reason", "")
+    console.print(f"{outcome}: {reason}; {log.path}", soft_wrap=True)
+    stderr = [f"stderr: {line}" for line in _last_lines(log)]
+    for line in [*map(str, course), *log.traceback.splitlines(), *stderr]:
+        console.print(f"  {line}", soft_wrap=True, highlight=False)
+
+
+def _draw_episode(
+    log: Log, case: Case | None, finding: Finding | None, target: Path, console: Console
+) -> None:
+    """Draw the decision of the cause, or the last one.
+
+    Raises:
+        InputError: The log has no sweeps.
+    """
+    from wayproof.harness.explain import make_card
+
+    if case is None:
+        raise InputError(f"log '{log.path}': no sweeps in it, so there is no map")
+    number = len(case.moments) - 1 if finding is None else finding.decision
+    case, navigator = case.as_of(number), case.navigator_at(number)
+    _draw(case, make_card(case, number, navigator), navigator, target, console)
 
 
 def _last_lines(log: Log) -> list[str]:
@@ -171,12 +191,12 @@ def _last_lines(log: Log) -> list[str]:
     return [line for line in log.stderr.splitlines() if line.strip()][-SHOWN_STDERR:]
 
 
-def _why(log: Log, with_decisions: bool) -> tuple[Case | None, Finding | None, list[NearMiss]]:
+def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
     """Return the cause and the near misses; of a log without sweeps, the cause in its result."""
     from wayproof.harness.attribution import find_cause, near_misses, read_case
 
     failed = log.result["outcome"] == "error"
-    if log.record == "decisions" or (failed and not with_decisions):
+    if log.record == "decisions" or (failed and next(iter(log.decisions()), None) is None):
         return None, _stored_cause(log), []
     case = read_case(log)
     if log.config.recording is not None:
