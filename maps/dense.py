@@ -142,7 +142,7 @@ class DenseMap(Representation):
         self._apply(mask, time_ns)
 
     def advance(self, time_ns: int) -> None:
-        """Apply every decay tick due; a tick leaves what was updated since the one before."""
+        """Apply every decay tick due; a tick spares cells updated since the one before."""
         check_time(time_ns)
         ticks = time_ns // self._tick_ns - self._ticks
         if self.config.half_life == 0.0 or ticks <= 0:

@@ -67,7 +67,7 @@ class GroundPlane:
 
     @property
     def as_expected(self) -> bool:
-        """Whether it is z = 0 but for what changes no cell."""
+        """Whether it is z = 0 up to a difference that changes no cell."""
         height, along_x, along_y = self.numbers[:3].tolist()
         flat = along_x * along_x + along_y * along_y <= LEVEL * LEVEL and abs(height) <= QUIET
         return flat and self.deviation <= QUIET

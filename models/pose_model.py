@@ -211,7 +211,7 @@ class PoseModel:
 
     @property
     def error(self) -> PoseError:
-        """Of the newest estimate, in whole quanta."""
+        """Error of the newest estimate, in whole quanta."""
         parts = zip(self._reckoned.tolist(), self._bounded, self._jitter, strict=True)
         x, y, z, heading = (ERROR_STEP * round((a + b + c) / ERROR_STEP) for a, b, c in parts)
         return PoseError((x, y, z), heading)

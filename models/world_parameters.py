@@ -62,7 +62,7 @@ def check(parameters: object, section: str) -> None:
 
 @dataclass(frozen=True)
 class Common:
-    """What every generated world has.
+    """Parameters of every generated world.
 
     Attributes:
         passage_radius: Radius of the disc that can pass from start to goal, m; by default 0.75 m,

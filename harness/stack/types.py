@@ -248,7 +248,7 @@ class Command:
     Attributes:
         action: Action of the robot.
         reason: Predicate, with its figures, that explains the action.
-        label: Obstacle to reaching the goal.
+        label: Failure label; `none` without a failure.
         trajectory: Trajectory that the robot follows.
         global_path: (n, 3) to the goal or to a viewpoint, or none.
         search: The search made for this decision; none if the global path was kept.

@@ -17,7 +17,7 @@ FAST_ROBOTS: dict[str, Robot] = {
     "drone": FAST_QUADROTOR,
     "quadruped": FAST_QUADRUPED,
 }
-"""The same bodies at the speed that they were measured to bear."""
+"""Built-in robots at the speed that they were measured to bear."""
 
 LIMITS_IN_STATIC_WORLDS: dict[str, Literal["full", "cautious"]] = {
     "drone": "full",

@@ -65,7 +65,7 @@ class Setpoint:
 
     @property
     def yaw_rate(self) -> float:
-        """In rad/s."""
+        """Yaw rate, rad/s."""
         return float(self.row[7])
 
     def __repr__(self) -> str:
@@ -75,7 +75,7 @@ class Setpoint:
 
 
 class SpeedLimits(NamedTuple):
-    """What navigation may ask of a body.
+    """Limits of the commanded motion of a body.
 
     Attributes:
         speed: m/s.

@@ -68,7 +68,7 @@ class Chosen(NamedTuple):
 
 
 class NoSpaceError(ValueError):
-    """No place for the robot; the message says where the widest one is."""
+    """The scene has no place for the robot; the message says where the widest one is."""
 
 
 def choose_ends(
@@ -140,7 +140,7 @@ def has_inside(found: Found, low: Vector3, high: Vector3) -> bool:
 
 
 def _obstacles(found: Found) -> list[Solid]:
-    """Return what is no floor, and the movers where they begin."""
+    """Return the solids that are no floor, and the movers where they begin."""
     standing = [solid_of(part) for part in found.parts if part.kind != "floor"]
     return [*standing, *map(around_start, found.movers)]
 

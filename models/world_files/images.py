@@ -116,7 +116,7 @@ def _pgm(path: Path, most_pixels: int) -> Image:
 
 
 def png_size(path: Path) -> tuple[int, int] | None:
-    """Width and height that a PNG's header says, before anything is unpacked; none of others."""
+    """Return the width and height in a PNG's header, before unpacking; None for others."""
     with path.open("rb") as file:
         head = file.read(PNG_HEADER.size)
     if len(head) < PNG_HEADER.size or not head.startswith(SIGNATURE):

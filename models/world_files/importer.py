@@ -144,7 +144,7 @@ def area_of(found: Found) -> tuple[Vector3, Vector3]:
 
 
 def _instead(found: Found) -> str:
-    """Return what was left out of a file in which nothing is left."""
+    """Return the notes on all that was left out of a file in which nothing is left."""
     if found.missing:
         names = ", ".join(dict.fromkeys(found.missing))
         count = len(found.missing)

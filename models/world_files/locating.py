@@ -23,7 +23,7 @@ VARIABLES = (
 """Environment variables with folders of models, as Gazebo reads them."""
 
 FUEL_CACHES = (".gz/fuel", ".ignition/fuel", ".gazebo/models")
-"""Where Gazebo keeps downloaded models, in the user's folder."""
+"""Folders of models downloaded by Gazebo, in the user's folder."""
 
 PROJECT_MARKS = ("package.xml", ".git")
 """Files that mark the folder of a project: of a ROS package, or of a repository."""
@@ -148,7 +148,7 @@ class Locator:
                 yield folder / name
 
     def _in_caches(self, name: str) -> Iterator[Path]:
-        """A model or its file of a Fuel server, as `fuel_tools` lays out its cache."""
+        """Yield a model or its file of a Fuel server, as `fuel_tools` lays out its cache."""
         words = name.split("/")
         if len(words) < 4 or "models" not in words:
             return
@@ -211,7 +211,7 @@ def _config_name(folder: Path) -> str:
 
 
 def _model_files(folder: Path) -> list[Path]:
-    """Return what may describe the model of a folder: by its `model.config`, or by its name."""
+    """Return the candidate files of a folder's model: by its `model.config`, or by its name."""
     named = []
     try:
         sdf = [child.text.strip() for child in read_xml(folder / "model.config").all("sdf")]
@@ -228,5 +228,5 @@ def _newest_version(folder: Path) -> Path:
 
 
 def _after_files(words: list[str]) -> list[str]:
-    """Return what follows `VERSION/files` in a URI of Fuel."""
+    """Return the path after `VERSION/files` in a URI of Fuel."""
     return words[words.index("files") + 1 :] if "files" in words else []

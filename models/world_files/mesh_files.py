@@ -111,7 +111,7 @@ Parsed = TypeVar("Parsed")
 
 
 def _parsed(path: Path, reader: Callable[[Path], Parsed]) -> Parsed:
-    """Call a parser of someone else's, and say in one line what it fails with."""
+    """Call a library's parser; raise its failure as one line."""
     try:
         with np.errstate(all="ignore"):  # what is not finite is refused by name
             return reader(path)

@@ -24,7 +24,7 @@ from wayproof.models.world_files.xml_tree import Element, read_xml
 CODE = ("plugin", "extension")
 FOLDERS = ("assetdir", "meshdir", "texturedir")
 OUTSIDE = "expected --root with a folder that holds both"
-"""What a scene that reaches out of its folder needs."""
+"""Remedy for a scene that reaches out of its folder."""
 
 MODEL_ELEMENTS = ("include", "model")
 """Elements that name another MJCF file."""
@@ -48,7 +48,7 @@ def check_scene(top: Path, root: Path | None = None) -> None:
 
 
 class _Total:
-    """Counts of what stands in a file or below an element, copies included."""
+    """Counts of elements in a file or below an element, copies included."""
 
     def __init__(self, geoms: float = 0.0, bodies: float = 0.0, copied: float = 0.0) -> None:
         self.geoms, self.bodies, self.copied = geoms, bodies, copied
@@ -59,7 +59,7 @@ class _Total:
         self.copied += other.copied
 
     def repeated(self, times: float) -> _Total:
-        """Return all counts times a number; what is there more than once counts as copied."""
+        """Return all counts times a number; repeated elements count as copied."""
         copied = self.copied if times <= 1.0 else (self.geoms + self.bodies)
         return _Total(times * self.geoms, times * self.bodies, times * copied)
 
@@ -126,7 +126,7 @@ class _Scene:
                     self._check_named(path, element, str(Path(folder) / name))
 
     def _check_named(self, path: Path, element: Element, name: str) -> None:
-        """A file has to lie inside, taken from the scene's folder and from the file's own."""
+        """Refuse a file outside, taken from the scene's folder and from the file's own."""
         for base in (self._top, path):
             file = base.parent / name
             if not file.resolve().is_relative_to(self._root):

@@ -68,7 +68,7 @@ def read_mjcf(path: Path, options: ImportOptions) -> Found:
 
 
 def _reason(error: Exception) -> str:
-    """Return why a scene does not compile, in one line; of a file that is missing what would do."""
+    """Return why a scene does not compile, in one line; for a missing file, with the remedy."""
     text = " ".join(str(error).split())
     if missing := re.search(r"[Ee]rror opening file '([^']*)'", text):
         name = Path(missing[1]).name

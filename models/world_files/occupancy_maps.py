@@ -94,7 +94,7 @@ def _occupancies(most: int, mode: str, negate: bool) -> NDArray[np.float64]:
 def _walls(
     path: Path, solid: NDArray[np.bool_], resolution: float, origin: Vector3, height: float
 ) -> list[Part]:
-    """Merged cells (nx, ny) as boxes of the whole height, about the map's own low corner."""
+    """Merge cells (nx, ny) into boxes of the whole height, about the map's own low corner."""
     x, y, yaw = origin
     flat = cell_boxes(path, solid[:, :, None], resolution, (x, y, 0.0), yaw)
     return [

@@ -157,7 +157,7 @@ def _root() -> Leaf:
 
 
 def _binary_leaves(path: Path, nodes: bytes, kind: str) -> Iterator[tuple[Leaf, bool]]:
-    """Yield the leaves of a `.bt`, whatever the kind of its tree, and whether each is occupied."""
+    """Yield the leaves of a `.bt` of any kind of tree, and whether each is occupied."""
     waiting, place = [_root()], 0
     while waiting:
         node = waiting.pop()

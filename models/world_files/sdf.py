@@ -63,7 +63,7 @@ def read_sdf(path: Path, options: ImportOptions) -> Found:
 
 
 class _Reading:
-    """One file and what it includes."""
+    """One file and the files that it includes."""
 
     def __init__(self, path: Path, options: ImportOptions) -> None:
         self.found = Found()
@@ -100,7 +100,7 @@ class _Reading:
             raise WorldFileError(path, f"<actor>: {error}", actor.line) from None
 
     def finish(self) -> None:
-        """Note what holds for many models at once."""
+        """Write the notes that hold for many models at once."""
         if self._moving:
             self.found.notes.append(f"{self._moving} models that can move: they stand still here")
         taken = "made solid" if self._options.visuals else "left out; --visuals makes them solid"

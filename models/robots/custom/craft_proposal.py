@@ -34,7 +34,7 @@ ROTOR_SHARE = 0.3
 
 
 class RotorPlace(NamedTuple):
-    """Where a rotor is: its name, place (3,) in the base's frame, m, and actuator, -1 for none."""
+    """Rotor: its name, place (3,) in the base's frame, m, and actuator, -1 for none."""
 
     name: str
     place: Array

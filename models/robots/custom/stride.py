@@ -29,7 +29,7 @@ SAMPLE = 10
 """Physics steps between two looks at the body's outline."""
 
 SPARE = 0.01
-"""What proposed discs and radii are larger by, m."""
+"""Excess of proposed discs and radii, m."""
 
 
 MAX_SAG = 0.03

@@ -57,7 +57,7 @@ class Quadrotor:
 
     Attributes:
         parameters: Airframe, gains and smoothing.
-        limits: What navigation may ask of it.
+        limits: Limits of its commanded motion.
         spec: The body as the navigation stack knows it.
     """
 
@@ -83,7 +83,7 @@ class Quadrotor:
 
 
 FAST_QUADROTOR = Quadrotor(FAST, FULL)
-"""The same body at its full speed."""
+"""Quadrotor at its full speed."""
 
 
 def warm_up() -> None:

@@ -53,7 +53,7 @@ class Quadruped:
 
     Attributes:
         parameters: Geometry, motors, gait and gains.
-        limits: What navigation may ask of it.
+        limits: Limits of its commanded motion.
         top: Highest that the body gets above the lidar's site in walking, m.
         spec: The body as the navigation stack knows it.
     """
@@ -81,7 +81,7 @@ class Quadruped:
 
 
 FAST_QUADRUPED = Quadruped(FAST, FULL, top=0.05)
-"""The same body at its full speed."""
+"""Quadruped at its full speed."""
 
 
 def warm_up() -> None:
