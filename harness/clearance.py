@@ -9,12 +9,12 @@ from wayproof.models.truth import CLEARANCE_REACH
 
 
 def true_clearance_is_bound(clearance: float) -> bool:
-    """Whether a true clearance, m, is a lower bound."""
+    """Return whether a true clearance, m, is a lower bound."""
     return clearance >= CLEARANCE_REACH
 
 
 def map_clearance_is_bound(decision: pb.Decision, cost_range: float) -> bool:
-    """Whether a decision's least clearance in the map is a lower bound.
+    """Return whether a decision's least clearance in the map is a lower bound.
 
     Distances in the map end at a whole number of cells, the first one that holds the costs.
 

@@ -92,7 +92,7 @@ def with_perturbation(config: Config, perturbation: AnyPerturbation | None) -> C
 
 
 def value_of(config: Config, key: str) -> Any:
-    """Value of a `section.field`."""
+    """Return the value of a `section.field`."""
     return functools.reduce(getattr, _fields_of(key), config)
 
 
@@ -106,7 +106,7 @@ def section_of(field_name: str) -> str:
 
 
 def _fields_of(key: str) -> list[str]:
-    """Names of the fields of a setting, from `Config` down."""
+    """Return names of the fields of a setting, from `Config` down."""
     section, *names = key.split(".")
     return ["world_parameters" if section == "world" and names else section, *names]
 

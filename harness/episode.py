@@ -329,7 +329,7 @@ def arrival_ns(decision: pb.Decision, trajectory: Trajectory) -> int:
 
 
 def _delay(config: LatencyConfig, stages: pb.StageLatency, on_trial: bool) -> float:
-    """Delay of a decision, s: modelled, or measured and rounded up to 1 ms.
+    """Return the delay of a decision, s: modelled, or measured and rounded up to 1 ms.
 
     Of a stack on trial its answer alone counts: the referee's map is no part of it.
     """

@@ -16,7 +16,7 @@ def wrap_angle(angle: float) -> float:
 
 
 def atan2_rounded(y: float, x: float) -> float:
-    """Angle of a direction in the plane, rad, in whole nanoradians.
+    """Return the angle of a direction in the plane, rad, in whole nanoradians.
 
     The arc tangent of a C library varies in its last bits between processors; this one does not.
     """
@@ -24,11 +24,11 @@ def atan2_rounded(y: float, x: float) -> float:
 
 
 def yaw_of_quaternion(quaternion: Array) -> float:
-    """Yaw of an orientation (4,), w x y z, rad, in whole nanoradians."""
+    """Return the yaw of an orientation (4,), w x y z, rad, in whole nanoradians."""
     w, x, y, z = quaternion.tolist()
     return atan2_rounded(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def polyline_length(points: Array) -> float:
-    """Length of a polyline (n, d), m; 0 for less than two points."""
+    """Return the length of a polyline (n, d), m; 0 for less than two points."""
     return float(np.sqrt(np.square(np.diff(points, axis=0)).sum(axis=1)).sum())

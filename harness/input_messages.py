@@ -103,7 +103,7 @@ def decode_ranges(sweep: pb.Sweep) -> Ranges:  # (rows * columns,)
 
 
 def decode_classes(sweep: pb.Sweep) -> NDArray[np.uint8] | None:  # (rows * columns,)
-    """Class of the surface that each beam hit; None without semantics.
+    """Return the class of the surface that each beam hit; None without semantics.
 
     Raises:
         InputError: Not one byte for each beam, or one that is no class.
@@ -120,7 +120,7 @@ def decode_classes(sweep: pb.Sweep) -> NDArray[np.uint8] | None:  # (rows * colu
 
 
 def inputs_digest(written: Sequence[bytes]) -> str:
-    """Hash of a decision's inputs as they are logged: sweeps, pose, goal, prediction."""
+    """Return the hash of a decision's inputs as they are logged: sweeps, pose, goal, prediction."""
     digest = hashlib.blake2b(digest_size=16)
     for data in written:
         digest.update(data)
@@ -196,7 +196,7 @@ def covariance_of(message: StatesCovariance) -> NDArray[np.float64] | None:  # (
 
 
 def unheld_of(message: StatesCovariance) -> NDArray[np.float64]:  # (k, 3)
-    """Directions that the sweeps do not hold.
+    """Return directions that the sweeps do not hold.
 
     Raises:
         InputError: They are not up to 3 of 3 numbers from -1 to 1.

@@ -181,7 +181,7 @@ class Beams:
         position_base_sensor: NDArray[np.float64] | None = None,
         R_base_sensor: NDArray[np.float64] | None = None,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Estimated poses of the sensor: (m, 3), m, and (m, 3, 3), world.
+        """Return estimated poses of the sensor: (m, 3), m, and (m, 3, 3), world.
 
         Args:
             pose: Pose of the base at the time of the decision.
@@ -203,7 +203,7 @@ class Beams:
 
 
 def turn(rotations: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vectors (k, 3) turned by each rotation (m, 3, 3), element by element: (m, k, 3)."""
+    """Return vectors (k, 3) turned by each rotation (m, 3, 3), element by element: (m, k, 3)."""
     along = rotations[:, None] * vectors[None, :, None]  # (m, k, 3, 3)
     turned: NDArray[np.float64] = along[..., 0] + along[..., 1] + along[..., 2]
     return turned

@@ -124,7 +124,7 @@ class Draft:
             self.file.close()
 
     def _take(self) -> int:
-        """Descriptor of a new partial file, locked.
+        """Return the descriptor of a new partial file, locked.
 
         A lock belongs to what was opened, not to its name: whoever gets one makes sure that the
         name still leads there, for the holder before may have renamed or removed it meanwhile.

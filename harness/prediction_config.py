@@ -52,5 +52,5 @@ class PredictionConfig:
 
 
 def is_outside(source: str) -> bool:
-    """Whether a source is a predictor from outside, whose predictions are inputs."""
+    """Return whether a source is a predictor from outside, whose predictions are inputs."""
     return source not in (NO_PREDICTOR, *OWN_PREDICTORS)

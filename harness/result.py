@@ -80,12 +80,12 @@ class Result:
 
 
 def is_recovered(result: Mapping[str, str]) -> bool:
-    """Whether a log was recovered, so that its end is missing, by its result."""
+    """Return whether a log was recovered, so that its end is missing, by its result."""
     return result["outcome"] == "error" and result.get("reason", "").startswith(RECOVERED)
 
 
 def ends_in_error(result: Mapping[str, str]) -> bool:
-    """Whether an episode ended early: its process was killed, or code failed."""
+    """Return whether an episode ended early: its process was killed, or code failed."""
     return result["outcome"] == "error"
 
 
@@ -127,7 +127,7 @@ def way_of(motion: pb.RecordedMotion) -> NDArray[np.float64]:
 
 
 def way_length(motion: pb.RecordedMotion) -> float:
-    """Length of the recorded way since the decision before, m."""
+    """Return the length of the recorded way since the decision before, m."""
     return polyline_length(way_of(motion)[:, :3])
 
 

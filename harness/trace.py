@@ -249,7 +249,7 @@ def _predicting(decisions: Sequence[pb.Decision]) -> Array | None:
 def _known_without_result(
     log: Log, decisions: Sequence[pb.Decision], last: pb.Truth
 ) -> dict[str, str]:
-    """Figures of an episode's end as its last truth has them."""
+    """Return figures of an episode's end as its last truth has them."""
     left = distance_left(log.mission, goals_before_last(decisions), np.array(last.position))
     return {
         "sim_time_s": str(last.timestamp.ToNanoseconds() * 1e-9),

@@ -228,7 +228,7 @@ def _stood(case: Case, contact: Contact, moment: Moment, within: float) -> bool:
 def _mapped(
     case: Case, navigator: Navigator, contact: Contact, moment: Moment
 ) -> tuple[int, int, int, int, Array]:
-    """Return what the map holds at a contact.
+    """Return the state of the map at a contact.
 
     Returns:
         Numbers of free, unknown and hidden cells, and of unknown ones that a prior map admits; and

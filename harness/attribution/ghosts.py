@@ -26,7 +26,7 @@ GHOST_CELLS = 1.5
 """Distance from anything true beyond which an occupied cell is a ghost, pose error apart, cells."""
 
 JUST_NOW = 1.0
-"""Time for which a map may still hold what has left, s: the surest cell takes nine sweeps."""
+"""Time for which a map may still hold a thing that left, s: the surest cell takes nine sweeps."""
 
 
 def ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:

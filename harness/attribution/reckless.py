@@ -15,7 +15,7 @@ from wayproof.planners import Disc, PathState, follow_path
 
 
 class Reckless(Navigator):
-    """Stack that goes straight to its goal, whatever the map holds."""
+    """Stack that goes straight to its goal, regardless of the map."""
 
     def _decide(self, planner_input: PlannerInput) -> FootprintDecision:
         decided = super()._decide(planner_input)

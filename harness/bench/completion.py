@@ -98,7 +98,7 @@ def gathered(folder: Path) -> Samples:
 
 
 def trained(samples: Samples, seed: int = 0) -> list[tuple[Array, Array]]:
-    """Weights by Adam (Kingma and Ba 2015) on the cross entropy."""
+    """Return weights by Adam (Kingma and Ba 2015) on the cross entropy."""
     rng = np.random.default_rng(seed)
     sizes = [samples.inputs.shape[1], *HIDDEN, 1]
     weights = [

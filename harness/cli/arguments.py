@@ -46,7 +46,7 @@ def _twice(name: str) -> str:
 
 
 def _given_once(name: str, value: str | None, action: argparse.Action) -> Iterator[str]:
-    """Yield what may be given only once: the option itself, or the key that it sets."""
+    """Yield names that may be given only once: the option itself, or the key that it sets."""
     if name == "--set" and value is not None:
         yield f"--set {value.partition('=')[0]}"
     elif type(action).__name__ == "_StoreAction":

@@ -14,7 +14,7 @@ FILES = {
     "worlds": "folder with the worlds of a published benchmark: barn, dodge",
     "scenarios": "planning problems on a voxel map (.3dscen): plan",
 }
-"""Option that names files of the user -> what the files hold."""
+"""Option that names files of the user -> contents of the files."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:

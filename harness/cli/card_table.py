@@ -128,7 +128,7 @@ def _way(card: Card) -> str:
 
 
 def _planned(card: Card) -> str:
-    """Return how long the path is that a stack planned, and what the referee admits of it."""
+    """Return the length of a stack's planned path, and how much the referee admits of it."""
     if not card.planned_m:
         return f"the stack gave no planned path; {card.goal} is {card.goal_distance_m:.2f} m away"
     return (
@@ -138,7 +138,7 @@ def _planned(card: Card) -> str:
 
 
 def _rests(lengths: Mapping[str, float]) -> str:
-    """Return what a path rests on, in words."""
+    """Describe the evidence that a path rests on."""
     parts = [f"{metres:.2f} m {name}" for name, metres in lengths.items() if metres > 0.0]
     return ", ".join(parts) or "no path"
 

@@ -53,7 +53,7 @@ def encode(catalogue: Catalogue) -> bytes:
 
 
 def matching(catalogue: Catalogue, name: str) -> Catalogue:
-    """Entries of a name: a kind, a name, or a section of the settings such as `map`."""
+    """Return entries of a name: a kind, a name, or a section of the settings such as `map`."""
     if name in catalogue:
         return {name: catalogue[name]}
     section = f"{name.rstrip('.')}."

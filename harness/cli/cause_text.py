@@ -37,7 +37,7 @@ def print_misses(console: Console, misses: Sequence[NearMiss]) -> None:
 
 
 def print_verdict(console: Console, verdict: Verdict) -> None:
-    """Print what each corrected simulation did, a line each, and the conclusion."""
+    """Print the result of each corrected simulation, a line each, and the conclusion."""
     if verdict.checks:
         _print_checks(console, verdict.checks)
     console.print(f"check: {in_words(verdict)}", soft_wrap=True, highlight=False)

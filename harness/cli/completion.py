@@ -78,7 +78,7 @@ def _parser_with_values() -> argparse.ArgumentParser:
 
 
 def values_of(catalogue: Catalogue) -> dict[str, list[str]]:
-    """Values of arguments by their name in the parser."""
+    """Return values of arguments by their name in the parser."""
     kinds = catalogue["perturbations"]
     modes = {kind: ["", *(f":{mode}" for mode in entry.choices)] for kind, entry in kinds.items()}
     severities = range(1, 6)

@@ -1,4 +1,4 @@
-"""`wayproof export`: write what a log holds as files that other tools read."""
+"""`wayproof export`: write the contents of a log as files that other tools read."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Output(NamedTuple):
-    """One kind of file: what it holds, and the function that writes it."""
+    """One kind of file: its contents, and the function that writes it."""
 
     help: str
     write: Callable[[Log, Path, argparse.Namespace], Document]
@@ -41,7 +41,7 @@ def _write_table(kind: str, default: str) -> Callable[[Log, Path, argparse.Names
 
 
 def _write_map(log: Log, path: Path, options: argparse.Namespace) -> Document:
-    """Write the map of a decision in the format that the file's ending says."""
+    """Write the map of a decision in the format of the file's ending."""
     from wayproof.harness.map_files.files import write_map
 
     decision, cells = write_map(log, path, options.at)
@@ -59,7 +59,7 @@ OUTPUTS: dict[str, Output] = {
         _write_map,
     ),
 }
-"""Option -> what it writes."""
+"""Option -> kind of file that it writes."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:

@@ -119,7 +119,7 @@ def _print_policies(console: Console, policies: list[Policy]) -> None:
 
 
 def _is_log(path: Path) -> bool:
-    """Whether a path is an MCAP file that is a log of Wayproof, and not a bag."""
+    """Return whether a path is an MCAP file that is a log of Wayproof, and not a bag."""
     from wayproof.harness.log.codec.container import MAGIC
     from wayproof.harness.log.reader import open_log
 

@@ -1,4 +1,4 @@
-"""`wayproof list`: list all that has a name, or say what a name means."""
+"""`wayproof list`: list all names, or explain one."""
 
 from __future__ import annotations
 

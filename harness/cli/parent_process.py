@@ -1,4 +1,4 @@
-"""Parent of a process that runs a user's code: whatever that code does, the log is finished.
+"""Parent of a process that runs a user's code: it finishes the log if that process fails.
 
 Python code can be interrupted (`harness.user_code`). A process that is killed, crashes or hangs in
 compiled code can finish nothing. So it is forked off before anything is loaded; its parent waits,
@@ -67,7 +67,7 @@ def _wait(child: int) -> int:
 
 
 def _finish(log: Path, code: int, stacks: str) -> int:
-    """Make a whole log of what the child left, and say so; exit code 1."""
+    """Make a whole log of the child's partial one, and print so; exit code 1."""
     from wayproof.harness.log.recover import finish_partial
 
     how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"

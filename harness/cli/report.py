@@ -15,7 +15,7 @@ from wayproof.harness.errors import InputError
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Write the report of a study or a recording; exit code 0 if it is, whatever the verdict."""
+    """Write the report of a study or a recording; exit code 0 whatever the verdict."""
     if options.folder.is_file():
         return _recording(options, console)
     from wayproof.harness.study.episodes import unplanned_in_words

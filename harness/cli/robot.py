@@ -1,4 +1,4 @@
-"""`wayproof robot check`: what is wrong with a robot's spec file, and a spec that would do."""
+"""`wayproof robot check`: the faults of a robot's spec file, and a spec that would do."""
 
 from __future__ import annotations
 

@@ -215,7 +215,7 @@ def warn_of_kept(draft: Draft) -> None:
 
 
 def interrupted(log: Path, decisions: int) -> Interrupted:
-    """Return the interrupt that says what is left of an episode stopped by Ctrl-C."""
+    """Return the interrupt whose message names the log left of an episode stopped by Ctrl-C."""
     partial = log.with_name(f"{log.name}.partial")
     if decisions == 0:
         partial.unlink(missing_ok=True)

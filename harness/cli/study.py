@@ -120,7 +120,7 @@ def _print_passes(console: Console, passes: Sequence[Pass]) -> None:
 
 
 def kept(done: int, episodes: int) -> Interrupted:
-    """Return the interrupt that says how much of a study is kept."""
+    """Return the interrupt whose message says how much of a study is kept."""
     return Interrupted(
         f"{done} of {episodes} episodes are kept, and the same command goes on with the others"
     )

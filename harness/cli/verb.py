@@ -156,7 +156,7 @@ def stack_of(options: argparse.Namespace) -> StackConfig:
 
 
 def refuse_idle_guard(stack: StackConfig) -> None:
-    """Refuse a guard of the built-in stack, which nothing would act on.
+    """Refuse a guard of the built-in stack, which would have no effect.
 
     Raises:
         InputError: It is one.

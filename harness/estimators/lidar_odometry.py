@@ -215,7 +215,7 @@ class LidarOdometry:
         self._begun = bool(state["begun"])
 
     def _information(self, registration: Registration) -> Array:
-        """Information (4, 4) of a sweep: none along what it does not hold."""
+        """Return the information (4, 4) of a sweep: none along what it does not hold."""
         held = np.eye(4)
         for axis in registration.unheld:
             held = held - np.append(axis, 0.0)[:, None] * np.append(axis, 0.0)

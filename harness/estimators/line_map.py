@@ -209,7 +209,7 @@ class LineMap(SurfaceMap):
 
 
 def _turned(offsets: Array, angle: float) -> Array:
-    """Offsets (n, 3) turned about the vertical."""
+    """Return offsets (n, 3) turned about the vertical."""
     c, s = math.cos(angle), math.sin(angle)
     x, y = offsets[:, 0], offsets[:, 1]
     return np.stack([c * x - s * y, s * x + c * y, offsets[:, 2]], axis=1)

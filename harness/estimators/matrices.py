@@ -9,7 +9,7 @@ from wayproof.models.arrays import Array
 
 
 def inverse(matrix: Array) -> Array:
-    """Inverse of a positive definite matrix (n, n), by Cholesky."""
+    """Return the inverse of a positive definite matrix (n, n), by Cholesky."""
     columns = []
     for column in np.eye(len(matrix)):
         solve(matrix.copy(), column)
@@ -20,7 +20,7 @@ def inverse(matrix: Array) -> Array:
 
 
 def product(one: Array, other: Array) -> Array:
-    """Matrix product of (n, k) and (k, m)."""
+    """Return the matrix product of (n, k) and (k, m)."""
     sums: Array = (one[:, :, None] * other[None, :, :]).sum(axis=1)
     return sums
 

@@ -187,7 +187,7 @@ class MotionFilter:
         return turned
 
     def _fallen(self, period: float, axes: Array) -> Array:
-        """Covariance (9, 9) after a period by the accelerometer alone."""
+        """Return the covariance (9, 9) after a period by the accelerometer alone."""
         moves = np.eye(9)
         moves[POSITION, VELOCITY] = period * np.eye(3)
         moves[POSITION, BIAS] = -0.5 * period**2 * axes
@@ -197,7 +197,7 @@ class MotionFilter:
         return grown + period * np.diag(noise)
 
     def _by_step(self, step: Array, period: float) -> Array:
-        """Covariance (9, 9) after a step (3,), m, that feet or an odometry gave."""
+        """Return the covariance (9, 9) after a step (3,), m, that feet or an odometry gave."""
         config, eye = self._config, np.eye(3)
         grown = np.zeros((9, 9))
         share = config.motion_share**2 * step[:, None] * step[None, :]

@@ -126,6 +126,6 @@ class Slip:
 
 
 def _sizes(motion: Array) -> Array:
-    """Length of a shift and size of a turn (2,), of both as (3,)."""
+    """Return the length of a shift and size of a turn (2,), of both as (3,)."""
     x, y, turn = motion.tolist()
     return np.array([math.sqrt(x * x + y * y), abs(turn)])

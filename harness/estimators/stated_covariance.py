@@ -221,7 +221,7 @@ class StatedCovariance:
         return [axis for axis in self.axes if abs(float(axis[2])) < LEVEL]
 
     def _unheld(self, motion: Array) -> Array:
-        """Part of a motion (3,) along directions that the last sweep did not hold."""
+        """Return the part of a motion (3,) along directions that the last sweep did not hold."""
         along = np.zeros(3)
         for axis in self.axes:  # by hand: BLAS orders sums by the machine
             along = along + float((axis * motion).sum()) * axis
@@ -229,7 +229,7 @@ class StatedCovariance:
 
 
 def spread_of(registration: Registration, roughness: float) -> Array:
-    """Covariance (4, 4) of a registration if only one of its points did count.
+    """Return the covariance (4, 4) of a registration if only one of its points did count.
 
     E^-1 (S + SYSTEMATIC D) E^-1 with E the mean of g g' over the points and S that of their squared
     distances times g g': the covariance of an estimate of which each equation has an error of its

@@ -65,7 +65,7 @@ class SurfaceMap:
         self.sweeps += 1
 
     def contradicts(self, points: Array, viewer: Array, registered: bool = False) -> bool:
-        """Whether points (n, 3) lie in known voxels, m, but too few of them on a plane.
+        """Return whether points (n, 3) lie in known voxels, m, but too few of them on a plane.
 
         Args:
             points: Placed where the sweep was found to be, world, m.

@@ -96,7 +96,7 @@ def motion_of(kind: ActionKind, action: NDArray[Any], task: Task, seen: Observat
 
 
 def _waypoints(action: NDArray[np.float32], task: Task, seen: Observation) -> Motion:
-    """Points in the body's frame; where all are at the body's own place it comes to rest."""
+    """Return points in the body's frame; where all are at the body's own place it comes to rest."""
     shares = np.clip(action.astype(np.float64), ACTION.low, ACTION.high)
     shares = np.where(np.abs(shares) < STILL, 0.0, shares)
     if not shares.any():
@@ -127,6 +127,6 @@ def check_kinds(observation: str, action: str) -> None:
 
 
 def _shape(sensor: Beams) -> tuple[int, int]:
-    """Rows and columns of a sensor's beams."""
+    """Return rows and columns of a sensor's beams."""
     rows = sensor.table.image_rows
     return rows, sensor.table.beams // rows

@@ -43,10 +43,10 @@ class BuiltinStack:
         )
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
     def _settle(self, observation: Observation) -> None:
-        """Commit the decision before, or take over what became of its command."""
+        """Commit the decision before, or take over the fate of its command."""
         navigator, last = self._navigator, observation.last
         assert last is not None
         late = last.fate == "late"

@@ -39,7 +39,7 @@ LABELS = ("", *get_args(Label))
 
 
 class CommandError(ValueError):
-    """A command that is none, in one line: what was got and expected."""
+    """Invalid command, in one line: what was got and expected."""
 
 
 def command_message(command: Command, sequence: int) -> sb.Command:
@@ -67,7 +67,7 @@ def command_message(command: Command, sequence: int) -> sb.Command:
 
 
 def check_command(message: sb.Command) -> None:
-    """Refuse a command of another process that is none.
+    """Refuse an invalid command of another process.
 
     Raises:
         CommandError: Naming what is wrong.
@@ -227,7 +227,7 @@ def _profile(message: sb.Profile) -> Profile:
 
 
 def _flat(name: str, values: object, width: int) -> list[float]:
-    """Rows of numbers as one list.
+    """Return rows of numbers as one list.
 
     Raises:
         CommandError: They are none of this width.

@@ -33,7 +33,7 @@ class Session(Protocol):
         """Send the task."""
 
     def announce(self) -> None:
-        """Say that an observation follows at once."""
+        """Announce that an observation follows at once."""
 
     def query(self, observation: Observation) -> sb.Command:
         """Return the command that answers an observation."""
@@ -47,14 +47,14 @@ class Session(Protocol):
 
 @runtime_checkable
 class ShowsReferee(Protocol):
-    """A session that shows the referee's costmap to whoever looks on."""
+    """A session that shows the referee's costmap to observers."""
 
     def show(self, costmap: Costmap) -> None:
-        """Show it from now on, whatever it is updated to."""
+        """Show the costmap and its updates from now on."""
 
 
 def stack_code(who: str) -> contextlib.AbstractContextManager[None]:
-    """Run a stack's code; whatever it raises becomes a `StackError`.
+    """Run a stack's code; any exception becomes a `StackError`.
 
     Raises:
         StackError: With the exception as its cause.
@@ -162,15 +162,15 @@ def stack_digest(name: str) -> str:
 
 
 def is_users(name: str) -> bool:
-    """Whether a stack's name names code of the user's own."""
+    """Return whether a stack's name names code of the user's own."""
     return name != BUILTIN and name not in STACKS
 
 
 def is_ros2(name: str) -> bool:
-    """Whether a stack's name stands for ROS 2 nodes."""
+    """Return whether a stack's name means ROS 2 nodes."""
     return name.partition(":")[0] == ROS2
 
 
 def runs_in_process(name: str) -> bool:
-    """Whether a stack of the user's own runs in this process."""
+    """Return whether a stack of the user's own runs in this process."""
     return is_users(name) and not name.startswith((EXEC, *SOCKETS)) and not is_ros2(name)

@@ -43,11 +43,11 @@ class Connection(ABC):
 
     @abstractmethod
     def send(self, data: bytes, until: float) -> None:
-        """Send all of it before a time of `time.monotonic`."""
+        """Send all bytes before a time of `time.monotonic`."""
 
     @abstractmethod
     def receive(self, count: int, until: float) -> bytes:
-        """Receive exactly so many bytes before that time."""
+        """Receive a number of bytes before a time of `time.monotonic`."""
 
     @abstractmethod
     def close(self) -> None:
@@ -63,7 +63,7 @@ class Connection(ABC):
 
 
 class TooLate(Exception):
-    """Nothing came, or nothing was taken, in time."""
+    """No bytes were received or sent in time."""
 
 
 class Ended(Exception):
@@ -81,7 +81,7 @@ class FileDescriptors(Connection):
             os.set_blocking(descriptor, False)
 
     def send(self, data: bytes, until: float) -> None:
-        """Send all of it before a time of `time.monotonic`."""
+        """Send all bytes before a time of `time.monotonic`."""
         left = memoryview(data)
         while left:
             try:
@@ -92,7 +92,7 @@ class FileDescriptors(Connection):
                 raise Ended from None
 
     def receive(self, count: int, until: float) -> bytes:
-        """Receive exactly so many bytes before that time."""
+        """Receive a number of bytes before a time of `time.monotonic`."""
         polled_until = time.monotonic() + POLLED_S
         while len(self._received) < count:
             try:

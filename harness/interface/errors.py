@@ -10,10 +10,10 @@ from wayproof.harness.errors import NeverReturned
 from wayproof.planners.ompl._plugin import UserCodeError, user_code
 
 StackCause = Literal["stack_died", "stack_hung", "stack_broken"]
-"""Ended by itself; gave no answer in time; raised, or sent what is no command."""
+"""Cause of a stack's failure: it ended; gave no answer in time; or sent no valid command."""
 
 PredictorCause = Literal["predictor_died", "predictor_hung", "predictor_broken"]
-"""Likewise, of a predictor from outside; the last: raised, or answered what is no prediction."""
+"""Cause of a predictor's failure: it ended; gave no answer in time; or no valid prediction."""
 
 Way = Literal["died", "hung", "broken"]
 """Way in which code from outside fails."""
@@ -68,12 +68,12 @@ PREDICTOR_CAUSES: dict[Way, PredictorCause] = {
     "hung": "predictor_hung",
     "broken": "predictor_broken",
 }
-"""Likewise of a predictor."""
+"""Cause of a predictor's failure by its way."""
 
 
 @contextlib.contextmanager
 def code_from_outside(who: str, failure: Callable[[str, Way], OutsideError]) -> Iterator[None]:
-    """Run code from outside; whatever it raises becomes a failure of it.
+    """Run code from outside; any exception becomes a failure of it.
 
     Args:
         who: The code, in words.

@@ -1,4 +1,4 @@
-"""Limits of the body on a command's motion: what exceeds them, and how the body then moves.
+"""Limits of the body on a command's motion: whether it exceeds them, and how the body then moves.
 
 A base controller saturates: it follows a reference that is too fast as closely as its greatest
 speed and acceleration let it. The referee has to judge that motion, not the commanded one:
@@ -47,7 +47,7 @@ class Limited:
 
 
 def clips(velocity: Velocity, limits: MotionLimits, *, planar: bool) -> bool:
-    """Whether a velocity is greater than the body's greatest speed or yaw rate."""
+    """Return whether a velocity is greater than the body's greatest speed or yaw rate."""
     up = 0.0 if planar else velocity.up
     speed = norm(np.array([velocity.forward, velocity.left, up]))
     return speed > limits.speed * SLACK or abs(velocity.yaw_rate) > limits.yaw_rate * SLACK
@@ -56,7 +56,7 @@ def clips(velocity: Velocity, limits: MotionLimits, *, planar: bool) -> bool:
 def exceeds(
     trajectory: Trajectory, reference: Reference, effect_ns: int, limits: MotionLimits
 ) -> bool:
-    """Whether a trajectory commands more speed, acceleration or yaw rate than the body has.
+    """Return whether a trajectory commands more speed, acceleration or yaw rate than the body has.
 
     From the speed of the reference at its beginning to rest at its end, by even samples.
     """

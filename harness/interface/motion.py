@@ -65,7 +65,7 @@ STILL_M = 1e-6
 
 
 class MotionError(ValueError):
-    """A command's motion that no body can follow, in one line: what was got and expected."""
+    """Motion that no body can follow, in one line: what was got and expected."""
 
 
 class Followed(NamedTuple):

@@ -188,7 +188,7 @@ def observation_message(observation: Observation, task: Task) -> sb.Observation:
 
 
 def _in_16_bits(ranges_mm: Ranges) -> NDArray[np.uint16]:  # (n,)
-    """Ranges (n,) as the interface has them; a longer one carries no information."""
+    """Return ranges (n,) as the interface has them; a longer one carries no information."""
     if ranges_mm.dtype == np.uint16:
         return ranges_mm.astype("<u2", copy=False)
     return np.where(ranges_mm > NO_RETURN, DROPPED, ranges_mm).astype("<u2")
@@ -207,7 +207,7 @@ def sweep_inputs(message: sb.Observation) -> list[SweepInput]:
 
 
 def trail_from(message: sb.Observation) -> Trail | None:
-    """Estimated poses while the sweeps were taken, in another process."""
+    """Return estimated poses while the sweeps were taken, in another process."""
     if not message.trail_period_s:
         return None
     return Trail(
@@ -237,7 +237,7 @@ def fate_from(message: sb.Observation) -> Fate | None:
 
 
 def _varies(sensor: Sensor) -> bool:
-    """Whether the beams differ from sweep to sweep."""
+    """Return whether the beams differ from sweep to sweep."""
     return sensor.beams.table.order == "pairs"
 
 

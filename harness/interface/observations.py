@@ -126,7 +126,7 @@ class ObservationBuilder:
         return Sweep(sweep.sensor, read_only(sweep.ranges_mm), classes, place)
 
     def _twist(self, inputs: Inputs) -> tuple[Array, float]:
-        """Velocity (3,), m/s, and yaw rate, rad/s, from this pose and the one before."""
+        """Return the velocity (3,), m/s, and yaw rate, rad/s, from this pose and the one before."""
         position, heading = inputs.pose.position, inputs.pose.heading
         before, self._before = self._before, (inputs.time_ns, position, heading)
         if before is None:

@@ -77,7 +77,7 @@ class PolicyStack:
         return Command(velocity_of(self.act(self._observer.tensors(observation)), self._mission))
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
     def act(self, tensors: Mapping[str, NDArray[np.float32]]) -> NDArray[np.float32]:
         """Return the action (4,) that answers the tensors of `OBSERVATION`, without a batch."""
@@ -102,7 +102,7 @@ class Session(Protocol):
     def run(
         self, names: Sequence[str], tensors: Mapping[str, NDArray[np.float32]]
     ) -> Sequence[NDArray[np.float32]]:
-        """Return the outputs of these names."""
+        """Return the outputs of some names."""
 
 
 def load_model(path: Path, what: str = "policy") -> Session:
@@ -194,7 +194,7 @@ def _check_nodes(path: Path, inputs: Sequence[Node], outputs: Sequence[Node]) ->
 
 
 def _fits(shape: Sequence[int | str | None], space: Space) -> bool:
-    """Whether a tensor of the space, in a batch of one, has a shape; names fit any size."""
+    """Return whether a tensor of the space, in a batch of one, has a shape; names fit any size."""
     sizes = (1, *space.shape)
     return len(shape) == len(sizes) and all(
         got == size for got, size in zip(shape, sizes, strict=True) if isinstance(got, int)

@@ -1,4 +1,4 @@
-"""Tensors of a policy: what it observes, and the action that it answers.
+"""Tensors of a policy: its observation and its action.
 
 Belief alone, float32, of fixed shapes, so that one definition serves the inputs of an ONNX file and
 the observation space of Gymnasium. Built with sums, products, quotients and square roots, which
@@ -100,7 +100,7 @@ class PolicyObserver:
         }
 
     def _scan(self, observation: Observation, heading: float) -> Array:
-        """Distance (BEARINGS,) of the nearest return by bearing, m."""
+        """Return the distance (BEARINGS,) of the nearest return by bearing, m."""
         points = np.vstack([sweep.points for sweep in observation.sweeps] or [np.zeros((0, 3))])
         low, high = self._heights(float(observation.position[2]))
         points = points[(points[:, 2] > low) & (points[:, 2] < high)]
@@ -115,7 +115,7 @@ class PolicyObserver:
         return scan
 
     def _heights(self, height: float) -> tuple[float, float]:
-        """Heights between which a return is in the body's way, world frame, m."""
+        """Return heights between which a return is in the body's way, world frame, m."""
         mission = self._mission
         if not mission.planar:
             return height - mission.radius, height + mission.radius
@@ -137,7 +137,7 @@ def velocity_of(action: NDArray[np.floating], mission: Mission) -> Velocity:
 
 
 def in_body(vectors: Array, heading: float) -> Array:
-    """Vectors (..., 3) of the world in the body's frame, by its heading alone."""
+    """Return vectors (..., 3) of the world in the body's frame, by its heading alone."""
     sines, cosines = sines_cosines(np.array([heading]))
     sine, cosine = float(sines[0]), float(cosines[0])
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
@@ -145,7 +145,7 @@ def in_body(vectors: Array, heading: float) -> Array:
 
 
 def in_world(vectors: Array, heading: float) -> Array:
-    """Vectors (..., 3) of the body's frame in the world; the inverse of `in_body`."""
+    """Return vectors (..., 3) of the body's frame in the world; the inverse of `in_body`."""
     return in_body(vectors, -heading)
 
 

@@ -67,7 +67,7 @@ def _swept(trajectory: Trajectory, planner_input: PlannerInput) -> tuple[Array, 
 def is_free(
     circumscribed: FreeSpace, oriented: FreeSpace, poses: Array, path: Array | None = None
 ) -> bool:
-    """Whether the body is free at and between all poses: as one disc, or as it is headed.
+    """Return whether the body is free at and between all poses: as one disc, or as it is headed.
 
     Args:
         circumscribed: Space of the disc or ball about the body.
@@ -81,6 +81,6 @@ def is_free(
 
 
 def fits_along(space: FreeSpace, path: Array) -> bool:
-    """Whether a disc or ball is free all along a path (n, 3), its start with it."""
+    """Return whether a disc or ball is free all along a path (n, 3), its start with it."""
     free = space.is_free(path[0])  # which the length of a path of no length does not show
     return free and space.free_length(path) >= arc_length(path) - ROUNDING_M

@@ -45,7 +45,7 @@ POLLED_S = 2e-3
 
 
 def serve(name: str, predictor: bool = False) -> None:
-    """Serve a stack on standard input and output; what it prints goes to standard error.
+    """Serve a stack on standard input and output; its prints go to standard error.
 
     Args:
         name: As `--stack` takes it, or as `prediction.source` does.
@@ -122,7 +122,7 @@ class Served(Protocol):
 
 
 def answer_all(served: Served, read: RawIOBase, write: IO[bytes]) -> None:
-    """Answer the harness until it closes the connection, or what is served fails.
+    """Answer the harness until it closes the connection, or the stack or predictor fails.
 
     Args:
         served: What answers.

@@ -190,7 +190,7 @@ class TrialNavigator(Navigator):
         planner_input: PlannerInput,
         judgement: Judgement,
     ) -> Command:
-        """Follow the stack's command, whatever the verdict."""
+        """Follow the stack's command regardless of the verdict."""
         action = self._action(command, trajectory, planner_input)
         overlap = judgement.overlap
         if judgement.verdict == "admitted":

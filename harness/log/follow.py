@@ -47,7 +47,7 @@ class Growing:
         self._place = 0
 
     def read(self, count: int) -> bytes:
-        """Return so many bytes, fewer only at the end of a file that nobody writes any more."""
+        """Return a number of bytes, fewer only at the end of a file that is complete."""
         data = b""
         while True:
             ended = self._stop.is_set() or self._is_left()

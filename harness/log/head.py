@@ -1,4 +1,4 @@
-"""Head of a log: what it holds before its first decision, and all its metadata."""
+"""Head of a log: its messages before the first decision, and all its metadata."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class _Items(NamedTuple):
 
 
 def _sorted_items(items: Iterator[Attachment | Metadata | Packet], path: Path) -> _Items:
-    """Sort what precedes the first decision by its kind."""
+    """Sort the items before the first decision by kind."""
     found = _Items({}, {}, [])
     for item in items:
         if isinstance(item, Metadata):
@@ -127,7 +127,7 @@ def _sorted_items(items: Iterator[Attachment | Metadata | Packet], path: Path) -
 
 
 def _checked_run(metadata: dict[str, dict[str, str]], path: Path) -> dict[str, str]:
-    """Versions and hashes of a log in a format that is read here."""
+    """Return versions and hashes of a log in a format that is read here."""
     if "run" not in metadata:
         raise InputError(f"log '{path}': an MCAP file, but not a Wayproof log")
     version = metadata["run"].get("format_version")

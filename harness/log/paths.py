@@ -16,7 +16,7 @@ SAME_PLACE = 0.02
 """Distance up to which two points count as one, m."""
 
 SAME_POINT = 1e-3
-"""Distance up to which a point is one of another path, m: what rounding leaves in a log."""
+"""Distance up to which a point is one of another path, m: the rounding of a log."""
 
 
 def densely(path: Array, spacing: float) -> Array:

@@ -288,7 +288,7 @@ class Log:
                 raise InputError(f"log '{self.path}': sweep of '{sweep.sensor[:40]}', not declared")
 
     def motions(self) -> Iterator[pb.RecordedMotion]:
-        """Yield the recorded motion up to each decision; nothing of an episode."""
+        """Yield the recorded motion up to each decision; none of an episode."""
         for message in self.messages():
             if isinstance(message, pb.RecordedMotion):
                 yield message

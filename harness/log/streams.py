@@ -30,7 +30,7 @@ COMMAND = "command"
 """The stream of the answers of a stack on trial: inputs that follow from the other streams."""
 
 PREDICTION = "prediction"
-"""The stream of what a predictor from outside said: inputs that follow from the other streams."""
+"""Stream of the predictions of a predictor from outside, which follow from the other streams."""
 
 PRIOR = "prior"
 """The stream of the prior map, which is one from the start on."""

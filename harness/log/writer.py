@@ -55,7 +55,7 @@ FLUSH_PERIOD_NS = 1_000_000_000
 """Maximum simulated time that is lost when the process is killed, ns."""
 
 CHUNK, PACKED_CHUNK = 2**20, 2**24
-"""Size of what is compressed at once, bytes; a reader that seeks decompresses a whole chunk."""
+"""Size of a chunk, bytes; a reader that seeks decompresses a whole one."""
 
 PACKED_SCENE = "scene.xml.zst"
 """Attachment with the scene of a packed log; its digest is that of the text."""
@@ -64,10 +64,10 @@ PLUGINS = "plugins"
 """Name of the metadata with the SHA-256 of the file of each of the user's classes in use."""
 
 STDERR = "stack.stderr.txt"
-"""Attachment: the end of what a stack in another process wrote to standard error."""
+"""Attachment: the end of the standard error of a stack in another process."""
 
 PREDICTOR_STDERR = "predictor.stderr.txt"
-"""Attachment: likewise of a predictor in another process."""
+"""Attachment: the end of the standard error of a predictor in another process."""
 
 TRACEBACK = "error.txt"
 """Attachment with the traceback of an episode that ended as `error`."""

@@ -206,7 +206,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return float(np.interp(amount, scale, range(len(scale))))
 
     def is_active(self, time_ns: int) -> bool:
-        """Whether it acts at a simulated time."""
+        """Return whether it acts at a simulated time."""
         if self.window is None:
             return True
         return self.window[0] <= time_ns * 1e-9 < self.window[1]
@@ -240,7 +240,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return ()
 
     def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """Names of the input streams that it changes; see `harness.log.streams`."""
+        """Return names of the input streams that it changes; see `harness.log.streams`."""
         if self.changes in ("pose", "motion_sensors"):
             return ("pose",)
         if self.changes == "delay":
@@ -250,7 +250,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return tuple(f"sensor/{name}" for name in self.affected(sensors))
 
     def pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
-        """Error added to the pose, `travelled` metres after the start.
+        """Return the error added to the pose, `travelled` metres after the start.
 
         The stated standard deviations leave it out: that is the assumption made wrong.
         """
@@ -259,12 +259,12 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return self.active_pose_error(seed, time_ns, travelled)
 
     def active_pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
-        """Error added to the pose while it acts."""
+        """Return the error added to the pose while it acts."""
         del seed, time_ns, travelled
         return UNCHANGED
 
     def delivers(self, sequence: int) -> bool:
-        """Whether the sweeps of this decision reach the stack."""
+        """Return whether the sweeps of this decision reach the stack."""
         del sequence
         return True
 

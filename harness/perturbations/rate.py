@@ -25,5 +25,5 @@ class Rate(Perturbation, frozen=True, tag="rate"):
         return tuple(sensors)
 
     def delivers(self, sequence: int) -> bool:
-        """Whether the sweeps of this decision are among those that arrive."""
+        """Return whether the sweeps of this decision are among those that arrive."""
         return math.floor(sequence / self.amount) > math.floor((sequence - 1) / self.amount)

@@ -120,7 +120,7 @@ def features_at(view: View, places: Ints) -> Floats:
 
 
 def evaluated(layers: list[Layer], inputs: Floats) -> NDArray[np.int32]:
-    """Log-odds (n,) of inputs (n, inputs), in steps."""
+    """Return log-odds (n,) of inputs (n, inputs), in steps."""
     values = inputs
     for number, layer in enumerate(layers):
         values = np.matmul(values, layer.weights) + layer.biases

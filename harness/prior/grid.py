@@ -124,7 +124,7 @@ def _plane_states(grid: Grid, placement: Placement, window: Window) -> States:
 
 
 def _turn(yaw: float) -> tuple[float, float]:
-    """Cosine and sine of a yaw."""
+    """Return the cosine and sine of a yaw."""
     sines, cosines = sines_cosines(np.array([yaw]))
     return float(cosines[0]), float(sines[0])
 
@@ -144,14 +144,14 @@ def _centres(grid: Grid, state: int) -> Array:
 
 
 def _into_grid(points: Array, placement: Placement) -> Array:
-    """Points (n, 3) of the world in the frame of a placed grid."""
+    """Return points (n, 3) of the world in the frame of a placed grid."""
     c, s = _turn(placement.yaw)
     x, y = points[:, 0] - placement.x, points[:, 1] - placement.y
     return np.stack([c * x + s * y, c * y - s * x, points[:, 2] - placement.z], axis=1)
 
 
 def _out_of_grid(points: Array, placement: Placement) -> Array:
-    """Points (n, 3) of a placed grid in the world."""
+    """Return points (n, 3) of a placed grid in the world."""
     c, s = _turn(placement.yaw)
     x, y = points[:, 0], points[:, 1]
     return np.stack(

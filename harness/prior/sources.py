@@ -85,7 +85,7 @@ def with_prior(config: Config, world: World) -> Config:
 
 
 def _placed(prior: PriorConfig, world: World, error: Misplacement) -> Placement:
-    """Pose of the grid in the world: as the settings say, and then with an error."""
+    """Return the pose of the grid in the world: as the settings say, and then with an error."""
     own = Placement(prior.x, prior.y, prior.z, prior.yaw)
     if error == Misplacement():
         return own

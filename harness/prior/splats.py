@@ -276,7 +276,7 @@ def _in_world(
 
 
 def _turned(yaw: float, up: str) -> list[list[float]]:
-    """Rotation from a splat's axes to the world's: up first, then the yaw."""
+    """Return the rotation from a splat's axes to the world's: up first, then the yaw."""
     sines, cosines = sines_cosines(np.array([yaw]))
     c, s = float(cosines[0]), float(sines[0])
     upright = [[0.0, 0.0, 0.0] for _ in range(3)]
@@ -301,7 +301,7 @@ def _along(turn: list[list[float]], k: int, parts: list[Array]) -> Array:
 
 
 def _rotations(quaternions: Array) -> list[list[Array]]:
-    """Rotation matrices of quaternions (n, 4), w x y z, entry by entry (n,)."""
+    """Return the rotation matrices of quaternions (n, 4), w x y z, entry by entry (n,)."""
     w, x, y, z = (quaternions / np.sqrt(np.square(quaternions).sum(axis=1))[:, None]).T
     return [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
@@ -359,7 +359,7 @@ def _chunks(chosen: NDArray[np.int64], counts: NDArray[np.int64]) -> Iterator[ND
 
 
 def _inverses(covariances: Array) -> Array:
-    """Inverses of symmetric matrices (n, 6), as xx, yy, zz, xy, xz, yz."""
+    """Return inverses of symmetric matrices (n, 6), as xx, yy, zz, xy, xz, yz."""
     a, b, c, d, e, f = covariances.T  # [[a d e] [d b f] [e f c]]
     xx, yy, zz = b * c - f * f, a * c - e * e, a * b - d * d
     xy, xz, yz = e * f - d * c, d * f - b * e, d * e - a * f

@@ -71,14 +71,14 @@ def _fixed_point(bytes_of: NDArray[np.uint8], fraction: int) -> Array:
 
 
 def _first_three(rotations: NDArray[np.uint8]) -> Array:
-    """Quaternions (n, 4), w x y z, of x, y and z in a byte each (n, 3)."""
+    """Return quaternions (n, 4), w x y z, of x, y and z in a byte each (n, 3)."""
     xyz = rotations / 127.5 - 1.0
     rest = np.maximum(1.0 - np.square(xyz).sum(axis=1), 0.0)
     return np.concatenate([np.sqrt(rest)[:, None], xyz], axis=1)
 
 
 def _smallest_three(rotations: NDArray[np.uint8]) -> Array:
-    """Quaternions (n, 4), w x y z, of 32 bits each (n, 4).
+    """Return quaternions (n, 4), w x y z, of 32 bits each (n, 4).
 
     The two highest are the index of the greatest component among x, y, z, w; the others follow in
     that order, each as a sign and nine bits of its share of the root of 1/2.

@@ -27,7 +27,7 @@ PROBE = 1e-4
 
 
 def splat_of_world(world: World, spacing: float = SPACING) -> Gaussians:
-    """Gaussians on the surfaces of all solids and of the floor, and some that float.
+    """Return gaussians on the surfaces of all solids and of the floor, and some that float.
 
     Each is a disc of the spacing, turned along the surface.
     """
@@ -46,7 +46,7 @@ def splat_of_world(world: World, spacing: float = SPACING) -> Gaussians:
 
 
 def _on_surface(rng: np.random.Generator, solid: Solid, spacing: float) -> tuple[Array, Array]:
-    """Points on a solid's surface, and its normals there: (n, 3) each.
+    """Return points on a solid's surface, and its normals there: (n, 3) each.
 
     The points of a jittered lattice within a spacing of the solid are drawn to it.
     """
@@ -79,7 +79,7 @@ def _on_floor(rng: np.random.Generator, world: World, spacing: float) -> tuple[A
 
 
 def _facing(normals: Array) -> Array:
-    """Quaternions (n, 4), w x y z, that turn the z axis to directions (n, 3)."""
+    """Return quaternions (n, 4), w x y z, that turn the z axis to directions (n, 3)."""
     x, y, z = (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)).T
     turned = np.stack([1.0 + z, -y, x, np.zeros_like(z)], axis=1)
     turned[z < -1.0 + 1e-9] = [0.0, 1.0, 0.0, 0.0]

@@ -265,7 +265,7 @@ def _answer(decision: pb.Decision) -> Answer:
 
 
 def _departure(old: pb.Trajectory, new: pb.Trajectory, axes: int) -> float:
-    """Greatest distance between two trajectories at equal times, m."""
+    """Return the greatest distance between two trajectories at equal times, m."""
     begin = min(old.start.ToNanoseconds(), new.start.ToNanoseconds())
     ends = [one.start.ToNanoseconds() + one.duration_s * 1e9 for one in (old, new)]
     times = np.arange(begin, max(ends) + 1e8, 1e8)

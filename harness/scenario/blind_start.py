@@ -47,7 +47,7 @@ def warn_of_blind_start(
 
 
 def nearest_floor(caster: Caster, rest_height: float) -> float:
-    """Least distance from the base at which a beam of a level robot meets its floor, m.
+    """Return the least distance from the base at which a beam of a level robot meets its floor, m.
 
     Args:
         caster: A sensor.

@@ -96,7 +96,7 @@ class Scenario:
             raise InputError(str(error)) from None
 
     def _leg_length(self, world: World, begin: Point, end: Point) -> float | None:
-        """Length of the shortest way between two places, m; None if there is none."""
+        """Return the length of the shortest way between two places, m; None if there is none."""
         spec = self.spec
         bands = AIR_BANDS if spec.motion == "air" else ((spec.step_height, spec.height),)
         ways = [known_route(world, spec.radius, band, begin, end) for band in bands]
@@ -290,5 +290,5 @@ def _mission(world: World, spec: RobotSpec, config: Config, points: Sequence[Poi
 
 
 def decision_period(scenario: Scenario) -> float:
-    """Decisions follow the first sensor's rate, s."""
+    """Return the period of decisions, s: that of the first sensor."""
     return 1.0 / scenario.scene.casters[0].mount.device.rate

@@ -197,7 +197,7 @@ class _Judging:
         number: int,
         shift: Array,
     ) -> bool | None:
-        """Whether the way of the next second is admitted by the map of now."""
+        """Return whether the way of the next second is admitted by the map of now."""
         last = number + 1
         while last < len(self._ways) and self._times[last] < self._times[number] + self._horizon_ns:
             last += 1
@@ -222,7 +222,7 @@ class _Judging:
 
 
 def is_moving(poses: Array) -> bool:
-    """Whether poses (n, 4) leave the place of the first by at least a step of way."""
+    """Return whether poses (n, 4) leave the place of the first by at least a step of way."""
     away = np.square(poses[:, :3] - poses[0, :3]).sum(axis=1)
     return bool(away.max() >= LEAST_STEP * LEAST_STEP)
 

@@ -85,7 +85,7 @@ class Terms:
         return max(abs(offset) + radius for offset, radius in self.discs)
 
     def cells(self, a_map: Representation, poses: Array, reach: float) -> Cells:
-        """Cells of a map within a reach, m, of poses (n, 4)."""
+        """Return cells of a map within a reach, m, of poses (n, 4)."""
         return cells_around(a_map, poses[:, :3], reach, self.config, self.mission)
 
 
@@ -116,7 +116,7 @@ def find_cause(
 
 
 def clearance(terms: Terms, pose: Array, a_map: Representation) -> float:
-    """Distance between the bare body at a pose (4,) and the nearest occupied cell, m.
+    """Return the distance between the bare body at a pose (4,) and the nearest occupied cell, m.
 
     At most `CLEARANCE_REACH`; below 0 where they overlap.
     """

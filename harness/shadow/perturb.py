@@ -114,7 +114,7 @@ class RecordedPerturbation:
         pose.history_quaternions.extend(believed.quaternions.ravel().tolist())
 
     def delay(self, time_ns: int) -> float:
-        """Delay added to a decision, s."""
+        """Return the delay added to a decision, s."""
         return self._perturbation.delay if self._perturbation.is_active(time_ns) else 0.0
 
     def message(self, sequence: int, time_ns: int) -> pb.Perturbation | None:
@@ -191,7 +191,7 @@ class RecordedPerturbation:
 
 
 def _without_mark(perturbed: Ranges, report: Report) -> Ranges:
-    """Ranges whose echoes do not have the value that means no return."""
+    """Return ranges whose echoes do not have the value that means no return."""
     marked = (perturbed == NO_RETURN) & (report.ranges_mm != NO_RETURN)
     changed = perturbed.copy()
     changed[marked] = NO_RETURN - 1

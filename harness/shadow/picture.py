@@ -87,7 +87,7 @@ def _draw_map(
 def _layer(
     cells: Cells, way: np.ndarray[tuple[int, int], np.dtype[np.float64]]
 ) -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
-    """States (nx, ny): of a body that flies those at its mean height."""
+    """Return states (nx, ny): of a body that flies those at its mean height."""
     if cells.axes == 2:
         return cells.states
     index = int((way[:, 2].mean() - cells.corner[2]) / cells.size)

@@ -220,7 +220,7 @@ def _first_sweeps(recording: Recording) -> dict[str, list[RecordedSweep]]:
 
 
 def _rate(sweeps: list[RecordedSweep]) -> float:
-    """Sweeps a second, by the first two; 1 if there is only one."""
+    """Return the sweeps per second, by the first two; 1 if there is only one."""
     if len(sweeps) < 2 or sweeps[1].time_ns <= sweeps[0].time_ns:
         return 1.0
     return 1e9 / (sweeps[1].time_ns - sweeps[0].time_ns)

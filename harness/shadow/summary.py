@@ -254,7 +254,7 @@ def stops_of(passed: Sequence[Passed], legs: Sequence[Leg]) -> tuple[float, tupl
 
 
 def _moves(begin_ns: int, end_ns: int, length_m: float) -> bool:
-    """Whether a leg is one of motion: faster than a step of way in a second."""
+    """Return whether a leg is one of motion: faster than a step of way in a second."""
     return length_m >= LEAST_STEP * (end_ns - begin_ns) * 1e-9
 
 

@@ -157,7 +157,7 @@ class SweepWriter:
 
 
 def _ages(sweep: RecordedSweep, time_ns: int) -> tuple[NDArray[np.int64] | None, tuple[int, ...]]:
-    """Index of the pose that each beam leaves from, and the age of each pose, ns."""
+    """Return the index of the pose that each beam leaves from, and the age of each pose, ns."""
     if sweep.beam_times_ns is None or len(sweep.beam_times_ns) == 0:
         return None, (min(max(time_ns - sweep.time_ns, 0), round(OLDEST_S * 1e9)),)
     ages = np.clip(time_ns - sweep.time_ns - sweep.beam_times_ns, 0, round(OLDEST_S * 1e9))
@@ -169,5 +169,5 @@ def _ages(sweep: RecordedSweep, time_ns: int) -> tuple[NDArray[np.int64] | None,
 
 
 def greatest_age(sweeps: Sequence[pb.Sweep]) -> int:
-    """Age of the oldest pose of sweeps, ns."""
+    """Return the age of the oldest pose of sweeps, ns."""
     return max((max(sweep.ages_ns, default=0) for sweep in sweeps), default=0)

@@ -66,7 +66,7 @@ class Way:
         self.step_ns = max(int(apart), SHORTEST_STEP_NS)
 
     def covers(self, time_ns: int) -> bool:
-        """Whether there is a pose at a time, ns."""
+        """Return whether there is a pose at a time, ns."""
         return bool(self._track.covers(np.array([time_ns]))[0])
 
     def at(self, times_ns: NDArray[np.int64]) -> tuple[Array, Array]:

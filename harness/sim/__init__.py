@@ -1,1 +1,1 @@
-"""The simulated robot: physics, sensors, pose estimate, perturbation, and what ends an episode."""
+"""The simulated robot: physics, sensors, pose estimate, perturbation, and the end of an episode."""

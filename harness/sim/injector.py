@@ -91,13 +91,13 @@ class PerturbationInjector:
     def _measured(
         self, caster: Caster, data: mujoco.MjData, trail: Trail, sequence: int
     ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-        """Ranges as the device reports them, and classes where `sensors.semantics` is on."""
+        """Return ranges as the device reports them, and classes where `sensors.semantics` is on."""
         if self._labelled:
             return caster.cast_labelled(data, trail, self._seed, sequence)
         return caster.cast(data, trail, self._seed, sequence), np.empty(0, np.uint8)
 
     def message(self, sequence: int, time_ns: int, added: PoseError) -> pb.Perturbation | None:
-        """Encode what was injected at this decision for the log; None if unperturbed.
+        """Encode the perturbation of this decision for the log; None if unperturbed.
 
         Args:
             sequence: Number of the decision.

@@ -73,7 +73,7 @@ class Recorder:
     def record(
         self, inputs: Sequence[tuple[Message, bytes]], decision: pb.Decision, time_ns: int
     ) -> pb.Truth:
-        """Write one decision, what it was made on, and the simulator's truth.
+        """Write one decision, its inputs, and the simulator's truth.
 
         Args:
             inputs: Messages with their bytes: sweeps, pose, latency.
@@ -106,7 +106,7 @@ class Recorder:
             self._log.write("/state", message, time_ns)
 
     def _write_streams(self, sequence: int, time_ns: int) -> None:
-        """Write the hashes of all that reached the stack, and what the perturbation did to it."""
+        """Write the hashes of the stack's inputs, and how the perturbation changed them."""
         data = self._simulation.data
         moved = data.geom_xpos[self._world], data.geom_xmat[self._world]
         self._streams.update("world", b"".join(part.tobytes() for part in moved))

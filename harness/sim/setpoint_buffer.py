@@ -31,7 +31,7 @@ class SetpointBuffer:
         self.planned, self.commanded, self.row = np.zeros((0, 8)), np.zeros((0, 8)), 0
 
     def holds(self, trajectory: Trajectory, time_ns: int) -> bool:
-        """Whether the next setpoint is that of this time; a step need not last whole ns."""
+        """Return whether the next setpoint is that of this time; a step need not last whole ns."""
         return (
             trajectory is self._trajectory
             and self.row < len(self._times)
@@ -53,7 +53,7 @@ class SetpointBuffer:
         return Setpoint.of(self.commanded[self.row - 1])
 
     def drain_setpoints(self) -> bytes:
-        """Rows of all setpoints taken since the last call.
+        """Return rows of all setpoints taken since the last call.
 
         Of every sample: two trajectories that begin alike may already command other speeds.
         """

@@ -151,7 +151,7 @@ class Simulation:
         return buffer.next()
 
     def drain_setpoints(self) -> bytes:
-        """Rows of the setpoints that the controller got since the last call."""
+        """Return rows of the setpoints that the controller got since the last call."""
         return self._setpoints.drain_setpoints()
 
     def trail(self) -> Trail:

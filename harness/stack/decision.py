@@ -157,7 +157,7 @@ def trajectory_message(trajectory: Trajectory) -> pb.Trajectory:
 
 
 def add_points(message: Message, field: str, path: NDArray[np.float64] | None) -> None:
-    """Append a path (n, 3) to a message's repeated field of points; nothing for no path.
+    """Append a path (n, 3), if there is one, to a message's repeated field of points.
 
     The points are written as protobuf's wire format has them and read by one call, which takes a
     fifteenth of the time of a message for each.
@@ -175,7 +175,7 @@ def add_points(message: Message, field: str, path: NDArray[np.float64] | None) -
 
 
 def widening_of(decision: pb.Decision) -> tuple[int, int]:
-    """Cells by which what is blocked was widened along x and y.
+    """Return the cells by which blocked space was widened along x and y.
 
     Raises:
         InputError: It is not two numbers, or more than any decision has.

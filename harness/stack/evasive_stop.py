@@ -86,7 +86,7 @@ def _clearance(input: PlannerInput, path: Array) -> _Clearance:
 def _bends(
     input: PlannerInput, start: TrajectorySample, tangent: Array, reach: float
 ) -> list[Array]:
-    """Paths (n, 3) that bend to the left and right, and up and down for a flying robot.
+    """Return paths (n, 3) that bend to the left and right, and up and down for a flying robot.
 
     Each at the tightest curvature that the robot can take at the speed that is left, and at half
     of it; at most by a right angle.
@@ -117,6 +117,6 @@ def _bends(
 
 
 def _integral(values: Array, at: Array) -> Array:
-    """Integral (n,) from the first place on, by the trapezoidal rule."""
+    """Return the integral (n,) from the first place on, by the trapezoidal rule."""
     steps = 0.5 * (values[1:] + values[:-1]) * np.diff(at)
     return np.concatenate([[0.0], np.cumsum(steps)])

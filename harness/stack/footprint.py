@@ -25,13 +25,13 @@ NARROW_COST = 2.0
 
 
 def body_of(mission: Mission) -> Body:
-    """Return the discs of a mission's body, or the one about it."""
+    """Return the discs of a mission's body, or the circumscribed one."""
     offsets, radii = zip(*mission.body_discs, strict=True)
     return Body(offsets, radii)
 
 
 def lever_arm(body: Body) -> float:
-    """Lever arm of the outermost disc: its shift by an error of the yaw, m/rad."""
+    """Return the lever arm of the outermost disc: its shift by an error of the yaw, m/rad."""
     return max(abs(offset) for offset in body.offsets)
 
 

@@ -44,7 +44,7 @@ def compensate_yaw_lag(
 
 
 def footprint_free(space: FreeSpace, sample: TrajectorySample) -> bool:
-    """Whether the footprint is free at a pose."""
+    """Return whether the footprint is free at a pose."""
     if not space.discs:
         return space.is_free(sample.position)
     return space.pose_free(sample.position, sample.heading)
@@ -53,7 +53,7 @@ def footprint_free(space: FreeSpace, sample: TrajectorySample) -> bool:
 def first_misfit(
     space: FreeSpace, trajectory: Trajectory, elapsed: float = 0.0, *, corners: bool
 ) -> float | None:
-    """Arc length of a trajectory at which the oriented footprint first does not fit, m.
+    """Return the arc length of a trajectory at which the oriented footprint first does not fit, m.
 
     Args:
         space: Space to keep to.
@@ -83,7 +83,7 @@ def poses_from(trajectory: Trajectory, elapsed: float, *, corners: bool) -> Arra
 
 
 def moves_tail_first(input: PlannerInput, start: TrajectorySample, path: Array) -> bool:
-    """Whether an elongated body in motion takes a path (n, 3) backwards."""
+    """Return whether an elongated body in motion takes a path (n, 3) backwards."""
     if not input.traversable.discs or is_stationary(start) or arc_length(path) < 1e-6:
         return False
     return abs(wrap_angle(heading_at(path, 0.0) - start.heading)) > 0.5 * np.pi
@@ -92,7 +92,7 @@ def moves_tail_first(input: PlannerInput, start: TrajectorySample, path: Array) 
 def headings_to_start_at(
     space: FreeSpace, start: TrajectorySample, path_heading: float
 ) -> list[tuple[float, bool]]:
-    """Headings to leave rest at, rad, each with whether that is tail first, by preference.
+    """Return headings to leave rest at, rad, each with whether that is tail first, by preference.
 
     Nose first where the body can turn about; elsewhere the heading that is nearer, and the other
     one only if it cannot turn to that.
@@ -126,7 +126,7 @@ def truncate_where_turnable(space: FreeSpace, path: Array, min_length: float) ->
 def keeps_clearance(
     space: FreeSpace, start: TrajectorySample, target: Array, heading: float
 ) -> bool:
-    """Whether no disc of the footprint comes nearer to blocked cells, by more than a cell.
+    """Return whether no disc of the footprint comes nearer to blocked cells, by more than a cell.
 
     Args:
         space: Space whose clearance is compared.
@@ -147,7 +147,7 @@ def keeps_bare_clearance(
     target: Array,
     heading: float,
 ) -> bool:
-    """Whether no disc of the bare body comes deeper into blocked cells, by more than a cell.
+    """Return whether no disc of the bare body comes deeper into blocked cells, by more than a cell.
 
     Args:
         space: Space whose clearance is compared.
@@ -167,7 +167,7 @@ def keeps_bare_clearance(
 def _disc_paths(
     offsets: Sequence[float], start: TrajectorySample, target: Array, heading: float
 ) -> list[Array]:
-    """Paths (9, 3) of the centres of discs along a straight motion that turns evenly, m."""
+    """Return paths (9, 3) of the centres of discs along a straight motion that turns evenly, m."""
     sines, cosines = sines_cosines(np.linspace(start.heading, heading, 9))
     ahead = np.column_stack((cosines, sines, np.zeros(9)))
     positions = start.position + np.linspace(0.0, 1.0, 9)[:, None] * (target - start.position)

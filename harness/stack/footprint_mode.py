@@ -94,7 +94,7 @@ def _can_widen(circumscribed: PlannerInput, state: PlannerState) -> bool:
 
 
 def _length_left(state: PlannerState, input: PlannerInput) -> float:
-    """Length left of the known path to the goal, m; infinite without one."""
+    """Return the length left of the known path to the goal, m; infinite without one."""
     if state.global_path is None or state.exploring:
         return math.inf
     start = state.trajectory.at(input.effect_ns)
@@ -102,7 +102,7 @@ def _length_left(state: PlannerState, input: PlannerInput) -> float:
 
 
 def _path_length(state: PlannerState) -> float:
-    """Length of the path to the goal after a decision, m; infinite without one."""
+    """Return the length of the path to the goal after a decision, m; infinite without one."""
     if state.global_path is None or state.exploring:
         return math.inf
     return arc_length(state.global_path)
@@ -117,5 +117,5 @@ def _makes_progress(decided: Decided) -> bool:
 
 
 def _brakes(decided: Decided) -> bool:
-    """Whether a robot in motion comes to rest."""
+    """Return whether a robot in motion comes to rest."""
     return decided.command.action == "stop_and_wait" and decided.command.trajectory.duration_s > 0.0

@@ -57,7 +57,7 @@ compress to 0.14 (100,000 beams) to 0.36 of it, so that maps take at most a seve
 
 
 def has_keyframes(config: Config) -> bool:
-    """Whether the stack of these settings writes keyframes.
+    """Return whether the stack of these settings writes keyframes.
 
     A stack on trial, a planner of the user's own and a recording are replayed from the start.
     """
@@ -71,7 +71,7 @@ def has_keyframes(config: Config) -> bool:
 
 
 def has_maps(config: Config) -> bool:
-    """Whether keyframes of these settings hold maps: voxel maps without classes."""
+    """Return whether keyframes of these settings hold maps: voxel maps without classes."""
     return has_keyframes(config) and config.map.kind == "voxel" and not config.sensors.semantics
 
 
@@ -86,7 +86,7 @@ class Schedule:
         self._sensed_bytes = self._map_bytes = 0
 
     def is_due(self, now_ns: int, sensed_bytes: int) -> bool:
-        """Whether a keyframe is due after a decision.
+        """Return whether a keyframe is due after a decision.
 
         Args:
             now_ns: Time of the decision, ns.
@@ -97,7 +97,7 @@ class Schedule:
         return self._writes and self._newest > before
 
     def holds_map(self, now_ns: int) -> bool:
-        """Whether a keyframe that is due holds the map."""
+        """Return whether a keyframe that is due holds the map."""
         passed = self._quarter(now_ns) - self._map_quarter >= STATES_IN_PERIOD
         return self._with_maps and passed and self._map_bytes <= MAP_SHARE * self._sensed_bytes
 
@@ -186,7 +186,7 @@ def _arrays(content: VoxelContent, voxel_map: VoxelMap) -> list[list[NDArray[np.
 
 
 def _window_centre(navigator: Navigator) -> tuple[int, ...]:
-    """Cell (x, y) that the rolling window is centred on; empty without one."""
+    """Return the cell (x, y) that the rolling window is centred on; empty without one."""
     window = navigator.mapper.window
     return () if window is None else window.centre
 

@@ -64,7 +64,7 @@ def vote(
 
 
 def combined_version(version: str, layer: SemanticLayer | None) -> str:
-    """Hash of the versions of a map and of its labels, 32 hex digits."""
+    """Return the hash of the versions of a map and of its labels, 32 hex digits."""
     if layer is None:
         return version
     both = (version + layer.version()).encode()

@@ -55,13 +55,13 @@ def is_lost(input: PlannerInput) -> bool:
 
 
 def cannot_claim_goal(input: PlannerInput) -> bool:
-    """Whether two standard deviations of the position are more than the goal's tolerance."""
+    """Return whether two standard deviations of the position are more than the goal's tolerance."""
     pose = input.localization
     return pose is not None and MARGIN_SIGMAS * pose.sigma > input.goal_tolerance
 
 
 def at_path_end(state: PlannerState, start: TrajectorySample) -> bool:
-    """Whether the robot stands at the end of its global path."""
+    """Return whether the robot stands at the end of its global path."""
     if state.global_path is None or state.exploring:
         return False
     return arc_length(remaining(state.global_path, start.arc_length)) < ARRIVED

@@ -102,7 +102,7 @@ class Mapper:
         self._beams = dict(beams)
 
     def version(self) -> str:
-        """Hash of the map's content and of its labels."""
+        """Return the hash of the map's content and of its labels."""
         return combined_version(self.map.version(), self.labels)
 
     def integrate(self, inputs: Inputs) -> None:

@@ -173,7 +173,7 @@ def _first(input: PlannerInput, poses: Array, along: Array, unknown_blocks: bool
 
 
 def _beside(input: PlannerInput) -> Array:
-    """Shifts (sides, 3) of a place, cells: none first, then all corners around it."""
+    """Return shifts (sides, 3) of a place, cells: none first, then all corners around it."""
     flat = input.traversable.flat
     corners = itertools.product(
         (-BESIDE, BESIDE), (-BESIDE, BESIDE), (0,) if flat else (-BESIDE, BESIDE)

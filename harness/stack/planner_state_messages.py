@@ -152,7 +152,7 @@ def _checked_path(path: Array) -> Array:
 
 
 def _rows(numbers: object, columns: int, name: str) -> Array:
-    """Numbers of a field in rows (n, columns)."""
+    """Return numbers of a field in rows (n, columns)."""
     count = len(numbers)  # type: ignore[arg-type]
     if count > MOST_NUMBERS or count % columns:
         raise ValueError(f"{name}: {count} numbers, expected {columns} for each row")

@@ -80,7 +80,7 @@ def predicted_layer(config: Config, mission: Mission) -> PredictedLayer:
 
 
 class Thresholds:
-    """The states that log-odds in whole steps stand for."""
+    """Thresholds of the states, by log-odds in whole steps."""
 
     def __init__(self, config: Config, steps: int) -> None:
         """Take the probabilities of a config, for log-odds of a number of steps to a unit."""
@@ -89,7 +89,7 @@ class Thresholds:
         self._free_below = math.floor(steps * _log_odds(settings.free_below))
 
     def states(self, log_odds: NDArray[np.signedinteger]) -> States:
-        """States of an array of log-odds in steps."""
+        """Return states of an array of log-odds in steps."""
         return np.where(
             log_odds >= self._occupied_from,
             np.uint8(OCCUPIED),

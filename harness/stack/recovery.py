@@ -92,7 +92,7 @@ def escape_inflation(input: PlannerInput, state: PlannerState, start: Trajectory
 
 
 def is_escaping(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> bool:
-    """Whether a body in motion inside the inflation is on its way out of it."""
+    """Return whether a body in motion inside the inflation is on its way out of it."""
     return (
         input.behaviour.keep_moving
         and not is_stationary(start)

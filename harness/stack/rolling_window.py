@@ -22,7 +22,7 @@ INSET = 2.0
 
 
 def rolls(config: Config, mission: Mission) -> bool:
-    """Whether the costmap of a mission is kept for a window that rolls along with the robot.
+    """Return whether the costmap of a mission is kept for a window that rolls along with the robot.
 
     Only where all evidence was measured and floors are level: a layer of other evidence, and ground
     that is followed from column to column, need the whole area. So does a recording, where nothing
@@ -51,7 +51,7 @@ class RollingWindow:
         self.centre = self.centred_on(np.array(mission.start))
 
     def leaves_behind(self, centre: Cell) -> bool:
-        """Whether a centre is so far from its own that the window should move there.
+        """Return whether a centre is so far from its own that the window should move there.
 
         Or at the end of the area: what lies there is then in the window.
         """

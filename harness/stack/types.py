@@ -277,20 +277,20 @@ class Decided(NamedTuple):
 
 
 def is_stationary(sample: TrajectorySample) -> bool:
-    """Whether the robot does not translate; it may still be turning."""
+    """Return whether the robot does not translate; it may still be turning."""
     return sample.speed < 1e-3
 
 
 def arc_length(path: Array) -> float:
-    """Arc length of a path (n, 3), m."""
+    """Return the arc length of a path (n, 3), m."""
     return float(arc_lengths(path)[-1])
 
 
 def is_free_along(space: FreeSpace, path: Array) -> bool:
-    """Whether all of a path (n, 3) is free."""
+    """Return whether all of a path (n, 3) is free."""
     return space.free_length(path) >= arc_length(path) - LENGTH_ROUNDING
 
 
 def distance(a: Array, b: Array) -> float:
-    """Straight distance between two points, m."""
+    """Return the straight distance between two points, m."""
     return norm(a - b)

@@ -66,7 +66,7 @@ def costmap_from_above(own: Newest, moment: Moment, size: int, radius: float) ->
 
 
 def _pixels(grid: Grid, here: Array, size: int) -> NDArray[np.uint8]:
-    """Colours (size, size, 3) of the cells about a place; unknown beyond the costmap."""
+    """Return colours (size, size, 3) of the cells about a place; unknown beyond the costmap."""
     steps = REACH * (2.0 * (np.arange(size) + 0.5) / size - 1.0)
     across, up = (
         np.floor((here[axis] + steps - grid.origin[axis]) / grid.resolution) for axis in range(2)

@@ -46,7 +46,7 @@ def read_image(path: Path, most: int = MAX_PIXELS) -> Image:
 
 
 def read_elevation(path: Path) -> tuple[NDArray[np.float64], bool]:
-    """Heights (rows, columns) of a grey image, 0 to 1, or of a TIFF with real numbers, m.
+    """Return heights (rows, columns) of a grey image, 0 to 1, or of a TIFF with real numbers, m.
 
     Returns:
         The heights, the first row at the top; and whether they are in metres.

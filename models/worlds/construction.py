@@ -116,7 +116,7 @@ def _holes(
 
 
 def _gap(a: np.ndarray, b: np.ndarray) -> float:
-    """Distance between two rectangles (2, 2), m."""
+    """Return the distance between two rectangles (2, 2), m."""
     return float(np.hypot(*np.maximum(np.maximum(a[0] - b[1], b[0] - a[1]), 0.0)))
 
 

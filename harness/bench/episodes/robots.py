@@ -269,7 +269,7 @@ def _fast_flight(rng: np.random.Generator) -> Run:
 
 
 def _winding(rng: np.random.Generator, wind: float = 0.0) -> Run:
-    """Paths as navigation plans them, at the full limits; a noisy estimate."""
+    """Return paths as navigation plans them, at the full limits; a noisy estimate."""
     draw = partial(flights.winding, limits=flights.motion_limits(FAST_QUADROTOR))
     return _flight(rng, draw, wind, NOISE, FAST_QUADROTOR)
 

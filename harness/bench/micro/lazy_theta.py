@@ -49,7 +49,7 @@ def reference_path(
 
 @_compiled
 def _centre(grid: Grid, cell: int) -> Point:
-    """Centre of a cell by its flat index."""
+    """Return the centre of a cell by its flat index."""
     _, ny, nz = grid.field.shape
     x = grid.origin[0] + (cell // (ny * nz) + 0.5) * grid.resolution
     y = grid.origin[1] + ((cell // nz) % ny + 0.5) * grid.resolution

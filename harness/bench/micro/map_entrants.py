@@ -44,7 +44,7 @@ class Ours:
         return self._ms[after:]
 
     def memory_bytes(self) -> int:
-        """Memory of the map, MiB."""
+        """Return the memory of the map, MiB."""
         return int(self._map.memory_bytes())
 
 
@@ -102,7 +102,7 @@ class OctoMap:
         return self._ms[after:]
 
     def memory_bytes(self) -> int:
-        """Memory of the map, MiB."""
+        """Return the memory of the map, MiB."""
         return int(self._tree.memoryUsage())
 
 

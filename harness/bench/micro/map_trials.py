@@ -111,7 +111,7 @@ def ghost(kind: str, config: MapConfig, unseen: float) -> Ghost:
 
 
 def sweeps_by_formula(config: MapConfig, unseen: float) -> int:
-    """Misses that take a saturated cell below zero: floor(L 2^(-t / h) / miss) + 1.
+    """Return misses that take a saturated cell below zero: floor(L 2^(-t / h) / miss) + 1.
 
     L is the log-odds of `clamp_high`, t the time unseen and h the half-life, s.
     """
@@ -224,7 +224,7 @@ def _cells(points: NDArray[np.float64], resolution: float) -> NDArray[np.int64]:
 
 
 def _centres(cells: NDArray[np.int64], resolution: float) -> NDArray[np.float64]:
-    """Centres of cells (n, 3), m, world."""
+    """Return centres of cells (n, 3), m, world."""
     middle = np.array([0.5, 0.5, 0.5 - FLOOR_HEIGHT_IN_CELL])
     centres: NDArray[np.float64] = (cells + middle) * resolution
     return centres

@@ -176,7 +176,7 @@ def _spaces(blocked: NDArray[np.bool_], body: Body, flat: bool) -> Spaces:
 
 
 def squared_distances(blocked: NDArray[np.bool_]) -> NDArray[np.uint16]:
-    """Squared distance in cells to the nearest blocked one, at most the reach's."""
+    """Return the squared distance in cells to the nearest blocked one, at most the reach's."""
     squared = np.rint(distance_transform_edt(~blocked) ** 2)
     cells: NDArray[np.uint16] = np.minimum(squared, REACH * REACH).astype(np.uint16)
     return cells
@@ -265,7 +265,7 @@ def _row(
 
 
 def clearance_mean(space: FreeSpace, path: Array) -> float:
-    """Mean distance to what blocks at points one cell apart along a path, m."""
+    """Return the mean distance to what blocks at points one cell apart along a path, m."""
     places = np.arange(0.0, float(polyline.path_length(path)), space.resolution)
     points = np.array([point_at(path, s) for s in places])
     cells = np.floor((points - space.origin) / space.resolution).astype(int)
@@ -273,7 +273,7 @@ def clearance_mean(space: FreeSpace, path: Array) -> float:
 
 
 def _replan_rows(robot: str, space: FreeSpace, queries: list[Query]) -> Iterator[PlanRow]:
-    """Plans from kept costs-to-go: the first, again, and after a box came into the way."""
+    """Yield plans from kept costs-to-go: the first, again, and after a box came into the way."""
     config = PlannerConfig()
     kept: dict[str, list[tuple[Plan, float, float]]] = {"first": [], "again": [], "changed": []}
     for query in queries:
@@ -326,7 +326,7 @@ def put_box(
 
 
 def _trajectory_rows(robot: str, space: FreeSpace, plans: list[Plan]) -> Iterator[PlanRow]:
-    """Corners blended, and then the motion timed, for each path found."""
+    """Yield corners blended, and then the motion timed, for each path found."""
     found = [one for one in plans if one.waypoints is not None]
     lengths = [one.length for one in found]
     limits = LIMITS[robot]

@@ -128,7 +128,7 @@ def triangles(
 
 
 def _tessellate(model: mujoco.MjModel, geom: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Vertices (v, 3) in the geom's frame and corners (f, 3)."""
+    """Return vertices (v, 3) in the geom's frame and corners (f, 3)."""
     from trimesh import creation
 
     kind = mujoco.mjtGeom(int(model.geom_type[geom]))

@@ -141,13 +141,13 @@ def bench_rays(repeats: int, seed: int, progress: Progress) -> list[RaysRow]:
 
 
 def within(hits: Hits, range: float) -> Hits:
-    """Hits beyond range, m, made misses: MuJoCo's engines report some of those."""
+    """Return hits beyond range, m, made misses: MuJoCo's engines report some of those."""
     beyond = hits[0] > range
     return np.where(beyond, -1.0, hits[0]), np.where(beyond, np.int32(-1), hits[1])
 
 
 def disagreement(got: Hits, expected: Hits) -> tuple[float, int]:
-    """Largest difference in distance, m, and number of beams that met another geom."""
+    """Return the largest difference in distance, m, and number of beams that met another geom."""
     return float(np.abs(got[0] - expected[0]).max()), int((got[1] != expected[1]).sum())
 
 

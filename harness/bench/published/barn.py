@@ -192,7 +192,7 @@ def optimal_time(world: FileWorld) -> float:
 
 
 def reference_length(cells: NDArray[Any]) -> float:
-    """Length of the published path from start to goal, m.
+    """Return the length of the published path from start to goal, m.
 
     Args:
         cells: (n, 2) as published, 0.15 m each.
@@ -240,7 +240,7 @@ def cell_size(radius: float) -> float:
 
 
 def margin_of(cell: float) -> float:
-    """Margin for the place of an echo within its cell, m: half a diagonal in the plane.
+    """Return the margin for the place of an echo within its cell, m: half a diagonal in the plane.
 
     The pose is exact, as in the published simulation, so nothing else is to be covered; inflation
     itself covers the place of the body's centre within its cell.
@@ -267,7 +267,7 @@ def barn_score(success: bool, time_s: float, optimal_s: float) -> float:
 
 
 def summarise(rows: list[BarnRow]) -> BarnSummary:
-    """Means over all episodes, and over those in worlds that are open."""
+    """Return means over all episodes, and over those in worlds that are open."""
     possible = [row for row in rows if row.outcome != "impossible"]
     of = [[row.outcome == "success" for row in some] for some in (rows, possible)]
     scores = [[row.score for row in some] for some in (rows, possible)]

@@ -184,7 +184,7 @@ def flight_ends(world: FileWorld, seed: int) -> tuple[Point, Point]:
 
 
 def summarise(name: str, rows: list[DodgeRow]) -> DodgeSummary:
-    """Shares and means of some flights."""
+    """Return shares and means of some flights."""
     times = [row.time_s for row in rows if row.outcome == "success"]
     limited = [row.time_s if row.outcome == "success" else LIMIT for row in rows]
     return DodgeSummary(

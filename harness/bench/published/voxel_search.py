@@ -124,7 +124,7 @@ def _search(
     state: NDArray[np.uint32],
     opened: int,
 ) -> int:
-    """Cells closed until the goal was, or -1 if it cannot be reached.
+    """Return cells closed until the goal was, or -1 if it cannot be reached.
 
     Among equal lengths the one that is nearer the goal goes first, then the lower index.
 

@@ -134,7 +134,7 @@ class RayCaster:
 
 
 def _bounds(model: mujoco.MjModel, ids: NDArray[np.int32]) -> Array:
-    """Middle and half sides of the box about each primitive in its frame, (g, 6).
+    """Return the middle and half sides of the box about each primitive in its frame, (g, 6).
 
     They are MuJoCo's but for planes, which it takes for endless: a side of 0 is.
     """
@@ -147,7 +147,7 @@ def _bounds(model: mujoco.MjModel, ids: NDArray[np.int32]) -> Array:
 
 
 def _checked(origins: Array, directions: Array) -> tuple[Array, Array]:
-    """Rays as the kernels take them; MuJoCo ends the process on one without a direction."""
+    """Return rays as the kernels take them; MuJoCo ends the process on one without a direction."""
     origins = np.ascontiguousarray(origins, dtype=np.float64)
     directions = np.ascontiguousarray(directions, dtype=np.float64)
     if origins.shape != directions.shape or origins.ndim != 2 or origins.shape[1] != 3:

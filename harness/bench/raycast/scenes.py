@@ -78,7 +78,7 @@ def _mjcf(assets: str, geoms: str) -> str:
 
 
 def _heights(points: int, seed: int) -> NDArray[np.float64]:
-    """Heights of rolling ground (points, points), x by y, m: from -RELIEF to 0."""
+    """Return heights of rolling ground (points, points), x by y, m: from -RELIEF to 0."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(*(2 * [np.linspace(-SIDE / 2, SIDE / 2, points)]), indexing="ij")
     heights = np.zeros((points, points))

@@ -113,7 +113,7 @@ def _drive(robot: str, seed: int, settings: tuple[str, ...], log: Path) -> Resul
 
 
 def _same(one: Result, other: Result) -> Iterator[tuple[int, bool]]:
-    """Whether each decision of an episode is the same in another, by its number."""
+    """Yield whether each decision of an episode is the same in another, by its number."""
     logs = (open_log(Path(result.log)).decisions() for result in (one, other))
     for number, (left, right) in enumerate(zip_longest(*logs, fillvalue=NONE)):
         yield number, _content(left) == _content(right)

@@ -197,7 +197,7 @@ def run_planted(kind: str, seed: int, folder: Path) -> Drawn | None:
 
 
 def _words(kind: str, seed: int, log: Path) -> list[str]:
-    """Words of the command that runs an episode."""
+    """Return words of the command that runs an episode."""
     planted = KINDS[kind]
     rng = np.random.default_rng([seed, *kind.encode()])
     world = planted.worlds[int(rng.integers(len(planted.worlds)))]

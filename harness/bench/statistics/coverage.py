@@ -181,7 +181,7 @@ def _rates(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
 
 
 def _shares(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
-    """Lengths over lengths, 0 where the goal was missed."""
+    """Return lengths over lengths, 0 where the goal was missed."""
     best = np.full(shape, 0.9)
     if data == "alike":
         return best, best
@@ -207,7 +207,7 @@ def _counts(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
 
 
 def _measures(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
-    """Numbers around 6 and more; rare: a jump by 10 and more in the second."""
+    """Return numbers around 6 and more; rare: a jump by 10 and more in the second."""
     usual = np.full(shape, 6.0)
     if data == "alike":
         return usual, usual

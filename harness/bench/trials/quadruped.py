@@ -245,7 +245,7 @@ def follow_path(
     speed: float = 1.0,
     acceleration: float = 1.0,
 ) -> Followed:
-    """Setpoints along straight lines and arcs in turn, from rest, facing along the path."""
+    """Return setpoints along straight lines and arcs in turn, from rest, facing along the path."""
     course = draw_course(rng, length)
     ticks = round((length / speed + 0.5 * speed / acceleration) / TIMESTEP)
     sim = TrialSim(robot, Conditions(), noise, ticks * TIMESTEP, rng)
@@ -269,7 +269,7 @@ Course = list[tuple[float, float]]
 
 
 def draw_course(rng: np.random.Generator, length: float) -> Course:
-    """Lines of 1 to 3 m and arcs of 0.8 to 2 rad with radii of 1.2 to 2.5 m in turn."""
+    """Return lines of 1 to 3 m and arcs of 0.8 to 2 rad with radii of 1.2 to 2.5 m in turn."""
     pieces: Course = []
     while sum(piece for piece, _ in pieces) < length:
         radius = rng.uniform(1.2, 2.5)

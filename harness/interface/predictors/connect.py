@@ -183,7 +183,7 @@ def make_predictor(source: str) -> BoxPredictor:
 
 
 def runs_in_process(source: str) -> bool:
-    """Whether a predictor from outside runs in this process."""
+    """Return whether a predictor from outside runs in this process."""
     return not source.startswith((EXEC, *SOCKETS))
 
 
@@ -196,7 +196,7 @@ def predictor_digest(source: str) -> str:
 
 
 def predictor_code(who: str) -> contextlib.AbstractContextManager[None]:
-    """Run a predictor's code; whatever it raises becomes a `PredictorError`.
+    """Run a predictor's code; any exception becomes a `PredictorError`.
 
     Raises:
         PredictorError: With the exception as its cause.

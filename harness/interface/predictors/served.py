@@ -46,10 +46,10 @@ class ServedPredictor:
         return sb.FromStack(prediction=answer)
 
     def rehearse(self) -> None:
-        """Nothing: boxes are not announced."""
+        """Do nothing: boxes are not announced."""
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
 
 def box_from(message: sb.MapBox) -> MapBox:

@@ -31,7 +31,7 @@ def map_grid(costmap: Costmap, frame: str, stamp: Time) -> OccupancyGrid:
 
 
 def costmap_grid(costmap: Costmap, frame: str, stamp: Time) -> OccupancyGrid:
-    """Costs of a plane, scaled as Nav2 publishes them; unknown stays unknown."""
+    """Return costs of a plane, scaled as Nav2 publishes them; unknown stays unknown."""
     state, distances = costmap.state[:, :, 0], costmap.obstacle_clearance[:, :, 0]
     costs = costmap.cost_table[distances]
     scaled = np.where(costs > 0.0, 1.0 + (HIGHEST_COST - 1) * (costs - 1.0) / 251.0, 0.0)

@@ -67,7 +67,7 @@ class Inputs:
 
     @property
     def subscriptions(self) -> list[Subscription[Message]]:
-        """All of them."""
+        """All subscriptions."""
         found = self._twists, self._stamped, self._plan, self._costmap
         return [one for one in found if one is not None]  # type: ignore[misc]
 
@@ -77,7 +77,7 @@ class Inputs:
         return self._twists.publishers | self._stamped.publishers
 
     def commands(self) -> list[Received]:
-        """Commands received since, oldest first.
+        """Return commands received since, oldest first.
 
         Raises:
             StackError: One is none that a body can follow.

@@ -107,13 +107,13 @@ class Node:
         return Publisher(self._participant, topic, kind, latched)
 
     def subscription(self, topic: str, kind: type[M], latched: bool = False) -> Subscription[M]:
-        """Make a reliable subscription; a latched one takes what was sent before it joined."""
+        """Make a reliable subscription; a latched one gets messages sent before it joined."""
         made = Subscription(self._participant, topic, kind, latched)
         self._waitset.attach(made.condition)
         return made
 
     def wait(self, wall_s: float) -> None:
-        """Wait until something is received, at most so long."""
+        """Wait for a message, at most a wall time."""
         self._waitset.wait(max(round(wall_s * 1e9), 1))
 
     def publications(self) -> list[Endpoint]:
@@ -121,7 +121,7 @@ class Node:
         return self._endpoints(self._publications)
 
     def subscriptions(self) -> list[Endpoint]:
-        """Subscriptions of other participants."""
+        """Return subscriptions of other participants."""
         return self._endpoints(self._subscriptions)
 
     def _endpoints(self, reader: BuiltinDataReader) -> list[Endpoint]:
@@ -215,7 +215,7 @@ class Subscription(Generic[M]):
 
 
 class _WriteTimeout(Exception):
-    """A reader has taken nothing for long; the message is lost to it."""
+    """A reader has not acknowledged for long; the message is lost to it."""
 
 
 def _qos(latched: bool) -> Qos:

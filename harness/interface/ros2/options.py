@@ -85,7 +85,7 @@ class Options:
 
 
 def parse(name: str) -> Options:
-    """Options of a stack's name, such as `ros2:namespace=robot1,cmd_vel=/my_cmd`.
+    """Return options of a stack's name, such as `ros2:namespace=robot1,cmd_vel=/my_cmd`.
 
     Raises:
         InputError: A key or a value is none.

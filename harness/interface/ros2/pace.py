@@ -1,4 +1,4 @@
-"""Pace of a ROS 2 stack: which command answers what, by stamps and not by when it came."""
+"""Pace of a ROS 2 stack: the command that answers a sweep, by stamps and not by arrival."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ FIRST_NS = 1_000_000_000
 
 
 class Unexpected(Exception):
-    """A command that answers nothing, in words."""
+    """A command that answers no sweep, in words."""
 
 
 def answer_to(sweep_ns: int, commands: Iterable[Received]) -> Received | None:

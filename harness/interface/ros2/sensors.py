@@ -69,7 +69,7 @@ class Lidar:
         return azimuths
 
     def topics(self) -> dict[str, type[Message]]:
-        """Topics that it publishes, with their types."""
+        """Return topics that it publishes, with their types."""
         topics: dict[str, type[Message]] = {f"{self.prefix}points": PointCloud2}
         if self.row is not None:
             topics[f"{self.prefix}scan"] = LaserScan
@@ -141,7 +141,7 @@ class DepthCamera:
     prefix: str
 
     def topics(self) -> dict[str, type[Message]]:
-        """Topics that it publishes, with their types."""
+        """Return topics that it publishes, with their types."""
         topics: dict[str, type[Message]] = {f"{self.prefix}image": Image}
         topics[f"{self.prefix}camera_info"] = CameraInfo
         if has_ranges(self.sensor):
@@ -199,7 +199,7 @@ class Rangefinder:
     prefix: str
 
     def topics(self) -> dict[str, type[Message]]:
-        """Topics that it publishes, with their types."""
+        """Return topics that it publishes, with their types."""
         return {self.ranges_topic: Image}
 
     @property
@@ -208,7 +208,7 @@ class Rangefinder:
         return f"{self.prefix.rstrip('/')}{RANGES}"
 
     def messages(self, sweep: Sweep, sequence: int, stamp: Time) -> list[Named]:
-        """Nothing but its ranges."""
+        """Return no messages but its ranges."""
         return []
 
 
@@ -254,12 +254,12 @@ def ranges_image(sensor: Sensor, sweep: Sweep, stamp: Time) -> Image:
 
 
 def optical_frame(sensor: Sensor) -> str:
-    """Frame of a camera's images: x right, y down, z forward."""
+    """Return the frame of a camera's images: x right, y down, z forward."""
     return f"{sensor.info.name}_optical"
 
 
 def _pinhole(slopes: Array) -> tuple[float, float]:
-    """Focal length and principal point, pixels, of evenly falling slopes (n,)."""
+    """Return the focal length and principal point, pixels, of evenly falling slopes (n,)."""
     if len(slopes) < 2:
         return 1.0, 0.0
     focal = (len(slopes) - 1) / float(slopes[0] - slopes[-1])

@@ -108,7 +108,7 @@ class Ros2Stack:
             self._outputs.send_task(self._offset_ns)
 
     def show(self, costmap: Costmap) -> None:
-        """Publish the referee's map and costmap from now on, whatever it is updated to."""
+        """Publish the referee's map and costmap, and their updates, from now on."""
         self._costmap = costmap
 
     def announce(self) -> None:

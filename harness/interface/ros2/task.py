@@ -1,4 +1,4 @@
-"""The task as a text: what a recording of the topics needs beside them to give the same maps."""
+"""The task as a text, which a recording of the topics needs to give the same maps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Straight at the goal, blind to everything: what the referee and its guard are worth alone."""
+"""A stack that drives straight at the goal: a baseline for the referee and its guard alone."""
 
 from __future__ import annotations
 
@@ -43,4 +43,4 @@ class Blind:
         )
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""

@@ -78,7 +78,7 @@ class Surroundings:
         return np.clip(cells, 0, CELLS - 1)
 
     def centres(self) -> Array:
-        """Centres (CELLS, CELLS, 2), world frame, m."""
+        """Return centres (CELLS, CELLS, 2), world frame, m."""
         return self.corner + (np.moveaxis(np.indices((CELLS, CELLS)), 0, -1) + 0.5) * CELL_M
 
     def distances_at(self, points: Array) -> Array:
@@ -148,7 +148,7 @@ class NavigationFunction:
     def solve(
         self, around: Surroundings, goal: Array, margin: float
     ) -> tuple[Array, NDArray[np.int32]]:
-        """Costs (CELLS^2 + 1,), m, and the next cell on the path to the goal, by cell.
+        """Return costs (CELLS^2 + 1,), m, and the next cell on the path to the goal, by cell.
 
         The last entry is the goal itself; the next cell of a cell that joins it is the goal.
         """
@@ -228,7 +228,7 @@ class Dwa:
         )
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
     def _returns(self, observation: Observation) -> Array:
         """Select the returns (k, 3) at a height that the body takes, world frame, m."""
@@ -256,7 +256,7 @@ class Dwa:
         return np.vstack([np.hstack([centres, heights]), [*goal[:2], position[2]]])
 
     def _window(self, observation: Observation, away: float, bearing: float) -> Array:
-        """Twists (m, 3) forward, left, m/s, and yaw rate, rad/s: in V_s and V_d.
+        """Return twists (m, 3) forward, left, m/s, and yaw rate, rad/s: in V_s and V_d.
 
         A robot that walks goes forward and turns; one that flies goes anywhere, headed to its path.
         """
@@ -304,7 +304,7 @@ class Dwa:
         return np.stack(poses, axis=1)
 
     def _clearances(self, around: Surroundings, poses: Array) -> Array:
-        """Least clearance (m, k) of the body beyond the margin at poses (m, k, 3), m."""
+        """Return the least clearance (m, k) of the body beyond the margin at poses (m, k, 3), m."""
         headings = poses[..., 2]
         axes = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
         parts = [
@@ -327,7 +327,7 @@ class Dwa:
         return steps
 
     def _admissible(self, twists: Array, clearances: Array) -> NDArray[np.bool_]:
-        """Whether (m,) the body comes to rest before it hits anything: V_a."""
+        """Return whether (m,) the body comes to rest before it hits anything: V_a."""
         speeds = np.sqrt(np.square(twists[:, :2]).sum(axis=1))
         braking = 0.5 * speeds / self._task.mission.max_acceleration
         turning = 0.5 * np.abs(twists[:, 2]) / self._yaw_acceleration
@@ -338,7 +338,7 @@ class Dwa:
     def _objective(
         self, around: Surroundings, costs: Array, bearing: float, poses: Array, clearances: Array
     ) -> Array:
-        """Objective (m,): heading, clearance, and progress in place of the velocity."""
+        """Return the objective (m,): heading, clearance, and progress in place of the velocity."""
         turned = poses[:, round(1.0 / STEP_S), 2] - poses[:, 0, 2]
         error = np.abs((turned - bearing + math.pi) % (2.0 * math.pi) - math.pi)
         kept = np.clip(clearances.min(axis=1) / COMFORT_M, 0.0, 1.0)

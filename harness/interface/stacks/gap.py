@@ -68,7 +68,7 @@ class Gap:
         return Command(Velocity(speed, 0.0, up, yaw_rate), scalars={"gap_m": room})
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
     def _free_ranges(self, observation: Observation) -> Array:
         """Free range of the body's centre by bearing in the body's frame, (BEARINGS,) m."""
@@ -97,6 +97,6 @@ class Gap:
 
 
 def _turns(bearings: Array, bearing: float) -> Array:
-    """Angles (n,) between bearings (n,) and one of them, rad."""
+    """Return angles (n,) between bearings (n,) and one of them, rad."""
     turns: Array = np.abs((bearings - bearing + math.pi) % (2.0 * math.pi) - math.pi)
     return turns

@@ -111,7 +111,7 @@ class Source(Protocol):
     """Bytes of a file, in order."""
 
     def read(self, count: int, /) -> bytes:
-        """Return so many bytes, fewer only at the end."""
+        """Return a number of bytes, fewer only at the end."""
 
     def tell(self) -> int:
         """Return the number of bytes read."""
@@ -121,7 +121,7 @@ class Source(Protocol):
 
 
 class _Whole:
-    """Bytes of a file that nobody appends to."""
+    """Bytes of a complete file."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file

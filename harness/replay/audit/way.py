@@ -151,7 +151,7 @@ def _check_stop(moment: Moment) -> list[Violation]:
 
 
 def _speeds(moment: Moment) -> Array:
-    """Mean speeds between the samples of the trajectory, (n,) m/s."""
+    """Return the mean speeds between the samples of the trajectory, (n,) m/s."""
     trajectory = moment.decision.trajectory
     speeds: Array = np.diff(np.array(trajectory.arc_length)) / trajectory.sample_period_s
     return speeds

@@ -100,7 +100,7 @@ def _draws(size: int, tail: float) -> int:
 
 @functools.lru_cache(maxsize=2)
 def _dirichlet(size: int, draws: int) -> Array:
-    """Weights that sum to one, (size, draws); the same ones for every sample."""
+    """Return weights that sum to one, (size, draws); the same ones for every sample."""
     exponentials = np.random.default_rng([size, draws]).standard_exponential((size, draws))
     weights: Array = exponentials / exponentials.sum(axis=0)
     return weights
@@ -129,7 +129,7 @@ def studentized(means: Array, tail: float) -> Ends:
 
 
 def _bootstrap_t(means: Array, tail: float) -> tuple[Array, Array]:
-    """Quantiles of the studentized mean in resamples of each sample, (n,) each."""
+    """Return quantiles of the studentized mean in resamples of each sample, (n,) each."""
     count = means.shape[1]
     times = _resamples(count, _draws(count, tail))  # (k, draws)
     centred = means - means.mean(axis=1, keepdims=True)

@@ -41,7 +41,7 @@ def wilson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Inter
 
 
 def clopper_pearson(successes: int, trials: int, confidence: float = CONFIDENCE) -> Interval:
-    """Interval of a rate that never covers less than it says (Clopper and Pearson 1934).
+    """Return the interval of a rate that never covers less than it says (Clopper and Pearson 1934).
 
     Raises:
         ValueError: No trials, or more successes than trials.
@@ -90,7 +90,7 @@ def quantile_interval(
 
 
 def mcnemar(only_first: int, only_second: int) -> float:
-    """Two-sided exact p-value that discordant pairs fall either way alike (McNemar 1947).
+    """Return the exact two-sided p that discordant pairs fall either way alike (McNemar 1947).
 
     Args:
         only_first: Pairs in which the first alone succeeded.
@@ -103,7 +103,7 @@ def mcnemar(only_first: int, only_second: int) -> float:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """P-values adjusted for their number, step down (Holm 1979); in the order given."""
+    """Return P-values adjusted for their number, step down (Holm 1979); in the order given."""
     count = len(p_values)
     adjusted = [0.0] * count
     highest = 0.0

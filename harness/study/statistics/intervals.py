@@ -118,7 +118,7 @@ def pair_ends(first: Array, second: Array, support: Support, confidence: float) 
 
 
 def cluster_means(values: ArrayLike, clusters: Sequence[object]) -> Array:
-    """Mean of each cluster, (k,), in the order of their first values.
+    """Return the mean of each cluster, (k,), in the order of their first values.
 
     Raises:
         ValueError: No values, or not one cluster for each.
@@ -135,7 +135,7 @@ def cluster_means(values: ArrayLike, clusters: Sequence[object]) -> Array:
 def interval_ends(
     means: Array, support: Support, confidence: float, greatest: Array | None = None
 ) -> Ends:
-    """Intervals of many samples at once, each of the same number of clusters.
+    """Return intervals of many samples at once, each of the same number of clusters.
 
     Args:
         means: (n, k) of the clusters of each sample.
@@ -191,7 +191,7 @@ def _ends_of(means: Array, support: Support) -> tuple[Array, Array]:
 
 
 def _distinct(means: Array) -> NDArray[np.int64]:
-    """Clusters of each sample that differ from its most frequent value, and one: (n,)."""
+    """Return clusters of each sample that differ from its most frequent value, and one: (n,)."""
     ordered = np.sort(means, axis=1)
     same = np.diff(ordered, axis=1) <= ROUNDING * np.abs(ordered).max(axis=1, keepdims=True)
     run = longest = np.ones(len(means), np.int64)

@@ -75,7 +75,7 @@ def stance_height(geometry: Geometry, share: float) -> float:
 def foot_mass(
     model: mujoco.MjModel, prefix: str, geometry: Geometry, standing: tuple[float, float, float]
 ) -> float:
-    """Largest mass of a foot as a force on it feels it, the motors' rotors included, kg.
+    """Return the largest mass of a foot as a force on it feels it, the motors' rotors included, kg.
 
     The mean diagonal of (J M^-1 J^T)^-1 (Khatib 1987, eq. 51) of a leg as it stands.
     """
