@@ -91,7 +91,7 @@ class BehaviourConfig:
 
     @property
     def bends_keep_clearance(self) -> bool:
-        """Whether a bend to stop along comes no nearer to what blocks than the path does."""
+        """Whether a bend to stop along comes no nearer to blocked cells than the path does."""
         return self.rules >= 2
 
     @property

@@ -33,7 +33,7 @@ FILLED_IN = ("prior_map",)
 """Fields that only a run sets."""
 
 NUMBERS = ("int", "float")
-"""Types of settings that are numbers; a switch is none."""
+"""Types of settings that are numbers; a bool is none."""
 
 RECORDING = "recording"
 """Section of the settings that only a recording has."""
@@ -179,7 +179,7 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
 
 
 def _fill_in_unrecorded(document: Any) -> None:
-    """Add to a recorded config what its log was decided with before that was a setting."""
+    """Add to a recorded config the constants that became settings after its log."""
     if not isinstance(document, dict):
         return
     document.setdefault("keyframe_period", 0.0)

@@ -164,7 +164,7 @@ class Episode:
             )
 
     def step(self, answer: pb.StackCommand | None = None) -> None:
-        """Decide on what was sensed, simulate up to the next decision, and sense there.
+        """Decide on the sensed inputs, simulate up to the next decision, and sense there.
 
         Args:
             answer: Answer of a stack on trial to the inputs; by default the navigator queries it.

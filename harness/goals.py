@@ -1,4 +1,4 @@
-"""Goals of a mission: which one a decision leads to, as a message, and what is left of the way.
+"""Goals of a mission: the one of a decision, as a message, and the distance left.
 
 The robot claims each goal by a decision of its own, at rest and near enough by the truth; the next
 decision leads to the next goal. So the decisions in a log say how many were reached. In a mission

@@ -175,7 +175,7 @@ class StatesCovariance(Protocol):
 
 
 def covariance_of(message: StatesCovariance) -> NDArray[np.float64] | None:  # (4, 4)
-    """Return the stated covariance of x, y, z and heading; none if there is none.
+    """Return the stated covariance of x, y, z and heading; None if not stated.
 
     Raises:
         InputError: It is no 16 finite numbers, not symmetric, or has a negative variance.

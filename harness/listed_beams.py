@@ -25,7 +25,7 @@ MOST_POSES = 256
 """Maximum number of poses that the beams of one sweep leave from."""
 
 OLDEST_S = 10.0
-"""Maximum age of such a pose, s."""
+"""Maximum age of a pose at which beams leave, s."""
 
 Mount = tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[None, None]
 """T_base_sensor: position (3,), m, and rotation (3, 3); or none."""
@@ -132,7 +132,7 @@ def check_count(message: pb.Sweep) -> int:
 
 
 def read_mount(message: pb.Sweep) -> Mount:
-    """T_base_sensor of this sweep; none if it is that of the sensor.
+    """Read T_base_sensor of this sweep; None if it is that of the sensor.
 
     Raises:
         InputError: The numbers are no mount.

@@ -329,7 +329,7 @@ OF_TRUTH = (
     *("path_ratio", "time_to_goal"),
     *("nees", "coverage_x", "coverage_y", "coverage_z"),
 )
-"""Metrics that a recording does not have, as nobody knows the truth."""
+"""Metrics that need the truth, which a recording lacks."""
 
 OF_STACKS_ON_TRIAL = ("not_admitted", "guard_cuts")
 """Figures that only stacks on trial have."""

@@ -105,7 +105,7 @@ class Mission:
         return (*self.waypoints, self.goal)
 
     def to_json(self) -> bytes:
-        """Encode for the log; floats come back bit by bit. What is empty or 0 has no field."""
+        """Encode for the log; floats come back bit by bit. An empty or zero value has no field."""
         document = msgspec.to_builtins(self)
         for name in ("waypoints", "rest_height", "sideways_speed"):
             if not getattr(self, name):

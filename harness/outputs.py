@@ -90,7 +90,7 @@ class Draft:
         self.file.close()
 
     def discard(self) -> None:
-        """Remove what was written and the folders made for it, and let the name go."""
+        """Remove the partial file and the folders made for it, and release the name."""
         if self.file.closed:
             return
         if self._is_ours():
@@ -101,7 +101,7 @@ class Draft:
                 folder.rmdir()
 
     def release(self) -> None:
-        """Let the name go; what was written stays as the partial file, and nothing does not."""
+        """Release the name; the partial file stays unless it is empty."""
         if self.file.closed:
             return
         with contextlib.suppress(OSError):  # the disk may be full
@@ -116,7 +116,7 @@ class Draft:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Release it, whatever happened."""
+        """Release the name, also after an exception."""
         self.release()
 
     def _close(self) -> None:

@@ -11,7 +11,7 @@ NO_PREDICTOR = "none"
 """Source of no prediction."""
 
 OWN_PREDICTORS = ("completion",)
-"""Sources that are our own: what they say is computed again from the measured map."""
+"""Sources that are our own: their predictions are recomputed from the measured map."""
 
 ONNX_FILE = ".onnx"
 """Ending of a network's file."""

@@ -211,7 +211,7 @@ def publishing_failures(draft: Draft, log: LogWriter) -> Iterator[None]:
 
 
 def settle_log(draft: Draft, result: Result, kept: str) -> Result:
-    """Leave out of a finished log what `Config.record` does not keep, and give it its name.
+    """Drop the parts of a finished log that `Config.record` does not keep, and name it.
 
     Returns:
         The result with the log's size.

@@ -42,7 +42,7 @@ def announce(log: Path) -> None:
 
 
 def ended() -> None:
-    """Report to the parent that nothing is left for it to finish."""
+    """Report to the parent that no log is left for it to finish."""
     for parent in _parent:
         os.write(parent.report, ENDED + b"\n")
 

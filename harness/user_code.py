@@ -121,7 +121,7 @@ def bounded(text: str) -> str:
 
 
 class Watchdog:
-    """Interrupts a user's code that does not return; without any it does nothing.
+    """Interrupts a user's code that does not return; without such code it does nothing.
 
     It needs the main thread, as only that one can be interrupted. Wall time decides when it acts,
     so what it ends is an `error`, and no decision follows from it.

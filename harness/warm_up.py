@@ -25,7 +25,7 @@ from wayproof.models.worlds import solvability
 
 
 def warm_up(config: Config) -> None:
-    """Compile what an episode runs, or load it from the cache.
+    """Compile the kernels of an episode, or load them from the cache.
 
     All objects of this process are then excluded from garbage collection: scanning them takes as
     long as ten decisions.

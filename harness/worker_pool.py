@@ -22,7 +22,7 @@ TRIES = 3
 """Times that a job is started whose worker is killed: the machine is at fault before the job is."""
 
 BREAKS = 10
-"""Times in a row that all workers may die before any of them finishes a job."""
+"""Times in a row that all workers may die before one finishes a job."""
 
 POLL = 0.5
 """Longest time between two looks at the pool, s."""

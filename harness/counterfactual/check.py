@@ -217,7 +217,7 @@ FROM_THE_START = ("true_pose", "true_ranges")
 
 
 def checkable(log: Log) -> bool:
-    """Return whether a log has what a check needs: a failure, sweeps and states."""
+    """Return whether a log has a failure, sweeps and states, which a check needs."""
     return log.result["outcome"] not in ("success", "error") and log.record != "decisions"
 
 

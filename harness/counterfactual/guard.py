@@ -1,4 +1,4 @@
-"""Check of a stack on trial from its log alone: what would the guard have done?
+"""Check of a stack on trial from its log alone: the action of a guard.
 
 The recorded answers are followed up to the first of the commands that led to the failure against
 the referee's verdict. There the guard brakes, and the stack, which is not run, is silent: the body

@@ -20,7 +20,7 @@ ONWARD = 10.0
 """Time for which a mover continues at its last velocity after the log ends, s."""
 
 POINT = Sphere((0.0, 0.0, 0.0), 1e-3, "recorded")
-"""Placeholder of the body, which the scene has; a recorded mover stops for nothing."""
+"""Placeholder of the body, which the scene has; a recorded mover never stops."""
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,7 @@ class Change:
 
 
 def nothing(log: Log, case: Case) -> Change:
-    """Control: the episode continues unchanged."""
+    """Continue the episode unchanged, as the control."""
     return Change(log.config)
 
 
@@ -247,7 +247,7 @@ ON_TRIAL = (
     "guard", "no_guard", "true_pose", "true_ranges", "no_movers", "perfect_tracking", "no_delay",
     "more_time",
 )  # fmt: skip
-"""Remedies that change something for a stack on trial: the referee's map is none of it."""
+"""Remedies that change something for a stack on trial: the referee's map is no input of it."""
 
 
 def go_on(

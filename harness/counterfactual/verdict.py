@@ -1,4 +1,4 @@
-"""Verdict of a counterfactual check: what each simulation did, and the cause that they leave."""
+"""Verdict of a counterfactual check: results of the simulations, and the remaining cause."""
 
 from __future__ import annotations
 

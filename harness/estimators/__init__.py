@@ -1,1 +1,1 @@
-"""Estimators of the body's pose from what its sensors measure."""
+"""Estimators of the body's pose from its sensors' measurements."""

@@ -108,7 +108,7 @@ class LidarOdometry:
         self.covariance.predict(step, period, inertial, turned, astray)
 
     def correct(self, points: Array) -> PoseError:
-        """Register a sweep; return by how much it moves the estimate: the first one by nothing.
+        """Register a sweep; return its correction of the estimate: none by the first one.
 
         Args:
             points: (n, 3) placed by the predicted poses, world, m.
@@ -215,7 +215,7 @@ class LidarOdometry:
         self._begun = bool(state["begun"])
 
     def _information(self, registration: Registration) -> Array:
-        """Return the information (4, 4) of a sweep: none along what it does not hold."""
+        """Return the information (4, 4) of a sweep: none along directions that it does not hold."""
         held = np.eye(4)
         for axis in registration.unheld:
             held = held - np.append(axis, 0.0)[:, None] * np.append(axis, 0.0)
@@ -251,7 +251,7 @@ class LidarOdometry:
 
 
 def put_estimate(message: pb.Pose, lidar: LidarOdometry) -> None:
-    """Write what an odometry states of its estimate into a pose."""
+    """Write an odometry's stated uncertainty into a pose."""
     covariance = lidar.covariance
     message.position_sigma, message.heading_sigma = lidar.position_sigma, lidar.heading_sigma
     message.estimator = lidar.name

@@ -26,7 +26,7 @@ LEAST_VARIANCE = 1e-10
 """Least variance of a prediction, m^2 and rad^2."""
 
 LEAST_INFORMATION = 1e-3
-"""Information of a direction that a sweep does not hold, 1/m^2, which stands for none."""
+"""Information of a direction that a sweep does not hold, 1/m^2, in place of none."""
 
 POSITION, VELOCITY, BIAS = slice(0, 3), slice(3, 6), slice(6, 9)
 """Rows of the covariance; the bias is that of the accelerometer, in the axes of the base."""

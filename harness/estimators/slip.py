@@ -18,16 +18,15 @@ NEWS = 0.3
 """Weight of the last correction in the mean of them: three scans of five in a second count."""
 
 FADING = 0.95
-"""Share of the error's speed that is believed a scan later while none is registered: what slips
-does so for seconds."""
+"""Share of the error's speed that is believed a scan later while none is registered: wheels
+slip for seconds."""
 
 SCAN_SIGMAS = np.array([0.02, 0.01])
 """Standard deviation of a scan's correction by the scan, m and rad: a line's points scatter up to
 0.03 m, some tens of them hold the pose."""
 
 EVIDENCE = 3.0
-"""Deviations of wheels as they are said to be and of the scan, from which a correction is evidence
-of more."""
+"""Standard deviations, of wheels as stated and scan, from which a correction shows more error."""
 
 LEAST_PERIOD = 1e-3
 """Least time since the last registered scan that counts, s."""
@@ -42,7 +41,7 @@ class Slip:
     """
 
     def __init__(self, config: EstimateConfig) -> None:
-        """Start with an odometry that errs as it is said to."""
+        """Start with an odometry that errs as it states."""
         self._config = config
         self.mean, self.scatter = np.zeros(3), np.zeros(2)
         self._believed = 1.0

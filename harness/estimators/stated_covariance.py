@@ -108,7 +108,7 @@ class StatedCovariance:
             self._go_astray(*astray)
 
     def correct(self, registration: Registration, position: Array) -> None:
-        """Take over along what is held that of the map; the unheld motion along it has ended.
+        """Take over the map's covariance along held directions, where the unheld motion has ended.
 
         Args:
             registration: Of a sweep.
@@ -159,7 +159,7 @@ class StatedCovariance:
         return float(self._held[HEADING, HEADING])
 
     def state(self) -> dict[str, Array]:
-        """Return all of it but what was kept of the map, which follows from the poses."""
+        """Return the state without the kept map, which follows from the poses."""
         slid = [self._slid, self._slid_turn]
         return {
             **({"slid": np.array(slid)} if any(slid) else {}),  # snapshots of others as before

@@ -190,7 +190,7 @@ def _table(slots: int) -> Voxels:
 
 
 def unregistered(inliers: int = 0) -> Registration:
-    """Return what a sweep says that does not lie in the map: nothing."""
+    """Return the registration of a sweep that does not lie in the map: no information."""
     return Registration(
         correction=np.zeros(4),
         information=np.zeros(3),

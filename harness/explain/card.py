@@ -322,7 +322,7 @@ def _admitted_length(
 
 
 def _is_closed(costmap: Costmap, points: Array, limit: int) -> NDArray[np.bool_]:
-    """Return whether each point (n, 3) is too near to what the policy forbids, or off the map."""
+    """Return whether each point (n, 3) is too near to forbidden cells, or off the map."""
     cells = np.floor((points - costmap.origin) / costmap.resolution).astype(int)
     if costmap.shape[2] == 1:  # on the ground, whatever height the stack plans at
         cells[:, 2] = 0

@@ -1,4 +1,4 @@
-"""Spaces of the environments: observations of what a robot would know, and motions as actions."""
+"""Spaces of the environments: a robot's observations, and motions as actions."""
 
 from __future__ import annotations
 

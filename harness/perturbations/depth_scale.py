@@ -23,7 +23,7 @@ class DepthScale(Perturbation, frozen=True, tag="depth_scale"):
         return tuple(sensors)
 
     def report(self, report: Report) -> Ranges:
-        """Return the sweep with longer ranges; what then lies beyond the device's range is lost."""
+        """Return the sweep with longer ranges; echoes then beyond the device's range are lost."""
         scaled = np.rint(report.ranges_mm * (1.0 + self.amount))
         seen = scaled <= report.device.range * MILLIMETRES
         longer = np.where(seen, scaled, report.silence)

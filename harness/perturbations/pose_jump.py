@@ -28,7 +28,7 @@ class PoseJump(Perturbation, frozen=True, tag="pose_jump"):
     values: ClassVar[tuple[float, float, float, float, float]] = (0.03, 0.1, 0.3, 0.8, 1.4)
 
     def active_pose_error(self, seed: int, time_ns: int, travelled: float) -> PoseError:
-        """Nothing before the jump, all of it from then on."""
+        """Return no error before the jump, all of it from then on."""
         if self.window is None and time_ns < jump_time_ns(seed):
             return UNCHANGED
         return along(direction(self.direction, seed, self.kind), self.amount)

@@ -30,5 +30,5 @@ class Slip(Perturbation, frozen=True, tag="slip"):
         return replace(world, friction=round(world.friction - self.amount, 9))
 
     def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """Return the world, and what follows from how the body slips: its pose and all sensors."""
+        """Return the world, and the streams that slipping changes: the pose and all sensors."""
         return ("world", "pose", *(f"sensor/{name}" for name in sensors))

@@ -1,4 +1,4 @@
-"""A small network that continues what was measured: is an unknown column occupied?
+"""A small network that completes measured columns: is an unknown column occupied?
 
 It sees, around a column, how many of the cells were measured occupied and free: one by one, in
 blocks of 3 x 3 and of 9 x 9, 7 x 7 of each. Two hidden layers of rectifiers lead to one log-odds.
@@ -36,7 +36,7 @@ WEIGHT_SCALE = 1024
 """Steps of a weight to a unit."""
 
 REACH = 20
-"""Greatest distance from a measured column at which it says something, cells."""
+"""Greatest distance from a measured column at which it predicts, cells."""
 
 STRIDE = 2
 """Spacing of the columns that are predicted, along x and y; those between take the prediction."""

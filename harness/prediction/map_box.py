@@ -25,7 +25,7 @@ from wayproof.maps.columns import Window, pack
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
 PADDED = 64
-"""Cells of a column are packed in whole words of so many bits."""
+"""Bits of a word; cells of a column are packed in whole words."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ LEVEL = 3
 
 
 class PredictionError(ValueError):
-    """A prediction that is none, in one line: what was got and expected."""
+    """Invalid prediction, in one line: what was got and expected."""
 
 
 @dataclass(frozen=True)

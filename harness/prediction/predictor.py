@@ -18,13 +18,13 @@ STEPS = 64
 """Steps of a log-odds to a unit."""
 
 NO_OPINION = 0
-"""Log-odds of what a predictor says nothing of."""
+"""Log-odds of cells without a prediction."""
 
 PREDICTED_LAYERS = (0.0, 1.6)
 """Heights above the floor between which a prediction of columns holds, m."""
 
 BAND = (0.3, 1.5)
-"""Heights of what makes a column occupied, m: above what is stepped over, below lintels."""
+"""Heights between which cells make a column occupied, m: above step height, below lintels."""
 
 
 class View(NamedTuple):

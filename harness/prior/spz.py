@@ -63,7 +63,7 @@ def read_spz(path: Path) -> Gaussians:
 
 
 def _fixed_point(bytes_of: NDArray[np.uint8], fraction: int) -> Array:
-    """Signed numbers (n, 3) of 3 bytes each, least first, with so many fractional bits."""
+    """Decode signed numbers (n, 3) of 3 bytes each, little-endian, with `fraction` low bits."""
     low, middle, high = (bytes_of[:, :, k].astype(np.int64) for k in range(3))
     whole = low + (middle << 8) + (high << 16)
     signed: Array = np.where(whole >= 1 << 23, whole - (1 << 24), whole)

@@ -73,7 +73,7 @@ def is_made_from_seed(log: Log) -> bool:
 
 
 def made_otherwise(log: Log) -> list[Difference]:
-    """Return what this version generates differently from the seed: scene, mission or config.
+    """Return the parts that this version generates differently: scene, mission or config.
 
     Nothing is compared if the world or the robot is a file, see `is_made_from_seed`.
     """

@@ -1,4 +1,4 @@
-"""Beams of sweeps: directions of planar scans, and ranges that say nothing sorted out."""
+"""Beams of sweeps: directions of planar scans, and removal of ranges without information."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def from_first_beam(beams: Beams) -> tuple[int, NDArray[np.int64] | None]:
 
 
 def float32(value: float) -> float:
-    """Return the nearest number of 32 bits, which is what the messages of ROS hold."""
+    """Return the nearest number of 32 bits, as messages of ROS hold it."""
     with np.errstate(over="ignore"):
         return float(np.float32(value))
 
@@ -104,7 +104,7 @@ def scan_directions(
 def measured(
     ranges: NDArray[np.float32], limits: Limits, faults: Faults
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Sort out ranges (n,), m, that say nothing; count them.
+    """Drop ranges (n,), m, without information, and count them.
 
     Returns:
         Ranges (n,) with inf where nothing was met up to the limit, and whether each is known.

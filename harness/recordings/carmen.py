@@ -35,7 +35,7 @@ SICK_MAX = 80.0
 """Maximum range of a SICK LMS, m; it writes faults as ranges of 81.83 m and more."""
 
 LEAST_REPEATED = 10
-"""Number of readings of the same largest value from which on it stands for no return."""
+"""Number of readings of the same largest value from which on it means no return."""
 
 MOST_SCANS = 2_000_000
 MOST_BEAMS = 100_000
@@ -258,7 +258,7 @@ def _robots_of(lasers: NDArray[np.float64], mount: NDArray[np.float64]) -> NDArr
 
 
 def _finite_yaws(planes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return planar poses (n, 3), positions not finite where the yaw is none."""
+    """Return planar poses (n, 3), with a position that is not finite where the yaw is not."""
     wrong = ~(np.abs(planes[:, 2]) < 1e5)
     planes = planes.copy()
     planes[wrong] = np.nan, np.nan, 0.0
@@ -266,7 +266,7 @@ def _finite_yaws(planes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _limits(kind: str, index: _Index, parameters: dict[str, str]) -> Limits:
-    """Return the limits of the readings, where the largest one may stand for no return.
+    """Return the limits of the readings, of which the largest may mean no return.
 
     The maximum is what the message or the parameters state; else 80 m if there are readings beyond;
     else the largest reading, which stands for no return if there are at least `LEAST_REPEATED`.

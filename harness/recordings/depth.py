@@ -51,7 +51,7 @@ def usable(intrinsics: Intrinsics) -> bool:
 def pixel_slopes(
     rows: int, columns: int, intrinsics: Intrinsics, stride: int
 ) -> NDArray[np.float64]:  # (n, 2)
-    """Return x / z and y / z of the beams through every so many pixels, row by row."""
+    """Return x / z and y / z of the beams through the pixels of a stride, row by row."""
     fx, fy, cx, cy = intrinsics
     across = (np.arange(stride // 2, columns, stride) - cx) / fx
     down = (np.arange(stride // 2, rows, stride) - cy) / fy

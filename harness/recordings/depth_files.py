@@ -21,7 +21,7 @@ class DepthFiles:
     """Reads depth images of 16 bits."""
 
     def __init__(self, intrinsics: Intrinsics, units_per_metre: float, stride: int) -> None:
-        """Read every so many pixels of images of a camera."""
+        """Read images of a camera at a stride of pixels."""
         self._intrinsics, self._scale, self._stride = intrinsics, units_per_metre, stride
 
     def __call__(self, path: Path, limits: Limits, faults: Faults) -> Beams:

@@ -18,7 +18,7 @@ from wayproof.harness.recordings.recording import Faults, Recording, RecordingOp
 from wayproof.harness.recordings.text import rows
 
 RATE = 30
-"""Frames a second: the files have no stamps, and a Kinect takes so many."""
+"""Frames per second: the files have no stamps; this is the rate of a Kinect."""
 
 UNITS_PER_METRE = 1000.0
 
@@ -100,7 +100,7 @@ def _pairs(path: Path) -> list[tuple[Path, Path]]:
 
 
 def _matrix(path: Path) -> list[float] | None:
-    """Return a matrix (4, 4) or (3, 4) of a text, row by row; None if it is none."""
+    """Parse a matrix (4, 4) or (3, 4) from a text, row by row; None if it is invalid."""
     try:
         numbers = [float(word) for words in rows(path, MOST_MATRIX) for word in words]
     except ValueError:
@@ -109,7 +109,7 @@ def _matrix(path: Path) -> list[float] | None:
 
 
 def _intrinsics(path: Path, faults: Faults) -> Intrinsics | None:
-    """Return the intrinsics of a matrix (3, 3) or (4, 4); None if it is none."""
+    """Return the intrinsics of a matrix (3, 3) or (4, 4); None if it is invalid."""
     try:
         table = [[float(word) for word in words] for words in rows(path, MOST_MATRIX)]
         fx, cx, fy, cy = table[0][0], table[0][2], table[1][1], table[1][2]

@@ -17,7 +17,7 @@ SKEW = 0.05
 
 
 def stamped(stamps_ns: list[int], numbers: list[list[float]], faults: Faults) -> StampedPoses:
-    """Return poses of matrices (n, 12 or 16), row by row; those that are none are counted."""
+    """Return poses of matrices (n, 12 or 16), row by row; invalid ones are counted."""
     rows = np.array([row[:12] for row in numbers], np.float64).reshape(-1, 3, 4)
     R = rows[:, :, :3]
     with np.errstate(invalid="ignore", over="ignore"):

@@ -1,4 +1,4 @@
-"""A recording that is open for reading, and the options that choose what is read of it."""
+"""A recording that is open for reading, and the options that select its parts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A log of a simulated episode as a recording: what its robot measured and estimated.
+"""A log of a simulated episode as a recording: its robot's measurements and estimates.
 
 The ground truth of the episode is not read.
 """
@@ -146,7 +146,7 @@ def _beams(
     sensor: RecordedSensor,
     faults: Faults,
 ) -> Beams:
-    """Return the beams of a sweep that said something, as points of 32 bits."""
+    """Return the beams of a sweep with information, as points of 32 bits."""
     table = logged.table
     unit = directions(table, sequence)
     if len(sweep.ranges_mm) != len(unit):

@@ -10,7 +10,7 @@ from wayproof.harness.errors import InputError
 
 MOST_BYTES = 2**28
 MOST_STAMP_S = 9_000_000_000
-"""Greatest stamp, s: what 64 bits of nanoseconds hold."""
+"""Greatest stamp, s: that of 64 bits of nanoseconds."""
 
 
 def nanoseconds(word: str) -> int:

@@ -141,7 +141,7 @@ class Recomputed:
 
 
 def _recomputed(log: Log, jobs: int) -> tuple[Recomputed, list[Difference]]:
-    """Recompute all decisions; return them, and what else contradicts itself in the log."""
+    """Recompute all decisions; return them, and other contradictions in the log."""
     log.check_sweeps()
     keyframes = log.keyframes()
     pieces = [WHOLE]

@@ -70,7 +70,7 @@ def scope_of(log: Log, with_cause: bool) -> Scope:
 
 
 def _scope_of_recording(log: Log) -> Scope:
-    """Sort the parts of a recording's log: its inputs are claims, for there is no simulation."""
+    """Sort the parts of a recording's log: its inputs are claims without a simulation."""
     inputs = ("decisions", "chain", "input digests", "streams of inputs")
     figures = ("number and times of decisions", "way driven", "deadline misses")
     perturbed = ("perturbation's kind, amount and delay",) if log.config.perturbation else ()

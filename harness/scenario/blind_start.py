@@ -1,4 +1,4 @@
-"""Floor that no sensor sees from the start, farther than what is declared free there."""
+"""Floor that no sensor sees from the start, beyond the space declared free there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Goals of a config as points: places by name stand for points of the world."""
+"""Goals of a config as points; names of places are resolved to points of the world."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ _route_between = lru_cache(maxsize=KEPT)(route_between)
 
 
 def _all_free(free: NDArray[np.bool_], wide: int) -> NDArray[np.bool_]:
-    """Return whether all cells of each square of so many by so many are free; outside none is."""
+    """Return whether all cells of each square of `wide` by `wide` are free; outside none is."""
     rows, columns = (-n % wide for n in free.shape)
     padded = np.pad(free, ((0, rows), (0, columns)))
     squares = padded.reshape(padded.shape[0] // wide, wide, padded.shape[1] // wide, wide)

@@ -186,7 +186,7 @@ def _compose(world: World, robot: Robot, config: Config) -> Scene:
 
 
 def _inspect(scene: Scene, world: World, config: Config) -> tuple[str, ...]:
-    """Check the model with the robot at its start: refuse what is wrong, return the rest."""
+    """Check the model with the robot at its start: refuse an error, return the warnings."""
     data = mujoco.MjData(scene.model)
     scene.controller.reset(data, np.array(config.start), world.start_heading)
     mujoco.mj_kinematics(scene.model, data)

@@ -104,7 +104,7 @@ def _leads_through(
     radius: float,
     points: Sequence[Point],
 ) -> bool:
-    """Return whether a disc comes from point to point over what is clear and even, (nx, ny)."""
+    """Return whether a disc gets from point to point over clear and even cells, (nx, ny)."""
     from scipy import ndimage  # slow to load
 
     room = ndimage.distance_transform_edt(even) * grid.cell if not even.all() else np.inf

@@ -24,7 +24,7 @@ MOST_TRAIL = 256
 
 
 class Given(NamedTuple):
-    """Inputs of one decision, and what the robot did since the one before.
+    """Inputs of one decision, and the robot's motion since the one before.
 
     Attributes:
         sweeps: As the stack gets them.

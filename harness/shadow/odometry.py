@@ -54,7 +54,7 @@ class RecordedMotion:
         return {}
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Restore nothing."""
+        """Do nothing: a recording is not continued from a snapshot."""
 
 
 class RecordedOdometry:

@@ -133,7 +133,7 @@ def prepare(
 
 
 def _assumes_height(recording: Recording, body: Body, settings: Iterable[str]) -> bool:
-    """Return whether nothing says how high the body of a ground robot is above the floor."""
+    """Return whether the height of a ground robot's body above the floor is not given."""
     named = any(one.partition("=")[0].strip() == "recording.body_height" for one in settings)
     stated = named or recording.body_height is not None or recording.options.mount is not None
     return body.motion == "ground" and not stated

@@ -142,7 +142,7 @@ class ShadowRun:
         motion: pb.RecordedMotion,
         decision: pb.Decision,
     ) -> None:
-        """Write the decision, what it was made on, and what the robot did."""
+        """Write the decision, its inputs, and the robot's motion."""
         sequence, time_ns = decision.sequence, motion.timestamp.ToNanoseconds()
         messages = [*inputs, (latency, serialized(latency))]
         if (answer := self._navigator.answer) is not None:

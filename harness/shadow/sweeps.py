@@ -120,7 +120,7 @@ class SweepWriter:
 
     @property
     def silence(self) -> int:
-        """Report of a beam without return: evidence of free space only if the sensor says so."""
+        """Report of a beam without return: evidence of free space only if the sensor states so."""
         return int(NO_RETURN if self._sensor.missing_returns_known else DROPPED)
 
     def write(

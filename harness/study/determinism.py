@@ -34,7 +34,7 @@ SAMPLE = 8
 
 @dataclass(frozen=True)
 class Arrangement:
-    """A way to run the same episodes.
+    """Way to run the episodes.
 
     Attributes:
         name: Name in words.

@@ -220,7 +220,7 @@ def gate_in_words(result: GateResult) -> str:
 
 
 def gate_advice(result: GateResult) -> str:
-    """Return what would decide an inconclusive gate; empty for any other."""
+    """Return advice on deciding an inconclusive gate; empty for any other."""
     if result.verdict != "inconclusive":
         return ""
     if result.interval is None:

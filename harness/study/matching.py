@@ -1,4 +1,4 @@
-"""Check that a log is that of a planned episode, whatever the name of its file.
+"""Check that a log is that of a planned episode, by its content and not its name.
 
 A run fills in what its config leaves open: start, goal and sensors. These are derived again from
 the world and the robot. The rest of the config, the hashes of the files of world, robot, planner

@@ -13,7 +13,7 @@ Finished = Callable[[Done], None]
 """Callback for each job that has ended."""
 
 Stack = tuple[str, str, str]
-"""Robot, kind of map and planner: what decides which kernels an episode needs."""
+"""Robot, kind of map and planner, which decide the kernels that an episode needs."""
 
 
 def run_in_processes(

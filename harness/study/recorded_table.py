@@ -121,7 +121,7 @@ def name_of(one: Pass) -> str:
 
 
 def in_words(one: Pass) -> str:
-    """Return what a pass shows, in a line."""
+    """Describe the result of a pass in a line."""
     if one.error:
         return f"error: {one.error}"
     _, admitted, change, refused, first, others, inputs = cells(one)

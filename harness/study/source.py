@@ -1,4 +1,4 @@
-"""Recordings as the inputs of a study's episodes: what is read, and how."""
+"""Recordings as the inputs of a study's episodes: their selection and settings."""
 
 from __future__ import annotations
 

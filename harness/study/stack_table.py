@@ -41,7 +41,7 @@ class StackLine:
 
 
 def stack_table(samples: Sequence[Sample], time_limit: float) -> list[StackLine]:
-    """Return a line for each arm with a stack, those of the same conditions one after the other."""
+    """Return a line for each arm with a stack, grouped by conditions."""
     lines = [_line(one, time_limit) for one in samples if one.arm.stack]
     places = {line.conditions: place for place, line in reversed(list(enumerate(lines)))}
     return sorted(lines, key=lambda line: places[line.conditions])

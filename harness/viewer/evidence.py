@@ -27,7 +27,7 @@ WORDS = {
     "age": f"age, s: yellow 0, violet {OLD_S:g}",
     "probability": "probability: pale 0, red 1",
 }
-"""Titles with the key to the colours; what is unknown has no place on either scale."""
+"""Titles with the key to the colours; unknown cells have no place on either scale."""
 
 
 class Evidence(NamedTuple):

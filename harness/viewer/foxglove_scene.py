@@ -43,7 +43,7 @@ OPACITY = 230
 
 
 class TrueScene:
-    """The true scene: what stands still once, movers at every decision."""
+    """The true scene: static geometry once, movers at every decision."""
 
     def __init__(self, log: Log) -> None:
         """Read the scene.
@@ -55,7 +55,7 @@ class TrueScene:
         self._sent = False
 
     def update(self, truth: pb.Truth, stamp: Timestamp) -> fox.SceneUpdate | None:
-        """Return what changes in the scene at a decision; None if nothing does."""
+        """Return the changes of the scene at a decision; None without any."""
         if self._scene is None:
             return None
         entities = []

@@ -57,7 +57,7 @@ def packed_fields(
 def line_through(
     points: NDArray[np.float64], thickness: float, colour: Colour
 ) -> fox.LinePrimitive:
-    """Return a line through points (n, 3), m, world, so many metres thick."""
+    """Return a line through points (n, 3), m, world, of a thickness, m."""
     line = fox.LinePrimitive(pose=pose_at(0.0, 0.0, 0.0), thickness=thickness)
     line.color.CopyFrom(colour_of(colour, 1.0))
     for x, y, z in points.tolist():
@@ -77,7 +77,7 @@ def ball(
 
 
 def label(place: tuple[float, ...], words: str, colour: Colour, above: float) -> fox.TextPrimitive:
-    """Return words that face the camera, so many metres above a place (3,), m, world."""
+    """Return words that face the camera, at a height, m, above a place (3,), m, world."""
     x, y, z = place
     return fox.TextPrimitive(
         pose=pose_at(x, y, z + above),

@@ -129,6 +129,6 @@ def moments(log: Log, shown: int = 0) -> Iterator[Moment]:
 
 
 def standing_low(mission: Mission) -> tuple[float, float, float]:
-    """Return the lower corner of the space of obstacles, m: above what a walking body steps on."""
+    """Return the lower corner of the space of obstacles, m: above a walking body's step height."""
     x, y, z = mission.low
     return x, y, max(z, mission.step_height)

@@ -47,7 +47,7 @@ BEYOND = 30.0
 """Width of the unknown floor drawn around the map, m: beyond the view of the camera."""
 
 RING_SIDES = 24
-"""Sides of the polygon that stands for the circle of the estimated body."""
+"""Sides of the polygon that approximates the circle of the estimated body."""
 
 
 class Tracks(NamedTuple):
@@ -122,7 +122,7 @@ def lay_over(
 
 
 def _lay_floor(overlay: Overlay, moment: Moment) -> None:
-    """Draw the layer of the robot on the floor, and what is outside the map as unknown."""
+    """Draw the layer of the robot on the floor; outside the map as unknown."""
     costmap = moment.costmap
     layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
     found = kinds(costmap, layer, moment.record.decision.collision_distance_sq)

@@ -112,7 +112,7 @@ def _show_prior(stream: rr.RecordingStream, log: Log, world: str) -> None:
 
 
 def words_at(place: Sequence[float], words: str) -> rr.Points3D:
-    """Return a separate label, which is readable whatever the colour of its object."""
+    """Return a separate label, which is readable on any colour of its object."""
     return rr.Points3D([list(place)], radii=0.02, colors=(255, 255, 255), labels=[words])
 
 

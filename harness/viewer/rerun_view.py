@@ -149,7 +149,7 @@ def _stop_waiting(logs: Mapping[str, Log]) -> None:
 
 
 def _legs(log: Log, allow_plugins: bool) -> Sequence[Leg]:
-    """Return the way of a recorded robot with its verdicts; nothing of an episode."""
+    """Return the way of a recorded robot with its verdicts; empty for an episode."""
     if log.config.recording is None:
         return ()
     from wayproof.harness.shadow.assess import assess

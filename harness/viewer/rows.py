@@ -40,7 +40,7 @@ class Rows:
     """Rows of many entities on the timelines `time` and `decision`."""
 
     def __init__(self, stream: rr.RecordingStream, root: str, at_a_time: int = AT_A_TIME) -> None:
-        """Start a batch for entities under a root, of so many decisions."""
+        """Start a batch of a number of decisions for entities under a root."""
         self._stream = stream
         self._root = root
         self._at_a_time = at_a_time

@@ -1,4 +1,4 @@
-"""True geometry of a log as triangles: what stands still, and each mover in its own frame."""
+"""True geometry of a log as triangles: the static one, and each mover in its own frame."""
 
 from __future__ import annotations
 

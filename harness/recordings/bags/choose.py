@@ -217,7 +217,7 @@ def body_height(found: Survey, body: str, stamp_ns: int) -> float | None:
 
 
 def _body(found: Survey, frame: str, options: RecordingOptions) -> str:
-    """Return the body above a sensor's frame: `base_link`, or what moves first above the sensor."""
+    """Return the body above a sensor's frame: `base_link`, or the first frame that moves."""
     if options.body is not None:
         return options.body
     chain = found.tree.chain(frame)

@@ -18,10 +18,10 @@ TIME_FIELDS = ("t", "time", "timestamp", "time_stamp", "ts", "offset_time", "tim
 """Names that drivers give to the time of a point."""
 
 OWN_TIME = "t"
-"""The one that is written: as Ouster does, nanoseconds from the stamp, of 32 bits."""
+"""Field of a point's time in written clouds: as of Ouster, nanoseconds from the stamp, 32 bits."""
 
 LONGEST_SWEEP_NS = 10 * 10**9
-"""Times of points farther from the stamp are none, ns."""
+"""Greatest distance of a point's time from the stamp, ns; others are no times."""
 
 
 SHORTEST_SWEEP_NS = 10**6

@@ -13,7 +13,7 @@ GREATEST_RECORD = 2**28
 """Maximum size of a record or an unpacked chunk, bytes; a cloud of a million points takes 2^25."""
 
 GREATEST_RATIO, LEAST_UNPACKED = 1024, 2**20
-"""Maximum ratio of an unpacked chunk to its packed bytes, beyond so many."""
+"""Maximum size of an unpacked chunk: its packed size times the first, plus the second, bytes."""
 
 MOST_TOPICS = 10_000
 
@@ -65,7 +65,7 @@ class Fields:
         return piece
 
     def number(self, size: int) -> int:
-        """Return the next number of so many bytes, the lowest first."""
+        """Return the next little-endian number of a size in bytes."""
         return int.from_bytes(self.take(size), "little")
 
     def text(self) -> str:
@@ -74,7 +74,7 @@ class Fields:
 
 
 def exactly(file: IO[bytes], count: int, size: int) -> bytes:
-    """Read so many bytes of a file of a size.
+    """Read a number of bytes of a file of a size.
 
     Raises:
         EOFError: They are not there.

@@ -39,7 +39,7 @@ class Samples:
         self.numbers.extend(pose.numbers)
 
     def poses(self) -> StampedPoses:
-        """Return all of them."""
+        """Return all poses."""
         rows = np.array(self.numbers, np.float64).reshape(-1, 7)
         return StampedPoses(np.array(self.stamps, np.int64), rows[:, :3], rows[:, 3:])
 

@@ -27,7 +27,7 @@ ENCODINGS = ("cdr", "ros1")
 
 
 def messages(path: Path, faults: Faults) -> Iterator[RawMessage]:
-    """Yield the messages of ROS in a file, in its order; count what is damaged or cut off."""
+    """Yield the messages of ROS in a file, in its order; count damaged and cut off ones."""
     size = path.stat().st_size
     walk = _Walk(faults)
     with path.open("rb") as file:

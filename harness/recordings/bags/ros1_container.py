@@ -27,7 +27,7 @@ LONGEST_HEADER = 2**20
 
 
 def messages(path: Path, faults: Faults) -> Iterator[RawMessage]:
-    """Yield the messages of a bag, in its order; count what is damaged or cut off.
+    """Yield the messages of a bag, in its order; count damaged and cut off ones.
 
     The index at its end is not used: a bag that was not closed is read as well.
     """

@@ -1,4 +1,4 @@
-"""Sensors of a bag: what each of their messages says about beams."""
+"""Sensors of a bag: the beams that their messages describe."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def is_sensor(raw: RawMessage) -> bool:
 
 
 def measured_by(info: pb.SensorInfo) -> Topic:
-    """Return what is known of a sensor whose ranges are recorded as it measured them."""
+    """Return the properties of a sensor whose ranges are recorded as it measured them."""
     kind: SensorKind = "depth" if info.kind == "depth_camera" else "points"
     return Topic(kind, info.name, 0.0, info.range_m, declared=info)
 
@@ -104,7 +104,7 @@ def measured_by(info: pb.SensorInfo) -> Topic:
 def first_of(
     raw: RawMessage, camera: Camera | None, limits: tuple[float, float] = (0.0, np.inf)
 ) -> Topic:
-    """Read what the first message of a topic says.
+    """Read a sensor's properties from the first message of its topic.
 
     Args:
         raw: The message.

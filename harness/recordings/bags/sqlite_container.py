@@ -26,7 +26,7 @@ MESSAGES = "SELECT topic_id, timestamp, data FROM messages ORDER BY rowid"
 
 
 def messages(path: Path, faults: Faults) -> Iterator[RawMessage]:
-    """Yield the messages of a bag in the order in which they were written; count what is damaged.
+    """Yield the messages of a bag in the order of their writing; count damaged ones.
 
     The file is opened for reading alone, and only its tables are, never a view that it defines.
     """

@@ -47,7 +47,7 @@ CONTAINERS: dict[bytes, Container] = {
 """First bytes of a file -> reader of its messages."""
 
 LEAST_MESSAGES, LEAST_BYTES = 200_000, 4
-"""Number of messages allowed in any bag, and beyond it one for so many of its bytes."""
+"""Number of messages allowed in any bag, and bytes of the bag for each one beyond it."""
 
 TASK = "/task"
 """End of the topic with the task of an episode, as a stack of ROS 2 nodes gets it."""
@@ -157,7 +157,7 @@ def messages_of(files: Sequence[Path], faults: Faults) -> Iterator[RawMessage]:
 
 
 def survey(files: Sequence[Path], faults: Faults) -> Survey:
-    """Read a bag once, and keep its poses and what its sensors' first messages say."""
+    """Read a bag once, and keep its poses and the first messages of its sensors."""
     walk = _Walk(faults)
     for raw in messages_of(files, faults):
         try:

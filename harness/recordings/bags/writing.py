@@ -152,7 +152,7 @@ class _Poses:
 def _mounted(
     stamp: int, frame: str, sensor: RecordedSensor, sweep: RecordedSweep, build: Builder
 ) -> Iterator[Stamped]:
-    """Yield what holds for all sweeps of a sensor: its mount, and its limits beside points."""
+    """Yield the constants of a sensor: its mount, and its limits beside points."""
     mounted = build.transforms(stamp, BODY, frame, sweep.T_body_sensor)
     yield Stamped(stamp, "/tf_static", TRANSFORMS[0], mounted)
     if sweep.grid is None:

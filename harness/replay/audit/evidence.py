@@ -1,4 +1,4 @@
-"""Checks of what paths rest on: cells that were measured, and cells of the prior map.
+"""Checks of the evidence of paths: measured cells, and cells of the prior map.
 
 By simple code on arrays of states; of the stack it shares the format of the prior map alone.
 """
@@ -110,7 +110,7 @@ def prior_of(config: Config) -> PriorCells | None:
 
 
 def rests_of(moment: Moment) -> Rests:
-    """Count the cells that the path of a decision needs, and those of them that nobody measured."""
+    """Count the cells that the path of a decision needs, and the unmeasured ones among them."""
     if moment.body.policy != "forbid":
         return Rests()
     count = unmeasured = 0

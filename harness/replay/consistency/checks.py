@@ -67,7 +67,7 @@ CHECKS_OF_RECORDING: tuple[Callable[[Subject], Iterator[Difference]], ...] = (
 
 
 def contradictions(log: Log, content: Content | None = None) -> list[Difference]:
-    """Return all contradictions in a log: what is recorded, and what follows from the rest.
+    """Return all contradictions in a log, each as the recorded value and the one that follows.
 
     Args:
         log: Head of the log.

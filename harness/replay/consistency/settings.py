@@ -1,4 +1,4 @@
-"""Checks of what follows from the resolved config: delays, perturbation, places and goals."""
+"""Checks of content that follows from the config: delays, perturbation, places and goals."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ TURNED = 0.35
 
 
 def path_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """All of the path is admitted, and it ends where it says."""
+    """All of the path is admitted, and it ends where stated."""
     yield from _path_ends(scene, reason)
     if not len(scene.global_path):
         return
@@ -75,7 +75,7 @@ def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 
 def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The way is free up to a cell, and slow is what that costs."""
+    """The way is free up to a cell, which makes the robot slow."""
     yield from obstructed(scene, reason, scene.way_ahead, scene.unknown_blocks)
     yield from _committed(scene, reason.free_m)
     limits = scene.mission
@@ -113,7 +113,7 @@ def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
 
 
 def stepping_aside(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body moves as far as it says along its path, and does not turn."""
+    """The body moves as far as stated along its path, and does not turn."""
     yield from same("distance_m", reason.distance_m, length(scene.path))
     headings = scene.decision.trajectory.heading
     if max(headings) - min(headings) > TURNED_INTO:
@@ -130,7 +130,7 @@ def keeping_course(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 
 def _path_ends(scene: Scene, reason: pb.Reason) -> Iterator[str]:
-    """The way is as long as it says, and ends as near to the goal."""
+    """The way is as long as stated, and ends as near to the goal."""
     if not len(scene.global_path):
         yield "it names no path"
         return

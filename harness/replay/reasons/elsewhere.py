@@ -15,7 +15,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def looking_elsewhere(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The way leads to a frontier: to admitted space beside what only has not been seen."""
+    """The way leads to a frontier: to admitted space beside unseen space."""
     yield from errand(scene, past, reason)
     now, before = scene.decision.sequence, past.for_this_goal()
     if reason.since == now and not _is_frontier(scene, point_of(reason.target)):
@@ -67,7 +67,7 @@ def turning_out_of_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Ite
 
 
 def errand(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The way leads where it says, and has since the decision that set out."""
+    """The way leads to the stated place, and has since the decision that set out."""
     if len(scene.global_path) < 2:
         yield "it names no way"
         return

@@ -23,7 +23,7 @@ PIECE = 20
 
 
 def obstructed(scene: Scene, reason: pb.Reason, way: Array, unknown_blocks: bool) -> Iterator[str]:
-    """The named cell ends the way, there, and nothing before does."""
+    """The named cell is the first that ends the way."""
     if len(way) < 2:
         yield "no way was named"
         return

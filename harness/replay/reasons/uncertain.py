@@ -33,7 +33,7 @@ def returning_to_held(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
 
 
 def pose_lost(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The standard deviation of the pose is beyond what is allowed."""
+    """The standard deviation of the pose exceeds the allowed one."""
     yield from _lost(scene, reason)
 
 

@@ -80,7 +80,7 @@ def no_room(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def no_way_out(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body overlaps a cell where it stands, and there is no place near where it would not."""
+    """The body overlaps a cell where it stands, and no free place is near."""
     yield from overlapped_here(scene, reason)
     yield from same("limit_m", reason.limit_m, 1.0)
     heading = scene.decision.trajectory.heading[0]
@@ -110,7 +110,7 @@ def _searched(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def _waited(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """It has been at rest for so long, and long enough for what it does then."""
+    """The robot has been at rest as long as stated, and long enough for its action."""
     now_ns = scene.decision.timestamp.ToNanoseconds()
     begun_ns = now_ns - round(reason.waited_s * 1e9)
     numbers = [k for k, one in past.steps.items() if abs(one.time_ns - begun_ns) < 10_000]

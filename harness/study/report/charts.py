@@ -57,7 +57,7 @@ def line_chart(
     top: float | None = None,
     stacked: bool = False,
 ) -> str:
-    """Draw lines over time; what exceeds `top` is cut off.
+    """Draw lines over time, clipped to `top`.
 
     Args:
         times: (n,) s.

@@ -1,4 +1,4 @@
-"""Pages of single episodes, and what the overview shows of them."""
+"""Pages of single episodes, and their entries in the overview."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Views:
 def episode_context(
     row: Row, twin: Row | None, planned: Planned, views: Views, neighbours: tuple[str, str]
 ) -> dict[str, Any]:
-    """Return what the page of an episode shows.
+    """Return the content of an episode's page.
 
     Args:
         row: The episode.

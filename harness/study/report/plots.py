@@ -93,7 +93,7 @@ def dose_response(
 
 
 def _limits(curves: Sequence[Curve], top: float | None) -> tuple[float, float]:
-    """Return the ends of the axis: all means are on it, and of each interval what is near them."""
+    """Return the ends of the axis: all means lie on it, and the parts of intervals near them."""
     if top is not None:
         return -0.03, top + 0.03
     known = [one for curve in curves for one in curve.means if one]

@@ -204,7 +204,7 @@ def _write_episodes(
 def _overview(
     material: Material, paged: set[str], runs: Sequence[Mapping[str, str]]
 ) -> dict[str, Any]:
-    """Return what the first page shows."""
+    """Return the content of the first page."""
     result, limit = material.result, _time_limit(material)
     return {
         "result": result,
@@ -241,7 +241,7 @@ def _time_limit(material: Material) -> float:
 
 
 def _table(material: Material, paged: set[str]) -> dict[str, Any]:
-    """Return what the table of all episodes shows."""
+    """Return the content of the table of all episodes."""
     listed = []
     for row in material.rows:
         twin = material.twins.get(row.key)

@@ -19,10 +19,10 @@ TALLEST = 420
 """Greatest height of the picture."""
 
 BAND = 20
-"""Height of the band below what is drawn, which holds the scale."""
+"""Height of the band below the drawing, which holds the scale."""
 
 EDGE = 0.4
-"""Space around what is drawn, m."""
+"""Space around the drawing, m."""
 
 
 class Tracks(NamedTuple):

@@ -37,10 +37,10 @@ def heading(metric: str) -> str:
 
 
 def number(value: float | None, digits: int = 2) -> str:
-    """Return a number with so many digits; empty for None."""
+    """Format a number with `digits` digits; empty for None."""
     return "" if value is None else f"{value:.{digits}f}"
 
 
 def signed(value: float | None, digits: int = 2) -> str:
-    """Return the same with a sign."""
+    """Format a number with `digits` digits and a sign; empty for None."""
     return "" if value is None else f"{value:+.{digits}f}"
