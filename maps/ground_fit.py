@@ -201,7 +201,7 @@ def _fitted(
 
 
 def warm_up() -> None:
-    """Compile what a sweep of 16 bits runs."""
+    """Compile the kernels of a sweep of 16 bits."""
     directions = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
     beams = np.array([[0.0, 0.0, 0.5]]), np.zeros(2, np.int32), directions
     ranges_mm = np.array([500, 65535], np.uint16)

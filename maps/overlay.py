@@ -36,7 +36,7 @@ class CellLayer:
         self._boxes: list[NDArray[np.int64]] = []
 
     def put(self, first: Cell, states: NDArray[np.uint8]) -> None:
-        """Take the states (nx, ny, nz) of a box of cells in place of those that it had.
+        """Replace the states (nx, ny, nz) of a box of cells.
 
         Args:
             first: Least cell of the box, which lies in the window.

@@ -49,7 +49,7 @@ def check(
     prefix: str = "",
     version: str = mujoco.__version__,
 ) -> list[Finding]:
-    """Look for what would make the sensors of one robot see wrongly.
+    """Find faults that would make the sensors of one robot see wrongly.
 
     Args:
         model: Robot and world.

@@ -146,6 +146,6 @@ def _part_of(name: str, stage: Stage, only: str) -> Stage:
 
 
 def _show_progress(line: str) -> None:
-    """Rewrite one line; a spinner would need a thread, which would disturb what is timed."""
+    """Rewrite one line; a spinner would need a thread, which would disturb the timing."""
     if sys.stderr.isatty():
         print(f"\r\x1b[2K{line}", end="", file=sys.stderr, flush=True)

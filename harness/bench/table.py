@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 Progress = Callable[[str], None]
-"""Callback for a line about what is under way."""
+"""Callback for a line about the progress."""
 
 Document = dict[str, Any]
 """A row as plain values by field."""

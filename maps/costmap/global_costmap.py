@@ -150,7 +150,7 @@ class GlobalCostmap:
 
 
 def holds_run(words: NDArray[np.uint64], length: int) -> NDArray[np.bool_]:
-    """Return whether columns (nx, ny, words) hold so many set bits in a row, at least one.
+    """Return whether columns (nx, ny, words) hold a run of set bits of a length, at least one.
 
     By doubling: n shifts find runs of 2^n bits.
     """

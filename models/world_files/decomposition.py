@@ -34,7 +34,7 @@ SETTINGS = {
 """Settings of CoACD: the least effort that it accepts in searching where to cut."""
 
 TIME_LIMIT = 300.0
-"""Time for one mesh, s; what takes longer is refused."""
+"""Time for one mesh, s; a mesh that takes longer is refused."""
 
 SEED = 0
 

@@ -62,7 +62,7 @@ def fill_inside(
 
 
 def _deepest(hollow: NDArray[np.bool_]) -> tuple[int, ...]:
-    """Return the cell of a hollow that is farthest from what is around it, or about that."""
+    """Return the cell of a hollow that is about farthest from its surroundings."""
     from scipy import ndimage
 
     around = ndimage.find_objects(hollow.astype(np.int8))[0]

@@ -1,4 +1,4 @@
-"""Free space of an imported scene on a grid: distances to what stands, and slope of floors."""
+"""Free space of an imported scene on a grid: distances to obstacles, and slope of floors."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Ground:
 
 
 class Grid:
-    """Cells over the operating area, and what is free of them."""
+    """Cells over the operating area, and the free ones among them."""
 
     def __init__(self, low: Vector3, high: Vector3) -> None:
         """Divide the area between two corners into at most `MAX_CELLS` cells."""
@@ -61,7 +61,7 @@ class Grid:
     def distances(
         self, solids: Sequence[Solid], ground: NDArray[np.float64], band: Band, reach: float
     ) -> NDArray[np.float64]:  # (nx, ny)
-        """Return distances to what stands in a band above the ground, up to a reach, m."""
+        """Return distances to obstacles in a band above the ground, up to a reach, m."""
         gaps = np.full(self.shape, reach)
         end = self.low + np.array(self.shape) * self.cell
         for solid in solids:

@@ -1,4 +1,4 @@
-"""The floor of an imported scene: which height it has, which parts are it, and what planes become.
+"""The floor of an imported scene: its height, its parts, and the boxes in place of planes.
 
 A robot's floor is at height 0 where it starts. A scene whose floor is elsewhere is moved.
 """
@@ -46,10 +46,10 @@ LOWEST_OTHERS = 0.3
 """Depth below a floor down to which at least half of the other parts have to begin, m."""
 
 PLANE_THICKNESS = 0.5
-"""Thickness of the box that stands for a plane that is not the floor, m."""
+"""Thickness of the box in place of a plane that is not the floor, m."""
 
 SHEET_THICKNESS = 0.01
-"""Thickness of the box that stands for a plane of the size that it is drawn with, m."""
+"""Thickness of the box in place of a plane of the size that it is drawn with, m."""
 
 LEAST_WALL = 0.5
 """Horizontal part of a plane's unit normal from which it is a wall."""

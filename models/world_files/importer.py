@@ -138,7 +138,7 @@ def world_from(
 
 
 def area_of(found: Found) -> tuple[Vector3, Vector3]:
-    """Return the corners of a scene's operating area, m: its own, or about what is solid."""
+    """Return the corners of a scene's operating area, m: its own, or about the solids."""
     _bound_area(found, BORDER)
     return _area(found)
 

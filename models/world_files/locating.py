@@ -161,7 +161,7 @@ class Locator:
                     yield _newest_version(folder).joinpath(*_after_files(words[at + 2 :]))
 
     def _checked(self, found: Path) -> Path:
-        """Refuse what lies outside; a model that the user's folders link to is inside."""
+        """Refuse a path outside; a model that the user's folders link to is inside."""
         resolved = found.resolve()
         for folder in self._trusted:
             if found.is_relative_to(folder) and found != folder:

@@ -1,4 +1,4 @@
-"""Meshes as convex parts: what beams meet and what bodies touch is one shape.
+"""Meshes as convex parts: beams and bodies meet one shape.
 
 MuJoCo lets beams meet a mesh's triangles and bodies its convex hull. So a mesh is taken in
 connected pieces, and a piece that is not convex as a height field, as convex pieces, or as boxes.

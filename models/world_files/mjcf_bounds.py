@@ -1,4 +1,4 @@
-"""Bounds on what an MJCF demands of MuJoCo, checked from its numbers before it compiles.
+"""Bounds on an MJCF's demands on MuJoCo, checked from its numbers before it compiles.
 
 MJCF allocates on one number's word (`nuser_geom`, `nrow`, `width`), multiplies (`replicate`), and
 repeats (`iterations`). MuJoCo takes any such number, and 10,000 bodies take it half a minute.
@@ -61,15 +61,15 @@ SIDES = {"2d": 1, "cube": 6, "skybox": 6}
 
 
 class Bounds:
-    """Sums of what the files of one scene demand together."""
+    """Sums of the demands of the files of one scene."""
 
     def __init__(self, top: Path) -> None:
-        """Begin with nothing."""
+        """Begin with no demand."""
         self._top = top
         self._pixels = self._heights = self._numbers = 0.0
 
     def check(self, path: Path, element: Element) -> None:
-        """Refuse what an element demands, by itself or with all before it.
+        """Refuse an element's demand, by itself or with all before it.
 
         Args:
             path: Path of the element's file.

@@ -77,7 +77,7 @@ def _reason(error: Exception) -> str:
 
 
 def _take_hulls(found: Found) -> None:
-    """Replace meshes that are not convex by their convex hull, which is what MuJoCo lets touch."""
+    """Replace meshes that are not convex by their convex hull, as MuJoCo does for contacts."""
     taken, worst = 0, 0.0
     hulls: dict[int, tuple[Mesh, float] | None] = {}
     for n, part in enumerate(found.parts):

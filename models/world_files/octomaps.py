@@ -23,7 +23,7 @@ from wayproof.models.world_files.reading import MAX_CELLS, WorldFileError, check
 from wayproof.models.world_files.voxel_maps import cell_boxes
 
 MAX_OCTOMAP_BYTES = 8 * 2**20
-"""Maximum size of a file, bytes: two of them may stand for eight cells in memory."""
+"""Maximum size of a file, bytes: two bytes may expand to eight cells in memory."""
 
 MOST_LEAVES = 2_000_000
 

@@ -33,7 +33,7 @@ def prisms(outline: NDArray[np.float64], height: float) -> list[Mesh]:
 
 
 def prisms_with_holes(outlines: Sequence[NDArray[np.float64]], height: float) -> list[Mesh]:
-    """Return convex prisms that fill what an odd number of outlines is around; as of `prisms`."""
+    """Return convex prisms of the space inside an odd number of outlines; as of `prisms`."""
     rings = [_ring(outline) for outline in outlines]
     if (count := sum(map(len, rings))) > MAX_CORNERS:
         raise ValueError(f"got {count} corners, expected at most {MAX_CORNERS}")
@@ -63,7 +63,7 @@ def _prism(corners: NDArray[np.float64], height: float) -> Mesh:
 
 
 def trapezoids(rings: Sequence[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
-    """Return convex pieces (3 or 4, 2), counter-clockwise, of what rings (n, 2) enclose.
+    """Return convex pieces (3 or 4, 2), counter-clockwise, of the area that rings (n, 2) enclose.
 
     A point is enclosed if an odd number of rings is around it: a ring in another is a hole.
 

@@ -114,7 +114,7 @@ class _Reading:
         self._leave_out_lost()
 
     def _leave_out_lost(self) -> None:
-        """Leave out what fell or flew off before the world was saved, where anything else is."""
+        """Leave out models that fell or flew off before the world was saved, if others are left."""
         parts = self.found.parts
         lost = [not float(np.abs(part.bounds).max()) <= FARTHEST for part in parts]
         if not any(lost) or all(lost):

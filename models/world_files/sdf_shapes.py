@@ -22,14 +22,14 @@ from wayproof.models.world_files.sdf_frames import Placement, numbers
 from wayproof.models.world_files.xml_tree import Element
 
 CONE_SIDES = 32
-"""Sides of the pyramid that stands for a cone, within it."""
+"""Sides of the pyramid in place of a cone, within it."""
 
 NOTED_PLACES = 3
 """Number of lines named for something that is missing often."""
 
 
 class Shapes:
-    """Reader of collision shapes, and what it found out about a whole file."""
+    """Reader of collision shapes, with its notes on a whole file."""
 
     def __init__(self, found: Found, options: ImportOptions, locator: Locator) -> None:
         """Begin with a file.
@@ -118,7 +118,7 @@ class Shapes:
         self._missing.setdefault((tag, name), []).append(f"{path.name}:{line}")
 
     def finish(self) -> None:
-        """Write the notes on what was left out."""
+        """Write the notes on parts that were left out."""
         for (tag, name), places in self._missing.items():
             more = len(places) - NOTED_PLACES
             where = ", ".join(places[:NOTED_PLACES]) + (f" and {more} more" if more > 0 else "")

@@ -21,7 +21,7 @@ from wayproof.models.worlds.solids import (
 )
 
 RINGS, SECTORS = 12, 24
-"""Numbers of rings and sectors of the triangles that stand for an ellipsoid."""
+"""Numbers of rings and sectors of the triangles in place of an ellipsoid."""
 
 
 def solid_of(part: Part) -> Solid:

@@ -1,4 +1,4 @@
-"""World files: one MJCF that MuJoCo compiles as it is, with what a mission needs in `<custom>`.
+"""World files: one MJCF that MuJoCo compiles as it is, with start, goal and area in `<custom>`.
 
 Numbers are written so that they read back as the same bits. A world of a file is named after the
 file and a hash of its text, so that a log identifies it.

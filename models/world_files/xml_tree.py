@@ -84,7 +84,7 @@ def _without_comments(text: str) -> str:
 
 
 def _from_declaration(text: str) -> str:
-    """Return text with what stands before the declaration moved behind it: lines keep count.
+    """Return text with the part before the declaration moved behind it: lines keep count.
 
     Blank lines and comments may stand there; a strict parser refuses both.
     """

@@ -118,7 +118,7 @@ def mirrored(world: World, flip_x: bool, flip_y: bool) -> World:
 
 
 def given_or(value: Given | None, otherwise: Given) -> Given:
-    """Return a parameter, or what is drawn or set by the difficulty where it is None."""
+    """Return a parameter; where it is None, a value drawn or set by the difficulty."""
     return otherwise if value is None else value
 
 

@@ -57,7 +57,7 @@ class Faulty:
         raise NotImplementedError
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
 
 class IntoReturns(Faulty):
@@ -94,7 +94,7 @@ class IntoReturns(Faulty):
 
 
 class IntoTheUnknown(IntoReturns):
-    """Drives at what it sees nearer than the map takes returns, where space stays unknown."""
+    """Drives at returns nearer than the map takes them, where space stays unknown."""
 
     LEAST, MOST = 0.9, 3.0
 
@@ -204,7 +204,7 @@ class Unseeded:
     BEGINS = 7
 
     def start(self, task: Task) -> None:
-        """Have a generator that nobody can repeat."""
+        """Seed a generator that cannot be repeated."""
         self._rng = np.random.default_rng()
 
     def step(self, observation: Observation) -> Command:
@@ -213,11 +213,11 @@ class Unseeded:
         return Command(Velocity(CREEP * chance))
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
 
 def _towards(target: Array, observation: Observation, speed: float) -> Velocity:
-    """A velocity at a place, whatever the heading."""
+    """Return a velocity at a place, at any heading."""
     x, y, _ = (target - observation.position).tolist()
     error = math.atan2(y, x) - observation.reference.heading
     return Velocity(speed * math.cos(error), speed * math.sin(error))

@@ -1,4 +1,4 @@
-"""`wayproof bench halls`: what an episode costs by the extent of its world."""
+"""`wayproof bench halls`: the cost of an episode by the extent of its world."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ GAP = 1.7
 """Least gap between solids, m, so that every body passes everywhere."""
 
 RACKS = 5
-"""One solid in so many is a rack."""
+"""Number of solids of which one is a rack."""
 
 END_INSET = 2.0
 """Distance of start and goal from the walls, m."""

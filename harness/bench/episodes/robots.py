@@ -146,14 +146,14 @@ def run_cases(
 
 
 def run_once(seed: int, number: int, run: int) -> Run:
-    """One run of a case; the same wherever and in whichever order it is done."""
+    """Run a case once; the result does not depend on the process or the order."""
     case = CASES[number]
     own = zlib.crc32(f"{case.robot}, {case.name}".encode())
     return case.run(np.random.default_rng([seed, own, run]))
 
 
 def summarise(case: Case, runs: list[Run]) -> RobotRow:
-    """Return a row of all runs of one case; errors are of those that stayed up."""
+    """Return a row of all runs of one case; errors are means of the runs that stayed up."""
     up = [run for run in runs if not run.fallen]
     errors = [run.errors for run in up if run.errors is not None]
     velocity = np.sqrt(np.mean(np.square(errors), axis=0)).tolist() if errors else [None] * 3

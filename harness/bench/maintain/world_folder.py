@@ -36,7 +36,7 @@ from wayproof.harness.warm_up import warm_up
 from wayproof.models.world_files import FORMATS, ImportOptions, WorldFileError, import_world
 
 WORLD_ENDINGS = (".world", ".sdf", ".xml", ".mjcf", ".yaml", ".bt")
-"""Endings of the files that are tried in a folder; a file that is named is tried whatever it is."""
+"""Endings of the files that are tried in a folder; a named file is tried with any ending."""
 
 SMALLER_WORDS = ("test", "tests", "hostile")
 """Folders that are left out: their worlds are broken on purpose, or of one feature."""
@@ -85,7 +85,7 @@ def try_world(
     path: Path, robot: str, settings: Sequence[str], models: Sequence[Path],
     keep: Path | None = None,
 ) -> Row:  # fmt: skip
-    """Import, run, replay and explain one world; what it writes is kept in a folder if given."""
+    """Import, run, replay and explain one world; its files are kept in a folder if given."""
     row, begin = Row(str(path)), time.monotonic()
     try:
         with tempfile.TemporaryDirectory() as scratch:

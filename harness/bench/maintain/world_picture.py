@@ -14,7 +14,7 @@ from wayproof.harness.scenario.scenario import Scenario
 from wayproof.models.sensors.caster import ROBOT_GROUP
 
 CUT = 1.2
-"""Height above the floor from which beams look down, m: what lies above is not seen."""
+"""Height above the floor from which beams look down, m: higher parts are not seen."""
 
 PIXELS = 240
 """Number of beams along the longer side."""
@@ -55,7 +55,7 @@ def draw_from_above(path: Path, scenario: Scenario, case: Case, title: str) -> N
 def _tops(
     scenario: Scenario, low: NDArray[np.float64], extent: NDArray[np.float64]
 ) -> NDArray[np.float64]:  # (nx, ny)
-    """Return the height of what stands at each place, m; 0 on the floor, NaN where none is."""
+    """Return the height of the top surface at each place, m; 0 on the floor, NaN without one."""
     model, world = scenario.scene.model, scenario.world
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -36,7 +36,7 @@ class Followed:
         self.trajectories: list[tuple[int, Trajectory]] = []
 
     def add(self, decision: pb.Decision) -> None:
-        """Note what a decision committed, unless it was late and discarded."""
+        """Record a decision's committed trajectory, unless it was late and discarded."""
         if not decision.deadline_missed:
             trajectory = self._navigator.trajectory
             self.trajectories.append((arrival_ns(decision, trajectory), trajectory))

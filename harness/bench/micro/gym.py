@@ -95,7 +95,7 @@ def _measure(robot: str, steps: int, seed: int) -> GymRow:
 
 
 def _physics_s(robot: str, steps: int, seed: int) -> float:
-    """Wall time of the physics and control of so many steps of a robot at rest, s."""
+    """Return the wall time of physics and control of some steps of a robot at rest, s."""
     scenario = build(Config(WORLD, robot, seed))
     mission = scenario.mission
     at_rest = hold(np.array(mission.start), 0, mission.start_heading)

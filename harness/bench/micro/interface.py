@@ -1,4 +1,4 @@
-"""`wayproof bench interface`: what a process of its own costs a stack, each step."""
+"""`wayproof bench interface`: the cost per step of a stack in a process of its own."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Stands:
         return Command(Velocity(0.0))
 
     def close(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
 
 IN_PROCESS = f"{Stands.__module__}:{Stands.__name__}"

@@ -1,4 +1,4 @@
-"""The map lab: what a sweep costs, whether that depends on the map's extent, and what is mapped."""
+"""The map bench: cost of a sweep, its dependence on the map's extent, and mapped content."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ MODES = {
 
 @dataclass(frozen=True, kw_only=True)
 class MapRow:
-    """One measurement; what does not apply to its part is None.
+    """One measurement; fields that do not apply to its part are None.
 
     Attributes:
         part: Key of `PARTS`.

@@ -265,7 +265,7 @@ def _row(
 
 
 def clearance_mean(space: FreeSpace, path: Array) -> float:
-    """Return the mean distance to what blocks at points one cell apart along a path, m."""
+    """Return the mean distance to blocked cells at points one cell apart along a path, m."""
     places = np.arange(0.0, float(polyline.path_length(path)), space.resolution)
     points = np.array([point_at(path, s) for s in places])
     cells = np.floor((points - space.origin) / space.resolution).astype(int)

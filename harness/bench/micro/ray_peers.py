@@ -20,7 +20,7 @@ Cast = Callable[[], Hits]
 """Casts the beams that it was made with: distances (n,) in m and geom ids (n,); -1 for a miss."""
 
 FAR = 200.0
-"""Half side of the square that stands for an infinite plane, m."""
+"""Half side of the square in place of an infinite plane, m."""
 
 ROUND = 48
 """Sides of a tessellated circle: off by 0.2 % of its radius."""

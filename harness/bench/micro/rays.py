@@ -152,7 +152,7 @@ def disagreement(got: Hits, expected: Hits) -> tuple[float, int]:
 
 
 def _measure(scene: Scene, sweeps: int, seed: int) -> list[RaysRow]:
-    """Sweep after sweep: all engines in turn on the same poses, so that load meets them alike."""
+    """Cast each sweep with all engines in turn, so that load of the machine meets them alike."""
     rng = np.random.default_rng(seed)
     posed = _Posed(scene, seed)
     engines = posed.engines()
@@ -185,7 +185,7 @@ def _measure(scene: Scene, sweeps: int, seed: int) -> list[RaysRow]:
 
 @dataclass
 class _Engine:
-    """One way to cast, and what is known of it so far."""
+    """Engine that casts, with its measurements so far."""
 
     name: str
     threads: int
@@ -203,7 +203,7 @@ class _Engine:
         self.hits = within(hits, range)
 
     def compare(self, got: Hits, expected: Hits) -> None:
-        """Note how far the hits are from what another engine says."""
+        """Record the differences of the hits from another engine's."""
         error, mismatches = disagreement(got, expected)
         self.max_error = max(self.max_error, error)
         self.id_mismatches += mismatches

@@ -227,7 +227,7 @@ def best_score(world: FileWorld, way: float | None) -> float:
 
 
 def inscribed_radius(spec: RobotSpec) -> float:
-    """Radius about which the stack keeps space free, m: what a way has to be wide enough for.
+    """Return the radius that the stack keeps free, m, for which a way has to be wide enough.
 
     Of a body of discs the least one: where that does not get through, the body does not.
     """

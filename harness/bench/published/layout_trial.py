@@ -44,7 +44,7 @@ FOCAL = 525.0
 """Focal length that TUM gives for its cameras, pixels."""
 
 EVERY = 20
-"""Each so many decisions their maps are compared."""
+"""Number of decisions from one comparison of maps to the next."""
 
 TOP = 0.8
 """Height up to which maps are compared, m; the operating area of a recording ends above it."""
@@ -156,7 +156,7 @@ def episode_of(folder: Path, name: str, sensor: str, seconds: float) -> Path:
 
 
 def _trial(path: Path, options: RecordingOptions, height: float, episode: Path) -> bool:
-    """Step through a recording twice, print what came of it, return whether it is as it must be."""
+    """Step through a recording twice and print the results; return whether they are right."""
     name, folder = path.name, episode.parent
     began = time.process_time()
     log = step_through(path, options, height, folder / f"{name}.log.mcap")

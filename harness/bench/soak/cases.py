@@ -99,7 +99,7 @@ def judged(
 
 
 def judge_case(number: int, kind: str, read: Callable[[], None], report: Report) -> None:
-    """Read what a case broke, within its processor time, and report the verdict."""
+    """Read the failures of a case, within its processor time, and report the verdict."""
     signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST_S)  # its default is to end the process
     try:
         read()

@@ -223,7 +223,7 @@ def _summary(config: Config) -> str:
 
 
 def _replays(path: Path, number: int) -> list[str]:
-    """Return what differs in replays on each number of threads."""
+    """Return the differences of replays on each number of threads."""
     failures = []
     for threads in THREADS:
         if number % COMMAND_EVERY == 0 or _fresh is None:

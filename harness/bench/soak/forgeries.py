@@ -77,7 +77,7 @@ class Forgery:
         return [one for one in self.messages if isinstance(one, kind)]
 
     def middle(self, kind: type[Kind]) -> Kind:
-        """Return the one in the middle of its kind."""
+        """Return the message in the middle of its kind."""
         found = self.each(kind)
         return found[len(found) // 2]
 
@@ -113,7 +113,7 @@ class Forgery:
         self.result.update({name: str(value) for name, value in figures.items()})
 
     def write(self, target: Path) -> Path:
-        """Write the log, with what was made anew of its hashes and digests; returns its path."""
+        """Write the log, with the hashes and digests that were made anew; return its path."""
         if self.sealed:
             self.result["chain"] = self._seal()
         for name, data in self._attachments.items():

@@ -38,7 +38,7 @@ class FreshReplays:
         other.close()
 
     def replay(self, log: Path, threads: int) -> str:
-        """Replay a log; return what differs, empty if nothing does."""
+        """Replay a log; return the differences, empty without any."""
         self._pipe.send((str(log), threads))
         verdict: str = self._pipe.recv()
         return verdict
@@ -74,7 +74,7 @@ def _replay(log: Path, threads: int, report: Callable[[str], None]) -> None:
 
 
 def replay_by_command(log: Path, threads: int) -> str:
-    """Replay a log by the command line; return what differs, empty if nothing does."""
+    """Replay a log by the command line; return the differences, empty without any."""
     command = [sys.executable, "-m", "wayproof", "replay", "--json", "--threads", str(threads)]
     done = subprocess.run([*command, str(log)], capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1) or done.stderr:

@@ -115,7 +115,7 @@ KINDS: dict[str, Draw] = {
     "classes": _classes,
     "random": _random,
 }
-"""Name of what varies in turn -> function that draws such an episode; the rest is random.
+"""Name of the part that varies in turn -> function that draws an episode; the rest is random.
 
 `bending` has fast movers, which a robot evades while it stops; `curve` plans headings, with every
 OMPL planner.

@@ -211,7 +211,7 @@ def _words(kind: str, seed: int, log: Path) -> list[str]:
 
 
 def in_process_of_its_own(words: list[str], mark: str, folder: Path) -> tuple[int, str]:
-    """Fork, run a command there, and return its exit code and what it printed.
+    """Fork, run a command there, and return its exit code and output.
 
     Args:
         words: Words of the command, without `wayproof`.

@@ -176,7 +176,7 @@ def _run(path: Path, seed: int, wait: Callable[[], None], report: Report) -> Non
 
 
 def _wrong(ended: list[Ended]) -> list[str]:
-    """Return what is wrong: one run must be refused in a line, the other must end in silence."""
+    """Return the faults: one run must be refused in a line, the other must end in silence."""
     wrong = []
     codes = sorted(one.code for one in ended)
     if codes[1] != 2 or codes[0] not in (0, 1):

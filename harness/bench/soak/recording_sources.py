@@ -45,7 +45,7 @@ def carmen(folder: Path) -> Path:
 
 
 def packed_carmen(folder: Path) -> Path:
-    """Write the same, compressed."""
+    """Write a CARMEN log, compressed."""
     plain = carmen(folder)
     path = folder / "log.clf.bz2"
     path.write_bytes(bz2.compress(plain.read_bytes()))

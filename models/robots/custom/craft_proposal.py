@@ -63,7 +63,7 @@ def find_rotors(source: Source) -> list[RotorPlace]:
 
 
 def _named_rotors(source: Source) -> Iterator[list[RotorPlace]]:
-    """Yield what of the robot stands where rotors may be, alike but for digits in their names."""
+    """Yield groups of sites, bodies or geoms that may be rotors: alike but for digits in names."""
     model, data = source.model, source.data
     robot = model.body_rootid == model.body_rootid[source.base]
     for names, bodies, places in (
@@ -99,7 +99,7 @@ def _in_x(places: list[RotorPlace]) -> list[RotorPlace]:
 def propose_craft(
     source: Source, spec: SpecFile, rotors: list[RotorPlace]
 ) -> tuple[SpecFile, list[str]]:
-    """Return a spec with rotors, space, limits and sensors, and what was assumed.
+    """Return a spec with rotors, space, limits and sensors, and the assumptions made.
 
     Args:
         source: The MJCF.
@@ -138,7 +138,7 @@ def propose_craft(
 
 
 def _rotor(source: Source, rotors: list[RotorPlace]) -> tuple[Rotor, list[str]]:
-    """Return figures of the rotors by their thrusters, and what was assumed."""
+    """Return figures of the rotors by their thrusters, and the assumptions made."""
     model = source.model
     notes = ["lag and drag of the rotors are assumed"]
     actuators = [one.actuator for one in rotors if one.actuator >= 0]

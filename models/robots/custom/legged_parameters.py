@@ -97,7 +97,7 @@ def foot_mass(
 
 
 def scaled(mass: float, length: float, foot: float) -> Parameters:
-    """Gait and gains for a robot of other size, each figure by the one they were tuned at.
+    """Scale gait and gains to a robot of another size, from the one that they were tuned at.
 
     Dynamic similarity (Alexander and Jayes 1983): lengths grow by s, forces by m, times by sqrt(s).
     A foot that is heavier than that is held more stiffly, so that it swings as fast.

@@ -84,10 +84,10 @@ def load_controller(name: str, model: mujoco.MjModel, prefix: str) -> Controller
 
 
 class OwnController:
-    """A controller of the user's own; whatever it raises is a `UserCodeError`."""
+    """A controller of the user's own; any exception of it becomes a `UserCodeError`."""
 
     def __init__(self, who: str, made: Controller) -> None:
-        """Wrap a controller, with what errors call it."""
+        """Wrap a controller, with its name in errors."""
         self._who = who
         self._made = made
 
@@ -124,7 +124,7 @@ class OwnController:
 
 
 def _keep_only(tree: Any, source: Source) -> None:
-    """Leave out what is not the robot: floors, lights, other bodies, keyframes."""
+    """Remove all but the robot: floors, lights, other bodies, keyframes."""
     name = source.model.body(source.base).name
     world = tree.worldbody
     others = [body for body in world.bodies if body.name != name]

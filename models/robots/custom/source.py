@@ -123,6 +123,6 @@ def free(tree: mujoco.MjSpec, base: str) -> mujoco.MjSpec:
 
 
 def find(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int | None:
-    """Id of what has a name, if there is."""
+    """Return the id of a named object of a kind; None if there is none."""
     found = mujoco.mj_name2id(model, kind, name)
     return None if found < 0 else int(found)

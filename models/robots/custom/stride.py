@@ -145,7 +145,7 @@ def walked(mjcf: str, spec: SpecFile) -> Stride:
 
 
 def stride_findings(spec: SpecFile, stride: Stride) -> list[str]:
-    """Return what of a spec does not hold the body as it walks, and what would."""
+    """Return the values of a spec that the walking body exceeds, each with one that would do."""
     wrong = []
     if stride.fell:
         wrong.append("limits: the robot falls as it walks with these")

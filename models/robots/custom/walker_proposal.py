@@ -68,7 +68,7 @@ def _hinges(source: Source, body: int) -> list[int]:
 
 
 def propose_walker(source: Source, spec: SpecFile, feet: list[str]) -> tuple[SpecFile, list[str]]:
-    """Return a spec with feet, space, limits and a lidar, and what was assumed or measured.
+    """Return a spec with feet, space, limits and a lidar, and the assumptions and measurements.
 
     Args:
         source: The MJCF.

@@ -24,7 +24,7 @@ SHAPES = {
 """Name and number of lengths of each geom type."""
 
 HULL_DIRECTIONS = 200
-"""Number of directions whose farthest points stand for a mesh's convex hull."""
+"""Number of directions whose farthest points approximate a mesh's convex hull."""
 
 HEAD = f"""<compiler angle="radian" autolimits="true"/>
   <default>
@@ -164,7 +164,7 @@ def check_size(spec: SpecFile, points: Array, flying: bool) -> None:
 
 
 def size_findings(spec: SpecFile, points: Array, flying: bool) -> list[str]:
-    """Return what the body (n, 3) exceeds: radius, height, or both; z up from the ground."""
+    """Return the bounds that the body (n, 3) exceeds: radius, height; z up from the ground."""
     reach = float(np.linalg.norm(points[:, : 3 if flying else 2], axis=1).max())
     top = float(np.ptp(points[:, 2]) if flying else points[:, 2].max())
     return [

@@ -17,7 +17,7 @@ from wayproof.models.sensors.devices.ideal_depth_camera import IDEAL_DEPTH_CAMER
 from wayproof.models.sensors.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
 
 FULL = SpeedLimits(speed=4.0, acceleration=4.0, jerk=20.0, yaw_rate=1.0, sideways_speed=4.0)
-"""Well inside what the controller tracks with `FAST`, which leaves navigation a reserve.
+"""Limits well inside the controller's tracking with `FAST`, which leaves navigation a reserve.
 
 Torque about the vertical is scarce: of 24 flights that turned about at 2 rad/s meanwhile, half of
 them in gusts, 4 crashed, at 1.5 rad/s 1, of 40 in gusts at 1.25 and at 1.0 none. So it turns slowly

@@ -14,7 +14,7 @@ from wayproof.models.sensors.devices import Mount
 from wayproof.models.sensors.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
 
 FULL = SpeedLimits(speed=1.5, acceleration=2.0, jerk=15.0, yaw_rate=1.5, sideways_speed=0.35)
-"""Well inside what the controller tracks with `FAST`, which leaves navigation a reserve."""
+"""Limits well inside the controller's tracking with `FAST`, which leaves navigation a reserve."""
 
 CAUTIOUS = SpeedLimits(speed=1.0, acceleration=1.5, jerk=15.0, yaw_rate=1.0)
 """Limits for the controller with its plain parameters."""

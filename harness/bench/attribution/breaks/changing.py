@@ -85,7 +85,7 @@ def _retentive(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _trails(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The map hardly forgets what passed by."""
+    """The map hardly forgets passing movers."""
     return Broken(settings=UNLEARNS_SLOWLY)
 
 
