@@ -89,7 +89,7 @@ def config() -> str:
     lines += ["", *_typed(f"wayproof run empty --robot drone --seed 1 {set_two}")]
     lines += ["", "## The episode", "", *_settings(Config, ""), *_sections(Config)]
     lines += ["", f"## {RECORDING}", "", summary(RecordingConfig), ""]
-    lines += ["Of a recording alone, as `wayproof shadow` takes it.", ""]
+    lines += ["Settings of a recording alone, as `wayproof shadow` takes it.", ""]
     lines += _settings(RecordingConfig, f"{RECORDING}.", apart=SET_BY_RUN)
     lines += [
         "",

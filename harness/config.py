@@ -67,8 +67,8 @@ class EpisodeConfig:
 
     Attributes:
         time_limit: Simulated time after which the outcome is `timeout`, s.
-        goal_tolerance: The base comes to rest within this distance of the goal, m.
-        stuck_after: Without 0.3 m of movement for this long the outcome is `stuck`, s.
+        goal_tolerance: Distance from the goal within which the base has to come to rest, m.
+        stuck_after: Time without 0.3 m of movement after which the outcome is `stuck`, s.
         start_clear_radius: Space about the start that the operator declares free, m beyond the
             body's radius and the localization margin. Sensors look past what stands this near.
     """
@@ -161,17 +161,17 @@ class Config:
         world_parameters: Parameters of the generated worlds; `--set world.NAME.PARAMETER`.
         goal: (x, y) or (x, y, z) in place of the world's own goal, m; or the name of a place, as in
             `models.places.PLACES`.
-        start: Likewise, (x, y) or (x, y, z).
+        start: (x, y) or (x, y, z) in place of the world's own start, m.
         waypoints: Goals before that one, in their order; the robot comes to rest at each.
         threads: Threads that rays, map and costmap share; decisions are the same on any number.
         record: `full` logs all; `decisions` leaves sweeps and states out, which the seed gives
             again; `failures` is full where the episode failed, and decisions where it succeeded.
         keyframe_period: Simulated time between the maps in the log from which a replay can start,
             s; 0 for none.
-        estimate: Where the pose comes from that the stack and the controller get.
+        estimate: Source of the pose that the stack and the controller get.
         pose_model: Errors of the pose by `estimate.kind=model`.
         prior: A prior map, and what it may do.
-        prediction: A predictor of what was not measured, likewise.
+        prediction: A predictor of unmeasured space, and what it may do.
         perturbation: The one assumption that is off, as `{"kind": ..., "severity": ...}`; or none.
         robot_file: Text of the robot's spec file, in a log; set by the run.
         prior_map: Cells of the prior map, in a log; set by the run.

@@ -40,14 +40,16 @@ class EstimateConfig:
         sweep_noise_share: Noise of a sweep's registration, against which the prediction is weighed,
             as if it were by one mean point of it: share of the residuals' standard deviation, which
             is taken from their median. The smaller, the more a sweep counts.
-        map_error_share: The same of the error that a registration leaves in the map and in the
-            stated covariance, which counts anew with each sweep that a part of the map is by.
+        map_error_share: Error that a registration leaves in the map and in the stated covariance,
+            which counts anew with each sweep that a part of the map is by; likewise a share of the
+            residuals' standard deviation.
             Calibrated from logs with truth (docs/estimators.md).
         surface_roughness: Standard deviation of the map's planes from the surfaces in that error,
             m; likewise.
         position_floor: Standard deviation that each registration adds to that of its part of the
             map, m; likewise.
-        heading_floor: The same of the heading, rad; likewise.
+        heading_floor: Standard deviation that each registration adds to that of its heading, rad;
+            likewise.
         motion_share: Standard deviation of the motion by feet or an odometry along directions that
             the scene does not hold, as a share of it. The quadruped's feet roll as it walks, which
             costs 1 to 2.5 % of the way in `tunnel` and `hall`.

@@ -57,7 +57,7 @@ def inputs_from_messages(
         sweeps: Sweeps in the order in which they are integrated.
         written: Sweeps, pose, goal and prediction serialized, if that is done already.
         goal: Goal of this decision; of recordings, and of missions with several goals.
-        prediction: What a predictor from outside said before this decision.
+        prediction: Prediction of a predictor from outside before this decision.
 
     Raises:
         InputError: A sweep's codec is unknown, or its size is wrong.

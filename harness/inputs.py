@@ -240,7 +240,7 @@ class Inputs:
         digest: Hash of the messages that these were read from.
         goal: (3,) m, goal of this decision; None if it is the mission's.
         goals_reached: Number of goals reached before; 0 of a recording.
-        prediction: What a predictor from outside said of the map before; None without one, and
+        prediction: Prediction of the map before by a predictor from outside; None without one, and
             where it has no opinion.
     """
 

@@ -176,7 +176,7 @@ def remove_abandoned(partial: Path, longest_s: float) -> None:
 
     Args:
         partial: The file.
-        longest_s: How long to wait for a writer that is about to end.
+        longest_s: Time to wait for a writer that is about to end, s.
 
     Raises:
         InputError: It is still being written.

@@ -38,9 +38,9 @@ class PriorConfig:
         cost: Cost of space that is free by a prior map or a prediction, and not measured, to a
             global path; at the edge of the inflation it is 1, and `behaviour.unknown_cost` where
             nothing is known.
-        x: Position of the prior map's origin in the world, m.
-        y: Likewise.
-        z: Likewise.
+        x: Position of the prior map's origin in the world along x, m.
+        y: Position of the prior map's origin along y, m.
+        z: Position of the prior map's origin along z, m.
         yaw: Turn of the prior map about its origin, rad.
         height: Height of the walls of an occupancy map, which is flat, m.
         scale: Metres in a unit of a splat.

@@ -29,7 +29,7 @@ class Result:
     """An episode's verdict and figures.
 
     Attributes:
-        outcome: How it ended, by the simulator's truth.
+        outcome: Outcome by the simulator's truth.
         reason: Reason in words.
         goal_distance_m: True distance from the goal at the end.
         sim_time_s: Simulated time.

@@ -46,11 +46,11 @@ def run_episode(
     """Run one episode and write its log.
 
     Args:
-        scenario: What to run.
+        scenario: Scenario of the episode.
         log_path: Final name of the log, or a draft that holds it; a log of that name is replaced.
         observe: Called after each decision, for display.
         delays: Delays of each decision, s, to live through those of a log instead of measured ones.
-        record: What to keep in place of the config's `record`.
+        record: Extent of the log in place of the config's `record`.
         stack: Stack in place of the built-in one.
         session: Session in place of the stack that the config names, such as a log's recorded
             answers; without one a stack of the user's own is run.
@@ -73,7 +73,7 @@ class OpenEpisode:
 
     Attributes:
         episode: The episode.
-        scenario: What is run.
+        scenario: Scenario of the episode.
         navigator: The stack under test, or what stands for one on trial.
         log: Partial until the episode has ended.
         draft: The log's name.
@@ -93,7 +93,7 @@ class OpenEpisode:
         """Write the result of the episode, which has ended, and give the log its name.
 
         Args:
-            record: What to keep in place of the config's `record`.
+            record: Extent of the log in place of the config's `record`.
 
         Raises:
             Exception: A fault of Wayproof's own ended the episode; its log is finished as `error`.
@@ -121,12 +121,12 @@ def open_episode(
     """Begin an episode and its log, which stays partial unless the episode is ended.
 
     Args:
-        scenario: What to run.
+        scenario: Scenario of the episode.
         log_path: As of `run_episode`.
-        observe: Likewise.
-        stack: Likewise.
-        session: Likewise.
-        predictions: Likewise.
+        observe: As of `run_episode`.
+        stack: As of `run_episode`.
+        session: As of `run_episode`.
+        predictions: As of `run_episode`.
 
     Raises:
         InputError: No map can be made for the mission, or the log cannot be written.

@@ -42,7 +42,7 @@ class PoseModelConfig:
     Attributes:
         rate: Estimates a second, Hz, met in whole physics steps; in between the error stays.
         scale_sigma: Standard deviation of the scale error of distances, one draw an episode, m/m.
-        yaw_scale_sigma: The same of turns, rad/rad.
+        yaw_scale_sigma: Standard deviation of the scale error of turns, likewise, rad/rad.
         random_walk: Random walk of the position on each axis, m for the root of a metre travelled.
         yaw_random_walk: Random walk of the heading, rad for the root of a metre travelled.
         bias_sigma: Standard deviation of the bounded error on each axis, m. The position rmse of
@@ -55,7 +55,7 @@ class PoseModelConfig:
             Assumed: a milliradian in each joint of legs of 0.4 m, and as much for the feet's give.
         correlation_time: Time constant of the bounded error, s; assumed.
         white_noise: Standard deviation of the white error of each estimate, on each axis, m.
-        yaw_white_noise: The same of the heading, rad.
+        yaw_white_noise: Standard deviation of the white error of each heading, rad.
 
     Raises:
         ValueError: A value is out of its bounds.

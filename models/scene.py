@@ -23,7 +23,7 @@ class Scene:
 
     Attributes:
         model: The compiled model.
-        mjcf: The same, flattened: one file with no reference outside itself.
+        mjcf: The scene in MJCF, flattened: one file with no reference outside itself.
         controller: The robot's controller, bound to the model.
         casters: Casters of the sensors, in the order in which their sweeps are integrated.
         base: Body id of the robot's base.

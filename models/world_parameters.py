@@ -157,8 +157,8 @@ class Forest(Common):
     """Parameters of `forest`.
 
     Attributes:
-        length: Along x, m.
-        width: Along y, m.
+        length: Extent along x, m.
+        width: Extent along y, m.
         trees: Number of trees; by default 12, at difficulty 1 44.
         bushes: Number of bushes; by default 2, at difficulty 1 8.
         branch_share: Share of the up to three branches that a tree has; by default 0.2, at
@@ -177,8 +177,8 @@ class Construction(Common):
     """Parameters of `construction`.
 
     Attributes:
-        length: Along x, m.
-        width: Along y, m.
+        length: Extent along x, m.
+        width: Extent along y, m.
         pieces: Number of scaffolds, trestles, planks, stacks, ramps and stairs; by default 4, at
             difficulty 1 18.
         holes: Number of holes in the floor; by default drawn, 1 to 3.
@@ -217,8 +217,8 @@ class Cylinders(Common):
     """Parameters of `cylinders`.
 
     Attributes:
-        length: Along x, m.
-        width: Along y, m.
+        length: Extent along x, m.
+        width: Extent along y, m.
         filled_share: Share of the cells of 0.4 m that are filled at first; by default 0.10, at
             difficulty 1 0.34.
         pillar_radius: Radius of a pillar, m.
@@ -235,11 +235,11 @@ class Crossing(Common):
     """Parameters of `crossing`.
 
     Attributes:
-        length: Along x, m.
-        width: Along y, m.
+        length: Extent along x, m.
+        width: Extent along y, m.
         movers: Number of people and forklifts; by default 2, at difficulty 1 8.
-        speed: Of all movers, m/s; by default drawn from 0.3 to 0.7 m/s, at difficulty 1 from 0.7 to
-            1.5.
+        speed: Speed of all movers, m/s; by default drawn from 0.3 to 0.7 m/s, at difficulty 1
+            from 0.7 to 1.5.
         forklift_share: Share of forklifts among the movers.
         crates: Number of crates; by default drawn, 0 to 3.
     """
@@ -257,8 +257,8 @@ class Ghosts(Common):
     """Parameters of `ghosts`.
 
     Attributes:
-        length: Along x, m.
-        width: Along y, m.
+        length: Extent along x, m.
+        width: Extent along y, m.
         panels: Number of panels; by default 2, at difficulty 1 12.
         shortest_stay: Shortest time that a panel exists, s.
         longest_stay: Longest time that a panel exists, s.
@@ -289,8 +289,8 @@ class Hall(Common):
     """Parameters of `hall`.
 
     Attributes:
-        length: Along x, m.
-        width: Along y, m.
+        length: Extent along x, m.
+        width: Extent along y, m.
         wall_distance: Least distance of start and goal from the walls, m.
     """
 

@@ -223,7 +223,7 @@ def read_case(log: Log) -> Case:
     """
     log.check_sweeps()
     keyframes: list[pb.Keyframe] = []
-    moments = tuple(moments_of(_without(keyframes, read_messages(log.path))))
+    moments = tuple(moments_of(_without_keyframes(keyframes, read_messages(log.path))))
     if not moments:
         raise InputError(f"log '{log.path}': no decisions in it")
     try:
@@ -246,7 +246,9 @@ def read_case(log: Log) -> Case:
     )
 
 
-def _without(keyframes: list[pb.Keyframe], messages: Iterable[Message]) -> Iterator[Message]:
+def _without_keyframes(
+    keyframes: list[pb.Keyframe], messages: Iterable[Message]
+) -> Iterator[Message]:
     """Yield the other messages, and collect the keyframes."""
     for message in messages:
         if isinstance(message, pb.Keyframe):
@@ -286,7 +288,7 @@ def _truth_of(message: Message, given: DecisionMessages) -> pb.Truth | None:
 
     Args:
         message: Message that follows what precedes a decision.
-        given: What preceded the decision.
+        given: Messages that preceded the decision.
     """
     if isinstance(message, pb.Truth):
         return message

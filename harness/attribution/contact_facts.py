@@ -67,7 +67,7 @@ class ContactFacts:
         usual: A usual localization margin, m, see `usual_margin`.
         pose: Error of the pose, from one second before that decision on.
         ranges: Reported ranges against the true ones.
-        disregarded: By how much a trajectory chosen at that decision or later comes nearer to
+        disregarded: How much a trajectory chosen at that decision or later comes nearer to
             mapped obstacles than body and margin allow, m.
         late: Earliest decision that avoids the place and would have been in time with the expected
             delay, but was not: its number, its delay and the expected one.
@@ -120,7 +120,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
     believed = place + moment.error
     observed_s = float(navigator.map.observed_ns_at(believed[None])[0]) * 1e-9
     since = case.moments[max(number - 1, 0) : number + 1]  # a sweep takes that long
-    free, unknown, hidden, admitted, own = _mapped(case, navigator, contact, moment)
+    free, unknown, hidden, admitted, own = _mapped_state(case, navigator, contact, moment)
     off, planned = _planned(case, contact, last, time_s)
     expected, late = case.config.latency.expected, _late(case, contact, number)
     return ContactFacts(
@@ -128,8 +128,8 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         time_s=time_s,
         decision=number,
         decision_s=moment.time_ns * 1e-9,
-        there_when_decided=all(_stood(case, contact, one, 1.5 * size) for one in since),
-        there_when_observed=_stood(case, contact, _nearest(case, observed_s), 1.5 * size),
+        there_when_decided=all(_was_in_place(case, contact, one, 1.5 * size) for one in since),
+        there_when_observed=_was_in_place(case, contact, _nearest(case, observed_s), 1.5 * size),
         observed_s=observed_s,
         away=_room(case, moment, place),
         free=free,
@@ -140,7 +140,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         planned_clearance=planned,
         pose_error=error_of(case, last),
         pose=pose_facts(case, _stretch(case, number, time_s), place),
-        ranges=range_facts(case, _before(case, time_s)),
+        ranges=range_facts(case, _decision_before(case, time_s)),
         disregarded=0.0 if on_trial(case) else _disregarded(case, navigator, moment),
         margin=last.decision.localization_margin_m,
         usual=usual_margin(case, last),
@@ -155,8 +155,8 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
 def _stretch(case: Case, number: int, time_s: float) -> range:
     """Return the decisions from one second before a decision up to a time."""
     begin_s = case.moments[number].time_ns * 1e-9 - 1.0
-    end = _before(case, time_s)
-    return range(min(_before(case, begin_s), end), end + 1)
+    end = _decision_before(case, time_s)
+    return range(min(_decision_before(case, begin_s), end), end + 1)
 
 
 def _disregarded(case: Case, navigator: Navigator, moment: Moment) -> float:
@@ -198,7 +198,7 @@ def _room(case: Case, moment: Moment, place: Array) -> float:
 def _last_chance(case: Case, place: Array, time_s: float) -> int:
     """Return the number of the last decision after which the body could stop before a place."""
     expected = case.config.latency.expected
-    latest = _before(case, time_s - expected - LEAST_NOTICE)
+    latest = _decision_before(case, time_s - expected - LEAST_NOTICE)
     for number in range(latest, -1, -1):
         moment = case.moments[number]
         if _room(case, moment, place) >= stopping_room(case, moment, expected):
@@ -207,10 +207,10 @@ def _last_chance(case: Case, place: Array, time_s: float) -> int:
 
 
 def _last_before(case: Case, time_s: float) -> Moment:
-    return case.moments[_before(case, time_s)]
+    return case.moments[_decision_before(case, time_s)]
 
 
-def _before(case: Case, time_s: float) -> int:
+def _decision_before(case: Case, time_s: float) -> int:
     """Return the number of the last decision at or before a time; 0 if there is none."""
     return max((k for k, one in enumerate(case.moments) if one.time_ns * 1e-9 <= time_s), default=0)
 
@@ -219,13 +219,13 @@ def _nearest(case: Case, time_s: float) -> Moment:
     return min(case.moments, key=lambda one: abs(one.time_ns * 1e-9 - time_s))
 
 
-def _stood(case: Case, contact: Contact, moment: Moment, within: float) -> bool:
+def _was_in_place(case: Case, contact: Contact, moment: Moment, within: float) -> bool:
     """Return whether the touched obstacle was at the place of contact at a moment."""
     case.space.place_movers(moment.truth)
     return case.space.distance_to(np.array(contact.position), contact.name) <= within
 
 
-def _mapped(
+def _mapped_state(
     case: Case, navigator: Navigator, contact: Contact, moment: Moment
 ) -> tuple[int, int, int, int, Array]:
     """Return the state of the map at a contact.

@@ -42,8 +42,8 @@ def ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:
         "ghosts": int(cells.sum()),
         "holes": int((cells & holes_in_floor(case, navigator)).sum()),
         "ghost": _nearest_cell(navigator, cells, believed),
-        "without_ghosts": _opens(case, navigator, gaps, last),
-        "roomy_without_ghosts": _opens(case, navigator, gaps, last, turning=True),
+        "without_ghosts": _leaves_path(case, navigator, gaps, last),
+        "roomy_without_ghosts": _leaves_path(case, navigator, gaps, last, turning=True),
         "without_movers": without_movers(case, navigator, number),
     }
 
@@ -57,7 +57,7 @@ def without_movers(case: Case, navigator: Navigator, number: int) -> bool:
     case.space.place_movers(moment.truth, present=False)
     moving &= _to_nearest(true_occupancy(case, navigator), size) > size
     still = (navigator.costmap.state == OCCUPIED) & ~moving
-    return _opens(case, navigator, clearances(still, size), moment)
+    return _leaves_path(case, navigator, clearances(still, size), moment)
 
 
 def _near(case: Case, navigator: Navigator, cells: Cells, moment: Moment) -> Cells:
@@ -67,7 +67,7 @@ def _near(case: Case, navigator: Navigator, cells: Cells, moment: Moment) -> Cel
     return near
 
 
-def _opens(
+def _leaves_path(
     case: Case, navigator: Navigator, gaps: Array, moment: Moment, turning: bool = False
 ) -> bool:
     """Return whether obstacles leave a path from the estimated position to the goal.

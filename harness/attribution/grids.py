@@ -82,7 +82,7 @@ def joined(
     from scipy import ndimage
 
     labels, _ = ndimage.label(free, np.ones((3,) * free.ndim) if corners else None)
-    near = [set(np.unique(labels[_about(cell, reach)])) - {0} for cell in (start, goal)]
+    near = [set(np.unique(labels[_neighbourhood(cell, reach)])) - {0} for cell in (start, goal)]
     return bool(near[0] & near[1])
 
 
@@ -106,7 +106,7 @@ def joined_for(
         size: Side of a cell, m.
         free: (nx, ny, 1) cells that may hold the centre of a disc.
         start: Cell of the body's origin.
-        goal: Likewise.
+        goal: Cell of the goal.
         reach: As of `joined`; any heading will do.
         corners: As of `joined`.
     """
@@ -126,7 +126,10 @@ def joined_for(
         layers.append(poses)
     labels, count = ndimage.label(np.stack([*layers, layers[0]]), np.ones((3, 3, 3)))
     same = _merged(count, labels[0][layers[0]], labels[-1][layers[0]])  # the first heading again
-    around = (slice(None), *_about(start, reach)[:2]), (slice(None), *_about(goal, reach)[:2])
+    around = (
+        (slice(None), *_neighbourhood(start, reach)[:2]),
+        (slice(None), *_neighbourhood(goal, reach)[:2]),
+    )
     near = [set(np.unique(same[labels[where]])) - {0} for where in around]
     return bool(near[0] & near[1])
 
@@ -185,7 +188,7 @@ def _distances_from(
     free = unpacked(bits, shape)
     nodes = np.full(free.shape, -1, np.int32)
     nodes[free] = np.arange(int(free.sum()), dtype=np.int32)
-    ends = nodes[_about(goal, reach)]
+    ends = nodes[_neighbourhood(goal, reach)]
     ends = ends[ends >= 0]
     lengths = np.full(free.shape, np.inf)
     if len(ends):
@@ -306,5 +309,5 @@ def _outside_altitudes(
     return np.broadcast_to(outside, shape)
 
 
-def _about(cell: tuple[int, ...], reach: int) -> tuple[slice, ...]:
+def _neighbourhood(cell: tuple[int, ...], reach: int) -> tuple[slice, ...]:
     return tuple(slice(max(c - reach, 0), c + reach + 1) for c in cell)

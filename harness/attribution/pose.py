@@ -48,9 +48,11 @@ class PoseFacts:
 
 def pose_facts(case: Case, numbers: Sequence[int], place: np.ndarray | None = None) -> PoseFacts:
     """Measure the error over some decisions, at a place (3,) if there is one."""
-    beyond = [_beyond(case, case.moments[k], place) for k in numbers]
+    beyond = [_excess_error(case, case.moments[k], place) for k in numbers]
     worst = case.moments[numbers[int(np.argmax(beyond))]]
-    first = next((k for k, one in enumerate(case.moments) if _beyond(case, one, None) > 0.0), -1)
+    first = next(
+        (k for k, one in enumerate(case.moments) if _excess_error(case, one, None) > 0.0), -1
+    )
     return PoseFacts(
         error=error_of(case, worst),
         turn=worst.turn,
@@ -76,7 +78,7 @@ def error_of(case: Case, moment: Moment) -> float:
     return float(np.linalg.norm(moment.error[: case.axes]))
 
 
-def _beyond(case: Case, moment: Moment, place: np.ndarray | None) -> float:
+def _excess_error(case: Case, moment: Moment, place: np.ndarray | None) -> float:
     reach = _reach(case, moment, place)
     doubt = max(abs(moment.turn) - MARGIN_SIGMAS * moment.pose.heading_sigma, 0.0)
     return _within_margin(case, moment) + doubt * reach - usual_margin(case, moment)

@@ -87,7 +87,7 @@ class RangeFacts:
 
 def range_facts(case: Case, until: int) -> RangeFacts:
     """Compare sweeps up to a decision."""
-    numbers = _chosen(case, until)
+    numbers = _sampled_moments(case, until)
     lost = expected = 0
     dropouts: list[float] = []
     errors: list[Array] = []
@@ -137,7 +137,7 @@ def device_of(case: Case, sensor: str) -> Device | None:
     return None
 
 
-def _chosen(case: Case, until: int) -> list[int]:
+def _sampled_moments(case: Case, until: int) -> list[int]:
     """Return moments with sweeps, of the whole episode and of its end."""
     swept = [k for k in range(until + 1) if case.moments[k].sweeps]
     end_ns = case.moments[until].time_ns - round(END_S * 1e9)

@@ -113,7 +113,7 @@ def standstill_facts(case: Case) -> StandstillFacts:
     window = _window(case)
     numbers = range(len(case.moments) - window, len(case.moments))
     recent = case.moments[-window:]
-    offs = [_off(case, number) for number in numbers]
+    offs = [_distance_off_path(case, number) for number in numbers]
     tolerance = case.config.behaviour.tracking_tolerance
     navigator = case.empty_navigator_at(numbers[-1])
     left = [
@@ -182,7 +182,7 @@ def standing_since(case: Case) -> int:
     return int(away[-1]) + 1 if len(away) else 0
 
 
-def _off(case: Case, number: int) -> float:
+def _distance_off_path(case: Case, number: int) -> float:
     moment = case.moments[number]
     trajectory = case.followed(moment.time_ns)
     if trajectory is None:

@@ -190,7 +190,7 @@ def map_ways(case: Case, since: int) -> MapWays:
     held_up: list[bool] = []
     navigator = None
     for number, navigator in _maps(case, {*some, *some_in_vain, *some_ever, numbers[-1]}):
-        looks[number] = _look(case, navigator, case.moments[number])
+        looks[number] = _search_for_paths(case, navigator, case.moments[number])
         if number in some_ever:
             held_up.append(not looks[number].passable and without_movers(case, navigator, number))
     assert navigator is not None
@@ -207,20 +207,20 @@ def map_ways(case: Case, since: int) -> MapWays:
     )
 
 
-def _look(case: Case, navigator: Navigator, moment: Moment) -> _Look:
+def _search_for_paths(case: Case, navigator: Navigator, moment: Moment) -> _Look:
     costmap = navigator.costmap
     goal, reach = goal_of(case, navigator)
     believed = cell_of(navigator, moment.true_position + moment.error)
     occupied, unknown = costmap.state == OCCUPIED, costmap.state == UNKNOWN
     radii = costmap.inflation_radius, turning_radius(case, navigator)
-    return _look_at(
+    return _search_map(
         *packed(occupied), packed(occupied | unknown)[0], costmap.resolution, offsets_of(case),
         believed, goal, reach, (*radii, certain_radius(case, navigator)),
     )  # fmt: skip
 
 
 @lru_cache(maxsize=2 * LOOKS)
-def _look_at(
+def _search_map(
     occupied: bytes, shape: tuple[int, ...], closed: bytes, size: float,
     offsets: tuple[float, ...], believed: tuple[int, ...], goal: tuple[int, ...], reach: int,
     radii: tuple[float, float, float],
@@ -229,7 +229,7 @@ def _look_at(
 
     Args:
         occupied: Occupied cells, `packed`.
-        shape: Of the map.
+        shape: Shape of the map.
         closed: Occupied and unknown cells, likewise.
         size: Side of a cell, m.
         offsets: As of `joined_for`.

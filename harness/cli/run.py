@@ -157,7 +157,7 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
     """Build the scenario, compile the kernels, and run the episode with a live line.
 
     Args:
-        config: What to run.
+        config: Config of the episode.
         path: Name of the log.
         console: Console for the line.
         view: Value of `--view`; None for no view.

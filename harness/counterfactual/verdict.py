@@ -47,7 +47,7 @@ class Verdict:
         answer: `confirmed`, `changed` or `inconclusive`.
         checks: All remedies that were tried.
         simulated_s: Simulated time of the check, s.
-        note: What else there is to say of it, in words; may be empty.
+        note: Further remarks, in words; may be empty.
     """
 
     finding: Finding

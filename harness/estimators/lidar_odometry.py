@@ -47,7 +47,7 @@ class LidarOdometry:
 
     Attributes:
         travelled: Way of the estimate, m.
-        covariance: What it states of its error.
+        covariance: Stated covariance of its error.
         name: Name and version of the estimator.
     """
 
@@ -64,8 +64,8 @@ class LidarOdometry:
         Args:
             config: Settings.
             position: (3,) world, m.
-            heading: rad.
-            sensors: Of motion, read at each estimate.
+            heading: Heading, rad.
+            sensors: Sensors of motion, read at each estimate.
             planar: Whether the sweeps are of planar lasers, whose points stand for upright walls.
         """
         self._config, self._sensors = config, sensors

@@ -181,8 +181,8 @@ class LineMap(SurfaceMap):
             offsets: As of `align`.
             predicted: As of `align`.
             prior: As of `align`.
-            share: Of the points in voxels with a line that has to agree with it.
-            deviations: Of a binomial count that have to be on top.
+            share: Share of the points in voxels with a line that has to agree with it.
+            deviations: Standard deviations of a binomial count that have to be on top.
         """
         correction, information, axes = np.empty(4), np.empty(3), np.empty((3, 3))
         inliers, _, _ = align(

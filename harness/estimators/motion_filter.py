@@ -71,7 +71,7 @@ class MotionFilter:
             axes: (3, 3) rotation T_world_base of the accelerometer that predicted it; none if
                 feet or an odometry did.
             turn_variance: Variance of the heading that the odometry's step adds, rad^2.
-            astray: By how much more its error grows, as of `Slip.predict`.
+            astray: Further growth of its error, as of `Slip.predict`.
         """
         before = self._covariance[POSITION, POSITION]
         if axes is None:

@@ -33,13 +33,14 @@ class Motion(NamedTuple):
     """Motion between two measurements.
 
     Attributes:
-        velocity_change: (3,) by the accelerometer without gravity, in true world axes, m/s.
-        turn: By the gyroscope, about the vertical, rad.
-        foot_velocity: (3,) of the base by the feet that stand, in true world axes, m/s; none if no
-            foot does.
+        velocity_change: (3,) change of velocity by the accelerometer, without gravity, in true
+            world axes, m/s.
+        turn: Turn about the vertical by the gyroscope, rad.
+        foot_velocity: (3,) velocity of the base by the feet that stand, in true world axes, m/s;
+            None if no foot does.
         axes: (3, 3) rotation of the base in true world axes, in which the accelerometer's bias
             stays; none without an accelerometer.
-        step: (3,) of the base by an odometry of its own, in true world axes, m; none without one.
+        step: (3,) step of the base by an odometry, in true world axes, m; None without one.
     """
 
     velocity_change: Array

@@ -84,8 +84,8 @@ class Slip:
         """Learn from a registered scan's correction (4,), m and rad, and begin anew after it.
 
         Args:
-            correction: World axes.
-            heading: Of the body, rad.
+            correction: Correction by the scan, in world axes.
+            heading: Heading of the body, rad.
         """
         x, y, _, turn = correction.tolist()
         c, s = math.cos(heading), math.sin(heading)

@@ -86,7 +86,7 @@ class StatedCovariance:
                 motion if the accelerometer predicted the step, m^2; none if feet or an odometry
                 did.
             turn_variance: Variance of the heading that the odometry's step adds, rad^2.
-            astray: By how much more its error grows, as of `Slip.predict`; none but for wheels,
+            astray: Further growth of its error, as of `Slip.predict`; None but for wheels,
                 which do not leave the ground: their height is that of the recording.
         """
         config = self._config
@@ -111,7 +111,7 @@ class StatedCovariance:
         """Take over the map's covariance along held directions, where the unheld motion has ended.
 
         Args:
-            registration: Of a sweep.
+            registration: Registration of a sweep.
             position: (3,) estimated by it, m.
         """
         self.axes, self.information = registration.unheld, registration.information
@@ -239,7 +239,7 @@ def spread_of(registration: Registration, roughness: float) -> Array:
     held.
 
     Args:
-        registration: Of a sweep.
+        registration: Registration of a sweep.
         roughness: Standard deviation of the planes from the surfaces, m.
     """
     moment = registration.moment

@@ -49,7 +49,7 @@ class Card:
         unknown_policy: Treatment of unknown space by the planner.
         inflation_radius_m: Body, margin and half the diagonal of a cell, m.
         margin_m: Localization margin, m.
-        widened: What it is more along x and y, in words after a comma; empty if it is not.
+        widened: Its excess along x and y, in words after a comma; empty without one.
         position: Estimated position, m.
         position_sigma_m: Its standard deviation, as the estimator states it, m.
         pose_error_m: Distance between estimated and true position, m.
@@ -79,14 +79,14 @@ class Card:
         perturbation: Kind and amount of the perturbation; empty without one.
         stack: Name of the stack on trial; empty of the built-in one.
         verdict: Verdict of the referee on its command; empty of the built-in stack.
-        answer: What the stack says of its command: motion, reason and scalars, in one line.
+        answer: The stack's description of its command: motion, reason and scalars, in one line.
         planned_m: Length of the stack's own planned path, m; 0 without one.
         planned_admitted_m: Length of it up to the first cell that the policy does not let the body
             enter in the referee's map, m.
         unmeasured: Sources of a prior map and of predictions with their policies; empty without.
         committed_evidence: Lengths of the committed path by what they rest on, m; empty without
             such.
-        global_evidence: The same of the global path.
+        global_evidence: Lengths of the global path by what they rest on, m.
         keyframe: Number of the decision after whose map in the log this map was made again; None
             from the start.
     """

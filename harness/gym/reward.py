@@ -37,7 +37,7 @@ class Reward:
         """Return the reward of one step.
 
         Args:
-            progress_m: How much shorter the distance from the goal became, m.
+            progress_m: Decrease of the distance from the goal, m.
             elapsed_s: Simulated time of the step, s.
             admitted: Whether the referee admitted the command.
             outcome: Outcome of the episode, if the step ended it.

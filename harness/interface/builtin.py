@@ -29,7 +29,7 @@ class BuiltinStack:
         """Return the decision of the navigator as a command."""
         navigator = self._navigator
         if observation.last is not None:
-            self._settle(observation)
+            self._commit_last(observation)
         self._decision = navigator.step(_inputs(observation))
         trajectory = navigator.draft.trajectory
         path = navigator.draft.global_path
@@ -45,7 +45,7 @@ class BuiltinStack:
     def close(self) -> None:
         """Do nothing: there is nothing to end."""
 
-    def _settle(self, observation: Observation) -> None:
+    def _commit_last(self, observation: Observation) -> None:
         """Commit the decision before, or take over the fate of its command."""
         navigator, last = self._navigator, observation.last
         assert last is not None

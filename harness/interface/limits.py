@@ -104,7 +104,7 @@ def follow_within(
     while len(positions) <= steps or norm(velocity) > 0.0 or rate != 0.0:
         target, target_rate = np.zeros(3), 0.0
         if len(positions) <= steps:
-            target, target_rate = _aimed(
+            target, target_rate = _pursuit_velocity(
                 commanded, len(positions), positions[-1], headings[-1], limits, step_s
             )
         before, rate_before = velocity, rate
@@ -116,7 +116,7 @@ def follow_within(
     return Limited(np.array(positions), np.array(headings))
 
 
-def _aimed(
+def _pursuit_velocity(
     commanded: Setpoints,
     index: int,
     position: Array,

@@ -106,7 +106,7 @@ def trajectory_of(
         trajectory = _roll_out(motion, reference, effect_ns, limits, planar)
         return Followed(trajectory, clips(motion, limits, planar=planar))
     if isinstance(motion, Waypoints):
-        trajectory = _through(motion, reference, effect_ns, limits, planar)
+        trajectory = _waypoint_trajectory(motion, reference, effect_ns, limits, planar)
     elif isinstance(motion, Samples):
         trajectory = _sampled(motion, references, effect_ns, planar)
     else:
@@ -175,7 +175,7 @@ def _in_world(vector: Array, heading: float) -> Array:
     return np.array([cosine * x - sine * y, sine * x + cosine * y, z])
 
 
-def _through(
+def _waypoint_trajectory(
     waypoints: Waypoints,
     reference: Reference,
     effect_ns: int,

@@ -36,7 +36,7 @@ def task_of(config: Config, mission: Mission, infos: Mapping[str, pb.SensorInfo]
 
     Args:
         config: Settings of the episode.
-        mission: Of it.
+        mission: Mission of the episode.
         infos: Sensors by name; the first one's rate is that of the observations.
     """
     return Task(
@@ -47,7 +47,7 @@ def task_of(config: Config, mission: Mission, infos: Mapping[str, pb.SensorInfo]
         period_s=1.0 / next(iter(infos.values())).rate_hz,
         delay_s=config.latency.expected,
         deadline_s=config.latency.deadline,
-        sensors={name: Sensor(_copied(info)) for name, info in infos.items()},
+        sensors={name: Sensor(_copy_info(info)) for name, info in infos.items()},
         settings=to_json(config).decode(),
         prior=logged_cells(config) if config.prior.policy != "ignore" else None,
     )
@@ -94,7 +94,7 @@ class ObservationBuilder:
         Args:
             inputs: Sweeps and pose of one instant.
             followed: The trajectory that the robot follows.
-            last: What became of the previous command.
+            last: Fate of the previous command.
         """
         effect_ns = inputs.time_ns + round(self._config.latency.expected * 1e9)
         velocity, yaw_rate = self._twist(inputs)
@@ -141,7 +141,7 @@ def _read_only_trail(trail: Trail | None) -> Trail | None:
     return Trail(read_only(trail.positions), read_only(trail.quaternions), trail.period)
 
 
-def _copied(info: pb.SensorInfo) -> pb.SensorInfo:
+def _copy_info(info: pb.SensorInfo) -> pb.SensorInfo:
     copied = pb.SensorInfo()
     copied.CopyFrom(info)
     return copied

@@ -184,7 +184,7 @@ def _check_nodes(path: Path, inputs: Sequence[Node], outputs: Sequence[Node]) ->
         raise InputError(f"policy '{path}': got outputs {got}; expected one named '{OUTPUT}'")
     spaces = [*(OBSERVATION[node.name] for node in inputs), ACTION]
     for node, space in zip([*inputs, *actions], spaces, strict=True):
-        if node.type != FLOAT or not _fits(node.shape, space):
+        if node.type != FLOAT or not _has_shape(node.shape, space):
             shape = ", ".join(map(str, node.shape))
             expected = ", ".join(map(str, (1, *space.shape)))
             raise InputError(
@@ -193,7 +193,7 @@ def _check_nodes(path: Path, inputs: Sequence[Node], outputs: Sequence[Node]) ->
             )
 
 
-def _fits(shape: Sequence[int | str | None], space: Space) -> bool:
+def _has_shape(shape: Sequence[int | str | None], space: Space) -> bool:
     """Return whether a tensor of the space, in a batch of one, has a shape; names fit any size."""
     sizes = (1, *space.shape)
     return len(shape) == len(sizes) and all(

@@ -39,7 +39,7 @@ def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: Planner
     Args:
         trajectory: Trajectory that it follows from the time of effect to its rest.
         circumscribed: Planner input with the free space of the disc or ball about the body.
-        oriented: The same of the body's discs at their heading; of a round body the same.
+        oriented: Planner input with that of the body's discs at their heading, or of a round body.
     """
     path, poses = _swept(trajectory, oriented)
     swept = poses if oriented.traversable.discs else path  # a round body may turn

@@ -65,7 +65,7 @@ def listen(name: str, address: str, predictor: bool = False) -> None:
 
     Args:
         name: As `--stack` takes it, or as `prediction.source` does.
-        address: Where to listen.
+        address: Address to listen on.
         predictor: Whether it is a predictor.
 
     Raises:
@@ -125,7 +125,7 @@ def answer_all(served: Served, read: RawIOBase, write: IO[bytes]) -> None:
     """Answer the harness until it closes the connection, or the stack or predictor fails.
 
     Args:
-        served: What answers.
+        served: Stack or predictor that answers.
         read: Messages of the harness.
         write: Answers.
     """
@@ -266,17 +266,17 @@ def _placed(sensor: Sensor, sweep: SweepInput, pose: Pose, sequence: int) -> Wor
 
 def _receive(read: RawIOBase, rehearse: Callable[[], None]) -> sb.ToStack | None:
     """Read the next message; None at the end. Rehearse whenever an observation is announced."""
-    while (head := _exactly(read, 4)) is not None:
+    while (head := _read_exactly(read, 4)) is not None:
         (length,) = struct.unpack("<I", head)
         if length:
-            data = _exactly(read, length)
+            data = _read_exactly(read, length)
             return None if data is None else sb.ToStack.FromString(data)
         rehearse()
         _poll(read)
     return None
 
 
-def _exactly(read: RawIOBase, count: int) -> bytes | None:
+def _read_exactly(read: RawIOBase, count: int) -> bytes | None:
     """Read a number of bytes; None if the input ends before."""
     data = bytearray(count)
     left = memoryview(data)

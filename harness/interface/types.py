@@ -300,7 +300,7 @@ class Command:
         action: `follow`, `slow`, `stop_and_wait`, `explore`, `recover`, `goal` or `abort`; empty:
             `follow` if the motion leads anywhere, else `stop_and_wait`. `goal` ends the
             episode once the body rests, `abort` at once.
-        label: What stands in the way, as in the decisions of the log; empty: `none`.
+        label: Failure label, as in the decisions of the log; empty: `none`.
         reason: One line for the log.
         planned_path: (k, 3) the stack's own plan, for the log.
         map_version: Version of the stack's own map, for the log.

@@ -44,7 +44,7 @@ class Trial:
     """One map of the lab.
 
     Attributes:
-        group: What is varied: `resolution`, `clamps`, `decay`, or `peer`.
+        group: Setting that is varied: `resolution`, `clamps`, `decay`, or `peer`.
         setting: The setting, in words.
         kind: Kind of the map.
         ms_p50: Median wall time to integrate a sweep, ms.

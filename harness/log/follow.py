@@ -50,7 +50,7 @@ class Growing:
         """Return a number of bytes, fewer only at the end of a file that is complete."""
         data = b""
         while True:
-            ended = self._stop.is_set() or self._is_left()
+            ended = self._stop.is_set() or self._is_finished()
             data += os.pread(self._descriptor, count - len(data), self._place + len(data))
             if len(data) == count or ended:
                 self._place += len(data)
@@ -66,7 +66,7 @@ class Growing:
         size = os.fstat(self._descriptor).st_size
         return os.pread(self._descriptor, len(mark), max(size - len(mark), 0)) == mark
 
-    def _is_left(self) -> bool:
+    def _is_finished(self) -> bool:
         """Return whether the writer is done: it has renamed the file, or holds no lock on it."""
         try:
             there = self._path.stat()

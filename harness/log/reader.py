@@ -53,7 +53,7 @@ class Record:
         decision: The logged decision.
         state: State of the simulator to resume the episode with this decision, if it was kept.
         answer: Answer of a stack on trial that the decision was made with; None for the built-in.
-        motion: What the robot of a recording did up to this decision; None of an episode.
+        motion: Motion of a recording's robot up to this decision; None of an episode.
     """
 
     inputs: Inputs

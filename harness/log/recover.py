@@ -169,7 +169,7 @@ class _Reading:
     def items(self) -> Iterator[Attachment | Metadata | Packet]:
         """Yield all items up to the damage, and count the decisions."""
         decision, motion = None, None
-        for item in self._sound():
+        for item in self._sound_records():
             if isinstance(item, Packet) and is_ours(item):
                 message = decode(item, self._path)
                 if isinstance(message, pb.RecordedMotion):
@@ -190,14 +190,14 @@ class _Reading:
     def whole_decisions(self) -> Iterator[Message]:
         """Yield the messages up to the last decision and its truth."""
         last = self.decisions[-1].sequence if self.decisions else 0
-        for item in self._sound():
+        for item in self._sound_records():
             if isinstance(item, Packet) and is_ours(item):
                 message = decode(item, self._path)
                 if getattr(message, "sequence", 0) > last:
                     return
                 yield message
 
-    def _sound(self) -> Iterator[Attachment | Metadata | Packet]:
+    def _sound_records(self) -> Iterator[Attachment | Metadata | Packet]:
         try:
             yield from walk(self._path)
         except InputError as error:

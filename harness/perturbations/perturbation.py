@@ -147,7 +147,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
     Attributes:
         severity: Above 0, up to 5; the amount is interpolated between whole severities.
         window: Active from the first of these times until before the second, s; always if none.
-        changes: What it changes.
+        changes: Input that it changes.
         measured_in: Unit of the values.
         values: Amounts at severities 1 to 5, with their sources in docs/perturbations.md.
         nothing: Amount at severity 0, which changes nothing.

@@ -76,7 +76,7 @@ def prediction_message(
     """Encode a prediction for the log: unmeasured cells, and only the part with an opinion.
 
     Args:
-        blank: The same without an opinion.
+        blank: Message of the prediction without an opinion.
         box: Requested box.
         answer: Log-odds in steps of a box within it, or of columns.
         offset: Least cell of the answer in the box.

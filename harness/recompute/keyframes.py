@@ -66,7 +66,7 @@ def stack_at(log: Log, keyframes: Sequence[pb.Keyframe], keyframe: pb.Keyframe) 
 
     Args:
         log: The log.
-        keyframes: Those that a stack can start at.
+        keyframes: Keyframes that a stack can start at.
         keyframe: One of them.
 
     Raises:
@@ -109,7 +109,7 @@ def pieces_of(keyframes: Sequence[pb.Keyframe], decisions: int, most: int) -> li
     """Cut a log into pieces that take about the same time.
 
     Args:
-        keyframes: Those that a stack can start at.
+        keyframes: Keyframes that a stack can start at.
         decisions: About, the number of decisions in the log.
         most: Maximum number of pieces.
     """

@@ -52,7 +52,7 @@ def open_recording(path: Path, *, options: RecordingOptions | None = None) -> Re
 
     Args:
         path: File or folder.
-        options: What to read of it; None reads what there is one choice for.
+        options: Selection of it; None reads what there is one choice for.
 
     Raises:
         InputError: In one line: no such file, no known format, several choices, or damage.

@@ -82,7 +82,7 @@ class Recording:
         read: Reads the sweeps in order of time and counts faults.
         body_height: Height of the body's origin above the floor at the first pose, m; None where
             the recording does not say.
-        options: What it was opened with.
+        options: Options that it was opened with.
         mission: Mission of the episode that was recorded, in its world frame, which is the
             recording's; None where the recording does not say.
     """

@@ -55,7 +55,7 @@ class RecordedSensor:
     Attributes:
         name: Topic, without the slash before it, or message that its sweeps come from.
         frame: Frame of its beams.
-        kind: What it is.
+        kind: Kind of the sensor.
         range_min: Minimum range, m, a float32.
         range_max: Maximum range, m, a float32; inf where the recording does not say.
         missing_returns_known: Whether a range of inf says that the beam was free up to

@@ -98,7 +98,7 @@ class RestartedStack:
         answers: Answers compared.
         differing: Answers that differ.
         first_difference: Number of the first of them; none if all are alike.
-        differences: What differs there, value by value.
+        differences: Differences there, value by value.
     """
 
     log: str

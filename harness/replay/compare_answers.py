@@ -25,7 +25,7 @@ class Comparison:
         answers: Answers compared.
         differing: Answers that differ.
         first_difference: Number of the first of them; none if identical.
-        differences: What differs there, value by value.
+        differences: Differences there, value by value.
         wall_time_s: Time that it took.
     """
 

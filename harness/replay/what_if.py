@@ -118,7 +118,7 @@ class WhatIf:
         actions: Number of those whose action differs.
         first_action: Number of the first of these, if any.
         recorded_verdicts: The referee's verdicts with the recorded settings, on a stack on trial.
-        changed_verdicts: Those with the changed settings.
+        changed_verdicts: The referee's verdicts with the changed settings.
         wall_time_s: Wall time, s.
     """
 
@@ -234,7 +234,7 @@ def compare(old: pb.Decision, new: pb.Decision, flat: bool) -> Change | None:
         flat: Whether the robot walks, so that heights do not count.
     """
     axes = 2 if flat else 3
-    departure = _departure(old.trajectory, new.trajectory, axes)
+    departure = _greatest_distance(old.trajectory, new.trajectory, axes)
     first, second = path_of(old.global_path)[:, :axes], path_of(new.global_path)[:, :axes]
     route = None if min(len(first), len(second)) == 0 else _route_difference(first, second)
     same_route = len(first) == len(second) == 0 or (route is not None and route <= SAME_PLACE)
@@ -264,7 +264,7 @@ def _answer(decision: pb.Decision) -> Answer:
     return Answer(decision.action, decision.label, decision.reason, decision.path_length_m, verdict)
 
 
-def _departure(old: pb.Trajectory, new: pb.Trajectory, axes: int) -> float:
+def _greatest_distance(old: pb.Trajectory, new: pb.Trajectory, axes: int) -> float:
     """Return the greatest distance between two trajectories at equal times, m."""
     begin = min(old.start.ToNanoseconds(), new.start.ToNanoseconds())
     ends = [one.start.ToNanoseconds() + one.duration_s * 1e9 for one in (old, new)]
@@ -279,10 +279,10 @@ def _places(trajectory: pb.Trajectory, times: Array, axes: int) -> Array:
     samples = np.arange(len(trajectory.arc_length)) * trajectory.sample_period_s
     elapsed = (times - trajectory.start.ToNanoseconds()) * 1e-9
     arcs = np.interp(elapsed, samples, np.array(trajectory.arc_length))
-    return _along(path, arcs)
+    return _points_at(path, arcs)
 
 
-def _along(path: Array, arcs: Array) -> Array:
+def _points_at(path: Array, arcs: Array) -> Array:
     lengths = np.concatenate([[0.0], np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum()])
     return np.stack([np.interp(arcs, lengths, path[:, axis]) for axis in range(path.shape[1])], 1)
 
@@ -298,4 +298,4 @@ def _route_difference(old: Array, new: Array) -> float:
 
 def _resampled(route: Array) -> Array:
     total = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
-    return _along(route, np.arange(0.0, total + SPACING, SPACING))
+    return _points_at(route, np.arange(0.0, total + SPACING, SPACING))

@@ -27,7 +27,7 @@ def warn_of_blind_start(
     Args:
         casters: Sensors of the robot.
         spec: The robot; one that flies is never warned of.
-        config: With the resolved start.
+        config: Config with the resolved start.
 
     Returns:
         A warning with the radius that declares it free, or none.
@@ -51,7 +51,7 @@ def nearest_floor(caster: Caster, rest_height: float) -> float:
 
     Args:
         caster: A sensor.
-        rest_height: Of the base above the floor, m.
+        rest_height: Height of the base above the floor, m.
 
     Returns:
         Infinity if no beam meets the floor within the sensor's range.

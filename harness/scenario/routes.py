@@ -43,8 +43,8 @@ def route_between(
         world: Truth.
         radius: Radius of the cylinder, m.
         band: Heights that it takes up, m.
-        begin: Where it begins, m; z is ignored.
-        end: Where it ends, m.
+        begin: Start of the way, m; z is ignored.
+        end: End of the way, m.
     """
     extent = np.subtract(world.high[:2], world.low[:2])
     cells = math.prod(np.rint(extent / RESOLUTION).tolist())

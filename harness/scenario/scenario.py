@@ -107,7 +107,7 @@ def build(config: Config, world: World | None = None) -> Scenario:
     """Generate the world, place start and goal, and compile the scene.
 
     Args:
-        config: What to run.
+        config: Config of the episode.
         world: World in place of the one that the config names.
 
     Raises:

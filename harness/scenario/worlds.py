@@ -57,9 +57,9 @@ def generate(config: Config) -> World:
     make, seed = WORLDS[config.world], config.seed
     parameters = getattr(config.world_parameters, config.world, None)
     if parameters is None:  # a world that has none
-        return _made(make, seed, config.difficulty)
+        return _generate(make, seed, config.difficulty)
     try:
-        world = _made(make, seed, config.difficulty, parameters)
+        world = _generate(make, seed, config.difficulty, parameters)
         if parameters.passers_by:
             speed = parameters.passers_by_speed
             world = with_traffic(world, parameters.passers_by, speed, seed)
@@ -75,14 +75,14 @@ def generate(config: Config) -> World:
 
 
 @lru_cache(maxsize=KEPT)
-def _made(make: Callable[..., World], *arguments: Any) -> World:
+def _generate(make: Callable[..., World], *arguments: Any) -> World:
     """Generate a world, or take the one that was: an episode, its replay and its arms share it."""
     return make(*arguments)
 
 
 def forget_worlds() -> None:
     """Generate each world anew from now on, for a check that its seed still makes it."""
-    _made.cache_clear()
+    _generate.cache_clear()
 
 
 def refuse_other_worlds(world: str, settings: Iterable[str]) -> None:

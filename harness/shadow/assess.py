@@ -61,7 +61,7 @@ class Assessed:
         passed: Its decisions.
         legs: The way really driven, in legs.
         map: The map at the end.
-        memory: The same without decay.
+        memory: The map at the end without decay.
         greatest_bytes: Greatest memory of the map, bytes.
     """
 
@@ -81,7 +81,7 @@ def assess(
     Args:
         path: Path of the log.
         allow_plugins: Whether code that it names may be imported.
-        unknown_policy: In place of the log's own `costmap.unknown_policy`.
+        unknown_policy: Policy in place of the log's own `costmap.unknown_policy`.
 
     Raises:
         InputError: It is no log of a recording, or is damaged.
@@ -152,7 +152,7 @@ class _Judging:
         shift = pose[:3] - self._ways[number][-1, :3]
         near = clearance(self.terms, pose, self.map)
         planned = navigator.planner_inputs(inputs)
-        ahead = self._ahead(navigator, planned, number, shift)
+        ahead = self._next_second_admitted(navigator, planned, number, shift)
         piece = None
         if number + 1 < len(self._ways):
             piece = self._piece(navigator, planned, inputs, number, shift)
@@ -190,7 +190,7 @@ class _Judging:
             cells=() if admitted else found.cells,
         )
 
-    def _ahead(
+    def _next_second_admitted(
         self,
         navigator: Navigator,
         planned: tuple[PlannerInput, PlannerInput],

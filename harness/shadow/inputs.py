@@ -27,8 +27,8 @@ class Given(NamedTuple):
     """Inputs of one decision, and the robot's motion since the one before.
 
     Attributes:
-        sweeps: As the stack gets them.
-        pose: Likewise.
+        sweeps: Sweeps as the stack gets them.
+        pose: Pose as the stack gets it.
         goal: Goal of the decision.
         motion: Recorded.
     """

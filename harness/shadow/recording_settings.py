@@ -103,7 +103,7 @@ def with_stack(config: Config, stack: str | None) -> Config:
     """Return the config with a stack on trial, which gets one goal: the end of the recording.
 
     Args:
-        config: Of a recording.
+        config: Config of a recording.
         stack: Name of the stack; None for the built-in one.
 
     Raises:

@@ -57,7 +57,7 @@ class Stop:
         seconds: Until the first decision to go, s.
         position: Where the stack would have come to rest, m.
         action: Action of the first decision.
-        reason: Likewise.
+        reason: Reason of the first decision.
     """
 
     sequence: int
@@ -86,7 +86,7 @@ class Summary:
         admitted_m: Length of it that was admitted when it was entered, m.
         admitted_share: `admitted_m / driven_m`; None if nothing was driven.
         refused_m: Length that was not admitted by reason, m.
-        places: Where it was not admitted, the longest first.
+        places: Places where it was not admitted, the longest first.
         ahead_share: Share of the decisions whose next second of way was admitted, of those with
             way in it; None if there is none.
         ahead_decisions: Number of these.
@@ -101,7 +101,7 @@ class Summary:
         actions: Decisions by action.
         moving_s: Time in which the robot moved, s.
         stopped_s: Time of it in which the stack would have stood, s.
-        stops: Where and why, the longest first.
+        stops: Places and reasons of these stops, the longest first.
         latency_ms: Wall time of a decision: median, 99th percentile and greatest, ms.
         map_mib: Greatest memory of the map, MiB.
         faults: Faults of the recording, in words.

@@ -77,7 +77,7 @@ class Recorder:
 
         Args:
             inputs: Messages with their bytes: sweeps, pose, latency.
-            decision: What was decided.
+            decision: The decision.
             time_ns: Simulated time of all of them.
 
         Returns:

@@ -64,8 +64,8 @@ def decide(input: PlannerInput, state: PlannerState) -> Decided:
     """Choose the next command; the same input and state always give the same result.
 
     Args:
-        input: What is known at this decision.
-        state: What the last decision left; not written to.
+        input: Planner input of this decision.
+        state: Planner state that the last decision left; not written to.
 
     Returns:
         The command, and the state for the next decision.
@@ -92,7 +92,7 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
     """Take the first manoeuvre that applies.
 
     Args:
-        input: What is known at this decision.
+        input: Planner input of this decision.
         state: Planner state before the decision.
         followed: The trajectory that the robot follows at the time of the sweep.
     """

@@ -38,12 +38,12 @@ def clear_footprint(a_map: Representation, mission: Mission, pose: Pose, time_ns
         y = float(pose.position[1] + offset * sines[0])
         low, high = (x - radius, y - radius), (x + radius, y + radius)
         floor = floor_mask(low, high, size)
-        a_map.mark(_within(floor, x, y, radius, size), OCCUPIED, time_ns)
+        a_map.mark(_cells_within(floor, x, y, radius, size), OCCUPIED, time_ns)
         body = box_mask((*low, 0.25 * size), (*high, mission.height), size)
-        a_map.mark(_within(body, x, y, radius, size), FREE, time_ns)
+        a_map.mark(_cells_within(body, x, y, radius, size), FREE, time_ns)
 
 
-def _within(mask: CellMask, x: float, y: float, radius: float, resolution: float) -> CellMask:
+def _cells_within(mask: CellMask, x: float, y: float, radius: float, resolution: float) -> CellMask:
     """Return the cells of a mask whose centres lie within a radius of a vertical axis."""
     across, along, _ = mask.inside.shape
     cells = np.stack(

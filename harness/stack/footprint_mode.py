@@ -41,7 +41,7 @@ class FootprintDecision(NamedTuple):
     """A decision, and the footprint that it was made for.
 
     Attributes:
-        command: What the robot does.
+        command: Command of the robot.
         state: Planner state for the next decision.
         input: Planner input of the footprint chosen.
     """

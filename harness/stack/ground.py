@@ -20,7 +20,7 @@ def on_level_ground(
         placed: The sweep in the world frame; the floor is expected at z = 0.
         range_m: Range up to which its beams without return clear, m.
         config: Settings.
-        mission: Of a robot that walks or flies; only for the first is anything done.
+        mission: Mission of a robot that walks or flies; only the sweeps of the first are levelled.
     """
     if not _is_fitted(config, mission):
         return placed
@@ -49,7 +49,7 @@ def fitted_ground(placed: WorldSweep, config: Config, mission: Mission) -> Groun
     Args:
         placed: The sweep in the world frame.
         config: Settings.
-        mission: Of a robot that walks or flies.
+        mission: Mission of a robot that walks or flies.
     """
     if not _is_fitted(config, mission):
         return None

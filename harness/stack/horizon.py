@@ -35,12 +35,12 @@ def goal_within(input: PlannerInput, state: PlannerState, start: TrajectorySampl
         start: Start of the new trajectory.
     """
     horizon = input.horizon
-    if horizon is None or _inside(horizon, input.goal):
+    if horizon is None or _in_window(horizon, input.goal):
         return input.goal
     if state.global_path is not None and not state.exploring:
         path = remaining(state.global_path, start.arc_length)
         end: Array = path[-1]
-        far = distance(end, start.position) >= RENEW and _inside(horizon, end)
+        far = distance(end, start.position) >= RENEW and _in_window(horizon, end)
         if far and is_free_along(input.optimistic, path):
             return end
     way = horizon.way(start.position, input.goal)
@@ -78,5 +78,5 @@ def _clipped(point: Array, low: Array, high: Array) -> Array:
     return clipped
 
 
-def _inside(horizon: Horizon, point: Array) -> bool:
+def _in_window(horizon: Horizon, point: Array) -> bool:
     return bool(((point[:2] >= horizon.low) & (point[:2] <= horizon.high)).all())

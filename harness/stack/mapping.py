@@ -43,7 +43,7 @@ class Mapper:
 
     Attributes:
         map: The map of the mission.
-        measured: The same with what its classes keep out of, as the costmap reads it.
+        measured: The map with the margins of its classes, as the costmap reads it.
         window: Part of the operating area that the costmap holds; None if it holds all of it.
         labels: Classes of its cells, if sweeps have classes.
         costmap: Inflated for the mission's body: what the stack may enter.

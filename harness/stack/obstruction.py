@@ -81,7 +81,7 @@ def on_path(input: PlannerInput, path: Array, free_m: float, unknown_blocks: boo
         beyond = begin + JUST_BEYOND * size + np.arange(0.0, length, fineness * STEP * size)
         arcs = np.minimum(beyond, arc_length(path))
         poses = _headed(input, path, arcs, fineness * TURN_STEP)
-        found = _first(input, poses, np.full(len(poses), free_m), unknown_blocks)
+        found = _first_obstruction(input, poses, np.full(len(poses), free_m), unknown_blocks)
         if found.cell is not None:
             break
     return found
@@ -101,7 +101,7 @@ def _pieces(
 
 def on_poses(input: PlannerInput, poses: Array, unknown_blocks: bool) -> Obstruction:
     """Return the first obstruction at poses (n, 4): x, y, z, m, and heading, rad."""
-    return _first(input, poses, arc_lengths(poses[:, :3]), unknown_blocks)
+    return _first_obstruction(input, poses, arc_lengths(poses[:, :3]), unknown_blocks)
 
 
 def on_turn(input: PlannerInput, position: Array, heading: float, target: float) -> Obstruction:
@@ -141,7 +141,9 @@ def _headed(input: PlannerInput, path: Array, arcs: Array, turn_step: float) -> 
     return np.array(poses)
 
 
-def _first(input: PlannerInput, poses: Array, along: Array, unknown_blocks: bool) -> Obstruction:
+def _first_obstruction(
+    input: PlannerInput, poses: Array, along: Array, unknown_blocks: bool
+) -> Obstruction:
     """Return the first pose with a cell within a disc, and the nearest such cell."""
     offsets, thresholds = input.traversable.shape
     size, origin = input.traversable.resolution, input.traversable.origin

@@ -103,7 +103,7 @@ def stages_of(
 
     Args:
         measured: The map.
-        layers: Those that admit first.
+        layers: Layers of the map, those that admit first.
         make: Makes the costmap of a map.
     """
     stages, above = [Stage("measured", make(measured))], measured

@@ -68,11 +68,11 @@ class Reason:
             of its path, and it overlaps `cell` on the next piece.
         path_m: Length of the rest of the path, m.
         short_m: Straight distance from the path's end to the goal, if it ends elsewhere, m.
-        stop_m: What the robot needs to stop, m.
-        full_speed_stop_m: What it would need at full speed, m.
-        distance_m: Of what the kind says, m.
+        stop_m: Distance that the robot needs to stop, m.
+        full_speed_stop_m: Distance that it would need at full speed, m.
+        distance_m: Distance named by the sentence of the kind, m.
         limit_m: Limit that the distance is held against, m.
-        turn_rad: What the body turns by, rad.
+        turn_rad: Angle by which the body turns, rad.
         speed_share: Share of full speed.
         waited_s: Time that it has waited, s.
         delay_s: Delay of the decision, s.

@@ -33,7 +33,7 @@ def record(
     Args:
         inputs: Sweeps and pose that it was made on.
         planner_input: Input of the decision, for the footprint chosen.
-        command: What was decided.
+        command: Command that was decided.
         mapper: Map and costmap that it rests on.
         inflation_radius: Inflation radius of the footprint chosen, m.
         version: Version of the map.

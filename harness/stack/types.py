@@ -109,13 +109,13 @@ class PlannerInput:
         mission_goal: (3,) the mission's goal where `goal` is its projection to free space, or an
             intermediate goal, m.
         plan: Path planner: space, start, goal, settings, seed, heading.
-        localization: How well the pose is known; none if no covariance is stated.
+        localization: Uncertainty of the pose; None if no covariance is stated.
         guided: Makes the optimistic space with what was not measured laid under the map: its
             occupied cells block, and its free ones cost less than unknown ones; none without such
             evidence.
         evidence: Space known to be free by each stage of the evidence, the measured one first;
             empty without any other.
-        horizon: What the spaces hold of a large operating area; none if they hold all of it.
+        horizon: Part of a large operating area that the spaces hold; None if they hold all of it.
     """
 
     time_ns: int
@@ -188,7 +188,7 @@ class PlannerState:
 
     Attributes:
         trajectory: The last one committed; the robot follows it until the next takes effect.
-        earlier: Those committed before it, from the one that the robot follows now.
+        earlier: Trajectories committed before it, from the one that the robot follows now.
         global_path: (n, 3) from the start of `trajectory` to the goal, or to a viewpoint while
             exploring.
         exploration: The detour that the global path belongs to; none if it leads to the goal.

@@ -36,7 +36,7 @@ class Rung:
         margin: The margin, m.
         episodes: Number of episodes.
         collided: Share of episodes with a collision or in error, with its exact interval.
-        monotone: The same share, fitted so that it falls with the margin.
+        monotone: Share of these episodes, fitted so that it falls with the margin.
         success: Share of episodes that reached the goal, with its exact interval.
         time: Restricted mean time to the goal, s.
         success_price: Success rate minus that of the smallest margin, by pairs of one seed.

@@ -47,7 +47,7 @@ class StudyFile(
         seeds: Number of seeds, counted from 0, or the seeds.
         worlds: Names or files of worlds.
         recordings: Files or folders of recordings, in place of worlds.
-        read: What to read of each recording.
+        read: Selection of each recording.
         settings: `section.field` -> value, for every episode; a `perturbation` here acts on the
             unperturbed arms as well.
         randomise: `section.field` -> least and greatest value; each seed has a value of its own,

@@ -34,7 +34,7 @@ class Pass:
         actions: That action of the reference, and of this pass; None without one.
         share_differing: Share of the decisions with another action; None without a reference.
         changed: Input streams that differ up to then.
-        undeclared: Those of them that no perturbation declares.
+        undeclared: Streams among them that no perturbation declares.
         key: Key of its log.
     """
 
@@ -144,13 +144,13 @@ def cells(one: Pass) -> tuple[str, ...]:
         one.verdict if one.admitted_share is None else f"{one.admitted_share:.1%}",
         "" if one.change is None else f"{100.0 * one.change:+.1f}",
         refused,
-        _first(one),
+        _first_difference(one),
         "" if one.share_differing is None else f"{one.share_differing:.1%}",
         _inputs(one),
     )
 
 
-def _first(one: Pass) -> str:
+def _first_difference(one: Pass) -> str:
     if one.first is not None and one.actions is not None:
         return f"{one.first}: {one.actions[0]} -> {one.actions[1]}"
     return "" if one.share_differing is None else "none"

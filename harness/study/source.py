@@ -74,7 +74,7 @@ class Source:
         robot: Body: a spec file, or a robot's name.
         settings: `section.field=value` of the episode.
         stack: Stack in place of the built-in one; empty for that.
-        read: What to read of the recording.
+        read: Selection of the recording.
     """
 
     recording: str

@@ -40,8 +40,8 @@ class Paired:
 
     Attributes:
         count: Number of pairs.
-        reached: How many of the second study's reached the goal.
-        reached_before: How many of the first study's did.
+        reached: Number of the second study's that reached the goal.
+        reached_before: Number of the first study's that did.
     """
 
     count: int
@@ -64,7 +64,7 @@ class StudyResult:
         foreign: Lines about logs of other episodes, which count as missing.
         of_recordings: Whether it is a study over recordings.
         gates_set: Number of gates that the study sets, each for one arm or more.
-        pairs: Of a comparison, its pairs of episodes; None of a single study.
+        pairs: Paired results of a comparison; None of a single study.
     """
 
     name: str

@@ -117,7 +117,7 @@ class Thresholds:
             beyond the scale.
         amounts: The thresholds as amounts in the unit.
         median: Median threshold, with its interval by order statistics.
-        median_amount: The same as amounts; infinite beyond the scale.
+        median_amount: Median threshold as amounts; infinite beyond the scale.
         fail_unperturbed: Number of seeds that fail without a perturbation.
         bear_all: Number of seeds that survive the greatest severity.
         errors: Seeds with an episode that could not be run.

@@ -18,7 +18,7 @@ class Column(Generic[Source]):
     Attributes:
         name: Name of the column.
         type: Arrow type of its values.
-        meaning: What it is, in a few words.
+        meaning: Meaning, in a few words.
         value: Function from the row's source to its value; None is null.
         unit: Unit of a number; empty without one.
     """

@@ -35,8 +35,8 @@ class Event(NamedTuple):
 
     Attributes:
         kind: One of those of `COLOURS`.
-        words: What happened.
-        mark: The same in a few words, for a mark in space.
+        words: Description of the event.
+        mark: Description in a few words, for a mark in space.
     """
 
     kind: str

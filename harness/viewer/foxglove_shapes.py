@@ -25,8 +25,8 @@ def coloured_grid(
 
     Args:
         colours: (ny, nx, 4) red, green, blue and opacity of its cells.
-        x: Of the lower corner of its first cell, m, world.
-        y: The same.
+        x: Coordinate x of the lower corner of its first cell, m, world.
+        y: Coordinate y of that corner, m, world.
         side: Edge of a cell, m.
         stamp: Time.
     """

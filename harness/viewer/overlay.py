@@ -54,8 +54,8 @@ class Tracks(NamedTuple):
     """Positions of the base up to the moment, each (3,) m, world.
 
     Attributes:
-        true: By the simulator.
-        believed: By the pose estimate.
+        true: Positions by the simulator.
+        believed: Positions by the pose estimate.
     """
 
     true: Sequence[NDArray[np.float64]]

@@ -78,11 +78,12 @@ class SpeedLimits(NamedTuple):
     """Limits of the commanded motion of a body.
 
     Attributes:
-        speed: m/s.
-        acceleration: m/s^2, also across the path.
-        jerk: m/s^3.
-        yaw_rate: rad/s.
-        sideways_speed: In any direction, whatever it faces, m/s; 0 if it moves ahead only.
+        speed: Greatest speed, m/s.
+        acceleration: Greatest acceleration, also across the path, m/s^2.
+        jerk: Greatest jerk, m/s^3.
+        yaw_rate: Greatest yaw rate, rad/s.
+        sideways_speed: Greatest speed in any direction, facing any way, m/s; 0 if it moves ahead
+            only.
     """
 
     speed: float

@@ -74,7 +74,7 @@ def surface_error(mesh: Mesh, pieces: list[Mesh]) -> float:
 
     on_mesh, triangle = _samples(mesh)
     planes = [_planes(piece) for piece in pieces]
-    missing = float(np.maximum(_outside(on_mesh, planes), 0.0).max())
+    missing = float(np.maximum(_distance_outside(on_mesh, planes), 0.0).max())
     tree = cKDTree(on_mesh)
     size = float(np.ptp(mesh.vertices, axis=0).max())
     extra = 0.0
@@ -82,7 +82,7 @@ def surface_error(mesh: Mesh, pieces: list[Mesh]) -> float:
         points = _samples(piece, PIECE_SAMPLES)[0]
         others = planes[:n] + planes[n + 1 :]
         if others:
-            points = points[_outside(points, others) > 1e-3 * size]
+            points = points[_distance_outside(points, others) > 1e-3 * size]
         if not len(points):
             continue
         if len(mesh.faces) <= MAX_EXACT_FACES:
@@ -133,7 +133,7 @@ def _planes(piece: Mesh) -> NDArray[np.float64]:  # (m, 4)
     return np.unique(np.asarray(ConvexHull(piece.vertices).equations), axis=0)
 
 
-def _outside(
+def _distance_outside(
     points: NDArray[np.float64], planes: list[NDArray[np.float64]]
 ) -> NDArray[np.float64]:  # (n,)
     """Return how far points lie outside of the nearest piece, at least, m; below 0 inside."""

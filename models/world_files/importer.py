@@ -109,7 +109,7 @@ def read_scene(path: Path, options: ImportOptions) -> Found:
         raise WorldFileError(path, f"a solid up to {reach:g} m away, expected {FARTHEST:g} at most")
     settle_ground(path, found, options)
     if not found.parts and found.low is None:
-        raise WorldFileError(path, "nothing solid in it" + _instead(found))
+        raise WorldFileError(path, "nothing solid in it" + _left_out_notes(found))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
     found.source = found.source or f"{path.name}, sha256 {digest}"
     return found
@@ -143,7 +143,7 @@ def area_of(found: Found) -> tuple[Vector3, Vector3]:
     return _area(found)
 
 
-def _instead(found: Found) -> str:
+def _left_out_notes(found: Found) -> str:
     """Return the notes on all that was left out of a file in which nothing is left."""
     if found.missing:
         names = ", ".join(dict.fromkeys(found.missing))

@@ -56,7 +56,7 @@ def read_mjcf(path: Path, options: ImportOptions) -> Found:
     check_scene(path, options.root)
     try:
         if options.without:
-            model = _without(path, options.without)
+            model = _compile_without(path, options.without)
         else:
             model = mujoco.MjModel.from_xml_path(str(path))
     except NOT_COMPILED as error:
@@ -95,7 +95,7 @@ def _take_hulls(found: Found) -> None:
                            f"contacts take them, within {worst:.3f} m")  # fmt: skip
 
 
-def _without(path: Path, bodies: tuple[str, ...]) -> mujoco.MjModel:
+def _compile_without(path: Path, bodies: tuple[str, ...]) -> mujoco.MjModel:
     """Compile a scene without some bodies and all that is on them.
 
     Raises:

@@ -49,8 +49,8 @@ class RobotRow:
         crossed: Number of runs that reached the end of the course.
         rms_vx: Root mean square over the runs that stayed up of the error of forward velocity,
             averaged over strides of 0.4 s, against the slewed command, m/s.
-        rms_vy: The same, to the left, m/s.
-        rms_wz: The same, of yaw rate, rad/s.
+        rms_vy: Root mean square of the error of the velocity to the left, likewise, m/s.
+        rms_wz: Root mean square of the error of the yaw rate, likewise, rad/s.
         rmse_m: Distance from the path (quadruped) or from the moving setpoint (drone), m.
         stop_m: Longest distance from the stop command to standing, m.
         creep_mm: Greatest motion of a foot while standing, mm.

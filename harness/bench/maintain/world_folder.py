@@ -90,14 +90,14 @@ def try_world(
     try:
         with tempfile.TemporaryDirectory() as scratch:
             folder = Path(scratch) if keep is None else keep
-            _through(row, path, robot, settings, models, folder)
+            _fill_row(row, path, robot, settings, models, folder)
     except (WorldFileError, InputError) as error:
         row.refused = " ".join(str(error).split())
     row.seconds = f"{time.monotonic() - begin:.0f}"
     return row
 
 
-def _through(
+def _fill_row(
     row: Row, path: Path, robot: str, settings: Sequence[str], models: Sequence[Path], folder: Path
 ) -> None:
     spec = find_robot(Config(world="", robot=robot, seed=0)).spec

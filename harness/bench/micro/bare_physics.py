@@ -25,8 +25,8 @@ class Followed:
     """Trajectories that the robot of an episode followed; called after each decision.
 
     Attributes:
-        start: That of the beginning.
-        trajectories: Those after it, each with its time of arrival, ns.
+        start: Trajectory of the beginning.
+        trajectories: Trajectories after it, each with its time of arrival, ns.
     """
 
     def __init__(self, opened: OpenEpisode) -> None:

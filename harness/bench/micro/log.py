@@ -45,9 +45,9 @@ class LogRow:
         lidar: Name of the lidar.
         sim_time_s: Simulated time.
         full_mb_per_min: Size of the log for each simulated minute.
-        noisy_mb_per_min: The same with 1 cm of noise on every range.
+        noisy_mb_per_min: Size for each simulated minute with 1 cm of noise on every range.
         states_mb_per_min: Share of the saved states in the first.
-        decisions_mb_per_min: With `record = decisions`.
+        decisions_mb_per_min: Size for each simulated minute with `record = decisions`.
         episode_s: Processor time of the episode.
         logging_share: Share of it for encoding, packing, compressing and writing the log, on both
             threads.

@@ -75,7 +75,7 @@ class MapRow:
         ms_per_sweep: Wall time, median over sweeps, ms.
         ms_p99: 99th percentile of it, or the worst of few sweeps, ms.
         ratio_vs_pyoctomap: Median of the peer's fastest mode at this resolution over this one.
-        map_mib: What the map holds after the last sweep, MiB.
+        map_mib: Memory of the map after the last sweep, MiB.
         range_m: Beyond which beams only clear, m.
         mean_ray_m: Mean length of the beams, m.
         ray_voxel_steps: Cells that the beams of a sweep cross, each counted for each beam.
@@ -86,11 +86,11 @@ class MapRow:
         half_life_s: Half-life of the decay, s; 0 without decay.
         unseen_s: Time without a look at the place before the object was found gone, s.
         sweeps_to_free: Sweeps through the place of an object that left until all of it is free.
-        sweeps_by_formula: The same by arithmetic, see `map_trials.sweeps_by_formula`.
+        sweeps_by_formula: Number of these sweeps by arithmetic: `map_trials.sweeps_by_formula`.
         floor_columns_lost: Share of the columns where beams met the floor that show no floor.
         false_free: Share of the cells where beams met a surface that are mapped free.
         agreement: Share of the cells known to this map or to OctoMap that have one state in both.
-        agreement_above_floor: The same without the floor's layer, where ours guards the floor.
+        agreement_above_floor: Agreement without the floor's layer, where ours guards the floor.
         ms: Wall time of distances over the room, median, ms.
         ms_worst: The longest of them, ms.
         ratio_vs_edt: Median of the `edt` package's exact transform over this one.

@@ -126,15 +126,15 @@ def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy]:
     lifted by what our maps lower their cells.
     """
     config = MapConfig(resolution=resolution, half_life=0.0)
-    ours = _mapped("voxel", config, room)
+    ours = _integrate_into("voxel", config, room)
     yield _accuracy("voxel", GUARDED, ours, room, resolution)
     if not octomap_installed():
         return
-    peer = _mapped("octomap", config, room)
+    peer = _integrate_into("octomap", config, room)
     yield _accuracy("octomap", "floor at 3/4", peer, room, resolution)
     lift = np.array([0.0, 0.0, (1.0 - FLOOR_HEIGHT_IN_CELL) * resolution])
     lifted = [sweep.moved(lift) for sweep in room]
-    peer = _mapped("octomap", config, lifted)
+    peer = _integrate_into("octomap", config, lifted)
     yield _accuracy("octomap", "floor on a face", peer, lifted, resolution)
 
 
@@ -149,9 +149,9 @@ def agreements_with_octomap(room: Sequence[Sweep], resolution: float) -> Iterato
         replace(sweep, ranges_mm=np.where(sweep.ranges_mm == NO_RETURN, DROPPED, sweep.ranges_mm))
         for sweep in room
     ]
-    peer = _mapped("octomap", config, returns)
+    peer = _integrate_into("octomap", config, returns)
     for guard, mode in GUARDS.items():
-        ours = _mapped("voxel", replace(config, floor_grazing_filter=guard), returns)
+        ours = _integrate_into("voxel", replace(config, floor_grazing_filter=guard), returns)
         same = agreement(ours, peer, resolution)
         yield Agreement(LIBRARIES["voxel"], mode, resolution, *same)
 
@@ -209,7 +209,7 @@ def _accuracy(
     )
 
 
-def _mapped(kind: str, config: MapConfig, sweeps: Sequence[Sweep]) -> Any:
+def _integrate_into(kind: str, config: MapConfig, sweeps: Sequence[Sweep]) -> Any:
     state_map = MAPS[kind](config, 1)
     for number, sweep in enumerate(sweeps):
         state_map.integrate(

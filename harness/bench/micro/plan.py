@@ -64,15 +64,15 @@ class PlanRow:
     """Results of one planner.
 
     Attributes:
-        robot: Whose space was planned in.
+        robot: Robot in whose space was planned.
         planner: Name of the planner, and its queries.
-        queries: How many plans.
+        queries: Number of plans.
         success: Share of them that found a path.
-        p50_ms: Processor time of a plan.
-        p99_ms: The same.
+        p50_ms: Median processor time of a plan, ms.
+        p99_ms: 99th percentile of the processor time, ms.
         length_ratio_mean: Length against the reference's; of replanning, against a plan from
             nothing on the same map with the same weight.
-        length_ratio_p99: The same.
+        length_ratio_p99: 99th percentile of that ratio.
         clearance_mean_m: Mean distance to what blocks, along the path.
     """
 

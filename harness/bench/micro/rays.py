@@ -65,7 +65,7 @@ class Scene:
     Attributes:
         name: Name of the scene.
         geoms: Primitives besides the floor, or the one mesh or height field.
-        moving: How many primitives move between sweeps.
+        moving: Number of primitives that move between sweeps.
         mjcf: Made from (moving, seed).
         beams: The sensor's.
     """
@@ -166,7 +166,7 @@ def _measure(scene: Scene, sweeps: int, seed: int) -> list[RaysRow]:
             if engine is one_ray:
                 continue
             engine.compare(engine.hits, multi_ray.hits)
-            engine.compare(_at(engine.hits, posed.sample), one_ray.hits)
+            engine.compare(_hits_of(engine.hits, posed.sample), one_ray.hits)
     return [
         RaysRow(
             scene=scene.name,
@@ -217,7 +217,7 @@ def _engine(engines: list[_Engine], name: str) -> _Engine:
     return next(engine for engine in engines if engine.name == name)
 
 
-def _at(hits: Hits, beams: NDArray[np.int64]) -> Hits:
+def _hits_of(hits: Hits, beams: NDArray[np.int64]) -> Hits:
     return hits[0][beams], hits[1][beams]
 
 

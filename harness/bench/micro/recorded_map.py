@@ -45,7 +45,7 @@ class RecordedRow:
         points: Mean number of returns of a sweep.
         resolution: Edge of a cell, m.
         ours_ms: Median processor time of a sweep on one thread, ms.
-        octomap_ms: The same in OctoMap's faster mode, ms.
+        octomap_ms: Median processor time in OctoMap's faster mode, ms.
         ours_mib: Memory of the map, MiB.
         octomap_mib: Memory of the tree, MiB.
         cells: Number of cells that either map knows.

@@ -74,7 +74,7 @@ class BarnRow:
         outcome: Outcome of the episode; `impossible` where truth closes the world for this body and
             margin, and `refused` where the episode could not start.
         score: Success x OT / clip(AT, 2 OT, 8 OT).
-        best: What it would be on the shortest way at the body's greatest speed.
+        best: Score of the shortest way at the body's greatest speed.
         time_s: AT, until the goal is 1 m away; else until the episode ended.
         optimal_s: OT.
         clip: Bounds of AT, in OT.
@@ -101,7 +101,7 @@ class BarnSummary:
     """All episodes.
 
     Attributes:
-        episodes: How many, impossible ones included.
+        episodes: Number of episodes, impossible ones included.
         impossible: Number of episodes in worlds closed for this body.
         success: Share of all.
         success_possible: Share of those that are possible.

@@ -92,7 +92,7 @@ class DodgeSummary:
 
     Attributes:
         fields: Name of the field, or `all`.
-        flights: How many.
+        flights: Number of flights.
         success: Share of them.
         mean_time_s: Mean time of the successes, s.
         restricted_mean_s: Over all, a failure counted at the limit.

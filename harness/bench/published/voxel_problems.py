@@ -58,9 +58,9 @@ class ProblemsRow:
         success: Share of them that it solved.
         differing: How many of its lengths are not the published ones; of the exact search.
         length_ratio_mean: Mean ratio to the published length of solved problems; None without any.
-        length_ratio_p99: The same.
-        p50_ms: Processor time of a problem.
-        p99_ms: The same.
+        length_ratio_p99: 99th percentile of the ratio.
+        p50_ms: Median processor time of a problem, ms.
+        p99_ms: 99th percentile of the processor time, ms.
     """
 
     map: str

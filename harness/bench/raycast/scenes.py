@@ -19,7 +19,7 @@ def clutter(count: int, moving: int = 0, seed: int = 0) -> str:
 
     Args:
         count: Geoms besides the floor; the five shapes take turns.
-        moving: How many of them, the first ones, are mocap bodies.
+        moving: Number of them, the first ones, that are mocap bodies.
         seed: Seed of places, sizes and attitudes.
 
     Raises:

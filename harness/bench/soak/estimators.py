@@ -83,7 +83,7 @@ def soak_estimators(
         warm_up(override(Config("empty", robot, 0), SETTINGS))
     for number in range(first, first + count):
         with tempfile.TemporaryDirectory(dir=scratch()) as folder:
-            _one(number, np.random.default_rng([seed, number]), Path(folder), tally)
+            _run_one(number, np.random.default_rng([seed, number]), Path(folder), tally)
         if (number + 1) % 10 == 0:
             progress(f"estimators: up to {number + 1}, {len(tally.failures)} failures")
     return tally
@@ -100,7 +100,7 @@ def config_of(number: int, rng: np.random.Generator) -> Config:
     return override(config, (*SETTINGS, f"sensors.lidar={lidar}", *lost, *middle))
 
 
-def _one(number: int, rng: np.random.Generator, folder: Path, tally: Repeated) -> None:
+def _run_one(number: int, rng: np.random.Generator, folder: Path, tally: Repeated) -> None:
     """Record one episode, audit and replay it, and simulate it again or fork it by turns."""
     config = config_of(number, rng)
     name = f"{number}, {config.world}, {config.robot}, seed {config.seed}"

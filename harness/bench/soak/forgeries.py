@@ -427,7 +427,7 @@ def _clearance_refigured(forgery: Forgery) -> None:
 
 
 @_edit("the truth, to what was believed")
-def _believed(forgery: Forgery) -> None:
+def _truth_from_estimate(forgery: Forgery) -> None:
     poses = {one.sequence: one for one in forgery.each(pb.Pose)}
     for one in forgery.each(pb.Truth):
         one.position[:] = poses[one.sequence].position
@@ -435,7 +435,7 @@ def _believed(forgery: Forgery) -> None:
 
 @_edit("the truth, to what was believed, figures made anew")
 def _believed_refigured(forgery: Forgery) -> None:
-    _believed(forgery)
+    _truth_from_estimate(forgery)
     forgery.refigure()
 
 

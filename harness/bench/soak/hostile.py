@@ -95,7 +95,7 @@ def soak_hostile(count: int, seed: int, progress: Progress, first: int = 0) -> R
     chosen = list({**FILES, **LOGS}.items())[first : first + count]
     for name in LOADED:
         importlib.import_module(name)
-    loaded = _take("a scene that is sound", _sound)
+    loaded = _take("a scene that is sound", _harmless_command)
     assert loaded.code == 0, loaded.said
     progress(
         "| given | bytes | processor, s | peak, MiB | exit code | said |\n|---|---|---|---|---|---|"
@@ -111,7 +111,7 @@ def soak_hostile(count: int, seed: int, progress: Progress, first: int = 0) -> R
     return Refused(len(chosen), longest, peak, tuple(failures))
 
 
-def _sound(folder: Path) -> list[str]:
+def _harmless_command(folder: Path) -> list[str]:
     (folder / "plain.xml").write_text(PLAIN)
     return ["import", str(folder / "plain.xml"), "--out", str(folder / "out.xml")]
 

@@ -72,7 +72,7 @@ def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> Kill
     for world, robot in EPISODES:
         config = override(Config(world, robot, seed), SETTINGS)
         warm_up(config)
-        scenarios.append((build(config), *_whole(config)))
+        scenarios.append((build(config), *_run_whole(config)))
     tally = dict.fromkeys(
         ("killed", "finished", "before_first", "recovered", "reported", "lost", "checked"), 0
     )
@@ -99,7 +99,7 @@ def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> Kill
     )
 
 
-def _whole(config: Config) -> tuple[int, float]:
+def _run_whole(config: Config) -> tuple[int, float]:
     """Return the number of decisions of an episode, and its wall time, s."""
     with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         began = time.perf_counter()

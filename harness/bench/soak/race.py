@@ -74,7 +74,7 @@ def soak_race(count: int, seed: int, progress: Progress, first: int = 0) -> Race
             # By turns, since the one that is released first has a little of a start.
             order = seeds if number % 2 == 0 else seeds[::-1]
             ended = _race(path, order)
-            wrong = _wrong(ended)
+            wrong = _faults(ended)
             refused += sum(one.code == 2 for one in ended)
             try:
                 winner, chains = _read(path)
@@ -175,7 +175,7 @@ def _run(path: Path, seed: int, wait: Callable[[], None], report: Report) -> Non
     os._exit(code)
 
 
-def _wrong(ended: list[Ended]) -> list[str]:
+def _faults(ended: list[Ended]) -> list[str]:
     """Return the faults: one run must be refused in a line, the other must end in silence."""
     wrong = []
     codes = sorted(one.code for one in ended)

@@ -122,7 +122,7 @@ def soak_recordings(count: int, seed: int, progress: Progress, first: int = 0) -
     """
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
-        sound = {key: make(_made(folder / key)) for key, make in SOURCES.items()}
+        sound = {key: make(_make_folder(folder / key)) for key, make in SOURCES.items()}
         for path in sound.values():
             _read(path)  # compiles everything; each is sound
         work = partial(_cases, sound, seed)
@@ -206,7 +206,7 @@ def _write_raw(file: Path, raws: list[RawMessage]) -> None:
             base.execute("VACUUM")
 
 
-def _made(folder: Path) -> Path:
+def _make_folder(folder: Path) -> Path:
     folder.mkdir()
     return folder
 

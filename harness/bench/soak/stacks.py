@@ -81,13 +81,13 @@ def soak_stacks(count: int, seed: int, progress: Callable[[str], None], first: i
         warm_up(override(Config("empty", robot, 0), SETTINGS))
     for number in range(first, first + count):
         with tempfile.TemporaryDirectory(dir=scratch()) as folder:
-            _one(number, np.random.default_rng([seed, number]), Path(folder), tally)
+            _run_one(number, np.random.default_rng([seed, number]), Path(folder), tally)
         if (number + 1) % 10 == 0:
             progress(f"stacks: up to {number + 1}, {len(tally.failures)} failures")
     return tally
 
 
-def _one(number: int, rng: np.random.Generator, folder: Path, tally: Replayed) -> None:
+def _run_one(number: int, rng: np.random.Generator, folder: Path, tally: Replayed) -> None:
     """Record one episode, replay it, and query its stack again by turns."""
     unseeded = number % UNSEEDED_EVERY == UNSEEDED_EVERY - 1
     stack = UNSEEDED if unseeded else sorted(STACKS)[int(rng.integers(len(STACKS)))]

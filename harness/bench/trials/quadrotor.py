@@ -193,7 +193,7 @@ def point_to_point(
 
     Args:
         rng: Generator of points, headings and pauses.
-        seconds: To fill.
+        seconds: Time to fill, s.
         limits: Along the line.
         far: Side of the square the points are in, m; they are 1 to 3 m high.
     """
@@ -220,7 +220,7 @@ def turning_about(
 
     Args:
         rng: Generator of points, headings and pauses.
-        seconds: To fill.
+        seconds: Time to fill, s.
         yaw_rate: rad/s.
         limits: Along the lines.
     """

@@ -83,9 +83,10 @@ class Inputs:
             StackError: One is none that a body can follow.
         """
         received = [
-            self._received(sample, sample.message, None) for sample in self._taken(self._twists)
+            self._received(sample, sample.message, None)
+            for sample in self._take_samples(self._twists)
         ]
-        for one in self._taken(self._stamped):
+        for one in self._take_samples(self._stamped):
             header = one.message.header
             self._check_frame(self.topic, header, ("", self._options.base_frame))
             received.append(self._received(one, one.message.twist, header.stamp.ns))
@@ -93,7 +94,7 @@ class Inputs:
 
     def plan(self) -> Array | None:
         """Return the newest plan since the last call, (k, 3) m, world; None without one."""
-        samples = self._taken(self._plan) if self._plan else []
+        samples = self._take_samples(self._plan) if self._plan else []
         if not samples:
             return None
         path = samples[-1].message
@@ -103,7 +104,7 @@ class Inputs:
 
     def costmap(self) -> Grid | None:
         """Return the newest costmap since the last call; None without one."""
-        samples = self._taken(self._costmap) if self._costmap else []
+        samples = self._take_samples(self._costmap) if self._costmap else []
         if not samples:
             return None
         grid = samples[-1].message
@@ -123,7 +124,7 @@ class Inputs:
     def _fixed_frames(self) -> tuple[str, ...]:
         return self._options.map_frame, self._options.odom_frame
 
-    def _taken(self, subscription: Subscription[M]) -> list[Sample[M]]:
+    def _take_samples(self, subscription: Subscription[M]) -> list[Sample[M]]:
         try:
             return subscription.take()
         except CdrError as error:

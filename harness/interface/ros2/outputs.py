@@ -105,7 +105,7 @@ class Outputs:
         Args:
             costmap: The referee's, as it is.
             time_ns: Simulated time, ns.
-            stamp_ns: The same as ROS time, ns.
+            stamp_ns: ROS time of it, ns.
         """
         if not self._task.mission.planar or time_ns < self._grids_due_ns:
             return

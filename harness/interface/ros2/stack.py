@@ -122,7 +122,7 @@ class Ros2Stack:
         """
         assert self._outputs is not None
         if self._offset_ns is None:
-            self._offset_ns = self._meet(observation, self._outputs)
+            self._offset_ns = self._await_first_command(observation, self._outputs)
             self._outputs.send_task(self._offset_ns)
         stamp_ns = observation.time_ns + self._offset_ns
         if observation.sequence % CHECKED_EACH == 0 and (wrong := self._mismatch()):
@@ -165,7 +165,7 @@ class Ros2Stack:
                 )
             self._node.wait(LOOK_S)
 
-    def _meet(self, observation: Observation, outputs: Outputs) -> int:
+    def _await_first_command(self, observation: Observation, outputs: Outputs) -> int:
         """Send the first observation at the pace of the wall clock until a command comes.
 
         ROS time goes on meanwhile, as nodes with timers need it; simulated time does not. The

@@ -125,9 +125,9 @@ class _TopicReader:
     Attributes:
         files: Files of the bag.
         topic: Its topic.
-        sensor: What it is.
-        reading: How its messages are read.
-        order: Which of its messages are read, and whether they are in order.
+        sensor: Properties of the sensor.
+        reading: Settings by which its messages are read.
+        order: Messages that are read, and whether they are in order.
         is_stamped: Whether its headers have stamps; else the time of recording is taken.
         mount: Its place on the body, which may move.
         window: Times that are read.

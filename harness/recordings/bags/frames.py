@@ -141,8 +141,8 @@ class FramePath(NamedTuple):
     """The transforms from a body up to a common ancestor, and from there down to a frame.
 
     Attributes:
-        up: From the ancestor to the body, to be inverted.
-        down: From the ancestor to the frame.
+        up: Transforms from the ancestor to the body, to be inverted.
+        down: Transforms from the ancestor to the frame.
     """
 
     up: tuple[Edge, ...]

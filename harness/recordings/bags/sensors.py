@@ -58,7 +58,7 @@ class Topic(NamedTuple):
         range_max: Maximum range, m; inf where it is not stated.
         time: Field with the time of a point.
         camera: Geometry of the images.
-        declared: Of a sensor whose ranges are recorded as it measured them.
+        declared: Declaration of a sensor whose ranges are recorded as it measured them.
     """
 
     kind: SensorKind

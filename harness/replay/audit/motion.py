@@ -122,12 +122,12 @@ def check_deadline(moment: Moment) -> list[Violation]:
         return found
     if decision.action not in ("stop_and_wait", "follow"):  # the reason decides which
         found.append(moment.broken("deadline", f"late, but its action is {decision.action}"))
-    if not _stands(moment, decision.trajectory, moment.before[-1]):
+    if not _is_kept(moment, decision.trajectory, moment.before[-1]):
         found.append(moment.broken("deadline", "late, but another trajectory than the last one"))
     return found
 
 
-def _stands(moment: Moment, trajectory: pb.Trajectory, before: pb.Trajectory) -> bool:
+def _is_kept(moment: Moment, trajectory: pb.Trajectory, before: pb.Trajectory) -> bool:
     """Return whether a trajectory is the one before; a fork may shift its height."""
     axes = moment.mission.axes
     pairs = [

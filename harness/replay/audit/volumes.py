@@ -93,7 +93,7 @@ def distance_from_boxes(path: Array, low: Array, high: Array) -> float:
     least = math.inf
     for a, b in itertools.pairwise(path) if len(path) > 1 else [(path[0], path[0])]:
         half = 0.5 * math.dist(a, b)
-        near = _outside(0.5 * (a + b), low, high) < least + half
+        near = _box_distances(0.5 * (a + b), low, high) < least + half
         if near.any():
             least = min(least, segment_from_boxes(a, b, low[near], high[near]))
     return least
@@ -121,7 +121,7 @@ def segment_from_boxes(a: Array, b: Array, low: Array, high: Array) -> float:
     return math.sqrt(float((excess * excess).sum(axis=-1).min()))
 
 
-def _outside(point: Array, low: Array, high: Array) -> Array:
+def _box_distances(point: Array, low: Array, high: Array) -> Array:
     """Return the distances (m,), m, of a point (k,) from boxes (m, k)."""
     excess = _excess(point, low, high)
     outside: Array = np.sqrt((excess * excess).sum(axis=-1))

@@ -74,7 +74,7 @@ class ReasonCheck:
             if config.recording is not None:
                 self._past.stand(decision)
             scene = Scene(decision, built, config, mission)
-            found = list(self._false(scene))
+            found = list(self._contradictions(scene))
             self.checked += 1
         elif self._required:
             found = ["there is no reason with figures"]
@@ -85,7 +85,7 @@ class ReasonCheck:
         """Record the next decision without checking it."""
         self._past.take(decision)
 
-    def _false(self, scene: Scene) -> Iterator[str]:
+    def _contradictions(self, scene: Scene) -> Iterator[str]:
         decision = scene.decision
         reason, kind = decision.predicate, decision.predicate.kind
         meaning = MEANINGS.get(kind)  # type: ignore[call-overload]

@@ -27,7 +27,7 @@ def obstructed(scene: Scene, reason: pb.Reason, way: Array, unknown_blocks: bool
     if len(way) < 2:
         yield "no way was named"
         return
-    yield from _named(scene, reason, unknown_blocks)
+    yield from _check_cell(scene, reason, unknown_blocks)
     place = point_of(reason.place)
     arc, beside = nearest(way, place, scene)
     begin, _ = nearest(way, scene.path[0], scene)
@@ -35,12 +35,13 @@ def obstructed(scene: Scene, reason: pb.Reason, way: Array, unknown_blocks: bool
     if beside > BENT + offset:
         yield f"the place is {beside:.2f} m beside the way"
     slack = ARC + ARC_SHARE * reason.free_m + offset
-    if not -slack <= arc - begin - reason.free_m <= slack + _piece(scene, way, begin, reason):
+    longest = slack + _piece_length(scene, way, begin, reason)
+    if not -slack <= arc - begin - reason.free_m <= longest:
         yield f"free_m is {reason.free_m:.3f}, found {arc - begin:.3f}"
     yield from free_before(scene, way, reason.free_m - ARC, begin, unknown_blocks)
 
 
-def _piece(scene: Scene, way: Array, begin: float, reason: pb.Reason) -> float:
+def _piece_length(scene: Scene, way: Array, begin: float, reason: pb.Reason) -> float:
     """Length of the piece that a long body may not enter, m; other bodies enter a part of it."""
     if not scene.mission.discs:
         return 0.0
@@ -49,7 +50,7 @@ def _piece(scene: Scene, way: Array, begin: float, reason: pb.Reason) -> float:
     return float(beyond[0]) - reason.free_m if len(beyond) else 0.0
 
 
-def _named(scene: Scene, reason: pb.Reason, unknown_blocks: bool) -> Iterator[str]:
+def _check_cell(scene: Scene, reason: pb.Reason, unknown_blocks: bool) -> Iterator[str]:
     """The cell is in the state that is named, and in reach of the body at the place."""
     if not scene.comparable:
         return
@@ -60,7 +61,7 @@ def _named(scene: Scene, reason: pb.Reason, unknown_blocks: bool) -> Iterator[st
         yield f"the cell is {state}, not {reason.cell_state or 'named'}"
     if state == "free" or (state == "unknown" and not unknown_blocks):
         yield f"the body may overlap what is {state}"
-    here, there = np.stack([cell, place])[:, : scene.axes] / scene.size + _shift(scene)
+    here, there = np.stack([cell, place])[:, : scene.axes] / scene.size + _grid_origin(scene)
     # A place on a face, rounded as it is logged, may lie in the cell on either side of it.
     sides = [np.floor(there - FACE), np.floor(there + FACE)]
     centres = np.stack(np.meshgrid(*np.transpose(sides)), axis=-1).reshape(-1, scene.axes)
@@ -69,7 +70,7 @@ def _named(scene: Scene, reason: pb.Reason, unknown_blocks: bool) -> Iterator[st
         yield f"the cell is {away * scene.size:.2f} m from the place, out of reach of the body"
 
 
-def _shift(scene: Scene) -> Array:
+def _grid_origin(scene: Scene) -> Array:
     """Cells begin at whole multiples of their size, those along z three quarters below."""
     return np.array([0.0, 0.0, 0.75])[: scene.axes]
 
@@ -105,7 +106,7 @@ def overlapped(
     scene: Scene, reason: pb.Reason, place: Array, unknown_blocks: bool, within: float = 0.0
 ) -> Iterator[str]:
     """The body at a place, or so near to it, overlaps the named cell."""
-    yield from _named(scene, reason, unknown_blocks)
+    yield from _check_cell(scene, reason, unknown_blocks)
     away = scene.apart(point_of(reason.place), place)
     if away > max(abs(one) for one in scene.offsets) + within + 0.01:
         yield f"that is {away:.2f} m from where the body is"

@@ -25,7 +25,7 @@ def slowed(scene: Scene, reason: pb.Reason) -> Iterator[str]:
 
 def returning_to_held(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The way leads to where the robot has been, as the pose is lost."""
-    yield from _lost(scene, reason)
+    yield from _check_uncertainty(scene, reason)
     yield from errand(scene, past, reason)
     been = [scene.apart(one.position, point_of(reason.target)) for one in past.steps.values()]
     if not been or min(been) > 0.2:
@@ -34,7 +34,7 @@ def returning_to_held(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
 
 def pose_lost(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The standard deviation of the pose exceeds the allowed one."""
-    yield from _lost(scene, reason)
+    yield from _check_uncertainty(scene, reason)
 
 
 def goal_uncertain(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
@@ -49,7 +49,7 @@ def goal_uncertain(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
         yield f"a standard deviation of {reason.sigma_m:.2f} m is enough to claim it"
 
 
-def _lost(scene: Scene, reason: pb.Reason) -> Iterator[str]:
+def _check_uncertainty(scene: Scene, reason: pb.Reason) -> Iterator[str]:
     yield from same("sigma_m", reason.sigma_m, scene.decision.position_sigma)
     yield from same("limit_m", reason.limit_m, scene.config.behaviour.lost_sigma)
     if not reason.sigma_m > reason.limit_m:

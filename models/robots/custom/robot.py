@@ -86,8 +86,8 @@ class CustomRobot:
     """A robot made of a spec file and an MJCF.
 
     Attributes:
-        text: The spec file's.
-        file: The same, parsed.
+        text: Text of the spec file.
+        file: The spec file, parsed.
         rest_height: m.
         mjcf_text: The robot alone; empty if it is the one in a log's scene.
         spec: The body as the navigation stack knows it.
