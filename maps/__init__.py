@@ -70,7 +70,7 @@ __all__ = [
 
 
 def warm_up(kind: str = "voxel", max_slope: float = 0.0, labels: bool = False) -> None:
-    """Compile what an episode on one representation runs, so that nothing timed pays for it."""
+    """Compile the kernels of an episode on one representation, before anything is timed."""
     half_life = 1.0 if MAPS[kind].decays else 0.0
     config = MapConfig(kind=kind, memory_mib=1, half_life=half_life)
     costs = CostmapConfig(max_slope=max_slope)

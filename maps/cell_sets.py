@@ -65,7 +65,7 @@ def floor_mask(low: ArrayLike, high: ArrayLike, resolution: float, height: float
 
 
 def as_set(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Cells (n, 3) in lexical order, each once."""
+    """Return cells (n, 3) in lexical order, each once."""
     ordered = cells[np.lexsort(cells.T[::-1])]
     first = np.ones(len(ordered), np.bool_)
     first[1:] = np.any(ordered[1:] != ordered[:-1], axis=1)
@@ -85,7 +85,7 @@ def slabs(
     toward: NDArray[np.float64],
     resolution: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Where a ray enters and leaves cells (n, 3), m along it, (n,); it misses if not in order.
+    """Return where a ray enters and leaves cells (n, 3), m along it, (n,); out of order: a miss.
 
     Kay & Kajiya 1986, "Ray tracing complex scenes".
     """

@@ -19,7 +19,7 @@ MAX_CELLS = 200_000_000
 """Maximum number of cells of a window."""
 
 MAX_REGION_CELLS = 1 << 40
-"""Maximum number of cells of a region of which only what was observed is held."""
+"""Maximum number of cells of a region whose observed cells alone are held."""
 
 Columns = tuple[slice, slice]
 """A box of columns, along their first two axes."""

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from wayproof.maps.bounds import Bounds, check_fields
 
 UnknownPolicy = Literal["forbid", "penalize", "allow"]
-"""What a planner may do with a cell that was never observed."""
+"""Rule of a planner for a cell that was never observed."""
 
 LEAST_WINDOW = 24.0
 """Least edge of a rolling window, m: sensors and stops reach about 12 m ahead."""
@@ -82,7 +82,7 @@ class MapConfig:
             a walking robot may climb (`costmap.max_slope`). Kinds `voxel` and `dynamic` only.
         ground_fit: Whether the plane of the floor is fitted to each sweep of a robot that walks on
             a flat one, which levels a sensor whose mounting is off, keeps the floor's noise from
-            standing on it, and tells a lost echo of the floor from a hole.
+            standing on it, and distinguishes a lost echo of the floor from a hole.
         min_obstacle_height: Lower end of the heights that a flat grid takes in, m above the floor;
             above the noise of the floor's own returns. As in Nav2's obstacle layer.
         max_obstacle_height: Upper end, m; Nav2's default.

@@ -1,4 +1,4 @@
-"""A base class for maps whose cells are updated one by one: two to five methods make a map."""
+"""A base class for maps whose cells are updated one by one; a map implements 2 to 5 methods."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ MAX_ANGLE = 1e6
 
 
 def sines_cosines(angles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sines and cosines of angles (n,), rad, each shape (n,).
+    """Return sines and cosines of angles (n,), rad, each shape (n,).
 
     Raises:
         ValueError: An angle is not finite, or of a million or more.
@@ -43,12 +43,12 @@ def sines_cosines(angles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDA
 
 
 def cosine(angle: float) -> float:
-    """Cosine of an angle, rad."""
+    """Return the cosine of an angle, rad."""
     return float(sines_cosines(np.array([angle]))[1][0])
 
 
 def tangent(angle: float) -> float:
-    """Tangent of an angle, rad.
+    """Return the tangent of an angle, rad.
 
     Raises:
         ValueError: As of `sines_cosines`.
@@ -59,7 +59,7 @@ def tangent(angle: float) -> float:
 
 
 def arc_tangent(y: float, x: float) -> float:
-    """Angle of the direction (x, y) from the x axis, in [-pi, pi], rad.
+    """Return the angle of the direction (x, y) from the x axis, in [-pi, pi], rad.
 
     As in C, the sign of a zero is that of the side from which it was reached.
     """
@@ -67,19 +67,19 @@ def arc_tangent(y: float, x: float) -> float:
 
 
 def exponentials(powers: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The exponential function of powers of any shape."""
+    """Return the exponential function of powers of any shape."""
     values = np.empty(powers.shape)
     _fill_exponentials(np.array(powers, np.float64).reshape(-1), values.reshape(-1))
     return values
 
 
 def exponential_less_one(power: float) -> float:
-    """The exponential function less one, exact for small powers too."""
+    """Return the exponential function less one, exact for small powers too."""
     return float(_exponential_less_one(float(power)))
 
 
 def logarithm(value: float) -> float:
-    """Natural logarithm of a value above 0.
+    """Return the natural logarithm of a value above 0.
 
     Raises:
         ValueError: The value is not above 0 and finite.
@@ -90,13 +90,13 @@ def logarithm(value: float) -> float:
 
 
 def norm(vector: NDArray[np.float64]) -> float:
-    """Euclidean length of a vector (n,)."""
+    """Return the Euclidean length of a vector (n,)."""
     return float(_norm(np.ascontiguousarray(vector, np.float64)))
 
 
 @kernel
 def _sum(a: float, b: float) -> Long:
-    """The exact sum of two floats (Knuth)."""
+    """Return the exact sum of two floats (Knuth)."""
     total = a + b
     of_b = total - a
     return total, (a - (total - of_b)) + (b - of_b)
@@ -104,7 +104,7 @@ def _sum(a: float, b: float) -> Long:
 
 @kernel
 def _halves(a: float) -> Long:
-    """The upper and lower half of a float's digits (Veltkamp)."""
+    """Return the upper and lower half of a float's digits (Veltkamp)."""
     scaled = SPLIT * a
     high = scaled - (scaled - a)
     return high, a - high
@@ -112,7 +112,7 @@ def _halves(a: float) -> Long:
 
 @kernel
 def _product(a: float, b: float) -> Long:
-    """The exact product of two floats (Dekker)."""
+    """Return the exact product of two floats (Dekker)."""
     product = a * b
     a_high, a_low = _halves(a)
     b_high, b_low = _halves(b)
@@ -141,7 +141,7 @@ def _over(a: Long, divisor: float) -> Long:
 
 @kernel
 def _sine_cosine(angle: float) -> tuple[Long, Long]:
-    """By the series about the nearest quarter turn, each term from the one before."""
+    """Evaluate the series about the nearest quarter turn, each term from the one before."""
     quarters = math.floor(angle / HALF_PI[0] + 0.5)
     rest = _added((angle, 0.0), _times((-quarters, 0.0), HALF_PI))
     square = _times(rest, rest)
@@ -180,7 +180,7 @@ def _tangent(angle: float) -> float:
 
 @kernel
 def _arc_tangent(y: float, x: float) -> float:
-    """By half-angle steps and the series, then once by Newton, with the long sine and cosine."""
+    """Evaluate by half-angle steps and the series, then one Newton step by sine and cosine."""
     behind = math.copysign(1.0, x) < 0.0
     if x == 0.0 and y == 0.0:
         return math.copysign(2.0 * HALF_PI[0] if behind else 0.0, y)
@@ -204,7 +204,7 @@ def _arc_tangent(y: float, x: float) -> float:
 
 @kernel
 def _exponential(power: float) -> tuple[Long, int]:
-    """A number, and the power of two that it is to be multiplied by."""
+    """Return the exponential as a number and the power of two that it is multiplied by."""
     twos = math.floor(power / LN_2[0] + 0.5)
     rest = _added((power, 0.0), _times((-twos, 0.0), LN_2))
     value = (1.0, 0.0)
@@ -237,7 +237,7 @@ def _exponential_less_one(power: float) -> float:
 
 @kernel
 def _logarithm(value: float) -> float:
-    """By the series of the inverse hyperbolic tangent, then once by Newton."""
+    """Evaluate the series of the inverse hyperbolic tangent, then one Newton step."""
     part, twos = math.frexp(value)
     if part < SQRT_HALF:
         part, twos = 2.0 * part, twos - 1

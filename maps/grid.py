@@ -1,4 +1,4 @@
-"""The geometry of the cells: cubes over all space, and which of them a point or a box holds."""
+"""The geometry of the cells: cubes over all space, and the cells of a point or a box."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FLOOR_HEIGHT_IN_CELL = 0.75
-"""Where the plane z = 0 lies in its layer of cells, from the layer's bottom, in cells.
+"""Height of the plane z = 0 in its layer of cells, from the layer's bottom, in cells.
 
 On a face, a millimetre of noise would throw the floor's returns into either of two layers. High in
 the cell rather than in its middle, a grazing beam is in the floor's layer for a short stretch only.
@@ -22,7 +22,7 @@ _SHIFT = np.array([0.0, 0.0, FLOOR_HEIGHT_IN_CELL])
 
 
 def cells_at(points: ArrayLike, resolution: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Cells of points: floor(x / resolution), and along z floor(z / resolution + 0.75).
+    """Return cells of points: floor(x / resolution), and along z floor(z / resolution + 0.75).
 
     Args:
         points: (n, 3) m, world.
@@ -41,7 +41,7 @@ def cells_at(points: ArrayLike, resolution: float) -> tuple[NDArray[np.int64], N
 def cell_box(
     low: ArrayLike, high: ArrayLike, resolution: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Cells whose centres lie in a box.
+    """Return cells whose centres lie in a box.
 
     Args:
         low: (3,) least corner, m, world.
@@ -61,13 +61,13 @@ def cell_box(
 
 
 def centres(cells: NDArray[np.int64], resolution: float) -> NDArray[np.float64]:
-    """Centres of cells (n, 3), m, world: (n, 3)."""
+    """Return centres of cells (n, 3), m, world: (n, 3)."""
     middles: NDArray[np.float64] = (cells + 0.5 - _SHIFT) * resolution
     return middles
 
 
 def finite_vector(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """A fresh (3,) float64 copy of a position.
+    """Return a fresh (3,) float64 copy of a position.
 
     Raises:
         ValueError: It has another shape, or is not finite and within 1000 km.

@@ -136,7 +136,7 @@ class _WorkerThread:
         self._begun.release()
 
     def wait(self) -> BaseException | None:
-        """Wait until the work is done; return what it raised, if anything."""
+        """Wait until the work is done; return the exception that it raised, if any."""
         self._done.acquire()
         error, self._error, self._work = self._error, None, None
         return error

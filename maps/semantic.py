@@ -38,7 +38,7 @@ class SemanticLayer:
     """
 
     def __init__(self, resolution: float, classes: int, memory_mib: int = 64) -> None:
-        """Make one without votes.
+        """Make a layer without votes.
 
         Args:
             resolution: Edge of a cell, m.
@@ -140,7 +140,7 @@ class SemanticLayer:
         self._vote(cells[:count], classes[:count], counts[:count])
 
     def label_at(self, points: ArrayLike) -> NDArray[np.uint8]:
-        """The labels at points (n, 3), m, world: (n,) uint8; 255 where there are no votes.
+        """Return the labels at points (n, 3), m, world: (n,) uint8; 255 where there are no votes.
 
         Raises:
             ValueError: The points have another shape, or one is not finite and within 1000 km.
@@ -167,7 +167,7 @@ class SemanticLayer:
         return np.array(self._boxes[since:], np.int64).reshape(-1, 6), len(self._boxes)
 
     def votes_at(self, points: ArrayLike) -> NDArray[np.uint32]:
-        """The votes at points (n, 3), m, world: (n, classes).
+        """Return the votes at points (n, 3), m, world: (n, classes).
 
         Raises:
             ValueError: As of `label_at`.
@@ -176,7 +176,7 @@ class SemanticLayer:
         return np.where(rows[:, None] >= 0, self._votes[rows], np.uint32(0))
 
     def version(self) -> str:
-        """Digest of the content, 32 hex digits: equal votes give the same one.
+        """Return the digest of the content, 32 hex digits: equal votes give the same one.
 
         Each vote adds 128 bits, made of its cell and its class, to a sum that is kept up to date,
         as in an incremental hash of a multiset (Clarke et al. 2003, MSet-Add-Hash).
@@ -186,7 +186,7 @@ class SemanticLayer:
         return hashlib.blake2b(head + sums, digest_size=16).hexdigest()
 
     def memory_bytes(self) -> int:
-        """Bytes that are reserved; the system gives most of them only as cells are first used."""
+        """Return the reserved bytes; the system commits most of them as cells are first used."""
         held = self._directory, self._cells, self._votes, self._winners
         return sum(part.nbytes for part in held)
 

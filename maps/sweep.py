@@ -16,7 +16,7 @@ Ranges = NDArray[np.uint16] | NDArray[np.uint32]
 
 
 NO_RETURN_MM = 65535
-"""Range that stands for a beam without return, mm."""
+"""Range of a beam without return, mm."""
 
 LONGEST_MM = 2**32 - 1
 """Longest range, mm."""
@@ -185,12 +185,12 @@ def prepare_sweep(
 
 
 def _range(indices: NDArray[np.integer]) -> tuple[int, int]:
-    """Least and greatest of some indices (n,); 0 if there are none."""
+    """Return the least and greatest of some indices (n,); 0 if there are none."""
     return (int(indices.min()), int(indices.max())) if len(indices) else (0, 0)
 
 
 def _plain(array: NDArray[Any], dtype: type[Any]) -> NDArray[Any]:
-    """The array, or a copy: to the compiler a read-only one, as a log yields, is another type."""
+    """Copy an array that is read-only, as a log's is: to the compiler it is another type."""
     if array.dtype == dtype and array.flags.carray:
         return array
     return np.require(array, dtype, ["C", "W", "A"])

@@ -17,14 +17,14 @@ from types import ModuleType
 from typing import Any
 
 SEPARATOR = ":"
-"""Between the module or file and the class."""
+"""Separator of the module or file and the class."""
 
 SUFFIX = ".py"
 """A name whose first part ends so is a file; any other is a module on Python's path."""
 
 
 class UserCodeError(Exception):
-    """What a user's class raised, or did that it must not.
+    """Failure of a user's class: an exception, or a breach of its interface.
 
     Attributes:
         who: The class, with what it is: `planner 'dogleg.py:Dogleg'`.
@@ -38,7 +38,7 @@ class UserCodeError(Exception):
 
 @contextlib.contextmanager
 def user_code(who: str) -> Iterator[None]:
-    """Run a user's code; whatever it raises becomes a `UserCodeError`.
+    """Run a user's code; any exception becomes a `UserCodeError`.
 
     `SystemExit` is no exception: a planner ends its episode, not the process. Ctrl-C is.
 
@@ -54,7 +54,7 @@ def user_code(who: str) -> Iterator[None]:
 
 
 def one_line(error: BaseException) -> str:
-    """The type, the message and the place of an exception."""
+    """Return the type, the message and the place of an exception."""
     text = " ".join(str(error).split())[:300]
     frames = traceback.extract_tb(error.__traceback__)
     place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
@@ -64,7 +64,7 @@ def one_line(error: BaseException) -> str:
 
 
 def load_class(name: str) -> type[Any]:
-    """The class of `module:Class` or `path/to/file.py:Class`.
+    """Return the class of `module:Class` or `path/to/file.py:Class`.
 
     A relative path starts at the current folder. The file's folder is searched for what the file
     imports, after everything else.
@@ -96,7 +96,7 @@ def source_digest(name: str) -> str:
 
 
 def source_file(name: str) -> Path | None:
-    """The file of a class, if there is one now."""
+    """Return the file of a class, if there is one now."""
     place = name.rpartition(SEPARATOR)[0]
     if place.endswith(SUFFIX):
         file = Path(place)
@@ -120,7 +120,7 @@ def _by_name(name: str) -> ModuleType:
 
 
 def _from_file(path: Path) -> ModuleType:
-    """The module of a file, loaded once for each content that the file has."""
+    """Return the module of a file, loaded once for each content that the file has."""
     if not path.is_file():
         raise ValueError(f"no file '{path}' (looked for in '{Path.cwd()}')")
     path = path.resolve()

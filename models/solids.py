@@ -18,7 +18,7 @@ def distance_to(
     origin: NDArray[np.float64],
     direction: NDArray[np.float64],
 ) -> float:
-    """Distance to one geom along a ray, m; -1 for a miss, and for any signed distance field.
+    """Return the distance to a geom along a ray, m; -1 for a miss, and for any SDF.
 
     Args:
         model: Holds the geom, whatever its group and colour.

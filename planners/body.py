@@ -47,7 +47,7 @@ class Body:
         return max(abs(o) + r for o, r in zip(self.offsets, self.radii, strict=True))
 
     def discs(self, margin: float, resolution: float, flat: bool) -> tuple[Disc, ...]:
-        """The discs with their collision distances.
+        """Return the discs with their collision distances.
 
         Args:
             margin: Localization margin, m.

@@ -105,21 +105,21 @@ class FreeSpace:
 
     @property
     def _lazy(self) -> Distances | None:
-        """The lazy distances, if they are; those of a plane are all worked out."""
+        """The lazy distances, if they are lazy; those of a plane are all computed."""
         if isinstance(self.distances, Distances) and self.distances.cells.shape[2] > 1:
             return self.distances
         return None
 
     @property
     def field(self) -> NDArray[np.uint16]:
-        """All squared cell distances, worked out; uint16 (nx, ny, nz).
+        """All squared cell distances, computed; uint16 (nx, ny, nz).
 
         `grid.field` is up to date only in the blocks that are recorded as read.
         """
         return self.distances.whole() if isinstance(self.distances, Distances) else self.distances
 
     def refresh(self) -> None:
-        """Work out all distances, for a reader that does not record what it reads."""
+        """Compute all distances, for a reader that does not record its reads."""
         if self._lazy is not None:
             self._lazy.whole()
 
@@ -139,7 +139,7 @@ class FreeSpace:
                 return found
 
     def begin_search(self) -> bool:
-        """Work out the distances that the last search read; this one will read many of them, too.
+        """Compute the distances that the last search read; this one will read many of them, too.
 
         Returns:
             Whether to go on; not if a distance read before is out of date.
@@ -166,15 +166,15 @@ class FreeSpace:
         return bool(self.grid.field.shape[2] == 1)
 
     def is_free(self, point: Floats) -> bool:
-        """Whether a point lies in a free cell."""
+        """Return whether a point lies in a free cell."""
         return self.edge_free(point, point)
 
     def edge_free(self, a: Floats, b: Floats) -> bool:
-        """Whether every cell that the segment from `a` to `b` touches is free."""
+        """Return whether every cell that the segment from `a` to `b` touches is free."""
         return bool(segment.edge_free(self.grid, self.collision_distance_sq, _point(a), _point(b)))
 
     def free_length(self, path: Floats) -> float:
-        """Arc length along a polyline (n, 3) before its first forbidden cell, m.
+        """Return the arc length along a polyline (n, 3) before its first forbidden cell, m.
 
         Ends two sub-cells (2/65536 of a cell) short of that cell's face; 0 if the start is
         forbidden, the whole length if nothing is. A body of discs heads along the path, nose or
@@ -186,7 +186,7 @@ class FreeSpace:
         return float(self._walk(path, self.collision_distance_sq, 0.0)[0])
 
     def nearest_free(self, point: Floats, radius: float) -> Floats | None:
-        """Centre of the nearest free cell at most `radius`, m, away, shape (3,), or None.
+        """Return the centre (3,) of the nearest free cell at most `radius`, m, away, or None.
 
         Of several equally near the one of the lowest index.
         """
@@ -199,7 +199,7 @@ class FreeSpace:
         return centre
 
     def least_clearance(self, path: Floats) -> float:
-        """Least distance to a blocked cell over the cells that a path (n, 3) touches, m.
+        """Return the least distance to a blocked cell over the cells that a path (n, 3) touches, m.
 
         Between cell centres, truncated where the field is; 0 if the path leaves the grid.
         """
@@ -207,7 +207,7 @@ class FreeSpace:
         return math.sqrt(max(least, 0)) * self.resolution
 
     def path_cost(self, path: Floats, clearance_weight: float = CLEARANCE_WEIGHT) -> float:
-        """Integral of 1 + weight * cost along a path, m, exact cell by cell.
+        """Return the integral of 1 + weight * cost along a path, m, exact cell by cell.
 
         Args:
             path: Polyline, m, shape (n, 3).
@@ -220,14 +220,14 @@ class FreeSpace:
         return float(cost) if least > self.collision_distance_sq else math.inf
 
     def sweep_free(self, a: Floats, b: Floats) -> bool:
-        """Whether the body is free all the way between two poses (x, y, z, heading).
+        """Return whether the body is free all the way between two poses (x, y, z, heading).
 
         Position and heading change evenly, the heading by the shorter way round.
         """
         return bool(sweep.sweep_free(self.grid, self.shape, _pose(a), _pose(b)))
 
     def pose_free(self, point: Floats, heading: float) -> bool:
-        """Whether the body is free at a point and heading, rad."""
+        """Return whether the body is free at a point and heading, rad."""
         pose = (*_point(point), float(heading))
         return bool(sweep.sweep_free(self.grid, self.shape, pose, pose))
 
@@ -238,7 +238,7 @@ class FreeSpace:
         return bool(sweep.sweep_free(self.grid, self.shape, before, after))
 
     def nearest_pose(self, point: Floats, radius: float, headings: Floats) -> Floats | None:
-        """Pose (4,) nearest to a point where the body is free at one of the headings, or None.
+        """Return the pose (4,) nearest to a point and free at one of the headings, or None.
 
         At a cell's centre, at most `radius`, m, away.
         """
@@ -264,12 +264,12 @@ class FreeSpace:
         return wide
 
     def free_poses(self, poses: Floats) -> int:
-        """Number of poses (n, 4) that the body reaches one after the other."""
+        """Return the number of poses (n, 4) that the body reaches one after the other."""
         poses = np.ascontiguousarray(poses, dtype=np.float64)
         return int(sweep.poses_free_count(self.grid, self.shape, poses))
 
     def sweep_cost(self, poses: Floats, clearance_weight: float = CLEARANCE_WEIGHT) -> float:
-        """Cost of a body's way through poses (n, 4), m; infinite if it is not free.
+        """Return the cost of a body's way through poses (n, 4), m; infinite if it is not free.
 
         The integral of 1 + weight * (mean cost of the discs' cells) along the reference point's
         path, more where it is not along the heading, and a cost of each turn (see
@@ -279,7 +279,7 @@ class FreeSpace:
         return float(sweep_cost.poses_cost(self.grid, self.shape, float(clearance_weight), poses))
 
     def free_sweep_length(self, poses: Floats) -> float:
-        """Length of a way through poses (n, 4) before the body touches a forbidden cell, m.
+        """Return the length of a way through poses (n, 4) before a forbidden cell, m.
 
         Along the reference point's path, in whole steps of a sweep.
         """
@@ -295,7 +295,7 @@ class FreeSpace:
 
 
 def _unread_blocks(field: NDArray[np.uint16]) -> NDArray[np.bool_]:
-    """Blocks of cells none of which was read, shape (blocks, nx)."""
+    """Return blocks without a cell that was read, shape (blocks, nx)."""
     nx, ny, _ = field.shape
     return np.zeros(((ny >> BLOCK_BITS) + 1, nx), np.bool_)
 

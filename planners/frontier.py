@@ -20,7 +20,7 @@ VISITED_RADIUS = 0.35
 def best_frontier(
     traversable: FreeSpace, optimistic: FreeSpace, position: Array, goal: Array, visited: Array
 ) -> Array | None:
-    """The reachable frontier cell of the shortest straight way there and on to the goal.
+    """Return the reachable frontier cell of the shortest straight way there and on to the goal.
 
     A frontier cell is traversable and touches a cell that is not, but would be if unknown cells
     were free.
@@ -56,7 +56,7 @@ def best_frontier(
 
 
 def _cell(space: FreeSpace, point: Array) -> tuple[int, ...]:
-    """Indices of the cell that holds a point, clipped to the grid."""
+    """Return the indices of the cell that holds a point, clipped to the grid."""
     cell = np.floor((point - space.origin) / space.resolution).astype(int)
     return tuple(np.clip(cell, 0, np.array(space.grid.field.shape) - 1).tolist())
 

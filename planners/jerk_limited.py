@@ -50,7 +50,7 @@ class Profile:
     end: float
 
     def at(self, time: float) -> State:
-        """State at a time, s; the first before 0, at rest after the end."""
+        """Return the state at a time, s; the first before 0, at rest after the end."""
         if time >= self.duration or not len(self.times):
             return State(self.end, 0.0, 0.0)
         piece = max(int(self.times.searchsorted(time, side="right")) - 1, 0)
@@ -64,11 +64,11 @@ class Profile:
         )
 
     def positions(self, times: Floats) -> Floats:
-        """Positions at times, s, shape (n,): `at` of each."""
+        """Return positions at times, s, shape (n,): `at` of each."""
         return self.motion(times)[0]
 
     def motion(self, times: Floats) -> tuple[Floats, Floats]:
-        """Positions and velocities at times, s, each shape (n,): `at` of each."""
+        """Return positions and velocities at times, s, each shape (n,): `at` of each."""
         positions, velocities = np.empty(len(times)), np.empty(len(times))
         pieces = Pieces(self.times, self.states, self.jerks, self.duration, self.end)
         sample(pieces, times, positions, velocities)
@@ -112,12 +112,12 @@ def sample(pieces: Pieces, times: Floats, positions: Floats, velocities: Floats)
 
 
 def at_rest(position: float) -> Profile:
-    """A profile at rest."""
+    """Return a profile at rest."""
     return Profile(np.empty(0), np.empty((0, 3)), np.empty(0), 0.0, position)
 
 
 def ramped(positions: Floats, step: float) -> Profile:
-    """The profile through positions (n,) one time step, s, apart, at constant rates in between."""
+    """Return the profile through positions (n,) a time step, s, apart, at constant rates."""
     steps = len(positions) - 1
     times, states = np.empty(steps), np.zeros((steps, 3))
     count = list_ramps(positions, step, times, states)
@@ -153,7 +153,7 @@ class Leg(NamedTuple):
 
 
 def solve(start: State, target: State, speed: float | None, limits: AxisLimits) -> Leg:
-    """Fastest motion to a target state; without a `speed` limit only to its velocity."""
+    """Return the fastest motion to a target state; without a `speed` limit only to its velocity."""
     steps = _solved(start, target, speed, limits)
     brake = steps.brake
     pieces = [
@@ -171,7 +171,7 @@ def solve(start: State, target: State, speed: float | None, limits: AxisLimits) 
 
 
 def _solved(start: State, target: State, speed: float | None, limits: AxisLimits) -> ruckig.Profile:
-    """Profile of ruckig.
+    """Solve for a profile by ruckig.
 
     Raises:
         RuntimeError: As `_calculated`.
@@ -201,7 +201,7 @@ def _request(start: State, limits: AxisLimits) -> ruckig.InputParameter:
 def _calculated(
     solver: ruckig.Ruckig, request: ruckig.InputParameter, found: ruckig.Trajectory
 ) -> ruckig.Profile:
-    """Profile of a request.
+    """Compute the profile of a request.
 
     Raises:
         RuntimeError: ruckig refuses the request, or finds no motion.
@@ -217,7 +217,7 @@ def _calculated(
 
 
 def _in_words(request: ruckig.InputParameter) -> str:
-    """A request and its limits in one line, every digit of them."""
+    """Return a request and its limits in one line, every digit of them."""
     start = request.current_position + request.current_velocity + request.current_acceleration
     position, velocity = request.target_position[0], request.target_velocity[0]
     if request.control_interface == ruckig.ControlInterface.Velocity:
@@ -233,7 +233,7 @@ def _in_words(request: ruckig.InputParameter) -> str:
 
 
 def change_speed(start: State, velocity: float, limits: AxisLimits) -> Leg:
-    """Fastest change to a velocity held without acceleration."""
+    """Return the fastest change to a velocity held without acceleration."""
     return solve(start, State(0.0, velocity, 0.0), None, limits)
 
 
@@ -264,10 +264,10 @@ def join(legs: Sequence[Leg]) -> Profile:
 
 
 def stop(start: State, limits: AxisLimits) -> Profile:
-    """Fastest stop, at any position."""
+    """Return the fastest stop, at any position."""
     return join([change_speed(start, 0.0, limits)])
 
 
 def move(start: State, target: float, speed: float, limits: AxisLimits) -> Profile:
-    """Fastest motion to rest at a position."""
+    """Return the fastest motion to rest at a position."""
     return join([solve(start, State(target, 0.0, 0.0), speed, limits)])

@@ -28,55 +28,55 @@ SHARP_WINDOW = 0.3
 
 
 def edge_lengths(path: Floats) -> Floats:
-    """Length of each edge, m, shape (n - 1,)."""
+    """Return the length of each edge, m, shape (n - 1,)."""
     lengths: Floats = polyline.edge_lengths(np.ascontiguousarray(path))
     return lengths
 
 
 def arc_lengths(path: Floats) -> Floats:
-    """Arc length at each point, m, shape (n,); the first is 0."""
+    """Return the arc length at each point, m, shape (n,); the first is 0."""
     arcs: Floats = polyline.arc_lengths(np.ascontiguousarray(path))
     return arcs
 
 
 def edge_tangents(path: Floats) -> Floats:
-    """Unit direction of each edge, shape (n - 1, 3); one without length takes its neighbour's."""
+    """Return the unit direction (n - 1, 3) of each edge; without length, its neighbour's."""
     tangents: Floats = polyline.edge_tangents(np.ascontiguousarray(path))
     return tangents
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    """Dot product over the last axis of 3, summed in a fixed order."""
+    """Return the dot product over the last axis of 3, summed in a fixed order."""
     products: Floats = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
     return products
 
 
 def point_at(path: Floats, s: float) -> Floats:
-    """Point at an arc length, m, clamped to the path, shape (3,)."""
+    """Return the point at an arc length, m, clamped to the path, shape (3,)."""
     point: Floats = polyline.point_at(np.ascontiguousarray(path, np.float64), float(s))
     return point
 
 
 def tangent_at(path: Floats, s: float) -> Floats:
-    """Unit tangent at an arc length, m, shape (3,); zero for a path without length."""
+    """Return the unit tangent at an arc length, m, shape (3,); zero for a path without length."""
     tangent: Floats = polyline.tangent_at(np.ascontiguousarray(path, np.float64), float(s))
     return tangent
 
 
 def truncate(path: Floats, s: float) -> Floats:
-    """The path from its start to an arc length, m, shape (m, 3)."""
+    """Return the path from its start to an arc length, m, shape (m, 3)."""
     kept: Floats = polyline.truncate(np.ascontiguousarray(path, np.float64), float(s))
     return kept
 
 
 def remaining(path: Floats, s: float) -> Floats:
-    """The path from an arc length, m, to its end, shape (m, 3)."""
+    """Return the path from an arc length, m, to its end, shape (m, 3)."""
     kept: Floats = polyline.remaining(np.ascontiguousarray(path, np.float64), float(s))
     return kept
 
 
 def project(path: Floats, point: Floats) -> float:
-    """Arc length of the path's point nearest to a point, m; the first of several."""
+    """Return the arc length of the path's point nearest to a point, m; the first of several."""
     if len(path) == 1:
         return 0.0
     lengths, tangents = edge_lengths(path), edge_tangents(path)
@@ -87,7 +87,7 @@ def project(path: Floats, point: Floats) -> float:
 
 
 def poses_along(points: Floats, start: Pose, goal: Pose | None) -> Floats:
-    """Poses of a body that heads along a path and turns at its corners, shape (n, 4).
+    """Return poses of a body that heads along a path and turns at its corners, shape (n, 4).
 
     Args:
         points: Shape (n, 3), m.
@@ -145,7 +145,7 @@ def blend_corners(
 
 
 def _reaches(waypoints: Floats, blend_length: float) -> Floats:
-    """Length that each corner's blend may take of its edges, m, shape (n - 2,)."""
+    """Return the length (n - 2,), m, that each corner's blend may take of its edges."""
     lengths = edge_lengths(waypoints)
     turns = edge_lengths(edge_tangents(waypoints))  # (n - 2,) change of the tangent
     turns = np.concatenate(([0.0], np.maximum(turns, LEAST_TURN), [0.0]))  # none at the ends
@@ -158,7 +158,7 @@ def _reaches(waypoints: Floats, blend_length: float) -> Floats:
 
 
 def speed_limits(path: Floats, lateral_acceleration: float, yaw_rate: float) -> Floats:
-    """Largest speed at each point, m/s, shape (n,), that curvature allows; infinite at the ends.
+    """Return the largest speed (n,), m/s, that curvature allows; infinite at the ends.
 
     Args:
         path: Shape (n, 3), m.
@@ -176,7 +176,7 @@ def speed_limits(path: Floats, lateral_acceleration: float, yaw_rate: float) -> 
 def first_stop(
     path: Floats, s: float, angle: float = SHARP_ANGLE, window: float = SHARP_WINDOW
 ) -> float:
-    """Arc length of the first corner after `s` that is too sharp to take in motion, m.
+    """Return the arc length of the first corner after `s` that is too sharp to take in motion, m.
 
     A corner is too sharp if the path turns by more than `angle`, rad, within `window`, m; its place
     is the sharpest turn of that window.

@@ -30,7 +30,7 @@ GOAL_HEADINGS = 16
 """Number of headings that are tried at a goal with none given."""
 
 GRAIN = 2.0**-30
-"""Default grain of what OMPL finds, a nanometre: a million times the last bits of a coordinate."""
+"""Default grain of OMPL's solutions, a nanometre: a million times the last bits of a coordinate."""
 
 GREATEST_GRAIN = 1e-3
 """Largest grain, m."""
@@ -94,12 +94,12 @@ class PlannerConfig:
             raise ValueError(f"planner.state_space: got {got}, expected auto, position or pose")
 
     def replaces(self, new_cost: float, old_cost: float) -> bool:
-        """Whether a new path should replace a valid old one, by their costs, m."""
+        """Return whether a new path should replace a valid old one, by their costs, m."""
         return new_cost < self.switch_ratio * old_cost
 
 
 def state_space_of(config: PlannerConfig, space: FreeSpace) -> StateSpace:
-    """The state space that is planned in, in a free space.
+    """Return the state space that is planned in, in a free space.
 
     Raises:
         ValueError: If the state space does not suit the body, the grid or the planner.
@@ -177,7 +177,7 @@ def _cheapest(
     config: PlannerConfig,
     seed: int,
 ) -> Plan:
-    """The cheapest path of all restarts, on the distances as they are."""
+    """Return the cheapest path of all restarts, on the distances as they are."""
     kind, traits = state_space_of(config, space), planner_traits(config.name)
     if not _fits(space, kind, begin):
         return _without_path("start_blocked", 0)
@@ -235,7 +235,7 @@ def finish_path(
 
 
 def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> Floats:
-    """A path with its cost lowered by seeded shortcuts, shape (n, 4); curves stay as they are."""
+    """Lower a path's cost by seeded shortcuts, shape (n, 4); curves stay as they are."""
     space, weight = query.space, float(config.clearance_weight)
     if query.kind.curved or config.shortcuts == 0:
         return poses

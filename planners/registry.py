@@ -1,4 +1,4 @@
-"""The planners by name: how each is built, and what it can plan."""
+"""Registry of planners by name: builders and capabilities."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wayproof.planners.ompl.waypoint_planner import WaypointPlanner
 
 
 class Budget(NamedTuple):
-    """What a planner is built with."""
+    """Settings of a planner."""
 
     iterations: int  # of its own loop
     clearance_weight: float  # of the cell cost against length
@@ -26,7 +26,7 @@ Builder = Callable[[ob.SpaceInformation, Budget], ob.Planner]
 
 
 class PlannerTraits(NamedTuple):
-    """What a planner can do; the defaults are those of a user's own."""
+    """Capabilities of a planner; the defaults are those of a user's own."""
 
     uses_seed: bool = True
     """Whether another seed may give another path; without one it is never restarted."""
@@ -44,7 +44,7 @@ class PlannerTraits(NamedTuple):
     """Whether it plans the curves of `reeds_shepp` and `dubins`."""
 
     poses_in_space: bool = True
-    """Whether OMPL has what it needs in R3 x SO(2): informed samples, or a projection."""
+    """Whether OMPL supports it in R3 x SO(2), by informed samples or a projection."""
 
     asymmetric: bool = True
     """Whether the way back may be of another length, as on Dubins curves: there AORRTC ends the
@@ -118,13 +118,13 @@ def is_registered(name: str) -> bool:
 
 
 def planner_traits(name: str) -> PlannerTraits:
-    """What the planner of a name can do."""
+    """Return the capabilities of the planner of a name."""
     entry = PLANNERS.get(FORMER_NAMES.get(name, name))
     return PlannerTraits() if entry is None else entry.traits
 
 
 def planner_builder(name: str) -> Builder:
-    """The builder of a name in `PLANNERS`, or of `module:Class` or `file.py:Class`.
+    """Return the builder of a name in `PLANNERS`, or of `module:Class` or `file.py:Class`.
 
     Raises:
         ValueError: If there is no such planner, or the class is no `ompl.base.Planner` and has no
@@ -156,7 +156,7 @@ def planner_builder(name: str) -> Builder:
 
 
 def state_space_for(name: str, planner: str, *, flat: bool, discs: bool) -> StateSpace:
-    """The state space of a name; `auto` has a heading where the body is more than one disc.
+    """Return the state space of a name; `auto` has a heading where the body is more than one disc.
 
     Args:
         name: `auto` or a key of `STATE_SPACES`.

@@ -6,7 +6,7 @@ LARGEST_SEED = 2**31 - 1
 
 
 def plan_seed(episode_seed: int, stream: str, sequence: int) -> int:
-    """Seed of one draw of one stream: BLAKE2b (RFC 7693) of its three names.
+    """Return the seed of one draw of one stream: BLAKE2b (RFC 7693) of its three names.
 
     Args:
         episode_seed: Seed of the episode.

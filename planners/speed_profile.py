@@ -38,7 +38,7 @@ class SpeedZone(NamedTuple):
 def time_parameterize(
     start: State, zones: Sequence[SpeedZone], limits: AxisLimits
 ) -> Profile | None:
-    """Fastest motion through zones of limited speed to rest at the end of the last.
+    """Return the fastest motion through zones of limited speed to rest at the end of the last.
 
     Zones are left at speeds, without acceleration, that a pass from the end and one from the start
     make reachable (Bobrow, Dubowsky, Gibson, "Time-Optimal Control of Robotic Manipulators Along
@@ -67,7 +67,7 @@ def time_parameterize(
 
 
 def _cross(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> list[Leg] | None:
-    """One leg for each zone, or None if the first cannot be left at the speed of the next."""
+    """Return a leg for each zone, or None if the first cannot be left at the speed of the next."""
     leaving = [0.0]  # speeds from the last zone to the first
     for before, zone in reversed(list(itertools.pairwise(zones))):
         reachable = fastest_within(leaving[-1], zone.length, limits)
@@ -90,7 +90,7 @@ def _cross(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> list
 
 
 def _first_leaving(start: State, length: float, speed: float, limits: AxisLimits) -> float | None:
-    """Largest speed up to `speed` that can be held after `length`; None if it is too short."""
+    """Return the largest speed, up to `speed`, to hold after `length`; None if too short."""
     covered, room = change_lengths(start, limits), length - SLACK
     if covered(speed) <= room:
         return speed
@@ -104,7 +104,7 @@ def _first_leaving(start: State, length: float, speed: float, limits: AxisLimits
 
 
 def _calm_speed(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> float:
-    """Speed at which the acceleration can end soonest, within the limits of zones met meanwhile."""
+    """Return the speed at which the acceleration ends soonest within the limits of the zones."""
     speed = settled_velocity(start, limits)
     covered, begin = change_lengths(start, limits), 0.0
     for zone in zones:
@@ -116,7 +116,7 @@ def _calm_speed(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) ->
 
 
 def _cut(zones: Sequence[SpeedZone], distance: float) -> list[SpeedZone]:
-    """The rest of zones after a distance."""
+    """Return the rest of zones after a distance."""
     rest = []
     for zone in zones:
         left = zone.length - max(distance, 0.0)
@@ -127,13 +127,13 @@ def _cut(zones: Sequence[SpeedZone], distance: float) -> list[SpeedZone]:
 
 
 def settled_velocity(state: State, limits: AxisLimits) -> float:
-    """Velocity after the fastest change of the acceleration to 0."""
+    """Return the velocity after the fastest change of the acceleration to 0."""
     return state.velocity + 0.5 * state.acceleration * abs(state.acceleration) / limits.jerk
 
 
 @kernel
 def speed_change_distance(a: float, b: float, limits: AxisLimits) -> float:
-    """Least distance for a change between two speeds held without acceleration.
+    """Return the least distance for a change between two speeds held without acceleration.
 
     The acceleration rises and falls symmetrically, so the mean speed is (a + b) / 2.
     """
@@ -147,7 +147,7 @@ def speed_change_distance(a: float, b: float, limits: AxisLimits) -> float:
 
 @kernel
 def fastest_within(speed: float, length: float, limits: AxisLimits) -> float:
-    """Largest speed that can change to or from `speed` within a length."""
+    """Return the largest speed that can change to or from `speed` within a length."""
     room = max(length - SLACK, 0.0)
     low, high = speed, speed + math.sqrt(2.0 * limits.acceleration * room)  # without jerk limit
     for _ in range(BISECTIONS):

@@ -55,7 +55,7 @@ def speed_zones(
 
 
 def _zones(arcs: Floats, allowed: Floats, s: float, cap: float) -> list[SpeedZone]:
-    """Zones from an arc length on, of points (n,) and the speeds that they allow (n,)."""
+    """Return zones from an arc length on, of points (n,) and the speeds that they allow (n,)."""
     lengths, speeds = np.empty(len(arcs)), np.empty(len(arcs))
     count = cut_zones(arcs, allowed, s, cap, lengths, speeds)
     return list(map(SpeedZone, lengths[:count].tolist(), speeds[:count].tolist()))
@@ -64,7 +64,7 @@ def _zones(arcs: Floats, allowed: Floats, s: float, cap: float) -> list[SpeedZon
 def _allow_sideways(
     path: Floats, arcs: Floats, allowed: Floats, limits: MotionLimits, sideways_speed: float
 ) -> Floats:
-    """Speeds (n,) of a body that need not have turned at a speed that it has in any direction.
+    """Return speeds (n,) of a body that need not turn at a speed that it has in any direction.
 
     Where its turn falls behind the path's, it keeps to that speed until it has caught up.
     """

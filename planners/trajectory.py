@@ -131,7 +131,7 @@ class Trajectory:
         )
 
     def setpoints(self, times_ns: Integers) -> Setpoints:
-        """Setpoints at simulated times (n,): position, velocity and heading of `at`."""
+        """Return setpoints at simulated times (n,): position, velocity and heading of `at`."""
         times = 1e-9 * (times_ns - self.start_ns).astype(np.float64)
         arcs, speeds = self.motion.motion(times)
         headings, yaw_rates = self.turning.motion(times)
@@ -141,16 +141,16 @@ class Trajectory:
         return Setpoints(positions, velocities, headings, yaw_rates)
 
     def facing(self, heading: float) -> Trajectory:
-        """The same motion at a constant heading, rad."""
+        """Return the same motion at a constant heading, rad."""
         return dataclasses.replace(self, turning=jerk_limited.at_rest(heading))
 
     def path_after(self, elapsed: float) -> Floats:
-        """What is left of the path after a time, s, up to the stop, shape (n, 3), m."""
+        """Return the rest of the path after a time, s, up to the stop, shape (n, 3), m."""
         begun = float(self.motion.at(elapsed)[0])
         return truncate(remaining(self.path, begun), self.motion.end - begun)
 
     def poses(self, step: float, elapsed: float = 0.0, *, corners: bool = False) -> Floats:
-        """Poses (x, y, z, heading) up to rest, shape (n, 4).
+        """Return poses (x, y, z, heading) up to rest, shape (n, 4).
 
         Args:
             step: Time between them, s.
@@ -185,7 +185,7 @@ class Trajectory:
         return edge_tangents(self.path) if len(self.path) > 1 else np.zeros((1, 3))
 
     def _locate(self, arc_length: float) -> tuple[Floats, Floats]:
-        """Point and unit tangent at an arc length, each shape (3,)."""
+        """Return the point and unit tangent at an arc length, each shape (3,)."""
         edge = bisect.bisect_right(self._arcs, arc_length, 1, max(len(self._arcs) - 1, 1)) - 1
         tangent = self._tangents[edge]
         along = min(max(arc_length, 0.0), self._arcs[-1]) - self._arcs[edge]

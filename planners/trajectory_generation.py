@@ -130,7 +130,7 @@ def _start_state(path: Floats, start: PathState, limits: MotionLimits) -> State:
 
 
 def _feasible(s: float, speed: float, acceleration: float, limits: MotionLimits) -> State:
-    """A state whose deceleration can end before the speed would turn negative."""
+    """Return a state whose deceleration can end before the speed would turn negative."""
     if not speed >= -REST_SPEED:
         raise ValueError(f"speed: got {speed}, expected 0 or more")
     speed = max(speed, 0.0)  # a profile that ends at rest can miss 0 by a rounding
@@ -146,7 +146,7 @@ def _turn_into(path: Floats, s: float, heading: float, off: float) -> float:
 def _along(
     path: Floats, start: PathState, motion: Profile, limits: MotionLimits, reverse: bool
 ) -> Trajectory:
-    """A trajectory of a profile on a path, its heading following the path's."""
+    """Return a trajectory of a profile on a path, its heading following the path's."""
     overshoot = motion.end - float(arc_lengths(path)[-1])
     if overshoot < -LEAST_ZONE:  # it stops before the end: the rest is no part of it
         path, overshoot = truncate(path, motion.end), 0.0

@@ -321,7 +321,7 @@ MEANINGS: dict[Kind, Meaning] = {
         ("deadline_missed",),
     ),
 }
-"""Sentence, actions and labels of each kind."""
+"""Sentence, actions and labels by kind of reason."""
 
 STUCK_INSIDE = (
     "escaping_inflation",

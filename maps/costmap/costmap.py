@@ -209,7 +209,7 @@ class Costmap:
         return self._state
 
     def states_between(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """The three states of the cells from `first` (3,) up to, but not with, `end` (3,).
+        """Return the three states of the cells from `first` (3,) up to, but not with, `end` (3,).
 
         With the widening, as the distances have it.
         """
@@ -233,7 +233,7 @@ class Costmap:
 
     @property
     def obstacle_clearance(self) -> NDArray[np.uint16]:
-        """The same to the nearest cell that is occupied or outside."""
+        """Squared distances, cells^2, to the nearest cell that is occupied or outside."""
         return self.clearances.to_obstacles(self.truncation).whole()
 
     def field(self) -> NDArray[np.uint16]:
@@ -347,7 +347,7 @@ def _whole(rows: tuple[int, int, int]) -> Columns:
 
 
 def _points(points: ArrayLike) -> NDArray[np.float64]:
-    """A copy (n, 3): to the compiler a read-only array is another type."""
+    """Return a copy (n, 3): to the compiler a read-only array is another type."""
     places = np.array(points, np.float64, order="C", ndmin=2)
     if places.ndim != 2 or places.shape[1] != 3:
         raise ValueError(f"points: got shape {places.shape}, expected (n, 3)")

@@ -43,8 +43,8 @@ class CellUpdate(NamedTuple):
         cells: For each field (kx, ky, words): bit k of word w is cell 64 w + k along z.
         flips: For each field `ALL_ONES` where the bits are the cells not blocked, else 0.
         corner: Place of their first column in the window, along x and y.
-        planes: First and one past the last of them that may have changed, along x.
-        rows: The same along y; both count from the corner.
+        planes: First and one past the last plane that may have changed, along x, from the corner.
+        rows: First and one past the last row that may have changed, along y, from the corner.
     """
 
     cells: tuple[NDArray[np.uint64], ...]
@@ -241,7 +241,7 @@ class DistanceField:
 
 
 def _on_cache_lines(cells: int) -> NDArray[np.uint16]:
-    """An array (cells,) that begins where a cache line does.
+    """Return an array (cells,) that begins where a cache line does.
 
     A vector of 64 bytes that lies in two lines is read twice: a seventh of a pass along x.
     """
@@ -318,7 +318,7 @@ def _bring_sections_up_to_date(
 
 
 def update_together(fields: Sequence[DistanceField], update: CellUpdate) -> None:
-    """Take over and bring up to date in common rounds of threads; see both."""
+    """Take over and bring up to date in common rounds of threads; see these methods."""
     take_over(fields, update, whole=True)
     bring_up_to_date(fields)
 
@@ -328,13 +328,13 @@ def _in_turn(
     work: Callable[[DistanceField, int, Queue], None],
     us: float,
 ) -> None:
-    """Have one field after the other worked on by all threads, where that is worth sharing.
+    """Work on one field after the other with all threads, where that is worth sharing.
 
     Each takes planes or rows from the field's queue while it is in compiled code: it neither waits
     for Python in between nor for a thread that still has a large part to do.
 
     Args:
-        fields: Of one window.
+        fields: Fields of one window.
         work: Called with a field, its number and its queue.
         us: About the time that it takes one thread, microseconds.
     """

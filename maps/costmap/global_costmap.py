@@ -16,7 +16,7 @@ BLOCKED, UNSEEN, PASSABLE = 0, 1, 2
 """States of a coarse cell: no place in it for the body; none known to be free; one known to be."""
 
 TILE = 128
-"""About, side of the tiles that are worked out together, cells of the map."""
+"""About, side of the tiles that are computed together, cells of the map."""
 
 Box = tuple[NDArray[np.int64], NDArray[np.int64]]
 """Least cell (2,) of a box, and one past the greatest (2,)."""
@@ -114,7 +114,7 @@ class GlobalCostmap:
         return tiles
 
     def _states_of(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """Work out the states of a box of coarse cells from the map."""
+        """Compute the states of a box of coarse cells from the map."""
         reach, cells = self._reach, self._cells
         count = (high - low) * cells
         begin = low * cells - reach

@@ -9,7 +9,7 @@ ROUNDING = 1e-6
 
 
 def inflation_radius_cells(radius: float, resolution: float, flat: bool) -> float:
-    """Return the distance at or below which a disc or ball may touch what is in a cell, cells.
+    """Return the distance at or below which a disc or ball may touch a cell's content, cells.
 
     Distances are between cell centres, but a surface may lie anywhere in its cell: half of a cell's
     diagonal more. The place of the disc in its own cell is covered by the margin.

@@ -61,12 +61,12 @@ class Reader:
         self.missed = False
 
     def outdated(self) -> bool:
-        """Whether any block that was read is stale."""
+        """Return whether any block that was read is stale."""
         return bool(((self.read_blocks | self.searched) & self._source.stale).any())
 
 
 class Distances:
-    """The squared distances of a window, for a reader that marks what it reads.
+    """Squared distances of a window, for a reader that marks the blocks that it reads.
 
     A reader works with `cells` as they are and marks the blocks that it reads. Then it calls
     `catch_up`: if any of these was stale, it is computed then, and the reader starts over. So the
@@ -80,8 +80,8 @@ class Distances:
         cells: (nx, ny, nz) uint16, squared distances in cells, wherever they are not stale.
         read_blocks: (blocks, nx) blocks that were read: cell (i, j, k) lies in
             [j // BLOCK_ROWS, i]. The reader sets them.
-        searched: (blocks, nx) the same of a search, which does not run at every update.
-        reader: The same blocks as a record.
+        searched: (blocks, nx) blocks that a search read, which does not run at every update.
+        reader: Record of these blocks.
         spent_s: Wall time of the computations since `begin`, s, for the record alone.
     """
 
@@ -95,10 +95,10 @@ class Distances:
         """Read a source.
 
         Args:
-            source: Of one window.
+            source: Source of one window.
             shape: (nx, ny, nz) of `cells`.
-            readers: Of all distances of the window, to which this one adds its own; None where
-                there are no others.
+            readers: Readers of all distances of the window, to which this one adds its own; None
+                where there are no others.
             searched_before: (blocks, nx) blocks that the last search in any of them read.
         """
         self._source = source
@@ -122,7 +122,7 @@ class Distances:
         self.reader.missed, self.spent_s, self._rounds = False, 0.0, 0
 
     def outdated(self) -> bool:
-        """Whether any block that was read is stale."""
+        """Return whether any block that was read is stale."""
         return self.reader.outdated()
 
     def latch_stale_reads(self) -> None:
@@ -160,7 +160,7 @@ class Distances:
         return True
 
     def whole(self) -> Cells:
-        """Return all of them, up to date."""
+        """Return all distances, up to date."""
         if self._source.stale.any():
             self._compute(None)
         return self.cells
@@ -195,7 +195,7 @@ class OptimisticDistances:
         self.limit(edge, most)
 
     def limit(self, edge: int, most: int) -> None:
-        """Set the limits, and compute all of it from the fields as they are."""
+        """Set the limits, and compute all distances from the fields as they are."""
         self._limits = edge, most
         field, other = self._fields
         np.logical_or(field.stale, other.stale, out=self.stale)
@@ -207,7 +207,7 @@ class OptimisticDistances:
             self.stale |= field.stale
 
     def bring_up_to_date(self, blocks: Blocks | None = None) -> None:
-        """Compute them in some blocks, or in all."""
+        """Compute the distances in some blocks, or in all."""
         chosen = self.stale.copy() if blocks is None else self.stale & blocks
         if chosen.any():
             bring_up_to_date(self._fields, chosen)
@@ -257,7 +257,7 @@ class Clearances:
             free: (nx, ny, words) bits of free cells.
             occupied: (nx, ny, words) bits of occupied cells.
             x: First and one past the last plane of the box.
-            y: The same along y.
+            y: First and one past the last row of the box.
             whole: Whether `begin` will bring all up to date.
         """
         box = (x.start, x.stop), (y.start, y.stop)

@@ -59,7 +59,7 @@ class Projection:
         return self._take(voxel_map.keep_out(*self._part(*box)), *box)
 
     def read_whole(self, voxel_map: ColumnMap) -> None:
-        """Take over all cells of a map once, whatever has changed since."""
+        """Take over all cells of a map once, changed or not."""
         first, (nx, ny, _) = self._window.first, self._window.shape
         end = [first[0] + nx, first[1] + ny, first[2] + WORD_BITS * self._words]
         whole = np.array([[*first, *end]], np.int64)
@@ -68,7 +68,7 @@ class Projection:
         self._take(voxel_map.keep_out(*self._part(*box)), *box)
 
     def _part(self, x: slice, y: slice) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
-        """Least cell and size (nx, ny, words) of a box of columns."""
+        """Return the least cell and size (nx, ny, words) of a box of columns."""
         first_x, first_y, first_z = self._window.first
         shape = x.stop - x.start, y.stop - y.start, self._words
         return (first_x + x.start, first_y + y.start, first_z), shape
@@ -170,7 +170,7 @@ class Ground(Projection):
 
 
 def walking_layers(window: Window, height: float, step_height: float) -> tuple[int, int, int]:
-    """The layers of the floor, of the lowest cell that a body on it meets, and past its back.
+    """Return the layers of the floor, of the lowest cell that a body meets, and past its back.
 
     Raises:
         ValueError: The body does not fit the window.

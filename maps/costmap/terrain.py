@@ -81,7 +81,7 @@ class Terrain(Projection):
         self._feet = (x, y, max(layer, 0))
 
     def read(self, voxel_map: ColumnMap) -> Columns | None:
-        """Take over what changed in the map, or by where the body stands."""
+        """Take over changes of the map, and those by the body's place."""
         changed = super().read(voxel_map)
         if changed is not None or self._feet == self._stood:
             return changed
@@ -130,7 +130,7 @@ def walked(window: Window, height: float, step_height: float, max_slope: float) 
 
 
 def rises(step: float, max_slope: float) -> NDArray[np.int64]:
-    """Greatest difference of two columns' layers by their distance along the axes, and across.
+    """Return the greatest rise of layers between columns by their distance along axes, and across.
 
     Heights that differ by less than n cells lie at most n layers apart. A ramp is met anywhere in
     a column, so it counts from one's near side to the other's far side.

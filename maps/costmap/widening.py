@@ -16,7 +16,7 @@ EVERY = 0xFFFFFFFFFFFFFFFF
 """Word of 64 set bits."""
 
 NOT_WIDENED = (0, 0)
-"""Cells by which nothing is widened."""
+"""Widening by no cells."""
 
 
 class Widened(NamedTuple):
@@ -34,7 +34,7 @@ class Widened(NamedTuple):
 def widened(
     free: Words, occupied: Words, rows: tuple[int, int, int], flat: bool, cells: tuple[int, int]
 ) -> Widened:
-    """Block each cell with an occupied cell within some cells along x and y, and unfree likewise.
+    """Block cells with an occupied cell within some cells along x and y, and unfree them likewise.
 
     Outside the window all is occupied. Distances to what this returns are those to rectangles
     about the cells, so that a disc keeps its margin and the widening from them.

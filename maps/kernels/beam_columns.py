@@ -23,7 +23,7 @@ MAX_STEPS = 2 * MAX_BEAM_CELLS + 18
 
 @inlined
 def faces_before(fraction: int, half: int) -> int:
-    """Number of faces along an axis that a beam meets before a point; `half` to the first one."""
+    """Count the faces along an axis that a beam meets before a point; `half` to the first one."""
     return ((fraction - 1) // half + 1) >> 1 if fraction > 0 else 0
 
 
@@ -42,7 +42,7 @@ def clip_axis(cell: int, steps: int, target: int, low: int, high: int) -> tuple[
 
 @inlined
 def fraction_to_layers(end: int, sensor: int, low: int, high: int) -> int:
-    """Least fraction at which a beam is within layers `low` to `high`; above WHOLE if it never is.
+    """Return the least fraction of a beam within layers `low` to `high`; above WHOLE if never.
 
     Args:
         end: Layer that it ends in.

@@ -97,10 +97,10 @@ class Sensor(NamedTuple):
     """One sensor position.
 
     Attributes:
-        number: Among the positions of the sweep.
-        x: In 1/1024 of a cell, from the window's corner.
-        y: Likewise.
-        guarded_layer: Of the window; NO_LAYER where the sensor is not above it.
+        number: Number among the positions of the sweep.
+        x: Coordinate x from the window's corner, 1/1024 of a cell.
+        y: Coordinate y from the window's corner, 1/1024 of a cell.
+        guarded_layer: Guarded layer of the window; NO_LAYER where the sensor is not above it.
     """
 
     number: int

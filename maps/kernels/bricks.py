@@ -162,7 +162,7 @@ def rewrite_columns(
 
 @kernel
 def column_of(x: Integer, y: Integer) -> Integer:
-    """Index of a column of cells in its brick."""
+    """Return the index of a column of cells in its brick."""
     return ((x & (EDGE - 1)) << EDGE_BITS) + (y & (EDGE - 1))
 
 

@@ -32,7 +32,7 @@ def find_heights(
 
 @inlined
 def bits_from(height: int) -> np.uint64:
-    """The bits of a word at a height from 0 to 64 and above it."""
+    """Return the bits of a word at a height from 0 to 64 and above it."""
     return FULL << np.uint64(height) if height < 64 else np.uint64(0)
 
 
@@ -58,7 +58,7 @@ def mark_across(
     keep: np.uint64,
     masks: NDArray[np.uint64],  # (n,) in, out
 ) -> None:
-    """Mark likewise for beams that are also below or above the word."""
+    """Mark the cells as `mark_within`, for beams that are also below or above the word."""
     for s in range(n):
         low, high = min(lower[s], lower[s + 1]), max(upper[s], upper[s + 1])
         first, end = min(max(low, 0), 64), min(max(high + 1, 0), 64)
@@ -76,7 +76,7 @@ def mark_run(
     upper: NDArray[np.int64],  # (n + 1,) scratch
     masks: NDArray[np.uint64],  # (n,) in, out
 ) -> None:
-    """Mark what the beams to a run of ends cross within one word of each column.
+    """Mark the cells that the beams to a run of ends cross within one word of each column.
 
     Neither another name for an array nor an early return: either would have references counted, at
     some nanoseconds each time.
@@ -100,7 +100,7 @@ def mark_run(
 
 @inlined
 def first_bit(word: np.uint64) -> int:
-    """Index of the lowest set bit of a word that is not 0."""
+    """Return the index of the lowest set bit of a word that is not 0."""
     bits = (word & (~word + ONE)) - ONE  # as many ones as there are zeros below it
     bits = bits - ((bits >> ONE) & B55)
     bits = (bits & B33) + ((bits >> np.uint64(2)) & B33)
@@ -110,7 +110,7 @@ def first_bit(word: np.uint64) -> int:
 
 @inlined
 def next_run(bits: np.uint64) -> tuple[int, int]:
-    """First and last of the lowest run of set bits in a word that is not 0."""
+    """Return the first and last of the lowest run of set bits in a word that is not 0."""
     low = first_bit(bits)
     clear = ~(bits >> np.uint64(low))
     return low, (low + first_bit(clear) if clear != 0 else 64) - 1

@@ -99,7 +99,7 @@ def neighbours(position: float, cells: int) -> tuple[int, int, float, float, flo
     """Find the two cells along an axis whose centres enclose a position, and their weights.
 
     Args:
-        position: In cells from the window's corner, within it.
+        position: Position in cells from the window's corner, within it.
         cells: Number of cells of the window along this axis.
 
     Returns:

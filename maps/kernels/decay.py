@@ -102,7 +102,7 @@ def list_losses(
     losses: NDArray[np.uint64],  # (128,)
     steps: NDArray[np.uint8],  # (MAGNITUDES,) out
 ) -> int:
-    """Find what magnitudes lose from one tick to another: the n-th unit is lost from steps[n] on.
+    """List the losses of magnitudes from one tick to another: unit n is lost from steps[n] on.
 
     Ticks take no more from a magnitude than from a greater one, and do not change their order.
 
@@ -123,7 +123,7 @@ def least_magnitude(
     cells: NDArray[np.int8],  # (COLUMNS, 64)
     floor: int,
 ) -> int:
-    """Least magnitude among cells of those that are at least `floor`; MAGNITUDES if there is none.
+    """Return the least magnitude of cells that is at least `floor`; MAGNITUDES without one.
 
     Counted from the floor up in bytes, what is below it comes out above all that is not.
     """

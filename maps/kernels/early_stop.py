@@ -155,7 +155,7 @@ def marked_slabs(
     distance: int,  # along the wedge's longer axis, 1/1024 of a cell
     marked: NDArray[np.int64],  # (SLOPES,)
 ) -> int:
-    """Number of slabs from the sensor on that are marked for all beams to a column."""
+    """Return the number of slabs from the sensor on that are marked for all beams to a column."""
     scale = SLOPES / (2.0 * STEEPEST)
     first = ((low * HALVES + SUBCELLS - sensor) / distance + STEEPEST) * scale
     last = ((high * HALVES + SUBCELLS - sensor) / distance + STEEPEST) * scale

@@ -47,7 +47,7 @@ class FieldLayout(NamedTuple):
 
 
 class Sections(NamedTuple):
-    """Distances within planes of constant x, and what they are computed from.
+    """Distances within planes of constant x, and their sources.
 
     Below, `around` is `planes_around(reach)`; planes outside the window hold reach^2.
 
@@ -103,7 +103,7 @@ def planes_around(reach: int) -> int:
 
 @kernel
 def border_distance(position: int, cells: int, reach: int) -> int:
-    """Cells to the nearest one outside along an axis, at most reach; an axis of one has none."""
+    """Return the cells to the border along an axis, at most reach; an axis of one has none."""
     return min(position + 1, cells - position, reach) if cells > 1 else reach
 
 

@@ -57,7 +57,7 @@ class FieldScratch(NamedTuple):
 def least_through(
     one: np.uint16, two: np.uint16, three: np.uint16, four: np.uint16, squares: Squares
 ) -> np.uint16:
-    """The least that leads through sources at four distances, each the nearer one of two sides."""
+    """Return the least value through sources at four distances, each the nearer of two sides."""
     first, second = np.uint16(one + squares[0]), np.uint16(two + squares[1])
     third, fourth = np.uint16(three + squares[2]), np.uint16(four + squares[3])
     return np.uint16(min(min(first, second), min(third, fourth)))
@@ -72,7 +72,7 @@ def lower_planes(
     j: int,
     reach: int,
 ) -> int:
-    """Lower units of four successive planes to what leads through those at distances j to j + 3.
+    """Lower units of four successive planes to values through those at distances j to j + 3.
 
     As `lower_rows`, in a third of the time: of the 32 sources of four planes 14 differ, and each is
     loaded once. The length of a unit is known when this is compiled: as an argument, it takes three
@@ -112,7 +112,7 @@ def list_bounds(
     layout: FieldLayout,
     bounds: NDArray[np.uint16],  # (units * UNIT,) out
 ) -> None:
-    """Squared distances along y and z to what lies outside; 0 where a block has no cells."""
+    """List squared distances along y and z to space outside; 0 where a block has no cells."""
     (_, ny, nz), reach = layout.shape, layout.reach
     fill(bounds, 0)
     for y in range(rows[0], min(rows[1], ny)):
@@ -146,7 +146,7 @@ def copy_units(
 
 @kernel
 def least_around(nearest: NDArray[np.uint16], plane: int, j: int) -> int:
-    """The least value within the planes that four successive ones see at distances j to j + 3."""
+    """Return the least value in the planes that four successive ones see at j to j + 3."""
     least = np.uint16(FAR)
     for k in range(7):
         least = min(least, min(nearest[plane + j + k], nearest[plane - j - 3 + k]))

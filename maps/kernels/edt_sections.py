@@ -29,7 +29,7 @@ B01 = np.uint64(0x0101010101010101)
 UNSET = np.array(
     [sum(0xFF << (8 * k) for k in range(8) if not byte >> k & 1) for byte in range(256)], np.uint64
 )
-"""By a byte of eight cells: eight bytes, all ones for a cell that is not set."""
+"""Eight bytes by a byte of eight cells, all ones for a cell that is not set."""
 
 
 class SectionScratch(NamedTuple):
@@ -55,7 +55,7 @@ class SectionScratch(NamedTuple):
 
 @kernel
 def blocks_around(reach: int, block_rows: int) -> int:
-    """Blocks on either side of one that sources may lie in: of four distances at once."""
+    """Return blocks on either side of one that sources may lie in: of four distances at once."""
     return int(-(-(reach + 3) // block_rows))
 
 
@@ -134,7 +134,7 @@ def lower_rows(
     j: int,
     reach: int,
 ) -> int:
-    """Lower each element to what leads through the sources at distances j to j + 3.
+    """Lower each element to the values through the sources at distances j to j + 3.
 
     Eight sources at once, because loading and storing the target, and calling, would cost most of
     the time. What is farther than `reach` is taken as that far, and changes nothing.

@@ -19,7 +19,7 @@ FARTHEST = 8.0
 a tenth of a radian from the heights of usual sensors."""
 
 TILT = 0.06
-"""Steepest plane that is looked for, rad: what a sensor's mounting is off, not a ramp."""
+"""Steepest plane that is fitted, rad: an error of a sensor's mounting, not a ramp."""
 
 HEIGHT = 0.15
 """Highest plane that is looked for, m at the sensor."""
@@ -163,7 +163,7 @@ def fit_plane(
 
 @kernel
 def tile_of(x: float, y: float, centre: tuple[float, float], edge: float, size: int) -> int:
-    """Index of the tile that holds a point, row by row; -1 outside the `size` x `size` tiles."""
+    """Return the index of the tile of a point, row by row; -1 outside `size` x `size` tiles."""
     i = int(np.floor((x - centre[0]) / edge)) + size // 2
     j = int(np.floor((y - centre[1]) / edge)) + size // 2
     return i * size + j if 0 <= i < size and 0 <= j < size else -1
@@ -270,7 +270,7 @@ def is_off(
     significant: float,  # deviations of the mean
     rest: float,  # m
 ) -> bool:
-    """Whether the mean height of a tile is off z = 0 by more than chance."""
+    """Return whether the mean height of a tile is off z = 0 by more than chance."""
     n = tiles[2, tile]
     return bool(side * tiles[0, tile] / n > significant * np.sqrt(tiles[1, tile]) / n + rest)
 
@@ -282,7 +282,7 @@ def beams_of(
     directions: NDArray[np.float64],  # (n, 3) out: unit vectors
     new_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,) out
 ) -> None:
-    """Make beams of ends again; those without a return keep what they report."""
+    """Make beams of ends again; those without a return keep their report."""
     for i in range(ranges_mm.shape[0]):
         x, y, z = ends[i, 0], ends[i, 1], ends[i, 2]
         length = np.sqrt(x * x + y * y + z * z)

@@ -45,7 +45,7 @@ def any_of(words: NDArray[np.uint64], first: int, end: int) -> bool:
 
 @kernel
 def all_of(words: NDArray[np.uint64], first: int, end: int) -> bool:
-    """Return whether all of them are set; those beyond the column are not."""
+    """Return whether all bits from `first` to `end` are set; those beyond the column are not."""
     if first < 0 or end > WORD_BITS * words.shape[0]:
         return False
     for z in range(first, end):
@@ -156,7 +156,7 @@ def find_ground(
     ground: NDArray[np.int16],  # (nx, ny) out: layer that a body stands on
     seen: NDArray[np.bool_],  # (nx, ny) out: whether it is a surface there, or a neighbour's
 ) -> None:
-    """Find the ground: floor and feet, what can be reached from them, elsewhere what is next."""
+    """Find the ground: floor and feet, surfaces reached from them, elsewhere a neighbour's."""
     nx, ny, _ = occupied.shape
     for x in range(nx):
         for y in range(ny):

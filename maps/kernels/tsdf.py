@@ -87,7 +87,7 @@ def distance_of(score: int) -> int:
 
 @kernel
 def weight_of(distance: int) -> int:
-    """Weight of one sweep's distance (Oleynikova et al. 2017, eq. 2, but the same at any range).
+    """Return a distance's weight (Oleynikova et al. 2017, eq. 2, but independent of the range).
 
     Their 1 / z^2 is the noise of a depth camera; that of a lidar does not grow with the range.
     """
@@ -98,7 +98,7 @@ def weight_of(distance: int) -> int:
 
 @kernel
 def state_of(distance: int, weight: int) -> int:
-    """State of a cell: occupied if the surface may touch it, or behind the surface."""
+    """Return the state of a cell: occupied if the surface may touch it, or behind the surface."""
     if weight == 0:
         return UNKNOWN
     return OCCUPIED if distance <= SURFACE else FREE

@@ -126,7 +126,7 @@ def list_touched(
 
 @kernel
 def count_bits(bits: np.uint64) -> int:
-    """Number of set bits of a word."""
+    """Return the number of set bits of a word."""
     bits = bits - ((bits >> ONE) & B55)
     bits = (bits & B33) + ((bits >> np.uint64(2)) & B33)
     bits = (bits + (bits >> np.uint64(4))) & B0F
@@ -135,7 +135,7 @@ def count_bits(bits: np.uint64) -> int:
 
 @kernel
 def positive(eight: np.uint64) -> np.uint64:
-    """The top bit of each of eight int8: whether it is more than 0."""
+    """Return the top bit of each of eight int8: whether it is more than 0."""
     return (((eight & B7F) + B7F) | eight) & ~eight & B80
 
 

@@ -15,7 +15,7 @@ Queue = NDArray[np.int64]
 
 
 def new_queue() -> Queue:
-    """Return a queue of which nothing has been taken."""
+    """Return a queue from which no item has been taken."""
     return np.zeros(1, np.int64)
 
 

@@ -104,12 +104,12 @@ class BlockMap(Representation):
         self._fade(rest, spared)
 
     def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
-        """The state at points (n, 3), m, world: (n,)."""
+        """Return the state at points (n, 3), m, world: (n,)."""
         cells, inside = cells_at(points, self.resolution)
         return np.where(inside, self._states_of(cells), 0).astype(np.uint8)
 
     def observed_ns_at(self, points: ArrayLike) -> NDArray[np.int64]:
-        """When the blocks of points (n, 3), m, world, were last observed: (n,) ns; -1 never."""
+        """Return when the blocks of points (n, 3), m, were last observed: (n,) ns; -1 never."""
         cells, inside = cells_at(points, self.resolution)
         slots, _ = self._blocks.locate(self._held_cells(cells))
         return np.where(inside & (slots >= 0), self._blocks.observed_ns[slots], -1)
@@ -119,7 +119,7 @@ class BlockMap(Representation):
         return self._blocks.changed_boxes(since), self._stamp
 
     def counts(self) -> dict[str, int]:
-        """Number of free and of occupied cells by the name of their state."""
+        """Return the number of free and of occupied cells by the name of their state."""
         states = [self._held_states(slot) for slot in self._blocks.live()]
         return {
             STATE_NAMES[state]: sum(int(np.count_nonzero(s == state)) for s in states)
@@ -134,7 +134,7 @@ class BlockMap(Representation):
         return hashlib.blake2b(head + total.to_bytes(16, "little"), digest_size=16).hexdigest()
 
     def memory_bytes(self) -> int:
-        """Bytes of the blocks in use."""
+        """Return the bytes of the blocks in use."""
         return self._blocks.nbytes
 
     def _ends_of(self, sweep: Sweep) -> BeamEndpoints:
@@ -150,15 +150,15 @@ class BlockMap(Representation):
         raise NotImplementedError
 
     def _held_cells(self, cells: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The cells (n, 3) in which evidence of cells (n, 3) of space is held."""
+        """Return the cells (n, 3) in which evidence of cells (n, 3) of space is held."""
         return cells
 
     def _states_of(self, cells: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """States (n,) of cells (n, 3) of space."""
+        """Return states (n,) of cells (n, 3) of space."""
         raise NotImplementedError
 
     def _held_states(self, slot: int) -> NDArray[np.uint8]:
-        """States (cells,) of all cells of a block."""
+        """Return states (cells,) of all cells of a block."""
         raise NotImplementedError
 
     def _forget(self, slots: NDArray[np.int64]) -> None:
@@ -183,7 +183,7 @@ class BlockMap(Representation):
 
 
 def _box_of(region: Window | None) -> CellBox | None:
-    """Least cell (3,) of a region of interest and one past the greatest, if there is one."""
+    """Return the least cell (3,) of a region of interest and one past the greatest, if any."""
     if region is None:
         return None
     first = np.array(region.first, np.int64)

@@ -36,20 +36,20 @@ class Blocks(SlotPool):
         )
 
     def locate(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Slots (n,) of the blocks of cells (n, 3), -1 where none is held, and places in them."""
+        """Return slots (n,) of the blocks of cells (n, 3), -1 for none, and places in them."""
         x, y, z = (cells % self.shape).T
         _, ny, nz = self.shape
         return self.find(cells // self.shape), (x * ny + y) * nz + z
 
     def changed_boxes(self, since: int) -> NDArray[np.int64]:
-        """Boxes of cells (k, 6) of the blocks whose states changed after a stamp."""
+        """Return boxes of cells (k, 6) of the blocks whose states changed after a stamp."""
         keys = self.changed(since)
         if keys is None:
             return EVERYWHERE.copy()
         return np.hstack([keys * self.shape, (keys + 1) * self.shape])
 
     def digest_layers(self, names: tuple[str, ...], team: ThreadTeam) -> int:
-        """Digest of some layers of all blocks."""
+        """Return the digest of some layers of all blocks."""
 
         def contents(slots: NDArray[np.int64]) -> Iterator[bytes]:
             lanes = np.empty((len(names), len(slots), 8), np.uint64)

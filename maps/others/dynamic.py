@@ -101,7 +101,7 @@ class DynamicMap(VoxelMap):
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
-        """Make an unknown map, as `Maker` says."""
+        """Make an unknown map, as `Representation` says."""
         super().__init__(config, threads, low, high)
         self._ever_free = EverFreeSpace()
         self._traffic = Traffic(config.resolution, round(config.dynamic.prediction_horizon * 1e9))
@@ -150,7 +150,7 @@ class DynamicMap(VoxelMap):
         return statistics
 
     def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
-        """The state at points (n, 3), m, world: (n,)."""
+        """Return the state at points (n, 3), m, world: (n,)."""
         states = super().state_at(points)
         cells, inside = cells_at(points, self.resolution)
         claimed, vacated = (member(part, cells) & inside for part in self._overlay)
@@ -161,7 +161,7 @@ class DynamicMap(VoxelMap):
     def columns(
         self, low_cell: ArrayLike, shape: tuple[int, int, int]
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The states of a window of cells, a bit each, as `VoxelMap.columns` returns them."""
+        """Return the states of a window of cells, a bit each, as `VoxelMap.columns` does."""
         occupied, free = super().columns(low_cell, shape)
         x, y, z = (int(cell) for cell in np.ravel(low_cell))
         self._lay_over((x, y, z), occupied, free)
@@ -224,7 +224,7 @@ class DynamicMap(VoxelMap):
         return end
 
     def counts(self) -> dict[str, int]:
-        """Number of free and of occupied cells by the name of their state."""
+        """Return the number of free and of occupied cells by the name of their state."""
         counts = super().counts()
         middles = centres(as_set(np.concatenate(self._overlay)), self.resolution)
         static, states = super().state_at(middles), self.state_at(middles)
@@ -234,7 +234,7 @@ class DynamicMap(VoxelMap):
         return counts
 
     def version(self) -> str:
-        """Digest of the content, 32 hex digits: the same sweeps and ticks give the same one.
+        """Return the digest of the content, 32 hex digits: equal sweeps and ticks give it again.
 
         It covers the static evidence, the ever-free space, the dynamic cells, the tracks, and the
         predicted cells.

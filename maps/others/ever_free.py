@@ -1,4 +1,4 @@
-"""Ever-free space: cells known with confidence to be free, so that whatever appears in them moved.
+"""Ever-free space: cells known with confidence to be free, where an object that appears moved.
 
 Schmid et al. 2023, "Dynablox: Real-time Detection of Diverse Dynamic Objects in Complex
 Environments" (RA-L 8).
@@ -45,11 +45,11 @@ class EverFreeSpace:
 
     @property
     def nbytes(self) -> int:
-        """Bytes that are held."""
+        """Bytes of the bricks."""
         return self._pool.nbytes
 
     def contains(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Whether cells (n, 3) are ever-free: (n,)."""
+        """Return whether cells (n, 3) are ever-free: (n,)."""
         slots, columns, bits = self._addresses(cells)
         ever_free: NDArray[np.bool_] = self._pool.layers["ever_free"][slots, columns] & bits != 0
         return ever_free & (slots >= 0)
@@ -57,7 +57,7 @@ class EverFreeSpace:
     def keep_free(
         self, keys: NDArray[np.int64], free: NDArray[np.uint64], kept: NDArray[np.int64]
     ) -> None:
-        """Remove what is no longer free.
+        """Remove cells that are no longer free.
 
         Args:
             keys: (k, 3) bricks that changed.
@@ -96,7 +96,7 @@ class EverFreeSpace:
         self._set(remain)
 
     def close_period(self, read_free: ReadFree) -> None:
-        """Take what was free for this period for ever-free, and begin the next period."""
+        """Take cells that were free for this period for ever-free, and begin the next period."""
         pool = self._pool
         active = pool.keys[pool.layers["changed"] | pool.layers["changed_before"]]
         near = as_set((active[:, None] + NEIGHBOURS).reshape(-1, 3).astype(np.int64))
@@ -128,11 +128,11 @@ class EverFreeSpace:
         return self._pool.digest(contents)
 
     def keys(self) -> NDArray[np.int64]:
-        """The bricks (k, 3) that anything is kept of."""
+        """Return the bricks (k, 3) with any content."""
         return self._pool.keys[self._pool.live()].astype(np.int64)
 
     def _obtain(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Slots (k,) of bricks (k, 3), made if there are none; a brick may be given twice."""
+        """Return slots (k,) of bricks (k, 3), made if missing; a brick may be given twice."""
         slots = self._pool.find(keys)
         if (slots < 0).any():
             self._pool.reserve(as_set(keys[slots < 0]), stamp=0)
@@ -152,7 +152,7 @@ class EverFreeSpace:
     def _addresses(
         self, cells: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint64]]:
-        """Slot (-1: none), column and bit of cells (n, 3), each (n,)."""
+        """Return the slot (-1: none), column and bit of cells (n, 3), each (n,)."""
         edge = bricks.EDGE - 1
         columns = ((cells[:, 0] & edge) << bricks.EDGE_BITS) + (cells[:, 1] & edge)
         bits = np.uint64(1) << ((cells[:, 2] + bricks.BELOW_FLOOR) & 63).astype(np.uint64)

@@ -51,7 +51,7 @@ class Grid2D(BlockMap):
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
-        """Make an unknown map, as `Maker` says; of a region of interest x and y count."""
+        """Make an unknown map, as `Representation` says; of a region of interest x and y count."""
         super().__init__(config, threads, low, high, (TILE, TILE, 1), {"log_odds": np.int8})
         self.units = LogOddsModel.from_config(config)
         scale = beams.SUBCELLS / config.resolution
@@ -87,7 +87,7 @@ class Grid2D(BlockMap):
         self._update(tile, marks[0], True, time_ns)
 
     def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """The probability that something stands in the columns of points (n, 3): (n,).
+        """Return the probability that something stands in the columns of points (n, 3): (n,).
 
         It is that of the column at any height; 0.5 where unknown.
         """
@@ -97,7 +97,7 @@ class Grid2D(BlockMap):
     def columns(
         self, low_cell: ArrayLike, shape: tuple[int, int, int]
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The states of a window of cells, a bit each, as `VoxelMap.columns` returns them.
+        """Return the states of a window of cells, a bit each, as `VoxelMap.columns` returns them.
 
         Raises:
             ValueError: The window does not hold the floor's layer.
@@ -114,7 +114,7 @@ class Grid2D(BlockMap):
         return above * (values > 0) | standing * (values != 0), above * (values < 0)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
-        """Where states changed since an earlier call; a box for each tile, floor to sky."""
+        """Return where states changed since an earlier call; a box for each tile, floor to sky."""
         boxes, now = super().changed(since)
         boxes[:, 2], boxes[:, 5] = FLOOR_LAYER, TOP
         return boxes, now
@@ -153,14 +153,14 @@ class Grid2D(BlockMap):
         return states_of(values)
 
     def _log_odds(self, cells: NDArray[np.int64]) -> NDArray[np.int8]:
-        """Log-odds (n,) of cells (n, 2) of the floor, units; 0 where unknown."""
+        """Return log-odds (n,) of cells (n, 2) of the floor, units; 0 where unknown."""
         slots, places = self._blocks.locate(np.pad(cells, ((0, 0), (0, 1))))
         values: NDArray[np.int8] = self._blocks.layers["log_odds"][slots, places]
         values[slots < 0] = 0
         return values
 
     def _log_odds_in(self, x: int, y: int, nx: int, ny: int) -> NDArray[np.int8]:
-        """Log-odds (nx, ny) of the cells of a rectangle of floor from (x, y) on, units."""
+        """Return log-odds (nx, ny) of the cells of a rectangle of floor from (x, y) on, units."""
         values = np.zeros((nx, ny), np.int8)
         for slot in self._blocks.live():
             low_x, low_y = (int(k) * TILE for k in self._blocks.keys[slot, :2])
@@ -175,7 +175,7 @@ class Grid2D(BlockMap):
     def _open(
         self, first: NDArray[np.int64], end: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.int64]]:
-        """A window of whole tiles around a rectangle of cells.
+        """Return a window of whole tiles around a rectangle of cells.
 
         Returns:
             Its first tile (2,), empty marks (threads, nx, ny), and the part of the rectangle that

@@ -127,32 +127,32 @@ class OctoMap(Representation):
         self._note(points, points, time_ns)
 
     def advance(self, time_ns: int) -> None:
-        """Nothing happens: OctoMap has no decay."""
+        """Do nothing: OctoMap has no decay."""
         check_time(time_ns)
 
     def columns(
         self, low_cell: tuple[int, int, int], shape: tuple[int, int, int]
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The occupied and the free cells of a box, each (nx, ny, words): z = 64 word + bit."""
+        """Return the occupied and free cells of a box, each (nx, ny, words): z = 64 word + bit."""
         nx, ny, words = shape
         box = self._box(low_cell, (nx, ny, WORD_BITS * words))
         return pack(box > 0), pack(box < 0)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
-        """Boxes (k, 6) of cells that may have changed since a stamp (0: all), and a new stamp."""
+        """Return boxes (k, 6) of cells that may have changed since a stamp, and a new stamp."""
         return np.array(self._boxes[since:], np.int64).reshape(-1, 6), len(self._boxes)
 
     def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
-        """The state at points (n, 3), m, world: (n,)."""
+        """Return the state at points (n, 3), m, world: (n,)."""
         return states_of(self._values_at(points))
 
     def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """The probability of occupancy at points (n, 3), m, world: (n,); 0.5 where unknown."""
+        """Return the probability of occupancy (n,) at points (n, 3), m, world; 0.5 if unknown."""
         odds: NDArray[np.float64] = exponentials(self._values_at(points) / UNITS)
         return odds / (1.0 + odds)
 
     def observed_ns_at(self, points: ArrayLike) -> NDArray[np.int64]:
-        """When the blocks of points (n, 3), m, world, were last observed: (n,) ns; -1 never.
+        """Return when the blocks of points (n, 3), m, were last observed: (n,) ns; -1 never.
 
         OctoMap does not store it. It is noted here for each block of 16 x 16 x 16 cells that a beam
         was in at one of its steps of half a block.
@@ -161,7 +161,7 @@ class OctoMap(Representation):
         return np.array([self._observed_ns.get(name, -1) for name in blocks.tolist()], np.int64)
 
     def version(self) -> str:
-        """Digest of geometry and log-odds, 32 hex digits: maps of equal content share it."""
+        """Hash geometry and log-odds to 32 hex digits: maps of equal content share them."""
         names, values = self._leaves()
         digest = hashlib.blake2b(struct.pack("<d", self.resolution), digest_size=16)
         digest.update(names[values != 0].astype("<i8").tobytes())
@@ -169,12 +169,12 @@ class OctoMap(Representation):
         return digest.hexdigest()
 
     def counts(self) -> dict[str, int]:
-        """Number of free and of occupied cells by the name of their state."""
+        """Return the number of free and of occupied cells by the name of their state."""
         states = states_of(self._leaves()[1])
         return {STATE_NAMES[state]: int((states == state).sum()) for state in (FREE, OCCUPIED)}
 
     def memory_bytes(self) -> int:
-        """Bytes that OctoMap says its nodes take."""
+        """Return the bytes of the nodes by OctoMap's own count."""
         return int(self._tree.memoryUsage())
 
     def _check_reach(self, starts: NDArray[np.float64], range_limit: float) -> None:
@@ -199,14 +199,14 @@ class OctoMap(Representation):
                 self._observed_ns[name] = max(self._observed_ns.get(name, -1), time_ns)
 
     def _in_tree(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points (..., 3) where OctoMap takes them to be: its cells start at z = 0, ours below."""
+        """Move points (..., 3) to OctoMap's frame: its cells start at z = 0, ours below."""
         shifted: NDArray[np.float64] = points + np.array(
             [0.0, 0.0, FLOOR_HEIGHT_IN_CELL * self.resolution]
         )
         return shifted
 
     def _box(self, first: ArrayLike, shape: tuple[int, int, int]) -> NDArray[np.int16]:
-        """Log-odds of a box of cells from `first` (3,) on, thousandths, 0 where unknown."""
+        """Return log-odds of a box of cells from `first` (3,) on, thousandths, 0 where unknown."""
         names, values = self._leaves()
         cells = _cells(names) - np.asarray(first)
         inside = np.all((cells >= 0) & (cells < shape), axis=1)
@@ -215,7 +215,7 @@ class OctoMap(Representation):
         return box
 
     def _values_at(self, points: ArrayLike) -> NDArray[np.int16]:
-        """Log-odds at points (n, 3), m, world: (n,) thousandths, 0 where unknown."""
+        """Return log-odds at points (n, 3), m, world: (n,) thousandths, 0 where unknown."""
         names, values = self._leaves()
         names_at = _names(cells_at(points, self.resolution)[0])
         if len(names) == 0:
@@ -224,7 +224,7 @@ class OctoMap(Representation):
         return np.where(names[places] == names_at, values[places], np.int16(0))
 
     def _leaves(self) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
-        """Names (k,) of the tree's cells in order, and their log-odds (k,) in thousandths.
+        """Return names (k,) of the tree's cells in order, and their log-odds (k,) in thousandths.
 
         The binding has no faster way to more than one cell than the file that it would write.
         """
@@ -274,7 +274,7 @@ def find_leaves(
 
 
 def _empty_tree(config: MapConfig) -> Any:
-    """An octree with the map's steps and clamps.
+    """Return an octree with the map's steps and clamps.
 
     Raises:
         ValueError: pyoctomap is not installed.
@@ -297,12 +297,12 @@ def _empty_tree(config: MapConfig) -> Any:
 
 
 def _names(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """One number for each cell (k, 3), 16 bits an axis: (k,); -1 for those outside a tree."""
+    """Return a number (k,) for each cell (k, 3), 16 bits an axis; -1 outside a tree."""
     inside = np.all((cells >= -HALF_TREE) & (cells < HALF_TREE), axis=1)
     x, y, z = (cells + HALF_TREE).T
     return np.where(inside, x << 32 | y << 16 | z, -1)
 
 
 def _cells(names: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The cells (k, 3) of names (k,)."""
+    """Return the cells (k, 3) of names (k,)."""
     return np.stack([names >> 32, names >> 16 & 0xFFFF, names & 0xFFFF], axis=1) - HALF_TREE

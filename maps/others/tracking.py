@@ -19,7 +19,7 @@ MIN_CELLS = 3
 """Minimum number of cells of a cluster whose motion is predicted: fewer may be noise."""
 
 MAX_EXTENT = 4.0
-"""Maximum extent of a moving object, m: what is longer is a wall seen with an error of the pose."""
+"""Maximum extent of a moving object, m: a longer one is a wall seen with an error of the pose."""
 
 TOP_SPEED = 5.0
 """Maximum speed of an object, m/s, which bounds the matching: a running person, a forklift."""
@@ -42,7 +42,7 @@ IsLoose = Callable[[NDArray[np.int64]], bool]
 
 @dataclass(frozen=True)
 class Track:
-    """One thing that moves.
+    """One moving object.
 
     Attributes:
         number: Number of the thing; things are numbered as they appear.
@@ -53,7 +53,7 @@ class Track:
     sightings: tuple[tuple[int, Point], ...]
 
     def shift(self, duration_ns: int) -> Point:
-        """The way that it goes in a time at its mean velocity, in 1/1024 of a cell."""
+        """Return its displacement in a time at its mean velocity, in 1/1024 of a cell."""
         (start_ns, start), (end_ns, end) = self.sightings[0], self.sightings[-1]
         if start_ns == end_ns:
             return 0, 0, 0
@@ -63,7 +63,7 @@ class Track:
         return x, y, z
 
     def at(self, time_ns: int) -> Point:
-        """Where it is expected at a time if its velocity is constant."""
+        """Predict its position at a time by a constant velocity."""
         end_ns, (x, y, z) = self.sightings[-1]
         dx, dy, dz = self.shift(time_ns - end_ns)
         return x + dx, y + dy, z + dz
@@ -77,14 +77,14 @@ class Track:
         return len(points) >= MIN_SIGHTINGS and travel >= MIN_TRAVEL and steps <= 2 * travel
 
     def seen(self, time_ns: int, centroid: Point) -> Track:
-        """The track with one more sighting; a second one at the same time replaces the first."""
+        """Add a sighting to the track; a second one at the same time replaces the first."""
         recent = [s for s in self.sightings if time_ns - MEMORY_NS <= s[0] < time_ns]
         return Track(self.number, (*recent, (time_ns, centroid)))
 
 
 @dataclass
 class Traffic:
-    """The things that move now.
+    """The objects that move now.
 
     They are matched by place alone, nearest first, within what `TOP_SPEED` allows. All arithmetic
     is in whole numbers, so that it is the same everywhere.
@@ -139,7 +139,7 @@ class Traffic:
         return np.concatenate(moving), np.concatenate(ways)
 
     def _match(self, centroids: list[Point], time_ns: int) -> dict[int, Track]:
-        """The track of each cluster that has one: nearest pairs first, then by number."""
+        """Assign tracks to clusters: nearest pairs first, then by number."""
         pairs = []
         for track, (i, centroid) in product(self.tracks, enumerate(centroids)):
             # A cell more, for the steps in which a surface comes into view.
@@ -158,14 +158,14 @@ class Traffic:
 
 
 def clusters_of(cells: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """The parts of a set of cells (m, 3) that hang together, in the order of their least cells."""
+    """Return the connected components of cells (m, 3), in the order of their least cells."""
     labels = np.empty(len(cells), np.int64)
     parts = kernels.label_components(cells, labels)
     return [cells[labels == part] for part in range(parts)]
 
 
 def way_ahead(cells: NDArray[np.int64], shift: Point) -> NDArray[np.int64]:
-    """The cells that a cluster (m, 3) passes through on its way: one copy for each cell of it."""
+    """Return the cells that a cluster (m, 3) sweeps on its way: one copy for each cell of it."""
     steps = -(-max(abs(d) for d in shift) // POINTS)
     copies = [
         cells + np.array([(2 * d * k + steps * POINTS) // (2 * steps * POINTS) for d in shift])

@@ -51,7 +51,7 @@ class TsdfMap(BlockMap):
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
-        """Make an unknown map, as `Maker` says."""
+        """Make an unknown map, as `Representation` says."""
         layers = {"distance": np.int16, "weight": np.int8}
         super().__init__(config, threads, low, high, (kernels.EDGE,) * 3, layers)
         self._scores = np.zeros((threads, 0), np.uint16)
@@ -82,7 +82,7 @@ class TsdfMap(BlockMap):
         self._update(corner, blocks, touched, time_ns)
 
     def distance_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Signed distance to the surface at the cells of points (n, 3), m, world: (n,) m.
+        """Return the signed distance (n,), m, to the surface at the cells of points (n, 3), m.
 
         At most 4 cells, negative behind the surface; NaN where unknown.
         """
@@ -92,9 +92,9 @@ class TsdfMap(BlockMap):
         return np.where(inside & (weights > 0), metres, np.nan)
 
     def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """How sure the state is, as a probability of occupancy at points (n, 3): (n,).
+        """Return the confidence of the state at points (n, 3), as probabilities of occupancy (n,).
 
-        A distance field keeps none. Told is 1/2 where unknown, 1/2 (1 + w / (w + 1)) where occupied
+        A distance field keeps none. It is 1/2 where unknown, 1/2 (1 + w / (w + 1)) where occupied
         and 1/2 (1 - w / (w + 1)) where free, with w the weight in sweeps.
         """
         cells, inside = cells_at(points, self.resolution)
@@ -107,7 +107,7 @@ class TsdfMap(BlockMap):
     def columns(
         self, low_cell: ArrayLike, shape: tuple[int, int, int]
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The states of a window of cells, a bit each, as `VoxelMap.columns` returns them."""
+        """Return the states of a window of cells, a bit each, as `VoxelMap.columns` does."""
         occupied, free = np.zeros(shape, np.uint64), np.zeros(shape, np.uint64)
         low = np.array(np.ravel(low_cell), np.int64)
         if occupied.size:
@@ -120,7 +120,7 @@ class TsdfMap(BlockMap):
         return occupied, free
 
     def memory_bytes(self) -> int:
-        """Bytes of the blocks in use and of the scores of a sweep.
+        """Return the bytes of the blocks in use and of the scores of a sweep.
 
         The system commits memory only for scores that a sweep ever wrote.
         """
@@ -167,7 +167,7 @@ class TsdfMap(BlockMap):
         return states
 
     def _held_at(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.int16], NDArray[np.int8]]:
-        """Distances and weights (n,) of cells (n, 3); 0 where nothing is held."""
+        """Return distances and weights (n,) of cells (n, 3); 0 where nothing is held."""
         slots, places = self._blocks.locate(cells)
         distances, weights = (self._blocks.layers[n][slots, places] for n in self.content)
         distances[slots < 0] = weights[slots < 0] = 0
@@ -184,7 +184,7 @@ class TsdfMap(BlockMap):
             layers["distance"][slot][layers["weight"][slot] == 0] = 0
 
     def _clip(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> CellBox:
-        """The part of a box of cells that lies in the region of interest; may be empty."""
+        """Return the part of a box of cells that lies in the region of interest; may be empty."""
         if self._region is not None:
             first, end = np.maximum(first, self._region[0]), np.minimum(end, self._region[1])
         return first, np.maximum(first, end)

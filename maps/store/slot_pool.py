@@ -16,7 +16,7 @@ T = TypeVar("T", bound=np.generic)
 MEBIBYTE = 1 << 20
 
 EVICTED_SHARE = 64
-"""A full pool evicts one slot in so many at once, which keeps the search for them cheap."""
+"""A full pool evicts one slot in this many at once, which keeps the search for them cheap."""
 
 MAX_LOGGED = 1 << 16
 """Maximum number of keys that a change log remembers."""
@@ -76,7 +76,7 @@ class ChangeLog:
             self._complete_after = stamp
 
     def after(self, stamp: int) -> NDArray[np.int64] | None:
-        """Keys (k, 3) that changed after a stamp; None if some of them are no longer known."""
+        """Return keys (k, 3) that changed after a stamp; None if some are no longer known."""
         if 0 < stamp < self._complete_after:
             return None
         keys = [key for key, last in self._stamps.items() if last > stamp]
@@ -133,11 +133,11 @@ class SlotPool:
         return self._used * each + self._heads.nbytes
 
     def live(self) -> NDArray[np.int64]:
-        """Slots in use, ascending."""
+        """Return slots in use, ascending."""
         return np.flatnonzero(self.held[: self._used])
 
     def find(self, keys: NDArray[np.integer]) -> NDArray[np.int64]:
-        """Slots of keys (k, 3), -1 where there is none: (k,)."""
+        """Return slots of keys (k, 3), -1 where there is none: (k,)."""
         slots = np.empty(len(keys), np.int64)
         kernels.find_all(self.directory, keys.astype(np.int32, order="C", copy=False), slots)
         return slots
@@ -183,7 +183,7 @@ class SlotPool:
         self._released.note(self.keys[slots], stamp)
 
     def changed(self, since: int) -> NDArray[np.int64] | None:
-        """Keys (k, 3) of the slots that changed or were released after a stamp.
+        """Return keys (k, 3) of the slots that changed or were released after a stamp.
 
         After stamp 0 those of all slots that ever changed and are in use. None if some are no
         longer known. A key may be listed twice.
@@ -196,7 +196,7 @@ class SlotPool:
         return None if released is None else np.concatenate([now, released])
 
     def digest(self, contents: Callable[[NDArray[np.int64]], Iterable[bytes]]) -> int:
-        """Sum over the slots of the 128-bit digests of their contents, modulo 2^128.
+        """Sum the 128-bit digests of the slots' contents, modulo 2^128.
 
         Only dirty slots are hashed. The sum does not depend on the order in which slots were made,
         and a slot of empty content adds 0. Sums of independent digests collide as rarely as the
@@ -241,17 +241,17 @@ class SlotPool:
 
 
 def _total(digests: NDArray[np.uint32]) -> int:
-    """Sum of digests (k, PARTS)."""
+    """Return the sum of digests (k, PARTS)."""
     sums: list[int] = digests.sum(axis=0, dtype=np.uint64).tolist()
     return sum(part << 32 * n for n, part in enumerate(sums))
 
 
 def _empty_directory(capacity: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Heads of at least two buckets a slot, and links."""
+    """Return heads of at least two buckets a slot, and links."""
     heads = np.full(1 << (2 * capacity - 1).bit_length(), -1, np.int32)
     return heads, np.zeros(capacity, np.int32)
 
 
 def _doubled(array: NDArray[T]) -> NDArray[T]:
-    """An array (n, ...) with as many zeros after it: (2 n, ...)."""
+    """Return an array (n, ...) with as many zeros after it: (2 n, ...)."""
     return np.concatenate([array, np.zeros_like(array)])

@@ -76,7 +76,7 @@ class Bricks(SlotPool):
             layer[:READY] = 0  # written to: only then does the system commit the memory
 
     def obtain(self, keys: NDArray[np.int32], tick: int, stamp: int) -> NDArray[np.int64]:
-        """Slots of bricks (k, 3), made at a decay tick if they are not held: (k,).
+        """Return slots of bricks (k, 3), made at a decay tick if they are not held: (k,).
 
         Where even evicting all others does not make enough room, the last ones get none: -1.
         """
@@ -86,7 +86,7 @@ class Bricks(SlotPool):
         return slots
 
     def values_at(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
-        """Log-odds (n,) of cells (n, 3) as their bricks hold them, and slots (n,) of these.
+        """Return log-odds (n,) of cells (n, 3) as their bricks hold them, and slots (n,) of these.
 
         0 and -1 where no brick is held.
         """
@@ -157,19 +157,19 @@ class Bricks(SlotPool):
         return float(distance), int(state)
 
     def counts(self) -> dict[str, int]:
-        """Number of free and of occupied cells by the name of their state."""
+        """Return the number of free and of occupied cells by the name of their state."""
         cells = [self.cells[slot] for slot in self.live()]
         free = sum(int(np.count_nonzero(values < 0)) for values in cells)
         occupied = sum(int(np.count_nonzero(values > 0)) for values in cells)
         return {STATE_NAMES[FREE]: free, STATE_NAMES[OCCUPIED]: occupied}
 
     def changed_boxes(self, since: int) -> NDArray[np.int64]:
-        """Boxes of cells (k, 6) of the bricks whose states changed after a stamp."""
+        """Return boxes of cells (k, 6) of the bricks whose states changed after a stamp."""
         keys = self.changed(since)
         return EVERYWHERE.copy() if keys is None else brick_boxes(keys)
 
     def digest_cells(self, team: ThreadTeam) -> int:
-        """Digest of the log-odds of all bricks and of the ticks that each has seen."""
+        """Return the digest of the log-odds of all bricks and of the ticks that each has seen."""
 
         def contents(slots: NDArray[np.int64]) -> Iterator[bytes]:
             lanes, known = np.empty((len(slots), 8), np.uint64), np.empty(len(slots), np.bool_)

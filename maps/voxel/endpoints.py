@@ -106,7 +106,7 @@ class BeamEndpoints:
         _, first, group, members = np.unique(
             names, return_index=True, return_inverse=True, return_counts=True
         )
-        # Sums of whole numbers below 2^53: exact in whatever order.
+        # Sums of whole numbers below 2^53: exact in any order.
         inside = self.points - (corner << beams.SUBCELL_BITS)
         sums = [np.bincount(group, weights=inside[:, axis]) for axis in range(3)]
         means = np.stack(sums, axis=1).astype(np.int64) // members[:, None]

@@ -74,7 +74,7 @@ class LogOddsModel:
 
 @functools.cache
 def _probabilities(units: int) -> NDArray[np.float64]:
-    """Probabilities (256,) of log-odds from -128 to 127 of so many units to one."""
+    """Return the probabilities (256,) of log-odds from -128 to 127, `units` of them to one."""
     odds = exponentials(np.arange(-MAX_UNITS - 1, MAX_UNITS + 1) / units)
     probabilities: NDArray[np.float64] = odds / (1.0 + odds)
     probabilities.flags.writeable = False  # shared by all maps
@@ -82,7 +82,7 @@ def _probabilities(units: int) -> NDArray[np.float64]:
 
 
 def states_of(log_odds: NDArray[np.integer]) -> NDArray[np.uint8]:
-    """States of cells by the sign of their log-odds, of the same shape."""
+    """Return states of cells by the sign of their log-odds, of the same shape."""
     states = np.where(log_odds < 0, FREE, np.where(log_odds > 0, OCCUPIED, UNKNOWN))
     return states.astype(np.uint8)
 

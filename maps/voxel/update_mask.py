@@ -60,7 +60,7 @@ class UpdateMask:
 
 
 Guard = Literal["floor", "own", "none"]
-"""Which layer beams that graze a surface from above spare."""
+"""Layer that is spared by beams that graze a surface from above."""
 
 
 class _TargetWedges(NamedTuple):
@@ -83,7 +83,7 @@ class SweepRasterizer:
     """
 
     def __init__(self, team: ThreadTeam, bounds: NDArray[np.int64] | None = None) -> None:
-        """Make one without extent.
+        """Make a rasterizer without extent.
 
         Args:
             team: Threads that share the work.
@@ -133,7 +133,7 @@ class SweepRasterizer:
         return self._collect(frame)
 
     def _guarded_layer(self, guard: Guard, frame: Frame) -> int:
-        """The layer of a frame that a guard spares; makes room to note which beams graze."""
+        """Return the layer of a frame that a guard spares; makes room to note which beams graze."""
         nx, ny, words = frame.shape
         if guard == "own":
             if len(self._grazes) < nx * ny * words:
@@ -230,7 +230,7 @@ class SweepRasterizer:
     def _within(
         self, first: NDArray[np.int64], cells: NDArray[np.bool_]
     ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """The part of a box of cells that lies within the bounds."""
+        """Return the part of a box of cells that lies within the bounds."""
         if self._bounds is None:
             return first, cells
         low, high = np.clip(self._bounds + np.array([[0], [1]]) - first, 0, cells.shape)

@@ -34,7 +34,7 @@ UPDATE_US, FADE_US = 5.0, 9.0
 
 @dataclass(frozen=True)
 class RayEnd:
-    """Where a ray through the map ends.
+    """End of a ray through the map.
 
     Attributes:
         state: State of the cell that stopped it: occupied or unknown.
@@ -229,25 +229,25 @@ class VoxelMap(Representation):
             self._fade(due, to_now=False)
 
     def state_at(self, points: ArrayLike) -> NDArray[np.uint8]:
-        """The state at points (n, 3), m, world: (n,)."""
+        """Return the state at points (n, 3), m, world: (n,)."""
         return states_of(self._values_at(points)[0])
 
     def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """The probability of occupancy at points (n, 3), m, world: (n,); 0.5 where unknown."""
+        """Return the probability of occupancy (n,) at points (n, 3), m, world; 0.5 if unknown."""
         values, slots = self._values_at(points)
         ticks = np.where(slots >= 0, self._bricks.ticks[slots], self._ticks)
         decay.fade_values(values, ticks, self._ticks, self._losses)
         return self.evidence.probability(values)
 
     def observed_ns_at(self, points: ArrayLike) -> NDArray[np.int64]:
-        """When the bricks of points (n, 3), m, world, were last observed: (n,) ns; -1 never."""
+        """Return when the bricks of points (n, 3), m, were last observed: (n,) ns; -1 never."""
         _, slots = self._values_at(points)
         return np.where(slots >= 0, self._bricks.observed_ns[slots], -1)
 
     def columns(
         self, low_cell: ArrayLike, shape: tuple[int, int, int]
     ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """The states of a window of cells, a bit each.
+        """Return the states of a window of cells, a bit each.
 
         Args:
             low_cell: (3,) least cell of the window.
@@ -284,7 +284,7 @@ class VoxelMap(Representation):
         self._bricks.rewrite_columns(low_cell, boxes, occupied, free, self._team)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
-        """Where states changed since an earlier call.
+        """Return where states changed since an earlier call.
 
         Args:
             since: Stamp that an earlier call returned as `now`; 0 for all that is held.
@@ -333,11 +333,11 @@ class VoxelMap(Representation):
         )
 
     def counts(self) -> dict[str, int]:
-        """Number of free and of occupied cells by the name of their state."""
+        """Return the number of free and of occupied cells by the name of their state."""
         return self._bricks.counts()
 
     def version(self) -> str:
-        """Digest of the content, 32 hex digits: the same sweeps and ticks give the same one.
+        """Return the digest of the content, 32 hex digits: equal sweeps and ticks give it again.
 
         It covers each brick as the last update or change of a state left it, and at which tick; the
         decay since then follows from the number of ticks, which is covered as well.
@@ -349,7 +349,7 @@ class VoxelMap(Representation):
         return whole.hexdigest()
 
     def memory_bytes(self) -> int:
-        """Bytes of the bricks in use and of the masks of a sweep."""
+        """Return the bytes of the bricks in use and of the masks of a sweep."""
         return self._bricks.nbytes + self._rasterizer.nbytes
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -420,7 +420,7 @@ class VoxelMap(Representation):
         return self._bricks.capacity
 
     def _values_at(self, points: ArrayLike) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
-        """Log-odds at points (n, 3) as their bricks hold them, and the slots of these."""
+        """Return log-odds at points (n, 3) as their bricks hold them, and the slots of these."""
         cells, inside = cells_at(points, self.resolution)
         values, slots = self._bricks.values_at(cells)
         values[~inside], slots[~inside] = 0, -1

@@ -46,7 +46,7 @@ MIN_ALONG = 0.8
 into beams."""
 
 SHIFT = 32.0
-"""What is added to the slopes of beams so that they are positive, and their bits in order."""
+"""Offset of the slopes of beams that makes them positive, and their bits ordered."""
 
 SLOPE_MARGIN = 1e-12
 """Excess of the slopes of a fan's planes over those of its beams."""
@@ -96,7 +96,7 @@ def measure_slopes(rays: Array, bits: NDArray[np.int64], frame: Array, slopes: A
 
     Args:
         rays: Lanes of the tile; those of components along the axes are written.
-        bits: The same memory as integers.
+        bits: The memory of `rays` as integers.
         frame: (3, 3) by `choose_frame`.
         slopes: (9, 4) of which the last row is written: minimum and maximum across, and above.
 

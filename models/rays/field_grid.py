@@ -27,7 +27,7 @@ IN_Y = np.float32(1.0) - IN_X
 """Whether a column of a node before the heights is an x or a y."""
 
 WIDTHS, LENGTHS = np.zeros((2, 2, HEIGHTS), np.float32)
-"""By how many children a column is beside and beyond a node's lower corner, (2, 32) by level."""
+"""Offsets of a column from a node's lower corner along x and y, children, (2, 32) by level."""
 
 for _level, _broad in enumerate(BROAD):
     _x, _y = np.arange(CHILDREN) % _broad, np.arange(CHILDREN) // _broad

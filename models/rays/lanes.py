@@ -67,7 +67,7 @@ class Lanes(NamedTuple):
 
     Attributes:
         rays: (TILE_NUMBERS,) see `packets`.
-        bits: The same memory as integers.
+        bits: The memory of `rays` as integers.
         found: (2, 64) geom id and triangle of the best hits.
         frame: (3, 3) axes of the fan in the world.
         local_frame: (3, 3) and in a geom's frame.

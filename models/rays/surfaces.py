@@ -56,7 +56,7 @@ class Surfaces:
         self._placed = self._place(at_rest)
 
     def __len__(self) -> int:
-        """Number of geoms; with none, a pass has nothing to do."""
+        """Return the number of geoms; without any, a pass has nothing to do."""
         return len(self._geoms)
 
     def refresh(self, data: mujoco.MjData) -> None:
@@ -235,7 +235,7 @@ def _wall(crest: Array, foot: Array) -> Array:
 
 
 def _box(half_x: float, half_y: float, depth: float) -> Array:
-    """Twelve triangles of the box from -depth to 0."""
+    """Return the twelve triangles of the box from -depth to 0."""
     ring = np.array([(-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y)])
     low, high = (np.column_stack([ring, np.full(4, z)]) for z in (-depth, 0.0))
     around = [0, 1, 2, 3, 0]

@@ -88,7 +88,7 @@ def half_area(boxes: Array, node: int) -> float:
 
 
 LEAF, FEWER = -1, 0
-"""Shares that stand for a leaf, and for the same as with one root less."""
+"""Codes among the shares: a leaf; as with one root less."""
 
 
 @kernel

@@ -33,7 +33,7 @@ class Firing(NamedTuple):
     Attributes:
         directions: (n, 3) unit vectors, sensor frame.
         pose_indices: (n,) index of the scan pose that each beam leaves from.
-        pattern: The same beams, cut into tiles.
+        pattern: Beams cut into tiles.
     """
 
     directions: Array

@@ -9,7 +9,7 @@ from wayproof.models._jit import kernel
 
 
 def encode(ranges_mm: NDArray[np.uint16], rows: int) -> bytes:
-    """Return two bytes for each of the ranges (n,), mm, of so many rows.
+    """Return two bytes for each of the ranges (n,), mm, of a number of rows.
 
     Raises:
         ValueError: The rows are not of equal length.

@@ -23,7 +23,7 @@ TYPES = {"F4": "<f4", "F8": "<f8"} | {
 """NumPy's types by TYPE and SIZE of a PCD."""
 
 MOST_RATIO = 100
-"""Bytes that one of LZF can stand for: 264 of three."""
+"""Bytes that one byte of LZF can expand to: 264 of three."""
 
 MOST_VALUES = 1000
 """Maximum number of values of a point."""
@@ -140,7 +140,7 @@ def _decompressed(path: Path, data: bytes, size: int) -> bytes:
 
 @kernel
 def decompress_lzf(data: NDArray[np.uint8], out: NDArray[np.uint8]) -> int:
-    """Write what data of LibLZF's format (n,) hold, and return its length; -1 if they are damaged.
+    """Decompress data (n,) of LibLZF's format, and return the length; -1 if they are damaged.
 
     A byte below 32 is followed by so many bytes and one. Any other holds a length, in its upper 3
     bits (7: the next byte is added), and the upper 5 bits of a distance back, whose lower 8 follow.

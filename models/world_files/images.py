@@ -28,7 +28,7 @@ Image = NDArray[np.uint8] | NDArray[np.uint16]
 
 
 def read_image(path: Path, most: int = MAX_PIXELS) -> Image:
-    """Grey levels (rows, columns), the first row at the top: 8 or 16 bits, 0 is black.
+    """Read grey levels (rows, columns), the first row at the top: 8 or 16 bits, 0 is black.
 
     Args:
         path: A PGM or PNG.

@@ -61,7 +61,7 @@ AREA_DEPTH = 0.5
 """Depth of the operating area below the floor, m."""
 
 HEADROOM = 1.0
-"""Above the highest thing, m; and at least this area's height is `LEAST_TOP`."""
+"""Height of the area above the highest thing, m; and at least this area's height is `LEAST_TOP`."""
 
 LEAST_TOP = 3.0
 
@@ -155,7 +155,7 @@ def _left_out_notes(found: Found) -> str:
 
 
 def complete(found: Found, options: ImportOptions | None = None) -> Ends:
-    """Operating area, start and goal: the file's own, or chosen and noted where it gives none.
+    """Return the area, start and goal: the file's own, or chosen and noted where it gives none.
 
     A scene with terrain is moved so that the ground is at 0 where the robot starts.
 

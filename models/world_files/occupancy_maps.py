@@ -66,7 +66,7 @@ def read_occupancy_grid(path: Path) -> OccupancyGrid:
 
 
 def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
-    """Occupied cells, extruded from the floor to `options.height`.
+    """Read occupied cells, extruded from the floor to `options.height`.
 
     Raises:
         WorldFileError: Naming the line or the entry.
@@ -83,7 +83,7 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
 
 
 def _occupancies(most: int, mode: str, negate: bool) -> NDArray[np.float64]:
-    """Occupancy of each grey level up to the highest; NaN: unknown."""
+    """Return the occupancy of each grey level up to the highest; NaN: unknown."""
     grey = np.arange(most + 1) / most
     if mode == "raw":
         percent = np.rint(grey * 255.0)
@@ -106,7 +106,7 @@ def _walls(
 
 
 def _entries(path: Path) -> dict[str, tuple[str, int]]:
-    """`key: value` lines with their numbers: such a file has nothing deeper."""
+    """Return the `key: value` lines with their numbers: such a file has nothing deeper."""
     entries: dict[str, tuple[str, int]] = {}
     for number, line in enumerate(read_text(path, LARGEST_YAML).splitlines(), start=1):
         bare = line.partition(" #")[0].strip()

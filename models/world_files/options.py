@@ -18,7 +18,7 @@ UnknownCells = Literal["occupied", "free"]
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """Options for what a file does not contain.
+    """Options for content that a file lacks.
 
     Attributes:
         height: Height to which flat maps are extruded, and the rise of a height image from black to
@@ -69,13 +69,13 @@ class ImportOptions:
 
 
 class Ends(NamedTuple):
-    """Start, goal and area: what a mission needs besides the solids.
+    """Start, goal and area of a mission.
 
     Attributes:
         low: Lower corner of the operating area, m.
         high: Upper corner, m.
         start: Start on the floor, m.
-        start_heading: rad.
+        start_heading: Heading at the start, rad.
         goal: Goal on the floor, m.
     """
 
@@ -118,10 +118,10 @@ class Found:
         missing: Names of models and files that are not there and were left out.
         closed: Whether nothing is known beyond the parts, as around a map.
         grid: Whether the parts are cells of a grid, of which the lowest may be the floor.
-        notes: What was left out or taken otherwise than written, a line each.
+        notes: Notes on parts left out or taken otherwise than written, a line each.
         start: Point on the floor, m; None if the file gives none.
-        start_heading: rad.
-        goal: Likewise, m.
+        start_heading: Heading at the start, rad.
+        goal: Point on the floor, m; None if the file gives none.
         low: Lower corner of the operating area, m; None if the file gives none.
         high: Upper corner.
         route_length: Published length of a route from start to goal, m.
@@ -150,7 +150,7 @@ class Found:
     format: str = ""
 
     def ends(self) -> Ends | None:
-        """Return what a mission needs, if the file gives all of it."""
+        """Return start, goal and area, if the file gives all of them."""
         if self.low is None or self.high is None or self.start is None or self.goal is None:
             return None
         if self.start_heading is None:

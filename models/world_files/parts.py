@@ -112,7 +112,7 @@ def _extents(part: Part) -> tuple[Vector3, Vector3]:
 
 
 def bounds_of(parts: Iterable[Part]) -> NDArray[np.float64]:
-    """(2, 3) corners about all of them, m."""
+    """Return the corners (2, 3) of the box about all parts, m."""
     corners = np.array([part.bounds for part in parts])  # (n, 2, 3)
     return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
@@ -133,7 +133,7 @@ def moved(part: Part, position: ArrayLike, R: NDArray[np.float64]) -> Part:
 
 
 def vector(values: ArrayLike) -> Vector3:
-    """Three plain numbers."""
+    """Return an array of three as plain numbers."""
     x, y, z = np.asarray(values, np.float64).tolist()
     return x, y, z
 
@@ -146,7 +146,7 @@ def rotation_of(quaternion: Quaternion) -> NDArray[np.float64]:  # (3, 3)
 
 
 def quaternion_of(R: NDArray[np.float64]) -> Quaternion:
-    """Quaternion w x y z of a rotation matrix (3, 3), w at least 0 (Shepperd 1978)."""
+    """Return the quaternion w x y z of a rotation matrix (3, 3), w at least 0 (Shepperd 1978)."""
     squares = np.array([np.trace(R), R[0, 0], R[1, 1], R[2, 2]])
     i = int(np.argmax(squares))
     if i == 0:
@@ -163,7 +163,7 @@ def quaternion_of(R: NDArray[np.float64]) -> Quaternion:
 
 
 def turned_by(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:  # (3, 3)
-    """Rotation about the fixed axes x, then y, then z, rad."""
+    """Return the rotation about the fixed axes x, then y, then z, rad."""
     (a, b, c), (s, t, u) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     return np.array(
         [

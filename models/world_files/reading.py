@@ -25,7 +25,7 @@ class WorldFileError(ValueError):
     """A file cannot be taken for a world; the message names the file, and the line if known."""
 
     def __init__(self, path: Path | str, what: str, line: int | None = None) -> None:
-        """Say in one line where and what."""
+        """Give file, line and fault in one line."""
         place = f"{path}" if line is None else f"{path}:{line}"
         super().__init__(f"{place}: {what}")
 

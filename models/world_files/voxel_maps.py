@@ -18,7 +18,7 @@ MAX_HEAD = 200
 
 
 def read_voxels(path: Path) -> NDArray[np.bool_]:  # (nx, ny, nz)
-    """Occupied cells of a `.3dmap`.
+    """Read the occupied cells of a `.3dmap`.
 
     Source: Brewer and Sturtevant, "Benchmarks for Pathfinding in 3D Voxel Space", SoCS 2018.
 
@@ -50,7 +50,7 @@ def read_voxels(path: Path) -> NDArray[np.bool_]:  # (nx, ny, nz)
 
 
 def merged_boxes(occupied: NDArray[np.bool_]) -> NDArray[np.int64]:  # (n, 2, 3)
-    """Few boxes that fill exactly the occupied cells: first cell, and the one past the last.
+    """Merge the occupied cells exactly into few boxes: first cell, and the one past the last.
 
     Each box begins at the first cell that is not covered yet and grows along z, then y, then x for
     as long as all that it takes in is occupied and uncovered. Not the fewest, but disjoint.
@@ -103,7 +103,7 @@ def cell_boxes(
     origin: Vector3,
     yaw: float = 0.0,
 ) -> list[Part]:
-    """Merged boxes of a grid.
+    """Merge the cells of a grid into boxes.
 
     Args:
         path: Path of the map's file.

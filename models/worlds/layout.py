@@ -204,7 +204,7 @@ def with_groups(
 
 
 def _crate_size(rng: np.random.Generator, longest: float) -> Vector3:
-    """Length, width, height, m: a quarter of them low, a quarter tall."""
+    """Draw length, width, height, m: a quarter of them low, a quarter tall."""
     length, width = rng.uniform(0.3, longest, 2)
     kind = rng.uniform()
     height = rng.uniform(0.3, 0.8)

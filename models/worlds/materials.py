@@ -50,11 +50,11 @@ UNKNOWN = Kind("unknown", "0.6 0.6 0.6 1")
 
 
 def colour_of(kind: str) -> str:
-    """Colour of a kind, as MJCF writes it."""
+    """Return the colour of a kind, as MJCF writes it."""
     return KINDS.get(kind, UNKNOWN).colour
 
 
 def class_of(kind: str) -> int:
-    """Index of the class of a kind in `CLASSES`; a class's own name is a kind as well."""
+    """Return the index of a kind's class in `CLASSES`; a class's own name is a kind too."""
     name = kind if kind in CLASSES else KINDS.get(kind, UNKNOWN).class_name
     return CLASSES.index(name)

@@ -106,7 +106,7 @@ class Mover:
 
     @property
     def length(self) -> float:
-        """Of the route, m."""
+        """Length of the route, m."""
         return self.milestones[-1]
 
     @property
@@ -145,7 +145,7 @@ class Mover:
         return Place((x, y, z), yaw, heading)
 
     def _headings(self, leg: int) -> tuple[float, float]:
-        """Heading along a leg and against it, rad; of a stop that of the last leg before, or 0."""
+        """Return the headings along a leg and back, rad; of a stop those of the last leg, or 0."""
         while leg > 0 and self.route[leg] == self.route[leg + 1]:
             leg -= 1
         (x0, y0, _), (x1, y1, _) = self.route[leg : leg + 2]

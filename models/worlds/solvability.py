@@ -33,7 +33,7 @@ TIGHTEST_RADIUS = 0.6
 map of 10 cm may close the gap."""
 
 GROUND_BAND = (0.03, 0.5)
-"""Height band of the reference quadruped, m: from what it steps over to its back."""
+"""Height band of the reference quadruped, m: from its step height to its back."""
 
 AIR_BANDS = ((0.8, 1.6), (1.3, 2.2))
 """Altitude bands of which the reference drone needs one, m."""
@@ -93,7 +93,7 @@ def shortest_path_length(
     goal: ArrayLike,
     clearance: float = 0.0,
 ) -> float | None:
-    """Return length of the shortest way in the plane, m, or None when there is none.
+    """Return the length of the shortest way in the plane, m, or None when there is none.
 
     The 8-connected grid path (Dijkstra), pulled taut through free cells: without that a straight
     line at 22.5 degrees would count 8 % too long. Arguments as for `is_solvable`.
@@ -238,7 +238,7 @@ def label_regions(free: NDArray[np.bool_]) -> NDArray[np.int32]:  # (nx, ny)
 
 
 def cell_of(world: World, point: ArrayLike) -> tuple[int, int]:
-    """Index of the cell that holds a point.
+    """Return the index of the cell that holds a point.
 
     Raises:
         ValueError: The point is outside the world.
@@ -314,7 +314,7 @@ def _taut(free: NDArray[np.bool_], cells: NDArray[np.int64]) -> list[int]:
 
 
 def warm_up() -> None:
-    """Compile what finds ways and their corners, and load scipy's search."""
+    """Compile the search of ways and their corners, and load scipy's search."""
     free = np.ones((3, 3), np.bool_)
     _grid_path(free, (0, 0), (2, 2))
     _taut(free, np.array([[0, 0], [1, 1], [2, 2]]))

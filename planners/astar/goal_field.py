@@ -93,7 +93,7 @@ class GoalField:
     def _follow(
         self, space: FreeSpace, weight: float, changed: tuple[Cells, Cells] | None
     ) -> Lattice:
-        """The lattice of the space as it is now, the costs-to-go that a change can alter reset."""
+        """Return the space's current lattice, with costs-to-go reset that a change can alter."""
         rates = lattice.rate_table(space, weight)
         geometry = (space.grid.field.shape, space.grid.origin.tobytes(), space.grid.resolution)
         known = (*geometry, space.collision_distance_sq, rates.tobytes())
@@ -111,7 +111,7 @@ class GoalField:
         return grid
 
     def _begin(self, space: FreeSpace, weight: float, known: tuple[object, ...]) -> Lattice:
-        """A lattice on which only the goal's cell is open."""
+        """Return a lattice on which only the goal's cell is open."""
         grid = lattice.make_lattice(space, lattice.factors(space)[0], weight, repairable=True)
         self._goal_cell = lattice.entry_cell(grid, space, self.goal)
         if self._goal_cell >= 0:
@@ -121,7 +121,7 @@ class GoalField:
 
 
 def _lattice_box(grid: Lattice, changed: tuple[Cells, Cells] | None) -> tuple[Cells, Cells]:
-    """The lattice cells that a box of cells touches, low and one past high, without the border."""
+    """Return the lattice cells that a box touches, low and one past high, without the border."""
     if changed is None:
         return np.ones(3, np.int64), grid.shape - 1
     low, high = (np.asarray(corner, np.int64) for corner in changed)

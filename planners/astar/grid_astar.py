@@ -90,7 +90,7 @@ class PoseQuery:
 
     Attributes:
         space: Free space of the body.
-        costs: The same, with the costs that positions are searched with.
+        costs: The free space with the costs by which positions are searched.
         start: Pose.
         goal: Pose.
         any_heading: Whether the path may end at any heading.
@@ -121,7 +121,7 @@ def search_costs(space: FreeSpace, kind: StateSpace, weight: float) -> tuple[Fre
 
 
 def poses_on(query: PoseQuery, points: Floats, grid: Lattice) -> Floats | None:
-    """Poses along a path of positions, or on another way where the body does not fit along it.
+    """Return poses along a path of positions, or on another way where the body does not fit.
 
     Args:
         query: Ends of the path.
@@ -147,7 +147,7 @@ def lattice_path(
     weight: float,
     until: ob.PlannerTerminationCondition,
 ) -> tuple[Floats, Lattice] | None:
-    """The cheapest way on the first lattice that has one, pulled straight, shape (n, 3), m.
+    """Return the cheapest way on the first lattice that has one, pulled straight, shape (n, 3), m.
 
     None if no lattice has one, or if a distance that was read is out of date: then the caller
     resolves it and plans again.

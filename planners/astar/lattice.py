@@ -37,7 +37,7 @@ ENTRY_RINGS = 2
 
 
 def factors(space: FreeSpace) -> list[int]:
-    """Numbers of grid cells to a lattice cell along an axis: the coarsest first, down to 1."""
+    """Return the grid cells per lattice cell along an axis: the coarsest first, down to 1."""
     spacing = SPACING_ON_GROUND if space.flat else SPACING_IN_SPACE
     coarse = min(max(round(spacing / space.resolution), 1), LARGEST_FACTOR)
     return [factor for factor in (coarse, coarse // 2, 1) if factor >= 1][: coarse.bit_length()]
@@ -115,7 +115,7 @@ def set_column_heuristic(lattice: Lattice, goal: int, target: int) -> bool:
 
 
 def entry_cell(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
-    """The nearest free lattice cell with a free edge from a point to its centre; -1 for none."""
+    """Return the nearest free lattice cell with a free edge from a point; -1 for none."""
     own = lattice_cell(lattice, space, point)
     if (own < 1).any() or (own > lattice.shape - 2).any():
         return -1
@@ -151,20 +151,20 @@ def record_reads(lattice: Lattice, space: FreeSpace) -> bool:
 def extract_path(
     lattice: Lattice, space: FreeSpace, start: Floats, goal: Floats, entered: int
 ) -> Floats:
-    """Path from a start over the cheapest way from the entered cell to the goal, (n, 3), m."""
+    """Return the path (n, 3), m, from a start over the cheapest way from the entered cell."""
     cells = lattice_search.descend(lattice, entered)
     return np.vstack((start, centres(lattice, space, cells), goal))
 
 
 def lattice_cell(lattice: Lattice, space: FreeSpace, point: Floats) -> Longs:
-    """Indices of the lattice cell that holds a point, shape (3,)."""
+    """Return the indices (3,) of the lattice cell that holds a point."""
     cell = np.floor((point - space.origin) / (lattice.factor * space.resolution))
     indices: Longs = cell.astype(np.int64) + 1
     return indices
 
 
 def centres(lattice: Lattice, space: FreeSpace, cells: NDArray[np.integer]) -> Floats:
-    """Centres of the middle grid cells of lattice cells by their flat indices, (n, 3), m."""
+    """Return centres of the middle grid cells of lattice cells by their flat indices, (n, 3), m."""
     indices = np.stack(np.unravel_index(cells, tuple(lattice.shape.tolist())), axis=-1) - 1
     middles = indices * lattice.factor + lattice.factor // 2 + 0.5  # in grid cells
     points: Floats = space.origin + middles * space.resolution
@@ -176,7 +176,7 @@ def _strides(lattice: Lattice) -> Longs:
 
 
 def rate_table(space: FreeSpace, weight: float) -> NDArray[np.int32]:
-    """Integer cost per length by squared distance, shape (t,)."""
+    """Return the integer cost per length by squared distance, shape (t,)."""
     table = np.full(len(space.grid.cost_by_distance), FREE_RATE, np.int32)
     free = slice(space.collision_distance_sq + 1, None)
     costs = np.minimum(weight * space.grid.cost_by_distance[free], LARGEST_RATE / FREE_RATE)
@@ -185,7 +185,7 @@ def rate_table(space: FreeSpace, weight: float) -> NDArray[np.int32]:
 
 
 def _moves(flat: bool) -> Longs:
-    """Moves to all neighbours, shape (8 or 26, 3), those along fewer axes first."""
+    """Return the moves to all neighbours, (8 or 26, 3), those along fewer axes first."""
     steps = itertools.product((-1, 0, 1), (-1, 0, 1), (0,) if flat else (-1, 0, 1))
     moves = sorted((step for step in steps if any(step)), key=lambda step: sum(map(abs, step)))
     return np.array(moves)
@@ -193,7 +193,7 @@ def _moves(flat: bool) -> Longs:
 
 @functools.lru_cache(maxsize=64)
 def _touched(move: Cell, factor: int) -> list[Cell]:
-    """Grid cells that a move touches, from its first one; where several meet, all of them."""
+    """Return the grid cells that a move touches, from its first one; at corners all that meet."""
     corners = list(itertools.product(*[(0, step) if step else (0,) for step in move]))
     return sorted(
         {
@@ -217,7 +217,7 @@ def _touched_cells(moves: Longs, factor: int, shape: tuple[int, ...]) -> tuple[L
 
 
 def _needed_bits(moves: Longs, along: Longs) -> tuple[Longs, Longs]:
-    """Blocks that each move touches, (m, 8, 3), and the bits that it needs of each, (m, 8)."""
+    """Return the blocks that each move touches (m, 8, 3), and the needed bits of each (m, 8)."""
     table = [_needed(tuple(move), tuple(along.tolist())) for move in moves.tolist()]
     blocks, bits = [blocks for blocks, _ in table], [bits for _, bits in table]
     return np.array(blocks, np.int64).reshape(-1, 8, 3), np.array(bits, np.int64).reshape(-1, 8)
@@ -225,7 +225,7 @@ def _needed_bits(moves: Longs, along: Longs) -> tuple[Longs, Longs]:
 
 @functools.lru_cache(maxsize=64)
 def _needed(move: Cell, along: Cell) -> tuple[list[Cell], list[int]]:
-    """Blocks that one move touches, and the bits that it needs, as `block_mask` sets them."""
+    """Return the blocks that one move touches, and the needed bits, as `block_mask` sets them."""
     bits: dict[Cell, int] = {}
     size = along[0] * along[1] * along[2]
     for cell in _touched(move, max(along)):

@@ -32,13 +32,13 @@ BESIDE = 0.02
 
 @functools.lru_cache(maxsize=1)
 def headings() -> list[float]:
-    """The headings of the steps, rad."""
+    """Return the headings of the steps, rad."""
     return [float(yaw_of_direction(float(x), float(y))) for x, y in STEPS]
 
 
 @functools.lru_cache(maxsize=16)
 def motion_primitives(offsets: tuple[float, ...], threshold: int, factor: int) -> Primitives:
-    """Tables of what discs touch on each motion, the costs left at 0.
+    """Return tables of the cells that discs touch on each motion, the costs left at 0.
 
     Args:
         offsets: Offsets of the discs along the body, cells.
@@ -68,7 +68,7 @@ def motion_primitives(offsets: tuple[float, ...], threshold: int, factor: int) -
 
 
 def _cells(track: Floats) -> Longs:
-    """Cells in or next to which points lie, from the centre of a cell, cells, shape (k, 2)."""
+    """Return the cells (k, 2) in or next to which points lie, from the centre of a cell, cells."""
     beside = BESIDE * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
     points = (track[:, None] + beside).reshape(-1, 2)
     found: Longs = np.unique(np.floor(points + 0.5).astype(np.int64), axis=0)
@@ -76,7 +76,7 @@ def _cells(track: Floats) -> Longs:
 
 
 def _swept(motions: list[list[Longs]], threshold: int) -> SweptCells:
-    """Tables of the cells that each disc touches on each motion."""
+    """Return tables of the cells that each disc touches on each motion."""
     shape = len(motions), len(motions[0])
     counts = np.array([[len(cells) for cells in discs] for discs in motions], np.int64)
     table = np.zeros((*shape, int(counts.max()), 2), np.int64)

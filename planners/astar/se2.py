@@ -72,7 +72,7 @@ def se2_path(
 
 
 def _searched_lattice(space: FreeSpace, start: Pose, goal: Pose) -> Lattice | None:
-    """The first lattice with a way for the least disc, searched from the goal to the start."""
+    """Return the first lattice with a way for the least disc, searched from goal to start."""
     for factor in lattice.factors(space):
         grid = lattice.make_lattice(space, factor, 1.0)
         a, b = (lattice.entry_cell(grid, space, np.array(end[:3])) for end in (start, goal))
@@ -84,7 +84,7 @@ def _searched_lattice(space: FreeSpace, start: Pose, goal: Pose) -> Lattice | No
 
 
 def _finer(space: FreeSpace, known: Lattice, bounds: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Bounds of the cells of the grid, interpolated between those of a coarse lattice's nodes."""
+    """Return bounds of the grid's cells, interpolated between those of a coarse lattice's nodes."""
     nodes = bounds.reshape(known.shape[0] - 2, known.shape[1] - 2)
     finer = np.empty(space.grid.field.shape[:2], np.int32)
     se2_search.interpolate_bounds(nodes, int(known.factor[0]), finer)
@@ -92,7 +92,7 @@ def _finer(space: FreeSpace, known: Lattice, bounds: NDArray[np.int32]) -> NDArr
 
 
 def reversible(space: FreeSpace) -> bool:
-    """Whether a body that is free at one heading is free at the opposite one."""
+    """Return whether a body that is free at one heading is free at the opposite one."""
     discs = sorted(space.discs)
     turned = sorted((-disc.offset, disc.collision_distance_sq) for disc in discs)
     return [(disc.offset, disc.collision_distance_sq) for disc in discs] == turned
@@ -117,7 +117,7 @@ def _path_on(
     to_go: NDArray[np.int32],
     budget: int,
 ) -> Floats | None:
-    """Poses from a start to a goal over nodes of every `factor`-th cell; None without a way."""
+    """Plan poses from a start to a goal over every `factor`-th cell; None without a way."""
     plane = Plane(
         space.grid.field[:, :, 0],
         space.collision_distance_sq,
@@ -143,7 +143,7 @@ def _path_on(
 
 
 def _starts(space: FreeSpace, plane: Plane, moves: Primitives, start: Pose) -> tuple[Longs, Longs]:
-    """States that the start reaches by one free sweep, and their costs, each shape (s,)."""
+    """Return states that the start reaches by one free sweep, and their costs, each shape (s,)."""
     nodes, angles = _nodes_about(space, plane, start), np.array(headings())
     places = _centres(space, plane, nodes)
     nearest, free = sweep.free_headings(space.grid, space.shape, start, places, angles)
@@ -157,7 +157,7 @@ def _starts(space: FreeSpace, plane: Plane, moves: Primitives, start: Pose) -> t
 
 
 def _node_near(space: FreeSpace, plane: Plane, goal: Pose) -> int:
-    """The nearest free node with a free edge to a goal; -1 for none."""
+    """Return the nearest free node with a free edge to a goal; -1 for none."""
     nodes = _nodes_about(space, plane, goal)
     for node, (x, y) in zip(nodes.tolist(), _centres(space, plane, nodes).tolist(), strict=True):
         cell = node // plane.shape[1], node % plane.shape[1]
@@ -170,7 +170,7 @@ def _node_near(space: FreeSpace, plane: Plane, goal: Pose) -> int:
 
 
 def _nodes_about(space: FreeSpace, plane: Plane, pose: Pose) -> Longs:
-    """Nodes near a pose, the nearest first, shape (n,)."""
+    """Return nodes near a pose, the nearest first, shape (n,)."""
     place, rings = np.array(pose[:2]), np.arange(-ENTRY_RINGS, ENTRY_RINGS + 1)
     own = np.floor((place - space.origin[:2]) / (plane.factor * space.resolution)).astype(np.int64)
     rows, columns = (
@@ -185,7 +185,7 @@ def _nodes_about(space: FreeSpace, plane: Plane, pose: Pose) -> Longs:
 
 
 def _centres(space: FreeSpace, plane: Plane, nodes: Longs) -> Floats:
-    """Positions of nodes, shape (n, 2), m."""
+    """Return the positions of nodes, shape (n, 2), m."""
     cells = np.stack(np.divmod(nodes, plane.shape[1]), axis=-1)
     middles = cells * plane.factor + (plane.factor // 2 + 0.5)
     places: Floats = space.origin[:2] + middles * space.resolution
@@ -193,7 +193,7 @@ def _centres(space: FreeSpace, plane: Plane, nodes: Longs) -> Floats:
 
 
 def _poses(found: _Found) -> Floats | None:
-    """The path through the states, at the body's headings; None if it is not free."""
+    """Return the path through the states, at the body's headings; None if it is not free."""
     for straight in (True, False):
         for gear in (0.0, math.pi):  # nose first or tail first
             path = _through(found, gear, straight)
@@ -203,7 +203,7 @@ def _poses(found: _Found) -> Floats | None:
 
 
 def _through(found: _Found, gear: float, straight: bool) -> Floats:
-    """The path through the states, shape (n, 4).
+    """Return the path through the states, shape (n, 4).
 
     Args:
         found: The states.
@@ -247,13 +247,13 @@ def _through(found: _Found, gear: float, straight: bool) -> Floats:
 
 
 def _is_reversal(before: int, state: int) -> bool:
-    """Whether a state is another one's node at the opposite heading."""
+    """Return whether a state is another one's node at the opposite heading."""
     opposite = (before - state) % HEADINGS == HEADINGS // 2
     return opposite and before // HEADINGS == state // HEADINGS
 
 
 def _corners(states: Longs) -> Longs:
-    """The states at which the way turns, and both ends."""
+    """Return the states at which the way turns, and both ends."""
     inner = states[1:-1]
     turning = inner % HEADINGS != states[:-2] % HEADINGS
     return np.concatenate((states[:1], inner[turning], states[-1:]))

@@ -15,13 +15,13 @@ TURN = 2.0 * math.pi
 
 @kernel
 def wrap(angle: float) -> float:
-    """The same angle in [-pi, pi), rad."""
+    """Wrap an angle to [-pi, pi), rad."""
     return angle - TURN * math.floor(angle / TURN + 0.5)
 
 
 @kernel
 def yaw_of_direction(dx: float, dy: float) -> float:
-    """Yaw of the direction (dx, dy), rad in [-pi, pi]: atan2(dy, dx) to 1e-12; 0 of (0, 0).
+    """Return the yaw of (dx, dy), rad in [-pi, pi]: atan2(dy, dx) to 1e-12; 0 of (0, 0).
 
     By sums, products, quotients and roots alone, which every processor rounds alike.
 
@@ -46,7 +46,7 @@ def yaw_of_direction(dx: float, dy: float) -> float:
 
 @kernel
 def cosine_sine(angle: float) -> tuple[float, float]:
-    """Cosine and sine of an angle, rad, to 1e-14, by sums, products and a floor alone.
+    """Return the cosine and sine of an angle, rad, to 1e-14, by sums, products and a floor alone.
 
     Series for a sixteenth of the angle, and four doublings.
     """
@@ -63,7 +63,7 @@ def cosine_sine(angle: float) -> tuple[float, float]:
 
 @kernel
 def edge_headings(tangents: Floats, initial: float) -> Floats:
-    """Heading of each edge, rad, shape (n,), without jumps by full turns.
+    """Return the heading of each edge, rad, shape (n,), without jumps by full turns.
 
     Args:
         tangents: Unit tangents, shape (n, 3).
@@ -81,7 +81,7 @@ def edge_headings(tangents: Floats, initial: float) -> Floats:
 
 @kernel
 def rate_limited(targets: Floats, initial: float, largest_step: float) -> Floats:
-    """Headings that follow their targets (n,) by at most a step at a time, rad, shape (n + 1,)."""
+    """Limit the rate of headings to a step: (n + 1,) that follow targets (n,), rad."""
     headings = np.empty(len(targets) + 1)
     headings[0] = initial
     for n in range(len(targets)):

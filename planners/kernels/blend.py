@@ -79,7 +79,7 @@ def blend_corner(
     length: float,
     spacing: float,
 ) -> Floats:
-    """Points of the largest free blend of a corner, shape (k, 3); without one the corner (1, 3)."""
+    """Return the points (k, 3) of a corner's largest free blend; without one the corner (1, 3)."""
     before, at, after = row(tangents, 0), row(corner, 0), row(tangents, 1)
     cosine = before[0] * after[0] + before[1] * after[1] + before[2] * after[2]
     if length < LEAST_EDGE or (oriented and cosine < COSINE_BACK):  # it stops there
@@ -104,7 +104,7 @@ def blend_corner(
 def straight_edge(
     grid: Grid, discs: Discs, oriented: bool, a: Point, b: Point, spacing: float
 ) -> Floats:
-    """Points after `a` up to `b`, at most `spacing`, m, apart, shape (k, 3)."""
+    """Return points after `a` up to `b`, at most `spacing`, m, apart, shape (k, 3)."""
     edges = max(math.ceil(distance(a, b) / spacing), 1)
     points = np.empty((edges + 1, 3))
     for n in range(edges + 1):

@@ -16,7 +16,7 @@ Integers = NDArray[np.int32]
 
 @kernel
 def bucket_of(head: Integers, key: int) -> np.uint64:
-    """The bucket of a key; keys that differ by whole rounds of the ring share it."""
+    """Return the bucket of a key; keys that differ by whole rounds of the ring share it."""
     return np.uint64(key) & np.uint64(len(head) - 1)
 
 

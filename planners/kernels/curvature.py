@@ -19,7 +19,7 @@ def limit_speeds(
     lateral_acceleration: float,
     yaw_rate: float,
 ) -> Floats:
-    """Largest speed at each point, m/s, shape (n,), that curvature allows; infinite at the ends."""
+    """Return the largest speed (n,), m/s, that curvature allows; infinite at the ends."""
     last = len(lengths) - 1
     limits = np.full(len(lengths) + 1, np.inf)
     bends = edge_lengths(tangents)  # (n - 2,) change of the tangent
@@ -46,7 +46,7 @@ def first_sharp_corner(
     least_cosine: float,
     window: float,
 ) -> float:
-    """Arc length of the first corner from an edge on that turns too far within a window, m.
+    """Return the arc length, m, of the first corner that turns too far within a window.
 
     The arc length of the path's end if there is none.
     """
@@ -67,7 +67,7 @@ def first_sharp_corner(
 
 @kernel
 def cosine_between(tangents: Floats, a: int, b: int) -> float:
-    """Cosine of the angle between two edges."""
+    """Return the cosine of the angle between two edges."""
     return float(
         tangents[a, 0] * tangents[b, 0]
         + tangents[a, 1] * tangents[b, 1]

@@ -28,7 +28,7 @@ def all_above(value: int, threshold: int, squared: int) -> bool:
 
 @kernel
 def box_free(grid: Grid, threshold: int, low: Point, high: Point, reach: float) -> bool:
-    """Whether all cells of a box, wider by a reach, m, and a cell to each side, are free.
+    """Return whether all cells of a box, wider by a reach, m, and a cell to each side, are free.
 
     In height it is wider only if it has one.
     """
@@ -59,7 +59,7 @@ def box_free(grid: Grid, threshold: int, low: Point, high: Point, reach: float) 
 
 @kernel
 def body_box_free(grid: Grid, discs: Discs, low: Point, high: Point) -> bool:
-    """Whether a body is free at any heading wherever in a box its reference point is."""
+    """Return whether a body is free at any heading wherever in a box its reference point is."""
     threshold, reach = 0, 0.0
     for n in range(len(discs.offsets)):
         threshold = max(threshold, discs.thresholds[n])

@@ -52,14 +52,14 @@ class Discs(NamedTuple):
 def inside_value(
     field: NDArray[np.uint16], read_blocks: NDArray[np.bool_], i: int, j: int, k: int
 ) -> int:
-    """Squared distance of a cell inside the grid; unsigned indices skip the check for negatives."""
+    """Return a cell's squared distance; unsigned indices skip the check for negatives."""
     read_blocks[np.uint64(j) >> np.uint64(BLOCK_BITS), np.uint64(i)] = True
     return int(field[np.uint64(i), np.uint64(j), np.uint64(k)])
 
 
 @kernel
 def squared_distance(grid: Grid, i: int, j: int, k: int) -> int:
-    """Squared distance of a cell; `OUTSIDE` beyond the grid."""
+    """Return the squared distance of a cell; `OUTSIDE` beyond the grid."""
     nx, ny, nz = grid.field.shape
     if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
         return OUTSIDE

@@ -18,7 +18,7 @@ BOXES = (16, 4, 1)
 
 @kernel
 def headed_free_length(grid: Grid, discs: Discs, path: Floats) -> float:
-    """Length of a path (n, 3) before the first edge that a body cannot head along, m.
+    """Return the length of a path (n, 3) before the first edge that a body cannot head along, m.
 
     It turns on the spot at each point: nose first, or where that is not free, tail first. Edges in
     a free box are not checked one by one.
@@ -53,7 +53,7 @@ def headed_free_length(grid: Grid, discs: Discs, path: Floats) -> float:
 
 @kernel
 def free_up_to(grid: Grid, discs: Discs, path: Floats, first: int) -> int:
-    """Last point up to which the edges from a point on are in one box free at any heading."""
+    """Return the last point up to which the edges are in one box free at any heading."""
     for edges in BOXES:
         last = min(first + edges, len(path) - 1)
         if distance(row(path, first), row(path, last)) <= LONGEST_BOX and any_heading_free(

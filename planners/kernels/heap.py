@@ -17,7 +17,7 @@ Longs = NDArray[np.int64]
 
 @kernel
 def push(heap: Longs, count: int, key: int) -> Longs:
-    """Put a key into a heap of so many; return the heap, which is a longer one if it was full."""
+    """Push a key into a heap of `count` keys; return the heap, a longer one if it was full."""
     if count == len(heap):
         heap = np.concatenate((heap, np.empty(count, np.int64)))
     at = np.uint64(count)  # unsigned indices skip the check for negatives
@@ -33,7 +33,7 @@ def push(heap: Longs, count: int, key: int) -> Longs:
 
 @kernel
 def pop(heap: Longs, count: int) -> int:
-    """Take the least key out of a heap, which then has so many."""
+    """Pop the least key from a heap, which then has `count` keys."""
     least, end = heap[0], np.uint64(count)
     last, at, below = heap[end], np.uint64(0), ONE
     while below + ONE < end:

@@ -30,7 +30,7 @@ UNKNOWN_COST = 2**30
 
 @kernel
 def octile_cost(x: int, y: int, z: int) -> int:
-    """Cost of so many cells along the axes, if all are free."""
+    """Return the cost of a displacement in cells along the axes, if all are free."""
     x, y, z = abs(x), abs(y), abs(z)
     most, least = max(x, y, z), min(x, y, z)
     middle = x + y + z - most - least
@@ -41,14 +41,14 @@ def octile_cost(x: int, y: int, z: int) -> int:
 
 @kernel
 def heuristic_between(shape: Longs, column_bound: Integers, a: Indices, b: Indices) -> int:
-    """Lower bound of the cost from `a` to `b`: octile, or the bound of the column of `a`."""
+    """Return a lower bound of the cost from `a` to `b`: octile, or that of the column of `a`."""
     rest = octile_cost(a[0] - b[0], a[1] - b[1], a[2] - b[2])
     return max(rest, int(column_bound[np.uint64(a[0] * shape[1] + a[1])]))
 
 
 @kernel
 def heuristic(lattice: Lattice, cell: int, target: int) -> int:
-    """Lower bound of the cost from a cell to the target; 0 for no target, -1."""
+    """Return a lower bound of the cost from a cell to the target; 0 for no target, -1."""
     if target < 0:
         return 0
     a, b = unravel(lattice.shape, cell), unravel(lattice.shape, target)
@@ -65,7 +65,7 @@ def column_rate(
     i: int,
     j: int,
 ) -> int:
-    """Least rate of a column's lattice cells, `BLOCKED` if none is free."""
+    """Return the least rate of a column's lattice cells, `BLOCKED` if none is free."""
     least, last = LARGEST_RATE + 1, len(rate_by_distance) - 1
     if in_border(shape, (i, j, 1)):
         return BLOCKED
@@ -89,7 +89,7 @@ def bound_columns(lattice: Lattice, goal: int, target: int) -> bool:
     be. So the bound is consistent: it falls by no more than the cost of each move.
 
     Args:
-        lattice: In space, without masks; `column_bound` is written.
+        lattice: Lattice in space, without masks; `column_bound` is written.
         goal: Cell where the search of the lattice begins.
         target: Cell where it ends.
 

@@ -77,14 +77,14 @@ class Lattice(NamedTuple):
 
 @kernel
 def unravel(shape: Longs, cell: int) -> Indices:
-    """Indices of a lattice cell."""
+    """Return the indices of a lattice cell."""
     column = cell // shape[2]
     return column // shape[1], column % shape[1], cell - column * shape[2]
 
 
 @kernel
 def in_border(shape: Longs, indices: Indices) -> bool:
-    """Whether a lattice cell lies in the border."""
+    """Return whether a lattice cell lies in the border."""
     i, j, k = indices
     outer = i == 0 or j == 0 or k == 0
     return bool(outer or i == shape[0] - 1 or j == shape[1] - 1 or k == shape[2] - 1)
@@ -92,7 +92,7 @@ def in_border(shape: Longs, indices: Indices) -> bool:
 
 @kernel
 def middle_cell(factor: Longs, indices: Indices) -> Indices:
-    """Indices of the grid cell in the middle of a lattice cell that is not in the border."""
+    """Return the grid cell in the middle of a lattice cell that is not in the border."""
     i, j, k = indices
     x, y, z = (i - 1) * factor[0], (j - 1) * factor[1], (k - 1) * factor[2]
     return x + (factor[0] >> 1), y + (factor[1] >> 1), z + (factor[2] >> 1)
@@ -114,7 +114,7 @@ def middle_rate(
     rate_by_distance: Integers,
     indices: Indices,
 ) -> int:
-    """Rate of a lattice cell by its middle grid cell."""
+    """Return the rate of a lattice cell by its middle grid cell."""
     if in_border(shape, indices):
         return BLOCKED
     x, y, z = middle_cell(factor, indices)
@@ -128,7 +128,7 @@ def middle_rate(
 def block_mask(
     field: NDArray[np.uint16], threshold: int, factor: Longs, shape: Longs, indices: Indices
 ) -> int:
-    """Which grid cells of a lattice cell are free, bit by bit, 64 at most."""
+    """Return a mask of the free grid cells of a lattice cell, at most 64 bits."""
     mask = 0
     if in_border(shape, indices):
         return mask
@@ -151,7 +151,7 @@ def block_mask(
 
 @kernel
 def rate_of(lattice: Lattice, cell: int) -> int:
-    """Rate of a lattice cell; the first call looks it up."""
+    """Return the rate of a lattice cell; the first call looks it up."""
     field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
     if lattice.rate[cell] == UNSEEN:
         indices = unravel(lattice.shape, cell)
@@ -174,7 +174,7 @@ def mark_read_blocks(
     it, which are neighbours along fewer axes.
 
     Args:
-        rate: Of the lattice cells, `UNSEEN` where not looked up.
+        rate: Rates of the lattice cells, `UNSEEN` where not looked up.
         shape: Lattice cells along the axes, border included.
         factor: Grid cells to a lattice cell.
         block_bits: Binary logarithm of the rows of a block.
@@ -199,7 +199,7 @@ def mark_read_blocks(
 def move_free(
     cells: NDArray[np.uint16], threshold: int, index: int, touched: Longs, counts: Longs, move: int
 ) -> bool:
-    """Whether all grid cells that a move from a grid cell touches are free.
+    """Return whether all grid cells that a move from a grid cell touches are free.
 
     The tables are passed whole: a row of one would have its references counted.
     """
@@ -211,7 +211,7 @@ def move_free(
 
 @kernel
 def move_free_by_mask(mask: Longs, cell: int, blocks: Longs, bits: Longs, move: int) -> bool:
-    """`move_free` by the masks of the lattice cells, which are fewer to read."""
+    """Check a move as `move_free` by the masks of the lattice cells, which are fewer to read."""
     for n in range(np.uint64(blocks.shape[1])):
         if mask[np.uint64(cell + blocks[move, n])] & bits[move, n] != bits[move, n]:
             return False

@@ -49,7 +49,7 @@ def expand(lattice: Lattice, until: int, target: int, budget: int, margin: int) 
     """Expand cells in the order of their keys until a given one is closed, and some beyond it.
 
     Args:
-        lattice: With the open cells that the search goes on from.
+        lattice: Lattice with the open cells that the search goes on from.
         until: The cell to close.
         target: Cell of the heuristic; -1 for none: then all cells nearer to the goal are closed
             before `until`.
@@ -138,7 +138,7 @@ def requeue(lattice: Lattice, target: int, cells: Longs) -> None:
 
 @kernel
 def descend(lattice: Lattice, start: int) -> Integers:
-    """The cells from a closed one down the costs-to-go to the goal; the first move of equals.
+    """Return the cells from a closed one down the costs-to-go to the goal; first move of equals.
 
     Only closed cells are followed, whose costs are exact: the cheapest path on the lattice.
     """
@@ -166,7 +166,7 @@ def descend(lattice: Lattice, start: int) -> Integers:
 
 @kernel
 def bounds_to_go(lattice: Lattice, target: int, limit: int) -> Integers:
-    """Lower bounds of the cost from each cell of a plane to the goal, shape (nodes,).
+    """Return lower bounds (nodes,) of the cost from each cell of a plane to the goal.
 
     The cost-to-go of a cell if some way from the target over it to the goal costs at most the
     limit; of any other cell the least cost-to-go that exceeds the limit. So the bounds do not
@@ -174,7 +174,7 @@ def bounds_to_go(lattice: Lattice, target: int, limit: int) -> Integers:
     times the mean rate.
 
     Args:
-        lattice: Of a plane, with all cells closed whose keys are up to the limit.
+        lattice: Lattice of a plane, with all cells closed whose keys are up to the limit.
         target: Cell of the heuristic.
         limit: Cost.
     """

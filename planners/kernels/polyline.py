@@ -15,20 +15,20 @@ LEAST_EDGE = 1e-6
 
 @kernel
 def distance(a: Point, b: Point) -> float:
-    """Euclidean distance, summed in a fixed order."""
+    """Return the Euclidean distance, summed in a fixed order."""
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     return math.sqrt(x * x + y * y + z * z)
 
 
 @kernel
 def row(points: Floats, n: int) -> Point:
-    """One point of an array (n, 3), as a tuple."""
+    """Return one point of an array (n, 3), as a tuple."""
     return points[n, 0], points[n, 1], points[n, 2]
 
 
 @kernel
 def between(a: Point, b: Point, share: float) -> Point:
-    """The point at a share of the edge from `a` to `b`."""
+    """Return the point at a share of the edge from `a` to `b`."""
     return (
         a[0] + share * (b[0] - a[0]),
         a[1] + share * (b[1] - a[1]),
@@ -38,7 +38,7 @@ def between(a: Point, b: Point, share: float) -> Point:
 
 @kernel
 def edge_lengths(path: Floats) -> Floats:
-    """Length of each edge, m, shape (n - 1,)."""
+    """Return the length of each edge, m, shape (n - 1,)."""
     lengths = np.empty(max(len(path) - 1, 0))
     for n in range(len(lengths)):
         lengths[n] = distance(row(path, n), row(path, n + 1))
@@ -47,7 +47,7 @@ def edge_lengths(path: Floats) -> Floats:
 
 @kernel
 def arc_lengths(path: Floats) -> Floats:
-    """Arc length at each point, m, shape (n,); the first is 0."""
+    """Return the arc length at each point, m, shape (n,); the first is 0."""
     arcs = np.zeros(len(path))
     for n in range(1, len(path)):
         arcs[n] = arcs[n - 1] + distance(row(path, n - 1), row(path, n))
@@ -56,7 +56,7 @@ def arc_lengths(path: Floats) -> Floats:
 
 @kernel
 def path_length(path: Floats) -> float:
-    """Length of a polyline, m."""
+    """Return the length of a polyline, m."""
     length = 0.0
     for n in range(len(path) - 1):
         length += distance(row(path, n), row(path, n + 1))
@@ -65,7 +65,7 @@ def path_length(path: Floats) -> float:
 
 @kernel
 def edge_tangents(path: Floats) -> Floats:
-    """Unit direction of each edge, shape (n - 1, 3); an edge without length takes its neighbour's.
+    """Return the unit direction (n - 1, 3) of each edge; without length, its neighbour's.
 
     The next neighbour's, or at the end of the path the one before. Zero for a path without length.
     """
@@ -86,7 +86,7 @@ def edge_tangents(path: Floats) -> Floats:
 
 @kernel
 def edge_at(arcs: Floats, s: float) -> int:
-    """Index of the edge that holds an arc length; at a point, of the edge that begins there."""
+    """Return the index of the edge that holds an arc length; at a point, of the next edge."""
     edge = 0
     while edge + 2 < len(arcs) and arcs[edge + 1] <= s:
         edge += 1
@@ -95,7 +95,7 @@ def edge_at(arcs: Floats, s: float) -> int:
 
 @kernel
 def point_at(path: Floats, s: float) -> Floats:
-    """Point at an arc length, m, clamped to the path, shape (3,)."""
+    """Return the point at an arc length, m, clamped to the path, shape (3,)."""
     arcs, s = arc_lengths(path), max(s, 0.0)
     point: Floats = path[-1].copy()
     if s < arcs[-1]:
@@ -108,7 +108,7 @@ def point_at(path: Floats, s: float) -> Floats:
 
 @kernel
 def tangent_at(path: Floats, s: float) -> Floats:
-    """Unit tangent at an arc length, m, shape (3,); zero for a path without length."""
+    """Return the unit tangent at an arc length, m, shape (3,); zero for a path without length."""
     tangent = np.zeros(3)
     if len(path) > 1:
         tangent[:] = edge_tangents(path)[edge_at(arc_lengths(path), s)]
@@ -117,7 +117,7 @@ def tangent_at(path: Floats, s: float) -> Floats:
 
 @kernel
 def truncate(path: Floats, s: float) -> Floats:
-    """The path from its start to an arc length, m, shape (m, 3)."""
+    """Return the path from its start to an arc length, m, shape (m, 3)."""
     arcs = arc_lengths(path)
     count = 1
     while count < len(path) and arcs[count] < s - LEAST_EDGE:
@@ -129,7 +129,7 @@ def truncate(path: Floats, s: float) -> Floats:
 
 @kernel
 def remaining(path: Floats, s: float) -> Floats:
-    """The path from an arc length, m, to its end, shape (m, 3)."""
+    """Return the path from an arc length, m, to its end, shape (m, 3)."""
     arcs = arc_lengths(path)
     first = len(path) - 1
     while first > 0 and arcs[first - 1] > s + LEAST_EDGE:
@@ -141,7 +141,7 @@ def remaining(path: Floats, s: float) -> Floats:
 
 @kernel
 def locate(points: Floats, arcs: Floats, count: int, arc: float) -> tuple[int, Point]:
-    """Edge and point at an arc length, m, along the first `count` points."""
+    """Return the edge and point at an arc length, m, along the first `count` points."""
     for n in range(count - 1):
         if arc <= arcs[n + 1] and arcs[n + 1] > arcs[n]:
             share = (arc - arcs[n]) / (arcs[n + 1] - arcs[n])

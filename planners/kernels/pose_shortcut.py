@@ -92,7 +92,7 @@ def put_pose(poses: Floats, n: int, point: Point, heading: float) -> None:
 
 @kernel
 def is_cheaper(grid: Grid, discs: Discs, weight: float, poses: Floats, than: float) -> bool:
-    """Whether the way through poses costs less than a bound, m.
+    """Return whether the way through poses costs less than a bound, m.
 
     Lower bounds of the edges give way to their costs one by one, until the sum is too high.
     """
@@ -119,7 +119,7 @@ def is_cheaper(grid: Grid, discs: Discs, weight: float, poses: Floats, than: flo
 
 @kernel
 def pose_arcs(poses: Floats) -> Floats:
-    """Arc length of the reference point's path at each pose, m, shape (n,)."""
+    """Return the arc length of the reference point's path at each pose, m, shape (n,)."""
     arcs = np.zeros(len(poses))
     for n in range(len(poses) - 1):
         arcs[n + 1] = arcs[n] + distance(pose_row(poses, n)[:3], pose_row(poses, n + 1)[:3])
@@ -128,7 +128,7 @@ def pose_arcs(poses: Floats) -> Floats:
 
 @kernel
 def pose_at(poses: Floats, arcs: Floats, arc: float) -> tuple[int, Pose]:
-    """Edge and pose at an arc length of the reference point's path, m."""
+    """Return the edge and pose at an arc length of the reference point's path, m."""
     for n in range(len(poses) - 1):
         if arc <= arcs[n + 1] and arcs[n + 1] > arcs[n]:
             share = (arc - arcs[n]) / (arcs[n + 1] - arcs[n])

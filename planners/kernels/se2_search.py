@@ -29,7 +29,7 @@ STATE_BITS = 24
 """Lowest bits of a key, the state; the rest is the cost."""
 
 NONE = -1
-"""In place of a state or a slot."""
+"""Index in place of a state or a slot."""
 
 FIRST_ROOM = 4096
 """Number of keys that the heap has room for at first."""
@@ -55,7 +55,7 @@ class SweptCells(NamedTuple):
 
 
 class Primitives(NamedTuple):
-    """The motions of a state lattice: what they touch, and what they cost."""
+    """The motions of a state lattice: the cells that they touch, and their costs."""
 
     steps: Longs  # (16, 2) in nodes
     lengths: Longs  # (16,)
@@ -202,7 +202,7 @@ def search_states(
 
 @kernel
 def key_of(cost: int, rest: int, state: int) -> int:
-    """Key of a state: the estimate of the whole cost, then the state."""
+    """Return the key of a state: the estimate of the whole cost, then the state."""
     return int(cost + rest + (rest >> EAGERNESS)) << STATE_BITS | int(state)
 
 
@@ -215,7 +215,7 @@ def open_slot(plane: Plane, spun: SweptCells, u: int, v: int, seen: SeenNodes, s
 
 @kernel
 def motion_free(plane: Plane, i: int, j: int, swept: SweptCells, motion: int) -> bool:
-    """Whether all cells that the discs touch on a motion from a grid cell are free.
+    """Return whether all cells that the discs touch on a motion from a grid cell are free.
 
     A distance falls by no more than the cells are apart, so where it is large enough in the middle
     of a disc's cells the others are not read.
@@ -236,13 +236,13 @@ def motion_free(plane: Plane, i: int, j: int, swept: SweptCells, motion: int) ->
 
 @kernel
 def rate_at(plane: Plane, i: int, j: int) -> int:
-    """Cost per length at a grid cell."""
+    """Return the cost per length at a grid cell."""
     return int(plane.rates[min(int(plane.field[i, j]), len(plane.rates) - 1)])
 
 
 @kernel
 def backtrack(slots: Integers, columns: int, seen: SeenNodes, state: int) -> tuple[Longs, Bools]:
-    """The states that led to one, from the first, and at which of them the body can spin.
+    """Return the states that led to one, from the first, and at which of them the body can spin.
 
     Of a node where it can there are two, as the body comes and as it leaves.
     """

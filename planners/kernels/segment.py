@@ -139,7 +139,7 @@ def walk_anywhere(
 
 @kernel
 def axis_steps(start: int, end: int) -> tuple[int, int, int, int]:
-    """Faces to cross along one axis, direction, sub-cells to the first face, sub-cells in all."""
+    """Return faces to cross along an axis, direction, sub-cells to the first face, and in all."""
     faces = abs((end >> SUBCELL_BITS) - (start >> SUBCELL_BITS))
     into_cell = start & (SUBCELLS - 1)
     if end > start:
@@ -149,7 +149,7 @@ def axis_steps(start: int, end: int) -> tuple[int, int, int, int]:
 
 @kernel
 def least_at_corners(grid: Grid, i: int, j: int, k: int, di: int, dj: int, dk: int) -> int:
-    """Least squared distance of the cells that meet where a step crosses several faces at once.
+    """Return the least squared distance of the cells that meet where a step crosses an edge.
 
     The cells beside the step; for a step along two axes its ends are among them.
     """
@@ -180,7 +180,7 @@ def edge_free(grid: Grid, threshold: int, a: Point, b: Point) -> bool:
 
 @kernel
 def edge_cost(grid: Grid, threshold: int, weight: float, a: Point, b: Point) -> float:
-    """Integral of 1 + weight * cost along an edge, m; infinite if the edge is not free."""
+    """Integrate 1 + weight * cost along an edge, m; infinite if the edge is not free."""
     _, least, inside = walk_between(grid, threshold, a, b)
     if least <= threshold:
         return math.inf

@@ -77,7 +77,7 @@ def shortcut(
 
 @kernel
 def total(values: Floats) -> float:
-    """Sum from the first to the last; numpy's is slow to compile, and to load once compiled."""
+    """Sum in order; numpy's sum is slow to compile, and to load once compiled."""
     found = 0.0
     for value in values:
         found += value
@@ -158,7 +158,7 @@ def prune(grid: Grid, threshold: int, weight: float, path: Floats) -> Floats:
 def fewest_corners(
     grid: Grid, threshold: int, weight: float, corner_cost: float, path: Floats
 ) -> Floats:
-    """The cheapest path through some of a path's waypoints, in order, shape (k, 3).
+    """Return the cheapest path through some of a path's waypoints, in order, shape (k, 3).
 
     The optimum by dynamic programming over the edges between any two of them, with corner costs.
     """

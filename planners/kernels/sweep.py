@@ -27,7 +27,7 @@ LONGEST_BOX = 1.0
 
 @kernel
 def pose_between(a: Pose, b: Pose, share: float) -> Pose:
-    """The pose at a share of the way from `a` to `b`, turning the shorter way round."""
+    """Return the pose at a share of the way from `a` to `b`, turning the shorter way round."""
     return (
         a[0] + share * (b[0] - a[0]),
         a[1] + share * (b[1] - a[1]),
@@ -38,13 +38,13 @@ def pose_between(a: Pose, b: Pose, share: float) -> Pose:
 
 @kernel
 def pose_row(poses: Floats, n: int) -> Pose:
-    """One pose of an array (n, 4), as a tuple."""
+    """Return one pose of an array (n, 4), as a tuple."""
     return poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3]
 
 
 @kernel
 def sweep_steps(a: Pose, b: Pose) -> int:
-    """Number of steps of a sweep, in each of which the body turns by `TURN_STEP` at most."""
+    """Return the number of steps of a sweep; in each the body turns by `TURN_STEP` at most."""
     return max(math.ceil(abs(wrap(b[3] - a[3])) / TURN_STEP), 1)
 
 
@@ -67,7 +67,7 @@ def step_cost(grid: Grid, discs: Discs, a: Pose, b: Pose) -> tuple[bool, float]:
 
 @kernel
 def sweep_free(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
-    """Whether a body is free all the way between two poses; the end is checked first."""
+    """Return whether a body is free all the way between two poses; the end is checked first."""
     count = sweep_steps(a, b)
     if count > 1 and distance(a[:3], b[:3]) <= LONGEST_BOX:
         low = min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2])
@@ -85,7 +85,7 @@ def sweep_free(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
 
 @kernel
 def turns_freely(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
-    """Whether a sweep is a turn on the spot, free by its box alone."""
+    """Return whether a sweep is a turn on the spot, free by its box alone."""
     if a[0] != b[0] or a[1] != b[1] or a[2] != b[2]:
         return False
     return body_box_free(grid, discs, a[:3], a[:3])
@@ -93,7 +93,7 @@ def turns_freely(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
 
 @kernel
 def poses_free(grid: Grid, discs: Discs, poses: Floats) -> bool:
-    """Whether a body is free all the way through poses (n, 4)."""
+    """Return whether a body is free all the way through poses (n, 4)."""
     for n in range(len(poses) - 1):
         if not sweep_free(grid, discs, pose_row(poses, n), pose_row(poses, n + 1)):
             return False
@@ -102,7 +102,7 @@ def poses_free(grid: Grid, discs: Discs, poses: Floats) -> bool:
 
 @kernel
 def poses_free_length(grid: Grid, discs: Discs, poses: Floats) -> float:
-    """Length of the way through poses (n, 4) before the first step that is not free, m."""
+    """Return the length of the way through poses (n, 4) before the first blocked step, m."""
     length = 0.0
     for edge in range(len(poses) - 1):
         a, b = pose_row(poses, edge), pose_row(poses, edge + 1)
@@ -117,7 +117,7 @@ def poses_free_length(grid: Grid, discs: Discs, poses: Floats) -> float:
 
 @kernel
 def poses_free_count(grid: Grid, discs: Discs, poses: Floats) -> int:
-    """Number of poses (n, 4) that a body reaches one after the other."""
+    """Return the number of poses (n, 4) that a body reaches one after the other."""
     if not step_cost(grid, discs, pose_row(poses, 0), pose_row(poses, 0))[0]:
         return 0
     for n in range(len(poses) - 1):

@@ -35,7 +35,7 @@ SIDEWAYS = 1.0
 
 @kernel
 def sweep_cost(grid: Grid, discs: Discs, weight: float, a: Pose, b: Pose) -> float:
-    """Cost of a sweep, m; infinite if it is not free.
+    """Return the cost of a sweep, m; infinite if it is not free.
 
     Length costs 1 + weight * (mean cost of the discs' cells) + `SIDEWAYS` * (1 - cosine of the
     angle between motion and heading), as sensors look ahead. A turn costs `TURN_COST` a radian, and
@@ -63,7 +63,7 @@ def sweep_cost(grid: Grid, discs: Discs, weight: float, a: Pose, b: Pose) -> flo
 
 @kernel
 def spin_cost(a: Pose, b: Pose) -> float:
-    """Cost of a turn on the spot beside that of its angle, m; 0 of any other sweep."""
+    """Return the cost of a turn on the spot beside that of its angle, m; 0 of any other sweep."""
     if a[0] != b[0] or a[1] != b[1] or a[2] != b[2]:
         return 0.0
     return SPIN_COST if abs(wrap(b[3] - a[3])) > LEAST_SPIN else 0.0
@@ -71,13 +71,13 @@ def spin_cost(a: Pose, b: Pose) -> float:
 
 @kernel
 def least_sweep_cost(a: Pose, b: Pose) -> float:
-    """Lower bound of the cost of a sweep, without that of a turn on the spot, m."""
+    """Return a lower bound of the cost of a sweep, without that of a turn on the spot, m."""
     return distance(a[:3], b[:3]) + TURN_COST * abs(wrap(b[3] - a[3]))
 
 
 @kernel
 def sweep_costs(grid: Grid, discs: Discs, weight: float, poses: Floats) -> Floats:
-    """Cost of each edge between poses, m, shape (n - 1,)."""
+    """Return the cost of each edge between poses, m, shape (n - 1,)."""
     costs = np.empty(len(poses) - 1)
     for n in range(len(costs)):
         costs[n] = sweep_cost(grid, discs, weight, pose_row(poses, n), pose_row(poses, n + 1))
@@ -86,7 +86,7 @@ def sweep_costs(grid: Grid, discs: Discs, weight: float, poses: Floats) -> Float
 
 @kernel
 def poses_cost(grid: Grid, discs: Discs, weight: float, poses: Floats) -> float:
-    """Cost of the way through poses (n, 4), m; infinite if it is not free."""
+    """Return the cost of the way through poses (n, 4), m; infinite if it is not free."""
     if not step_cost(grid, discs, pose_row(poses, 0), pose_row(poses, 0))[0]:
         return math.inf
     cost = 0.0

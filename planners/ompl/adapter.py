@@ -11,7 +11,7 @@ from wayproof.planners.kernels.grid import Pose
 
 
 def query_ends(planner: ob.Planner) -> tuple[Pose, Pose]:
-    """Start and goal pose of the problem that a planner was given."""
+    """Return the start and goal pose of the problem that a planner was given."""
     validity = planner.getSpaceInformation().getStateValidityChecker()
     # Not definition.getStartState: its binding frees the state that it lends.
     start = planner.getPlannerInputStates().nextStart()

@@ -139,7 +139,7 @@ def _run_user_planner(
 
 
 def _check_path(name: str, query: Query, path: og.PathGeometric) -> None:
-    """Check what a user's planner added as a solution.
+    """Check the solution of a user's planner.
 
     An edge through blocked space is accepted: its cost is infinite, so there is no path then.
 
@@ -186,7 +186,7 @@ def _problem(query: Query) -> tuple[ob.SpaceInformation, ob.ProblemDefinition]:
 
 
 def _edge_check(query: Query, state_space: ob.StateSpace) -> Callable[..., bool]:
-    """The compiled check of an edge of this kind of state."""
+    """Return the compiled check of an edge of this kind of state."""
     space, kind, z = query.space, query.kind, query.start[2]
     grid, threshold, shape, read = space.grid, space.collision_distance_sq, space.shape, kind.read
     if kind.curved:
@@ -200,7 +200,7 @@ def _edge_check(query: Query, state_space: ob.StateSpace) -> Callable[..., bool]
 
 
 def _poses(query: Query, state_space: ob.StateSpace, path: og.PathGeometric) -> Floats:
-    """Poses of a path, shape (n, 4), between which position and heading change evenly."""
+    """Return poses of a path, shape (n, 4), between which position and heading change evenly."""
     kind, z = query.kind, query.start[2]
     states = path.getStates()
     if not kind.curved:

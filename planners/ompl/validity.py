@@ -35,7 +35,7 @@ class BodyValidity(ob.StateValidityChecker):  # type: ignore[misc]
         self.any_heading = any_heading
 
     def isValid(self, state: ob.State) -> bool:
-        """Whether the body is free there."""
+        """Return whether the body is free there."""
         pose = self.kind.read(state, self.z)
         if self.kind.oriented:
             return bool(sweep.sweep_free(self.space.grid, self.space.shape, pose, pose))

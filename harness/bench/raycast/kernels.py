@@ -134,7 +134,7 @@ def cast_rays(
     distance: Array,
     geom_id: NDArray[np.int32],
 ) -> None:
-    """Cast rays that have nothing in common, each alone.
+    """Cast independent rays, each alone.
 
     Args:
         origins: (n, 3) in the world, m.

@@ -85,7 +85,7 @@ def score_shifts(
     Args:
         offsets: As of `align`.
         predicted: As of `align`.
-        turn: Of the points about the vertical, rad.
+        turn: Turn of the points about the vertical, rad.
         inverse: As of `align`.
         shift: Step of the shift, m.
         voxels: The map.
@@ -155,7 +155,7 @@ def score_of(
     off: int,
     most: int,
 ) -> int:
-    """Number of points that agree with a plane, less `off` times those that lie off one.
+    """Count the points that agree with a plane, less `off` times those that lie off one.
 
     Args:
         offsets: (n, 3) points from the base, m.
@@ -182,7 +182,7 @@ def score_of(
 
 @kernel
 def worth(distance: float, off: int) -> int:
-    """What a point adds to a score by its distance from a plane, m, infinite if there is none."""
+    """Return a point's share of a score by its distance from a plane, m; infinite without one."""
     distance = abs(distance)
     if distance <= NEAR:
         return 1

@@ -59,7 +59,7 @@ class Voxels(NamedTuple):
 
 @kernel
 def voxel_key(x: float, y: float, z: float, inverse: float) -> np.int64:
-    """Key of the voxel of a point, of three indices in 21 bits each.
+    """Return the key of the voxel of a point, of three indices in 21 bits each.
 
     The origin is in the middle of a voxel: floors and walls lie on round numbers. On a face between
     two voxels, noise would put the points of one surface into both, each with a plane of its own
@@ -73,7 +73,7 @@ def voxel_key(x: float, y: float, z: float, inverse: float) -> np.int64:
 
 @kernel
 def slot_of(keys: NDArray[np.int64], key: np.int64) -> np.int64:
-    """Slot of a key, or the empty one where it would be."""
+    """Return the slot of a key, or the empty one where it would be."""
     mask = len(keys) - 1
     spread = key * np.int64(SPREADING)
     slot = (spread ^ (spread >> 32)) & mask
@@ -92,7 +92,7 @@ def add_points(points: Array, viewer: Array, inverse: float, voxels: Voxels, swe
         points: (n, 3) world, m.
         viewer: (3,) from where they were seen, world, m.
         inverse: One by the edge of a voxel, 1/m.
-        voxels: With at least n empty slots; written.
+        voxels: Map with at least n empty slots; written.
         sweep: Its number.
 
     Returns:
@@ -116,7 +116,7 @@ def add_points(points: Array, viewer: Array, inverse: float, voxels: Voxels, swe
 
 @kernel
 def is_doubled(count: int) -> bool:
-    """Whether a number of points is `LEAST_POINTS`, or that doubled once or more."""
+    """Return whether a number of points is `LEAST_POINTS`, or that doubled once or more."""
     least = LEAST_POINTS
     while least < count:
         least *= 2
@@ -190,7 +190,7 @@ def is_known(voxels: Voxels, slot: np.int64, viewer: Array) -> bool:
 def distance_from_plane(
     voxels: Voxels, slot: np.int64, x: float, y: float, z: float, viewer: Array
 ) -> float:
-    """Signed distance of a point from the plane of a voxel, m.
+    """Return the signed distance of a point from the plane of a voxel, m.
 
     Infinite where it has none, or one that was seen from the other side: the two faces of a board,
     a wall or a shelf are a few centimetres apart, and the one is no evidence of the other.

@@ -86,7 +86,7 @@ class Rotor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All of it.
+    """Content of a spec file.
 
     Attributes:
         name: Name of the robot.

@@ -85,7 +85,7 @@ def inertial(source: Source, bodies: Sequence[int], origin: Array) -> str:
 
 
 def rigid_body(source: Source, bodies: Sequence[int]) -> tuple[float, Array, Array]:
-    """Mass, centre (3,) and inertia (3, 3) about it of bodies together, in the base's frame."""
+    """Return mass, centre (3,) and inertia (3, 3) about it of bodies together, base frame."""
     model, data = source.model, source.data
     masses = model.body_mass[bodies]
     mass = float(masses.sum())
@@ -147,7 +147,7 @@ def sensor_sites(spec: SpecFile, origin: Array) -> str:
 
 
 def rangefinders(spec: SpecFile) -> str:
-    """MuJoCo's own sensors behind the mounts that are read off them."""
+    """Write MuJoCo's own sensors behind the mounts that are read off them."""
     named = [mount.name for mount in spec.mounts() if mount.device.by_mujoco]
     return "".join(f'<rangefinder name="{name}" site="{name}"/>' for name in named)
 

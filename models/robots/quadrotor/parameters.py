@@ -49,7 +49,7 @@ class Airframe(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """Of the geometric controller; chosen by experiment, horizontal ones from poles near 4 rad/s.
+    """Gains of the geometric controller, by experiment; horizontal ones from poles near 4 rad/s.
 
     Attributes:
         position: Position gain per axis, 1/s^2.
@@ -101,7 +101,7 @@ class Smoothing(NamedTuple):
         bandwidth: Bandwidth of the four equal poles, rad/s.
         limits: Greatest speed, acceleration, jerk and snap of the reference, m/s .. m/s^4; a
             setpoint within the robot's spec stays far below them, one that jumps does not.
-        heading_limits: The same for heading, rad/s .. rad/s^4.
+        heading_limits: Greatest first to fourth derivative of the heading, rad/s .. rad/s^4.
     """
 
     bandwidth: float = 20.0
@@ -110,12 +110,12 @@ class Smoothing(NamedTuple):
 
     @property
     def lag(self) -> float:
-        """By how much the tracked reference is behind the setpoints, s."""
+        """Lag of the tracked reference behind the setpoints, s."""
         return 4.0 / self.bandwidth
 
 
 class Parameters(NamedTuple):
-    """All of them."""
+    """All parameters of a quadrotor."""
 
     airframe: Airframe = Airframe()
     gains: Gains = Gains()

@@ -63,11 +63,11 @@ class Gait(NamedTuple):
         standing_speed: Commands below this stand (yaw: twice the number in rad/s), m/s.
         settle_time: Steps in place before it stands still, s.
         position_leash: The reference never runs further ahead of the base than this, m.
-        yaw_leash: The same for heading, rad.
+        yaw_leash: The reference never turns further ahead of the base than this, rad.
         raibert_gain: Foothold shift per velocity error, s (Raibert 1986, eq. 2.4).
         capture_time: sqrt(height / g): how far ahead the body falls (Pratt et al. 2006), s.
         balance_forward: It steps when the capture point leaves the feet's centre by this, m.
-        balance_sideways: The same across, m.
+        balance_sideways: It steps when the capture point leaves that centre sideways by this, m.
         balance_tilt: It steps when roll or pitch exceed this, rad.
         contact_force: A standing foot has met the ground above this, N.
         early_contact_force: A swinging one above this, N.
@@ -165,8 +165,8 @@ class Tracking(NamedTuple):
         yaw_rate: Fastest turn, rad/s.
         arrive_distance: A resting setpoint this near is reached: stand, m.
         depart_distance: A reached resting setpoint this far is lost again: walk, m.
-        arrive_angle: The same for heading, rad.
-        depart_angle: The same for heading, rad.
+        arrive_angle: Error of the heading within which it is reached, rad.
+        depart_angle: Error of the heading beyond which it is lost again, rad.
     """
 
     position_gain: float = 1.0
@@ -203,7 +203,7 @@ FAST = Parameters(
 
 
 def standing_joints(geometry: Geometry, height: float) -> tuple[float, float, float]:
-    """Hip, thigh and calf angle that put the foot under the hip, by the law of cosines, rad.
+    """Return hip, thigh and calf angle, rad, that put the foot under the hip (law of cosines).
 
     Args:
         geometry: Leg geometry.

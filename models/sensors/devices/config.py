@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 OWN = "own"
-"""Name that stands for the device that the robot's spec mounts."""
+"""Name for the device that the robot's spec mounts."""
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class SensorConfig:
 
     Attributes:
         lidar: Name in `DEVICES` of the device mounted as `lidar`; `own` is the robot's own.
-        depth: The same for the device mounted as `depth`.
+        depth: Name in `DEVICES` of the device mounted as `depth`; `own` is the robot's own.
         engine: `tile` is Wayproof's caster; `mujoco` takes MuJoCo's own, which is slower, to check
             an episode against it.
         semantics: Whether a sweep reports the class of the geom that each beam met, without

@@ -81,13 +81,13 @@ class Box(Bounded):
 
     @cached_property
     def high(self) -> Vector3:
-        """Upper corner of them, m."""
+        """Upper corner of the axis-aligned bounds, m."""
         (x, y, z), (a, b, c) = self.centre, self.reach
         return x + a, y + b, z + c
 
     @property
     def corners(self) -> NDArray[np.float64]:  # (8, 3)
-        """World frame, m, in the order that `BOX_FACES` counts them."""
+        """Corners (8, 3), world frame, m, in the order that `BOX_FACES` counts them."""
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         return np.asarray(signs * self.half_extents @ self.R_world_box.T + self.centre)
 

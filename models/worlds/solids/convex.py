@@ -1,4 +1,4 @@
-"""Convex meshes: what bodies meet of a mesh in MuJoCo."""
+"""Convex meshes, which bodies collide with in place of a mesh in MuJoCo."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class ConvexMesh(TriangleMesh):
         return np.where(inside & (len(outline) > 2), 0.0, np.sqrt(least))
 
     def _outline(self, band: Band) -> NDArray[np.float64] | None:  # (k, 2)
-        """Return the outline, counter-clockwise, of what is between two heights, seen from above.
+        """Return the outline, counter-clockwise, of the part between two heights, seen from above.
 
         None if nothing is; two points for what is as thin as a line.
         """

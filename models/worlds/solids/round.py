@@ -56,7 +56,7 @@ class _AboutAxis(Bounded):
         return beyond, across
 
     def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
-        """Distance (n,) from points (n, 2) to the stadium about the part in the band, m.
+        """Return the distance (n,) from points (n, 2) to the stadium about the part in the band, m.
 
         See `Solid`; exact for a capsule within the band and for an upright cylinder.
         """
@@ -94,7 +94,7 @@ class Cylinder(_AboutAxis):
 
     @cached_property
     def high(self) -> Vector3:
-        """Upper corner of them, m."""
+        """Upper corner of the axis-aligned bounds, m."""
         return least_and_greatest(np.add([self.tail, self.head], self._rim()))[1]
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -124,7 +124,7 @@ class Capsule(_AboutAxis):
 
     @cached_property
     def high(self) -> Vector3:
-        """Upper corner of them, m."""
+        """Upper corner of the axis-aligned bounds, m."""
         return least_and_greatest(np.add([self.tail, self.head], self.radius))[1]
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -162,7 +162,7 @@ class Sphere(Bounded):
 
     @property
     def high(self) -> Vector3:
-        """Upper corner of them, m."""
+        """Upper corner of the axis-aligned bounds, m."""
         x, y, z = self.centre
         return x + self.radius, y + self.radius, z + self.radius
 

@@ -25,7 +25,7 @@ class Solid(Protocol):
 
     @property
     def kind(self) -> str:
-        """What it stands for, such as `shelf`: a name in `KINDS` or any other."""
+        """Kind of object, such as `shelf`: a name in `KINDS` or any other."""
         ...
 
     @property
@@ -35,7 +35,7 @@ class Solid(Protocol):
 
     @property
     def high(self) -> Vector3:
-        """Upper corner of them, m."""
+        """Upper corner of its axis-aligned bounds, m."""
         ...
 
     @property
@@ -53,7 +53,7 @@ class Solid(Protocol):
         ...
 
     def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
-        """Distance (n,) from points (n, 2) to the footprint of what stands in a height band, m.
+        """Return the distance (n,) from points (n, 2) to the footprint of its part in a band, m.
 
         Never more than the true one; more parts than those in the band may count.
         """
@@ -69,7 +69,7 @@ class Solid(Protocol):
 
 
 class Bounded:
-    """Bottom and top from the bounds, and no asset: what most solids share."""
+    """Base of most solids: bottom and top from the bounds, and no asset."""
 
     @property
     def low(self) -> Vector3:
@@ -78,7 +78,7 @@ class Bounded:
 
     @property
     def high(self) -> Vector3:
-        """Upper corner of them, m."""
+        """Upper corner of its axis-aligned bounds, m."""
         raise NotImplementedError
 
     @property

@@ -71,7 +71,7 @@ class TriangleMesh(Bounded):
 
     @property
     def high(self) -> Vector3:
-        """Upper corner of them, m."""
+        """Upper corner of the axis-aligned bounds, m."""
         return least_and_greatest(self.vertices)[1]
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -83,7 +83,7 @@ class TriangleMesh(Bounded):
         return distance_to_triangles(points, _in_band(self.triangles, band)[:, :, :2])
 
     def asset(self, name: str) -> str:
-        """The mesh itself; an open one weighs as a shell, which no world's solid minds."""
+        """Return the mesh; an open one weighs as a shell, as solids of worlds do not move."""
         vertices = " ".join(numbers(vertex) for vertex in self.vertices)
         faces = " ".join(f"{a} {b} {c}" for a, b, c in self.faces)
         return f'    <mesh name="{name}" inertia="shell" vertex="{vertices}" face="{faces}"/>'
@@ -157,7 +157,7 @@ class HeightField(Bounded):
 
     @property
     def high(self) -> Vector3:
-        """Upper corner of them, m."""
+        """Upper corner of the axis-aligned bounds, m."""
         return least_and_greatest(self.nodes.reshape(-1, 3))[1]
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ BOX_FACES = np.array(
 def distance_to_triangles(
     points: ArrayLike, triangles: NDArray[np.float64]
 ) -> NDArray[np.float64]:  # (n,)
-    """Distance from points to the nearest of the triangles, m; infinite without any.
+    """Return the distance from points to the nearest of the triangles, m; infinite without any.
 
     Args:
         points: (n, d) with d = 2 or 3.
