@@ -45,7 +45,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.check and options.decision is not None:
         raise InputError("--check: goes with the whole episode, expected no decision's number")
     if options.stack is not None and not options.check:
-        raise InputError("--stack: goes with --check, which asks the stack to go on")
+        raise InputError("--stack: goes with --check, which lets the stack go on")
     if options.decision is not None:
         return 0, _explain_decision(options, console)
     check_log(options.log, options)

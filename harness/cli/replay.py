@@ -63,7 +63,7 @@ def _check(options: argparse.Namespace) -> None:
     compares = options.stack is not None and options.at is None
     if compares and (options.closed_loop or options.set):
         raise InputError(
-            "--stack: asks the stack again, so it goes with no other way to replay but --from N"
+            "--stack: queries the stack again, so it goes with no other way to replay but --from N"
         )
     single = options.at is not None or options.out is not None
     if single and len(options.log) > 1:
@@ -193,7 +193,7 @@ def _print_answers_before(console: Console, restarted: RestartedStack) -> None:
     first = restarted.first_difference
     differ = "all as recorded" if first is None else f"{restarted.differing} differ, first {first}"
     console.print(
-        f"stack '{restarted.stack}' asked on {restarted.answers} decisions before: {differ}",
+        f"stack '{restarted.stack}' queried on {restarted.answers} decisions before: {differ}",
         soft_wrap=True,
     )
     print_differences(console, restarted.differences)
@@ -364,7 +364,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--stack",
         metavar="STACK",
-        help="ask a stack again on the log's inputs, and compare its answers; it is run; with "
+        help="query a stack again on the log's inputs, and compare its answers; it is run; with "
         "--from it goes on from there",
     )
     parser.add_argument(

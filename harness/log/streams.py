@@ -40,7 +40,7 @@ CONTROL = "control"
 
 
 DIGEST_SIZE = 8
-"""Size of the hash of a stream, bytes: enough to tell runs apart, not to resist forgery."""
+"""Size of the hash of a stream, bytes: enough to distinguish runs, not to resist forgery."""
 
 
 def own_streams(config: Config) -> list[str]:

@@ -94,7 +94,7 @@ class OctoMap:
         points = self._thin(points, self.resolution)
         self._tree.insertPointCloud(points, sweep.origin, self.range_limit, True, self._discretize)
         self._ms.append((self.clock() - started) * 1e3)
-        # Some 100,000 freed pieces are left to sort, 15 ms in the sweep of whoever comes next.
+        # Some 100,000 freed pieces are left to sort, 15 ms in the sweep of the next map.
         _ = [np.empty(20_000) for _ in range(REQUESTS)]
 
     def timed(self, after: int = SETTLING) -> list[float]:
