@@ -277,7 +277,7 @@ class Metric:
     Attributes:
         function: Function from a trace; none where the episode has no such figure.
         unit: Empty for a share or a count.
-        higher_is_better: Which way is better; none where neither is.
+        higher_is_better: Direction of improvement; None where neither is better.
         support: The values that it can take, from which intervals of its mean follow.
     """
 

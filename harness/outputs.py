@@ -42,7 +42,7 @@ class Draft:
         path: The file's own name.
         partial: Its name until then.
         file: The partial file, empty, open for writing in binary.
-        kept: Where the partial file of an earlier, killed writer was moved to; none if there was
+        kept: New place of the partial file of an earlier, killed writer; None if there was
             none.
     """
 
@@ -51,7 +51,7 @@ class Draft:
 
         Args:
             path: The file's own name; the folder is made if need be.
-            what: What is written, for messages.
+            what: Kind of file, for messages.
             keep: Whether the partial file of a killed writer is moved aside and not overwritten.
 
         Raises:
@@ -212,7 +212,7 @@ def check_target(path: Path, what: str) -> None:
 
     Args:
         path: The file's name; there may be a file already, which is replaced.
-        what: What is written, for messages.
+        what: Kind of file, for messages.
 
     Raises:
         InputError: There is a folder, a device, a pipe, a socket or a dangling link.
@@ -237,7 +237,7 @@ def written_whole(path: Path, what: str) -> Iterator[Path]:
 
     Args:
         path: The file's own name.
-        what: What is written, for messages.
+        what: Kind of file, for messages.
 
     Raises:
         InputError: As `Draft`, or the disk is full.

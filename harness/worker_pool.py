@@ -60,7 +60,7 @@ class Ended(Generic[Value]):
     Attributes:
         number: Index among the jobs of one `run`.
         value: Returned value; None if it was stopped or its process died.
-        failure: Why it was stopped or how its process died; empty if it returned.
+        failure: Reason why it was stopped or its process died; empty if it returned.
     """
 
     number: int

@@ -125,7 +125,7 @@ class PoseModel:
         """Start at a place that is known but for the bounded error.
 
         Args:
-            config: How good the estimates are; `period` stands in place of its rate.
+            config: Errors of the estimates; `period` stands in place of its rate.
             seed: The episode's.
             position: (3,) true, world, m.
             heading: True, rad.

@@ -67,7 +67,7 @@ class ContactFacts:
         usual: A usual localization margin, m, see `usual_margin`.
         pose: Error of the pose, from one second before that decision on.
         ranges: Reported ranges against the true ones.
-        disregarded: How much a trajectory chosen at that decision or later comes nearer to
+        disregarded: Length by which a trajectory chosen at that decision or later is nearer to
             mapped obstacles than body and margin allow, m.
         late: Earliest decision that avoids the place and would have been in time with the expected
             delay, but was not: its number, its delay and the expected one.

@@ -105,7 +105,7 @@ class LineMap(SurfaceMap):
                 m.
             predicted: (3,) position of the base at the end of the scan, m.
             prior: (4, 4) as of `align`; if none, the predicted heading counts a little.
-            reach: How far off the prediction may be, m and rad; it is searched around there, and at
+            reach: Greatest error of the prediction, m and rad; it is searched around there, and at
                 least `SEARCH_SHIFT` times `SEARCH_SHIFTS` and likewise of the turn.
         """
         offsets = points - predicted

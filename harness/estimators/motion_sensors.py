@@ -106,7 +106,7 @@ class MotionSensors:
         """Draw the biases of an episode.
 
         Args:
-            config: How good the sensors are.
+            config: Errors of the sensors.
             seed: The episode's.
             period: Time between two measurements, s.
             body: That carries them.

@@ -88,7 +88,7 @@ class SurfaceMap:
             points: (n, 3) placed by the predicted poses, world, m.
             predicted: (3,) position of the base at the end of the sweep, m.
             prior: (4, 4) as of `align`; if none, the predicted heading counts a little.
-            reach: How far off the prediction may be, m and rad, where a map searches.
+            reach: Greatest error of the prediction, m and rad, where a map searches.
         """
         correction, information, axes = np.empty(4), np.empty(3), np.empty((3, 3))
         offsets = points - predicted

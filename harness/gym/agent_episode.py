@@ -20,7 +20,7 @@ class AgentEpisode:
     """One episode: the loop, referee and log of `run_episode`, advanced by a command at a time.
 
     Attributes:
-        task: What a stack on trial gets before its first observation.
+        task: Task that a stack on trial gets before its first observation.
         seen: Newest observation, as a stack on trial gets it.
         decision: Newest decision, with the referee's verdict; none before the first command.
         result: Once the episode has ended.

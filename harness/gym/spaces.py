@@ -45,7 +45,7 @@ def observation_space(kind: ObservationKind, beams: Mapping[str, Beams]) -> spac
     """Return the space of observations.
 
     Args:
-        kind: Which ones.
+        kind: Kind of observations.
         beams: Geometry of each sensor by name.
     """
     boxes: dict[str, spaces.Space[Any]] = {

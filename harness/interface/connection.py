@@ -223,7 +223,7 @@ class Socket(FileDescriptors):
             address: The address.
             wall_s: Wall time to connect in, s.
             given: Option or setting that names it.
-            who: What is to listen there.
+            who: Name of the listener, for messages.
 
         Raises:
             InputError: Nobody listens there, or it is no address.

@@ -110,7 +110,7 @@ def load_model(path: Path, what: str = "policy") -> Session:
 
     Args:
         path: The file.
-        what: What the model is, for messages.
+        what: Kind of model, for messages.
 
     Raises:
         InputError: It cannot be loaded, or ONNX Runtime is not installed.
@@ -153,7 +153,7 @@ def read_model(path: Path, what: str = "policy") -> bytes:
 
     Args:
         path: The file.
-        what: What the model is, for messages.
+        what: Kind of model, for messages.
 
     Raises:
         InputError: It is no file, too large, or cannot be read.

@@ -42,7 +42,7 @@ class Peer:
 
         Args:
             connection: Connection to it.
-            who: What it is called in messages, such as `stack 'exec:./mine'`.
+            who: Its name in messages, such as `stack 'exec:./mine'`.
             wall_s: Wall time for each answer, s.
 
         Raises:

@@ -296,7 +296,7 @@ class Command:
     """The answer of a stack to one observation.
 
     Attributes:
-        motion: What the body is to follow; none: it goes on with what it follows, to its rest.
+        motion: Motion that the body is to follow; None: it follows the present one to its rest.
         action: `follow`, `slow`, `stop_and_wait`, `explore`, `recover`, `goal` or `abort`; empty:
             `follow` if the motion leads anywhere, else `stop_and_wait`. `goal` ends the
             episode once the body rests, `abort` at once.

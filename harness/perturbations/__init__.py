@@ -108,7 +108,7 @@ def check_kind(text: str, instead: str) -> None:
 
     Args:
         text: Given by the user.
-        instead: What determines the severity, for the message.
+        instead: Setting that determines the severity, for the message.
 
     Raises:
         InputError: An unknown kind, a severity, or a mode of a kind that has none.

@@ -23,7 +23,7 @@ class Piece:
         end_ns: Time of the next.
         poses: (n, 4) believed: x, y, z, m, and heading, rad.
         admitted: Whether the body was free at and between all poses.
-        why: Why not; empty if it was.
+        why: Reason why it was not; empty if it was.
         cells: Cells in the way.
     """
 
@@ -48,7 +48,7 @@ class Leg:
         poses: (n, 4) believed: x, y, z, m, and heading, rad.
         length_m: m.
         admitted: Whether each piece was admitted on the map of its own decision.
-        why: Why not, of the first piece that was not; empty if all were.
+        why: Reason of the first piece that was not; empty if all were.
         cells: Cells in the way of that piece.
         hindsight_cells: Number of cells that the bare body overlapped and that the map without
             decay holds occupied at the end of the recording.

@@ -33,7 +33,7 @@ class Place:
         begin_s: Time at which it was entered, s.
         end_s: Time at which it was left, s.
         length_m: Length of way, m.
-        position: Where it begins, m.
+        position: Position of its beginning, m.
         why: `unknown`, `stale`, `occupied`, `margin` or `outside`.
         cells: Cells in the way of the first leg.
     """
@@ -55,7 +55,7 @@ class Stop:
         sequence: The first of them.
         begin_s: Its time, s.
         seconds: Until the first decision to go, s.
-        position: Where the stack would have come to rest, m.
+        position: Position at which the stack would have come to rest, m.
         action: Action of the first decision.
         reason: Reason of the first decision.
     """

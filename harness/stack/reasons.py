@@ -82,8 +82,8 @@ class Reason:
         iterations: Iterations of the search.
         cell: Centre of the cell that the body would overlap, m.
         cell_state: `occupied`, `unknown` or `outside`; empty without a cell.
-        place: Where the body's centre, or that of one of its discs, would overlap it, m.
-        target: Where it goes, m.
+        place: Centre of the body, or of one of its discs, that would overlap it, m.
+        target: Place that it goes to, m.
         frontier: `none` or `out_of_reach`; empty where none was looked for.
         sigma_m: Stated standard deviation of the position where it decides, m.
     """

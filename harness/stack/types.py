@@ -268,7 +268,7 @@ class Decided(NamedTuple):
     """The result of a manoeuvre or of a whole decision.
 
     Attributes:
-        command: What the robot does.
+        command: Command of the robot.
         state: The planner state for the next decision.
     """
 

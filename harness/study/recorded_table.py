@@ -24,7 +24,7 @@ class Pass:
         variant: Settings and stack that differ from the reference; empty of it.
         perturbation: `KIND[:MODE]:SEVERITY`, or `none`.
         seed: Seed.
-        error: Why there is no log; empty with one.
+        error: Reason why there is no log; empty with one.
         verdict: `admitted`, `not admitted` or `nothing shown`; empty without a log.
         admitted_share: Share of the way admitted; None without a way.
         driven_m: Length of the way, m.

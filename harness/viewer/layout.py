@@ -140,7 +140,7 @@ class _Spaces:
 
         Args:
             name: Its title.
-            eye: Where it is seen from.
+            eye: Position of the viewer.
             floor: Entity of the grid.
             hidden: Entities left out besides.
         """

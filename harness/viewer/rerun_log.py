@@ -42,7 +42,7 @@ def show_log(
     """Send a whole log under one root entity; return the number of decisions.
 
     Args:
-        stream: Where to.
+        stream: Target of the log.
         log: The log; it may still be being written.
         snapshots: Its moments, in order.
         root: The root entity.

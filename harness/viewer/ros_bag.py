@@ -49,7 +49,7 @@ def convert(recording: Recording, log: Log | None, out: Path, kind: BagKind) -> 
     """Write a bag; return the number of its messages.
 
     Args:
-        recording: What is written of sensors and poses.
+        recording: Sensors and poses that are written.
         log: The log that the recording was opened from, whose maps and plans are written too.
         out: File of ROS 1, or folder of ROS 2.
         kind: Kind of the bag.

@@ -57,7 +57,7 @@ class Chosen(NamedTuple):
     Attributes:
         start: Start on the floor, m.
         goal: Goal on the floor, m.
-        notes: What was chosen, and why it may be poor.
+        notes: Notes on the choice, and why it may be poor.
         way: Length of the way between them, m.
     """
 

@@ -33,7 +33,7 @@ class GymRow:
         episodes: Number of episodes that were begun for them.
         steps_per_s: Steps a second of wall time by an agent of seeded random velocities: physics,
             sensing, the referee's map and verdict, log, resets.
-        physics_per_s: The same number of physics and control steps alone, at rest.
+        physics_per_s: Steps a second of physics and control alone, at rest.
         realtime_factor: Simulated seconds a second of wall time of the environment.
     """
 

@@ -68,7 +68,7 @@ class MapRow:
     Attributes:
         part: Key of `PARTS`.
         library: `wayproof`, `pyoctomap` or `edt`.
-        mode: What is on, see `MODES`; of the peer, how its points are thinned out.
+        mode: Key of `MODES`; of the peer, the way its points are thinned out.
         threads: Number of threads.
         rays: Number of rays in a sweep.
         resolution_m: Edge of a cell, m.

@@ -80,7 +80,7 @@ class BarnRow:
         clip: Bounds of AT, in OT.
         path_m: Distance travelled.
         clearance_m: Least true distance to a cylinder.
-        collisions: How often it started to touch one before that.
+        collisions: Times that it started to touch one before that.
     """
 
     world: str

@@ -72,7 +72,7 @@ class DodgeRow:
         finish_x_m: x of the finish, m.
         start_z_m: Height of the start.
         clearance_m: Least true distance to a sphere.
-        collisions: How often it started to touch one before the finish.
+        collisions: Times that it started to touch one before the finish.
     """
 
     field: str

@@ -56,7 +56,7 @@ class ProblemsRow:
         planner: `exact`, or a name in `planners.PLANNERS`.
         problems: Number of problems.
         success: Share of them that it solved.
-        differing: How many of its lengths are not the published ones; of the exact search.
+        differing: Number of its lengths that are not the published ones; of the exact search.
         length_ratio_mean: Mean ratio to the published length of solved problems; None without any.
         length_ratio_p99: 99th percentile of the ratio.
         p50_ms: Median processor time of a problem, ms.

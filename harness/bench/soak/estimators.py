@@ -53,7 +53,7 @@ class Repeated:
         forked: Number that were forked without a change.
         forked_alike: Number of these with the same chain.
         lost: Number of episodes that gave up as the pose was lost.
-        failures: What differs; empty without anything.
+        failures: Differences; empty without any.
     """
 
     count: int = 0

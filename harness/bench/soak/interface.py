@@ -45,7 +45,7 @@ class Compared:
         same_chains: Number of episodes with one chain in process and behind `exec:`.
         same_decisions: Number of decisions that are the same as without the interface.
         outcomes: Number of episodes by outcome of the built-in stack.
-        failures: What differs; empty without anything.
+        failures: Differences; empty without any.
     """
 
     episodes: int = 0

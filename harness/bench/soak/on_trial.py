@@ -114,7 +114,7 @@ class Drawn:
         cause: Cause found.
         evidence: Evidence for it.
         check: Answer of the counterfactual check; empty where there is none.
-        failures: What went wrong besides, in words.
+        failures: Other failures, in words.
     """
 
     kind: str

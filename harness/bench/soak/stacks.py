@@ -52,7 +52,7 @@ class Replayed:
         compared: Number of answers of stacks that were queried again.
         unseeded: Number of stacks without a seed.
         found: Number of these whose first other answer was found.
-        failures: What differs; empty without anything.
+        failures: Differences; empty without any.
     """
 
     count: int = 0

@@ -30,7 +30,7 @@ class Received(NamedTuple):
     Attributes:
         velocity: Velocity that the body is to hold.
         stamp_ns: ROS time of its header, ns; none of a Twist.
-        sent_ns: When it was sent, by its sender's wall clock, ns.
+        sent_ns: Wall time of its sending, by its sender's clock, ns.
         publisher: Handle of its publisher.
     """
 
@@ -53,7 +53,7 @@ class Inputs:
         Args:
             node: Node to subscribe with.
             options: Names of topics and frames.
-            who: What the stack is called in messages.
+            who: Name of the stack in messages.
         """
         self._options, self._who = options, who
         self.topic = options.topic("cmd_vel")

@@ -56,8 +56,8 @@ class Sample(NamedTuple, Generic[M]):
     """A message received.
 
     Attributes:
-        message: It.
-        sent_ns: When it was written, by its sender's wall clock, ns.
+        message: The message.
+        sent_ns: Wall time of its writing, by its sender's clock, ns.
         publisher: Handle of its publisher.
     """
 

@@ -35,7 +35,7 @@ def made_after(clock_ns: int, ticked_ns: int, commands: Iterable[Received]) -> R
 
     Args:
         clock_ns: That ROS time, ns, for commands with a stamp.
-        ticked_ns: When the next time was sent, by the wall clock, ns, for those without: both
+        ticked_ns: Wall time at which the next time was sent, ns, for those without: both
             processes have to be on one machine, or their clocks synchronized.
         commands: Received, oldest first.
     """

@@ -22,7 +22,7 @@ class Conditions:
     """Table of the unperturbed arms.
 
     Attributes:
-        what: What the columns are: stack, variant or both.
+        what: Meaning of the columns: stack, variant or both.
         columns: Headings.
         rows: World and robot, and a cell for each column.
     """

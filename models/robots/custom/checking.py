@@ -25,9 +25,9 @@ class Checked(NamedTuple):
     """Result of a check.
 
     Attributes:
-        wrong: What is wrong, a line each.
+        wrong: Faults, a line each.
         proposal: A spec made from the MJCF alone, if that is possible.
-        unproposed: Why there is none; else empty.
+        unproposed: Reason why there is none; else empty.
     """
 
     wrong: list[str]

@@ -23,7 +23,7 @@ class Proposal(NamedTuple):
 
     Attributes:
         spec: The spec.
-        notes: What was assumed or measured, a line each.
+        notes: Assumptions and measurements, a line each.
     """
 
     spec: SpecFile
