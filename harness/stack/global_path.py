@@ -18,7 +18,13 @@ from wayproof.harness.stack.types import (
     is_free_along,
     is_stationary,
 )
+from wayproof.harness.stack.unknown_ahead import (
+    enough_admitted,
+    expects_to_see,
+    seen_in_time,
+)
 from wayproof.planners import (
+    FreeSpace,
     Plan,
     TrajectorySample,
     blend_corners,
@@ -149,7 +155,8 @@ def _replan(
 ) -> tuple[Plan, Array | None]:
     """Plan from the prefix's end: through known space if that reaches the goal, else optimistic.
 
-    With evidence that was not measured, as that guides; and without it where it leaves no way.
+    With evidence that was not measured, as that guides; and without it where it leaves no way. A
+    robot that flies first tries what it will see in time (see `unknown_ahead`).
 
     Args:
         input: Planner input of the decision.
@@ -168,19 +175,42 @@ def _replan(
         heading = heading_at(straight, arc_length(straight))
     elif len(prefix) > 1:
         heading = heading_at(prefix, arc_length(prefix))
+
+    def plan_in(space: FreeSpace) -> Plan:
+        return input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
+
+    def joined(search: Plan, space: FreeSpace) -> Array | None:
+        return _joined(input, prefix, straight, search, space)
+
+    if expects_to_see(input) and not only_known:
+        space = replace(seen_in_time(input), few_reads=not exhaustive)
+        search = plan_in(space)
+        path = joined(search, space)
+        if path is not None and enough_admitted(input, path):
+            return search, path
     space = input.known_free
-    search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
+    search = plan_in(space)
     if search.waypoints is None and not only_known and input.guided is not None:
         space = replace(input.guided(), few_reads=not exhaustive)
-        search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
+        search = plan_in(space)
     if search.waypoints is None and not only_known:
         space = replace(input.optimistic, few_reads=not exhaustive)
-        search = input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
+        search = plan_in(space)
+    return search, joined(search, space)
+
+
+def _joined(
+    input: PlannerInput, prefix: Array, straight: Array, search: Plan, space: FreeSpace
+) -> Array | None:
+    """The path (n, 3) along a prefix, straight on, and along what a search found; None if nothing.
+
+    Its corners are rounded as far as they stay in the space that was searched.
+    """
     if search.waypoints is None:
-        return search, None
+        return None
     waypoints = drop_duplicates(np.concatenate([straight[:-1], search.waypoints]))
     blended = blend_corners(space, waypoints, input.behaviour.blend_length)
-    return search, np.concatenate([prefix[:-1], blended])
+    return np.concatenate([prefix[:-1], blended])
 
 
 def _straight_on(input: PlannerInput, prefix: Array) -> Array:
@@ -244,6 +274,11 @@ def _is_better(
 def _path_costs(input: PlannerInput, found: Array, path: Array) -> tuple[float, float]:
     """Costs of a new and of a valid path, by evidence that guides if either is free by it."""
     weight = input.planner.clearance_weight
+    if expects_to_see(input) and all(enough_admitted(input, one) for one in (found, path)):
+        space = seen_in_time(input)
+        found_cost, cost = (space.path_cost(one, weight) for one in (found, path))
+        if not found_cost == cost == np.inf:
+            return found_cost, cost
     if input.guided is not None:
         found_cost, cost = (input.guided().path_cost(one, weight) for one in (found, path))
         if not found_cost == cost == np.inf:

@@ -82,7 +82,7 @@ def count_plans(monkeypatch):
     counts = Counter()
 
     def counted(space, start, goal, config, seed, heading):
-        kind = id(space.distances), space.few_reads
+        kind = id(space.distances), space.few_reads, space.cost_by_distance.tobytes()
         counts[*kind, start.tobytes(), goal.tobytes(), seed, heading] += 1
         return plan(space, start, goal, config, seed, heading)
 

@@ -1,0 +1,123 @@
+"""Unknown space that a robot in flight sees in time costs less."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.harness.stack.make_input import (
+    GOAL,
+    START,
+    at_rest,
+    make_input,
+    make_space,
+    make_states,
+    place,
+)
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
+from wayproof.harness.scenario.scenario import build
+from wayproof.harness.stack.global_path import keep_or_replan
+from wayproof.harness.stack.mapping import Mapper
+from wayproof.harness.stack.planner_input import FreeSpaceBuilder, memoized_planner
+from wayproof.harness.stack.types import BehaviourConfig
+from wayproof.harness.stack.unknown_ahead import enough_admitted, seen_in_time
+from wayproof.maps import FREE, OCCUPIED
+from wayproof.planners import PlannerConfig, stopping_distance
+
+FAR = (4.0, 4.5, 1.0, 4.0)
+"""Unknown space across the straight way, 3 m ahead; what is left beside it is known."""
+
+NEAR = (1.9, 2.4, 1.0, 4.0)
+"""The same, less than a stop from full speed ahead."""
+
+UNKNOWN_COST = 4.0
+
+
+def room_with(unknown, rules=6, **others):
+    """Input in a room with unknown space, where that is as dear as in a costmap."""
+    states = make_states(unknown=[unknown])
+    known, passable = make_space(states != FREE), make_space(states == OCCUPIED)
+    edge = passable.collision_distance_sq + 1
+    costs = passable.cost_by_distance.copy()
+    costs[edge] = UNKNOWN_COST
+    distances = np.where(known.field < edge, np.minimum(passable.field, edge), passable.field)
+    optimistic = replace(passable, distances=distances.astype(np.uint16), cost_by_distance=costs)
+    behaviour = BehaviourConfig(rules=rules)
+    return make_input(states, optimistic=optimistic, behaviour=behaviour, **others)
+
+
+def lowest_of(input, **state):
+    """Least y of the path that is planned, m: below 1 m it leads around the unknown space."""
+    begin = at_rest(**state)
+    planned = keep_or_replan(input, begin, begin.trajectory.at(input.effect_ns))
+    return planned.state.global_path[:, 1].min()
+
+
+@pytest.mark.parametrize(("rules", "around"), [(5, True), (6, False)])
+def test_a_way_through_unknown_space_far_ahead_is_taken_by_the_new_rules(rules, around):
+    assert (lowest_of(room_with(FAR, rules)) < 1.0) == around
+
+
+def test_unknown_space_before_which_the_robot_would_brake_is_still_avoided():
+    assert lowest_of(room_with(NEAR)) < 1.0
+
+
+def test_a_robot_on_the_ground_pays_as_before():
+    assert lowest_of(room_with(FAR, turns_in_place=True)) < 1.0
+
+
+def test_a_known_detour_is_replaced_by_a_shorter_way_through_unknown_space():
+    detour = np.array([place(*START), place(1.05, 0.65), place(6.55, 0.65), place(*GOAL)])
+    assert lowest_of(room_with(FAR, sequence=20), global_path=detour) > 1.0
+
+
+def test_enough_is_admitted_for_a_stop_from_full_speed_and_a_quarter():
+    input = room_with(FAR)
+    stop = stopping_distance(input.limits.speed, 0.0, input.limits)
+    straight = np.array([place(*START), place(*GOAL)])
+    free = input.traversable.free_length(straight)
+    assert free > 1.25 * stop
+    assert enough_admitted(input, straight)
+    for left, enough in ((1.3 * stop, True), (1.2 * stop, False)):
+        near = np.array([place(START[0] + free - left, START[1]), place(*GOAL)])
+        assert enough_admitted(input, near) == enough
+    short = np.array([place(*START), place(START[0] + 0.2, START[1])])
+    assert enough_admitted(input, short)
+
+
+def test_only_unknown_space_costs_less():
+    input = room_with(FAR)
+    space, dear = seen_in_time(input), input.optimistic
+    edge = dear.collision_distance_sq + 1
+    assert space.cost_by_distance[edge] == UNKNOWN_COST / 16
+    assert dear.cost_by_distance[edge] == UNKNOWN_COST
+    others = np.arange(len(space.cost_by_distance)) != edge
+    np.testing.assert_array_equal(space.cost_by_distance[others], dear.cost_by_distance[others])
+    guided = replace(dear, cost_by_distance=dear.cost_by_distance + 1.0)
+    costs = seen_in_time(replace(input, guided=lambda: guided)).cost_by_distance
+    assert costs[edge : edge + 3].tolist() == [5.0 / 16, 1.0 / 16, 1.0]
+
+
+def test_a_plan_is_memoized_by_the_costs_that_it_was_made_with():
+    input, plan = room_with(FAR), memoized_planner()
+    query = place(*START), place(*GOAL), PlannerConfig(), 1, 0.0
+    dear = plan(input.optimistic, *query)
+    cheap = plan(seen_in_time(input), *query)
+    assert plan(replace(input.optimistic), *query) is dear
+    assert cheap.waypoints[:, 1].min() > 1.0 > dear.waypoints[:, 1].min()
+
+
+@pytest.mark.parametrize(("robot", "share"), [("drone", 0.5), ("quadruped", 1.0)])
+def test_nearness_costs_a_robot_that_flies_half_and_the_unknown_as_much(robot, share):
+    costs, unknown = [], []
+    for rules in (5, 6):
+        config = override(Config("empty", robot, 0), [f"behaviour.rules={rules}"])
+        scenario = build(config)
+        mapper = Mapper(scenario.config, scenario.mission, {})
+        spaces = FreeSpaceBuilder(scenario.config, scenario.mission, mapper.costmap).circumscribed()
+        costs.append(spaces.known_free.cost_by_distance)
+        edge = spaces.optimistic.collision_distance_sq + 1
+        unknown.append(spaces.optimistic.cost_by_distance[edge])
+    np.testing.assert_array_equal(costs[1], share * costs[0])
+    assert unknown == [UNKNOWN_COST, UNKNOWN_COST]
