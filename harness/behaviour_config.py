@@ -55,6 +55,9 @@ class BehaviourConfig:
             on; and a path that costs about as much as the present one, and is faster, replaces it.
             From 6 on, to a robot that flies, unknown space costs a sixteenth on a path that is
             admitted for 1.25 stops from full speed, and nearness to obstacles half.
+            Also from 6 on, a body that flies a bend without facing along it leaves its path before
+            the distance that it takes to stop, where it can stop on the new one; searches for one
+            more often, rounds corners over more length, and stops at none.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -135,4 +138,9 @@ class BehaviourConfig:
     @property
     def flies_ahead(self) -> bool:
         """Whether a robot that flies pays less for what it will see in time, and for nearness."""
+        return self.rules >= 6
+
+    @property
+    def bends_early(self) -> bool:
+        """Whether a body that need not face along its path may leave it before it could stop."""
         return self.rules >= 6

@@ -66,6 +66,12 @@ def time_parameterize(
     return None
 
 
+def keeps_limits(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> bool:
+    """Return whether a motion to rest at the end of the last zone keeps the speed of each."""
+    fastest = max(start.velocity, settled_velocity(start, limits))
+    return fastest <= zones[0].speed + SLACK and _cross(start, zones, limits) is not None
+
+
 def _cross(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> list[Leg] | None:
     """Return a leg for each zone, or None if the first cannot be left at the speed of the next."""
     leaving = [0.0]  # speeds from the last zone to the first

@@ -8,12 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wayproof.planners import jerk_limited
+from wayproof.planners import jerk_limited, speed_profile
 from wayproof.planners.jerk_limited import Profile, State
 from wayproof.planners.kernels.angles import edge_headings, rate_limited, wrap, yaw_of_direction
 from wayproof.planners.kernels.grid import Floats
 from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, tangent_at, truncate
-from wayproof.planners.speed_profile import LEAST_ZONE, settled_velocity, time_parameterize
+from wayproof.planners.speed_profile import (
+    LEAST_ZONE,
+    SpeedZone,
+    settled_velocity,
+    time_parameterize,
+)
 from wayproof.planners.speed_zones import LEAST_SPEED, slow_while_turning, speed_zones
 from wayproof.planners.trajectory import MotionLimits, Trajectory
 
@@ -70,16 +75,47 @@ def follow_path(
     cap = min(limits.speed, speed_cap)
     motion = None
     if cap > LEAST_SPEED and length > LEAST_ZONE:
-        speed = max(state.velocity, settled_velocity(state, limits.along))
-        speed = speed if whole_bends else math.inf
-        zones = speed_zones(path, state.position, cap, limits, sideways_speed, speed)
-        if sideways_speed > 0.0:
-            turn = _turn_into(path, state.position, start.heading, math.pi if reverse else 0.0)
-            zones = slow_while_turning(zones, turn, limits.yaw_rate, sideways_speed)
+        turn = _turn_into(path, state.position, start.heading, math.pi if reverse else 0.0)
+        zones = _zones(path, state, turn, cap, limits, sideways_speed, whole_bends)
         motion = time_parameterize(state, zones, limits.along)
     if motion is None:
         motion = jerk_limited.stop(state, limits.along)
     return _along(path, start, motion, limits, reverse)
+
+
+def keeps_limits(
+    path: Floats, start: PathState, limits: MotionLimits, sideways_speed: float = 0.0
+) -> bool:
+    """Return whether a path is followed to rest at its end within all limits of speed.
+
+    From a state that is too fast for a bend or for the end, `follow_path` exceeds one until it has
+    slowed down. Arguments as there, with `whole_bends`.
+    """
+    state = _start_state(path, start, limits)
+    if float(arc_lengths(path)[-1]) - state.position <= LEAST_ZONE:
+        return False
+    turn = _turn_into(path, state.position, start.heading, 0.0)
+    zones = _zones(path, state, turn, limits.speed, limits, sideways_speed, whole_bends=True)
+    return speed_profile.keeps_limits(state, zones, limits.along)
+
+
+def _zones(
+    path: Floats,
+    state: State,
+    turn: float,
+    cap: float,
+    limits: MotionLimits,
+    sideways_speed: float,
+    whole_bends: bool,
+) -> list[SpeedZone]:
+    """Speed zones from a state on, for a body that has a turn, rad, left into the path."""
+    speed = math.inf
+    if whole_bends:
+        speed = max(state.velocity, settled_velocity(state, limits.along))
+    zones = speed_zones(path, state.position, cap, limits, sideways_speed, speed)
+    if sideways_speed > 0.0:
+        zones = slow_while_turning(zones, turn, limits.yaw_rate, sideways_speed)
+    return zones
 
 
 def stop_along(

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wayproof.harness.geometry import atan2_rounded
+from wayproof.harness.stack.early_bends import blend_length, fastest_found, replan_period
 from wayproof.harness.stack.path_timing import travel_time
 from wayproof.harness.stack.types import (
     Array,
@@ -88,7 +89,7 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
     if path is None and input.behaviour.keep_moving:  # on from the stop that is under way
         driven = remaining(state.trajectory.path, start.arc_length)
     valid = path is not None and _is_valid(input, state, path)
-    improve_due = input.time_ns - state.improved_ns >= input.behaviour.replan_period * 1e9
+    improve_due = input.time_ns - state.improved_ns >= replan_period(input) * 1e9
     if valid and not improve_due:
         return GlobalPlan(replace(state, global_path=path))
     prefix = _prefix_to_keep(input, start, driven, slack=STOP_SLACK if driven is not path else 0.0)
@@ -97,13 +98,18 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
             return GlobalPlan(replace(state, global_path=path))
         return GlobalPlan(replace(state, global_path=None, exploration=None))
     seed = plan_seed(input.seed, "guide", input.sequence)
-    search, found = _replan(
+    search, found = fastest_found(
         input,
+        start,
         prefix,
-        start.heading,
-        seed,
-        only_known=valid and state.exploring,
-        exhaustive=path is None,
+        lambda kept: _replan(
+            input,
+            kept,
+            start.heading,
+            seed,
+            only_known=valid and state.exploring,
+            exhaustive=path is None,
+        ),
     )
     state = replace(state, improved_ns=input.time_ns)
     if valid and path is not None and not _is_better(input, state, start, found, path):
@@ -132,7 +138,8 @@ def _prefix_to_keep(
 ) -> Array | None:
     """Return the part (n, 3) that the robot drives before a new path can bend off; None if blocked.
 
-    It is as long as the robot takes to stop, so that a stop on the old path always remains.
+    It is as long as the robot takes to stop, so that a stop on the old path always remains. An
+    early bend leaves it before (see `early_bends`).
     """
     if is_stationary(start):
         return start.position[None]
@@ -209,7 +216,7 @@ def _joined(
     if search.waypoints is None:
         return None
     waypoints = drop_duplicates(np.concatenate([straight[:-1], search.waypoints]))
-    blended = blend_corners(space, waypoints, input.behaviour.blend_length)
+    blended = blend_corners(space, waypoints, blend_length(input))
     return np.concatenate([prefix[:-1], blended])
 
 
@@ -222,7 +229,7 @@ def _straight_on(input: PlannerInput, prefix: Array) -> Array:
     end = prefix[-1]
     tangent = tangent_at(prefix, arc_length(prefix))
     for share in (1.0, 0.5, 0.25):
-        beyond = end + share * input.behaviour.blend_length * tangent
+        beyond = end + share * blend_length(input) * tangent
         if len(prefix) > 1 and _straight_free(input, end, beyond):
             return np.stack([end, beyond])
     return prefix[-1:]

@@ -19,6 +19,7 @@ from wayproof.harness.stack.diagnosis import (
     exploration_reason,
     way_ahead_reason,
 )
+from wayproof.harness.stack.early_bends import bends_early
 from wayproof.harness.stack.footprint_checks import (
     MIN_PATH,
     first_misfit,
@@ -118,7 +119,8 @@ def drivable_part(input: PlannerInput, path: Array, start: TrajectorySample) -> 
     whole = arc_length(path)
     traversable = input.traversable.free_length(path)
     corner = whole
-    if not (input.sideways_speed and input.turns_in_place):
+    rounds_corners = bends_early(input) or (input.sideways_speed and input.turns_in_place)
+    if not rounds_corners:
         corner = first_stop(path, 0.0, input.behaviour.max_corner_angle)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     overrun = CORNER_OVERRUN if input.traversable.discs else 0.0

@@ -15,6 +15,7 @@ from wayproof.planners import (
     follow_path,
     hold,
     jerk_limited,
+    keeps_limits,
     remaining,
     speed_limits,
     speed_zones,
@@ -272,6 +273,30 @@ def test_a_path_too_short_to_stop_is_left_straight_on():
     fits = follow_path(LINE, PathState(0, 9.3, 2.0, 0.0, 0.0), DRONE, 9.0)
     assert fits.overshoot_m == 0.0
     assert fits.stop_point == pytest.approx([10.0, 0.0, 1.0])
+
+
+CORNER = [[0.0, 0.0, 0.0], [0.45, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.05, 0.0], [0.5, 1.5, 0.0]]
+"""After half a metre, with a limit of 0.33 m/s."""
+
+
+@pytest.mark.parametrize(
+    ("path", "speed", "kept"),
+    [
+        (LINE, 2.0, True),
+        (LINE, 2.1, False),  # faster than the limit
+        ([[0.0, 0.0, 0.0], [0.7, 0.0, 0.0]], 2.0, True),
+        ([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0]], 2.0, False),  # it takes 0.63 m to stop
+        (CORNER, 2.0, False),
+        (CORNER, 0.5, True),
+        (LINE[:1], 0.0, False),
+    ],
+)
+def test_limits_are_kept_on_a_path_that_leaves_room_to_slow_down_and_to_stop(path, speed, kept):
+    path, state = np.array(path), PathState(0, 0.0, speed, 0.0, 0.0)
+    assert keeps_limits(path, state, DRONE, sideways_speed=9.0) is kept
+    if kept:
+        driven = sampled(follow_path(path, state, DRONE, 9.0, sideways_speed=9.0, whole_bends=True))
+        assert driven["arc_length"].max() == pytest.approx(arc_lengths(path)[-1])
 
 
 def test_slower_than_a_crawl_is_a_stop():
