@@ -57,7 +57,8 @@ class BehaviourConfig:
             admitted for 1.25 stops from full speed, and nearness to obstacles half.
             Also from 6 on, a body that flies a bend without facing along it leaves its path before
             the distance that it takes to stop, where it can stop on the new one; searches for one
-            more often, rounds corners over more length, and stops at none.
+            more often, rounds corners over more length, and stops at none. And waypoints of a stack
+            on trial are timed as the built-in stack's paths are.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -143,4 +144,9 @@ class BehaviourConfig:
     @property
     def bends_early(self) -> bool:
         """Whether a body that need not face along its path may leave it before it could stop."""
+        return self.rules >= 6
+
+    @property
+    def times_waypoints_alike(self) -> bool:
+        """Whether waypoints of a stack on trial are timed as the built-in stack's paths are."""
         return self.rules >= 6

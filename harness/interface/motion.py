@@ -68,6 +68,25 @@ class MotionError(ValueError):
     """Motion that no body can follow, in one line: what was got and expected."""
 
 
+class WaypointTiming(NamedTuple):
+    """What the time of a path through waypoints depends on besides the limits of the body.
+
+    By default that of `behaviour.rules` below 6; else as the built-in stack times its paths.
+
+    Attributes:
+        acceleration: Commanded along the path at the time of effect, m/s^2.
+        sideways_speed: Speed until the heading has turned into the path, m/s; 0 for no such limit.
+        whole_bends: Whether a bend that begins or ends the path limits the speed from there on.
+    """
+
+    acceleration: float = 0.0
+    sideways_speed: float = 0.0
+    whole_bends: bool = False
+
+
+FORMER_TIMING = WaypointTiming()
+
+
 class Followed(NamedTuple):
     """Trajectory that the body follows for a command.
 
@@ -87,6 +106,7 @@ def trajectory_of(
     limits: MotionLimits,
     *,
     planar: bool,
+    timing: WaypointTiming = FORMER_TIMING,
 ) -> Followed:
     """Return the trajectory that the body follows for a motion.
 
@@ -97,6 +117,7 @@ def trajectory_of(
         effect_ns: That time, ns.
         limits: Limits of the body.
         planar: Whether the body moves in the plane of the reference: heights are ignored.
+        timing: Of waypoints.
 
     Raises:
         MotionError: It is not finite, starts elsewhere, or has no end.
@@ -106,7 +127,7 @@ def trajectory_of(
         trajectory = _roll_out(motion, reference, effect_ns, limits, planar)
         return Followed(trajectory, clips(motion, limits, planar=planar))
     if isinstance(motion, Waypoints):
-        trajectory = _waypoint_trajectory(motion, reference, effect_ns, limits, planar)
+        trajectory = _waypoint_trajectory(motion, reference, effect_ns, limits, planar, timing)
     elif isinstance(motion, Samples):
         trajectory = _sampled(motion, references, effect_ns, planar)
     else:
@@ -181,6 +202,7 @@ def _waypoint_trajectory(
     effect_ns: int,
     limits: MotionLimits,
     planar: bool,
+    timing: WaypointTiming,
 ) -> Trajectory:
     """Return the fastest trajectory through waypoints, up to the first sharp corner."""
     points = _points("waypoints.points", waypoints.points)
@@ -193,10 +215,11 @@ def _waypoint_trajectory(
     speed = norm(reference.velocity)
     if len(path) == 1 and speed < 1e-3:
         return hold(reference.position, effect_ns, reference.heading)
-    along = 0.0
+    along = share = 0.0
     if len(path) > 1:
         direction = (path[1] - path[0]) / norm(path[1] - path[0])
         along = max(float((reference.velocity * direction).sum()), 0.0)
+        share = along / speed if speed >= 1e-3 else 0.0
         if planar and speed < 1e-3:
             heading = arc_tangent(float(direction[1]), float(direction[0]))
             if abs(wrap_angle(heading - reference.heading)) > TURN_FIRST_RAD:
@@ -206,8 +229,15 @@ def _waypoint_trajectory(
         corner = first_stop(path, 0.0, MAX_CORNER_RAD)
         if STILL_M < corner < arc_lengths(path)[-1]:
             path = truncate(path, corner)
-    start = PathState(effect_ns, 0.0, along, 0.0, reference.heading)
-    return follow_path(path, start, limits, waypoints.speed or limits.speed)
+    start = PathState(effect_ns, 0.0, along, share * timing.acceleration, reference.heading)
+    return follow_path(
+        path,
+        start,
+        limits,
+        waypoints.speed or limits.speed,
+        sideways_speed=timing.sideways_speed,
+        whole_bends=timing.whole_bends,
+    )
 
 
 def _sampled(

@@ -23,7 +23,13 @@ from wayproof.harness.interface.command_messages import (
 )
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.errors import StackError
-from wayproof.harness.interface.motion import Followed, MotionError, trajectory_of
+from wayproof.harness.interface.motion import (
+    FORMER_TIMING,
+    Followed,
+    MotionError,
+    WaypointTiming,
+    trajectory_of,
+)
 from wayproof.harness.interface.observations import ObservationBuilder, reference_at
 from wayproof.harness.interface.referee import Judgement, fits_along, judge
 from wayproof.harness.interface.types import Fate, Observation
@@ -179,9 +185,26 @@ class TrialNavigator(Navigator):
             motion = motion_of(command)
             if motion is None:
                 return Followed(self.state.trajectory, limited=False)
-            return trajectory_of(motion, (reference, believed), effect_ns, limits, planar=planar)
+            return trajectory_of(
+                motion,
+                (reference, believed),
+                effect_ns,
+                limits,
+                planar=planar,
+                timing=self._timing(planner_input),
+            )
         except (CommandError, MotionError) as error:
             raise StackError(self._who, f"sent a command with {error}") from None
+
+    def _timing(self, planner_input: PlannerInput) -> WaypointTiming:
+        """Return what waypoints are timed by."""
+        behaviour = planner_input.behaviour
+        if not behaviour.times_waypoints_alike:
+            return FORMER_TIMING
+        sample = self.state.trajectory.at(planner_input.effect_ns)
+        return WaypointTiming(
+            sample.acceleration, planner_input.sideways_speed, behaviour.whole_bends
+        )
 
     def _follow(
         self,

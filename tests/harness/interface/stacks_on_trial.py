@@ -46,6 +46,11 @@ class ToWaypoint(Base):
         return Command(Waypoints(goal[None], 0.5), planned_path=goal[None])
 
 
+class ToGoalAtFullSpeed(Base):
+    def step(self, observation):
+        return Command(Waypoints(np.array([self.task.mission.goal])))
+
+
 class Raises(Base):
     def step(self, observation):
         if observation.sequence == 3:
