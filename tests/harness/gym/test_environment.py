@@ -106,7 +106,7 @@ def test_a_log_is_that_of_a_stack_that_commands_the_same(make, tmp_path):
         def announce(self):
             pass
 
-        def ask(self, observation):
+        def query(self, observation):
             return command_message(Command(motion), observation.sequence)
 
         def close(self):
