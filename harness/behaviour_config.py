@@ -53,8 +53,9 @@ class BehaviourConfig:
             deeper into occupied cells on its way out of the inflation, where the nearest of all
             its discs decided before; a bend that a path begins in has one speed limit from there
             on; and a path that costs about as much as the present one, and is faster, replaces it.
-            From 6 on, to a robot that flies, unknown space costs a sixteenth on a path that is
-            admitted for 1.25 stops from full speed, and nearness to obstacles half.
+            From 6 on, to a robot that flies and whose sensors see all around, unknown space costs a
+            sixteenth on a path that is admitted for 1.25 stops from full speed, and nearness to
+            obstacles half.
             Also from 6 on, a body that flies a bend without facing along it leaves its path before
             the distance that it takes to stop, where it can stop on the new one; searches for one
             more often, rounds corners over more length, and stops at none. And waypoints of a stack

@@ -132,6 +132,12 @@ class Beams:
         """T_base_sensor: position (3,), m, and rotation (3, 3)."""
         return self._position_base_sensor, self._R_base_sensor
 
+    def directions_in_base(self) -> NDArray[np.float64]:
+        """Unit directions (n, 3) of the beams in the base's frame; none if sweeps list them."""
+        if self.table.listed:
+            return np.empty((0, 3))
+        return rotate(self._R_base_sensor, self._directions)
+
     def place(self, sweep: SweepInput, pose: Pose, sequence: int) -> WorldSweep:
         """Transform a sweep into the world frame by an estimated pose.
 

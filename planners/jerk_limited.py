@@ -4,6 +4,7 @@ Ruckig: Berscheid and Kroeger, "Jerk-limited Real-time Trajectory Generation wit
 States", RSS 2021. Only its one-axis position and velocity interfaces are used.
 """
 
+import contextlib
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -143,6 +144,10 @@ def list_ramps(
     return count
 
 
+SPEED_ROUNDING = 1e-9
+"""Share by which a limit of speed may be exceeded where ruckig finds no motion within it."""
+
+
 class Leg(NamedTuple):
     """A result of ruckig: pieces of constant jerk, and the state at their end."""
 
@@ -173,6 +178,9 @@ def solve(start: State, target: State, speed: float | None, limits: AxisLimits) 
 def _solved(start: State, target: State, speed: float | None, limits: AxisLimits) -> ruckig.Profile:
     """Solve for a profile by ruckig.
 
+    It may find none where a robot at its greatest speed only just reaches the target: the one that
+    exists rises above that speed by a rounding. That much is then allowed.
+
     Raises:
         RuntimeError: As `_calculated`.
     """
@@ -182,9 +190,15 @@ def _solved(start: State, target: State, speed: float | None, limits: AxisLimits
     request.target_acceleration = [target.acceleration]
     if speed is None:
         request.control_interface = ruckig.ControlInterface.Velocity
-    else:
-        request.max_velocity = [speed]
-    return _calculated(ruckig.Ruckig(1), request, ruckig.Trajectory(1))
+        return _calculated(ruckig.Ruckig(1), request, ruckig.Trajectory(1))
+    request.max_velocity = [speed]
+    try:
+        return _calculated(ruckig.Ruckig(1), request, ruckig.Trajectory(1))
+    except RuntimeError as refused:
+        request.max_velocity = [speed * (1.0 + SPEED_ROUNDING)]
+        with contextlib.suppress(RuntimeError):
+            return _calculated(ruckig.Ruckig(1), request, ruckig.Trajectory(1))
+        raise refused
 
 
 def _request(start: State, limits: AxisLimits) -> ruckig.InputParameter:

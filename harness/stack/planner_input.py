@@ -61,12 +61,21 @@ class FreeSpaceBuilder:
     of them (circumscribed footprint), which may turn as it likes.
     """
 
-    def __init__(self, config: Config, mission: Mission, costmap: Costmap) -> None:
-        """Build from one costmap, also after its updates."""
+    def __init__(
+        self, config: Config, mission: Mission, costmap: Costmap, sees_around: bool
+    ) -> None:
+        """Build from one costmap, also after its updates.
+
+        Args:
+            config: Resolved.
+            mission: Body and area.
+            costmap: Costmap that the space is of.
+            sees_around: Whether the sensors see all around, as of `sees_around`.
+        """
         self._config, self._costmap = config, costmap
         self._body = body_of(mission)
         self._elongated = bool(mission.discs)
-        in_flight = config.behaviour.flies_ahead and not mission.planar
+        in_flight = config.behaviour.flies_ahead and sees_around and not mission.planar
         self._edge_cost = EDGE_COST_IN_FLIGHT if in_flight else 1.0
         self._extra_radius = self._body.circumscribed_radius - min(self._body.radii)
         self._costs_of: Array | None = None
@@ -173,10 +182,12 @@ class PlannerInputBuilder:
         self._config, self._mission = config, mission
         self._mapper, self._spaces = mapper, spaces
         self._goal = mapper.planning_point(np.array(mission.goal))
+        around = mapper.sees_around
         guide, stages = mapper.guide, mapper.stages if len(mapper.stages) > 1 else ()
-        self._guide = None if guide is None else FreeSpaceBuilder(config, mission, guide)
+        self._guide = None if guide is None else FreeSpaceBuilder(config, mission, guide, around)
         self._stages = [
-            (stage.provenance, FreeSpaceBuilder(config, mission, stage.costmap)) for stage in stages
+            (stage.provenance, FreeSpaceBuilder(config, mission, stage.costmap, around))
+            for stage in stages
         ]
         self._far_ways = None if mapper.window is None else FarWays(config, mission, mapper)
         spaces.circumscribed()  # allocates its arrays now, so that no decision waits for it
@@ -205,6 +216,7 @@ class PlannerInputBuilder:
             cell_states=self._mapper.costmap.states_between,
             unknown_blocks=config.costmap.unknown_policy == "forbid",
             turns_in_place=mission.planar,
+            sees_around=self._mapper.sees_around,
             penalize_unknown=config.costmap.unknown_policy == "penalize",
             limits=motion_limits(config, mission),
             planner=config.planner,

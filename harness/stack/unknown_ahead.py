@@ -22,9 +22,10 @@ def expects_to_see(input: PlannerInput) -> bool:
     """Whether unknown space costs less where enough of a path is admitted: to a robot that flies.
 
     It sees what lies ahead of it while it draws near, and would take detours within what it has
-    seen. It does not see well above and below itself: so there the full cost remains.
+    seen. It does not see well above and below itself: so there the full cost remains; so it does
+    all around for a body that has only a camera, whose cone leaves the sides unknown.
     """
-    return input.behaviour.flies_ahead and not input.turns_in_place
+    return input.behaviour.flies_ahead and input.sees_around and not input.turns_in_place
 
 
 def enough_admitted(input: PlannerInput, path: Array) -> bool:

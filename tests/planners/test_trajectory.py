@@ -24,6 +24,7 @@ from wayproof.planners import (
     trajectory,
     turn_in_place,
 )
+from wayproof.planners.jerk_limited import AxisLimits, State
 
 LIMITS = [
     MotionLimits(speed=1.0, acceleration=1.5, jerk=6.0, lateral_acceleration=1.0, yaw_rate=1.2),
@@ -516,3 +517,24 @@ def test_a_motion_goes_on_from_where_rounding_leaves_a_speed_below_zero():
     assert -1e-15 < last.speed < 0.0
     start = PathState(100 * MS, last.arc_length, last.speed, last.acceleration, 0.0)
     assert follow_path(LINE, start, limits, 1.0).at(300 * MS).speed > 0.0
+
+
+def test_a_speed_that_is_only_just_reached_from_the_greatest_one_is_reached():
+    """The only motion rises above its first speed by 3e-13 m/s, and ruckig alone finds none."""
+    start, target = (
+        State(5.763481294882441, 1.6355256796978215, 0.0),
+        State(6.199733631339036, 0, 0),
+    )
+    target = target._replace(velocity=1.1422142052198012)
+    leg = jerk_limited.solve(start, target, start.velocity, AxisLimits(4.0, 20.0))
+    assert sum(leg.durations) == pytest.approx(
+        2.0 * np.sqrt((1.63552568 - 1.14221421) / 20.0), abs=1e-5
+    )
+    assert leg.end.velocity == target.velocity
+    assert max(state.velocity for state in leg.states) == pytest.approx(start.velocity, rel=1e-9)
+
+
+def test_a_target_out_of_reach_is_refused_with_the_limit_that_was_given():
+    start, target = State(0.0, 1.0, 0.0), State(0.1, 5.0, 0.0)
+    with pytest.raises(RuntimeError, match=r"within velocity 1\.0, acceleration"):
+        jerk_limited.solve(start, target, 1.0, AxisLimits(4.0, 20.0))

@@ -71,7 +71,11 @@ def test_a_way_is_about_as_long_as_the_shortest_over_all_cells(robot, seed):
     config, mission, whole = mapper_of(robot, window=0)
     crates(whole, seed)
     whole.costmap.update(config.costmap.localization_margin)
-    space = FreeSpaceBuilder(config, mission, whole.costmap).circumscribed().optimistic
+    space = (
+        FreeSpaceBuilder(config, mission, whole.costmap, sees_around=True)
+        .circumscribed()
+        .optimistic
+    )
     space = replace(space, cost_by_distance=np.zeros_like(space.cost_by_distance))
     shortest = plan(space, start, whole.planning_point(goal), PlannerConfig(), seed=1)
     length = arc_length(np.column_stack([way, np.zeros(len(way))]))

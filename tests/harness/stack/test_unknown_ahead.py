@@ -63,8 +63,9 @@ def test_unknown_space_before_which_the_robot_would_brake_is_still_avoided():
     assert lowest_of(room_with(NEAR)) < 1.0
 
 
-def test_a_robot_on_the_ground_pays_as_before():
-    assert lowest_of(room_with(FAR, turns_in_place=True)) < 1.0
+@pytest.mark.parametrize("other", [{"turns_in_place": True}, {"sees_around": False}])
+def test_a_robot_on_the_ground_or_with_a_camera_alone_pays_as_before(other):
+    assert lowest_of(room_with(FAR, **other)) < 1.0
 
 
 def test_a_known_detour_is_replaced_by_a_shorter_way_through_unknown_space():
@@ -108,14 +109,18 @@ def test_a_plan_is_memoized_by_the_costs_that_it_was_made_with():
     assert cheap.waypoints[:, 1].min() > 1.0 > dear.waypoints[:, 1].min()
 
 
-@pytest.mark.parametrize(("robot", "share"), [("drone", 0.5), ("quadruped", 1.0)])
-def test_nearness_costs_a_robot_that_flies_half_and_the_unknown_as_much(robot, share):
+@pytest.mark.parametrize(
+    ("robot", "around", "share"),
+    [("drone", True, 0.5), ("drone", False, 1.0), ("quadruped", True, 1.0)],
+)
+def test_nearness_costs_a_robot_that_flies_half_and_the_unknown_as_much(robot, around, share):
     costs, unknown = [], []
     for rules in (5, 6):
         config = override(Config("empty", robot, 0), [f"behaviour.rules={rules}"])
         scenario = build(config)
         mapper = Mapper(scenario.config, scenario.mission, {})
-        spaces = FreeSpaceBuilder(scenario.config, scenario.mission, mapper.costmap).circumscribed()
+        built = scenario.config, scenario.mission, mapper.costmap
+        spaces = FreeSpaceBuilder(*built, sees_around=around).circumscribed()
         costs.append(spaces.known_free.cost_by_distance)
         edge = spaces.optimistic.collision_distance_sq + 1
         unknown.append(spaces.optimistic.cost_by_distance[edge])
