@@ -7,8 +7,10 @@ import math
 import numpy as np
 
 from wayproof.harness.estimators.kernels.alignment import LEAST_INLIERS, align, count_near, examine
+from wayproof.harness.estimators.kernels.symmetric import diagonalize
 from wayproof.harness.estimators.kernels.thinning import spread_out
 from wayproof.harness.estimators.kernels.voxels import EMPTY, Voxels, add_points, slot_of
+from wayproof.harness.estimators.matrices import inverse
 from wayproof.harness.estimators.registration import Registration
 from wayproof.models.arrays import Array
 
@@ -212,3 +214,6 @@ def warm_up() -> None:
     surfaces.add(thinned(corner, 0.01), viewer)
     surfaces.register(corner, viewer)
     surfaces.contradicts(corner, viewer)
+    # A kernel that another one calls is not loaded with it for calls from Python.
+    diagonalize(np.eye(3), np.empty((3, 3)))
+    inverse(np.eye(3))
