@@ -21,6 +21,9 @@ SLACK = 1e-7
 """Length that is kept back where a speed is fitted into a length, m: rounding then never makes
 ruckig's target speed just out of reach."""
 
+SPEED_SLACK = 1e-7
+"""Speed by which a state may exceed the limit of its zone by rounding, m/s."""
+
 LEAST_ZONE = 1e-6
 """Shortest zone, m: a shorter one is left over by rounding."""
 
@@ -69,7 +72,7 @@ def time_parameterize(
 def keeps_limits(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> bool:
     """Return whether a motion to rest at the end of the last zone keeps the speed of each."""
     fastest = max(start.velocity, settled_velocity(start, limits))
-    return fastest <= zones[0].speed + SLACK and _cross(start, zones, limits) is not None
+    return fastest <= zones[0].speed + SPEED_SLACK and _cross(start, zones, limits) is not None
 
 
 def _cross(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> list[Leg] | None:

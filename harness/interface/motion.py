@@ -69,9 +69,9 @@ class MotionError(ValueError):
 
 
 class WaypointTiming(NamedTuple):
-    """What the time of a path through waypoints depends on besides the limits of the body.
+    """Parameters of the time parameterization of waypoints, besides the limits of the body.
 
-    By default that of `behaviour.rules` below 6; else as the built-in stack times its paths.
+    The defaults are those of `behaviour.rules` below 6; from 6 on they are the built-in stack's.
 
     Attributes:
         acceleration: Commanded along the path at the time of effect, m/s^2.
@@ -85,6 +85,7 @@ class WaypointTiming(NamedTuple):
 
 
 FORMER_TIMING = WaypointTiming()
+"""Parameters of `behaviour.rules` below 6."""
 
 
 class Followed(NamedTuple):

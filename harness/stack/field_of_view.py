@@ -12,6 +12,7 @@ LEVEL = 0.25
 """Sine of the elevation up to which a beam counts as level: 14 degrees."""
 
 OCTANTS = 8
+"""Number of parts of the horizon, 45 degrees each."""
 
 
 def sees_around(sensors: Iterable[Beams]) -> bool:
