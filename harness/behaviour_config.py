@@ -138,7 +138,7 @@ class BehaviourConfig:
         return self.rules >= 5
 
     @property
-    def flies_ahead(self) -> bool:
+    def lowers_costs_in_flight(self) -> bool:
         """Whether a robot that flies pays less for what it will see in time, and for nearness."""
         return self.rules >= 6
 

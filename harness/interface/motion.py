@@ -84,7 +84,7 @@ class WaypointTiming(NamedTuple):
     whole_bends: bool = False
 
 
-FORMER_TIMING = WaypointTiming()
+LEGACY_TIMING = WaypointTiming()
 """Parameters of `behaviour.rules` below 6."""
 
 
@@ -107,7 +107,7 @@ def trajectory_of(
     limits: MotionLimits,
     *,
     planar: bool,
-    timing: WaypointTiming = FORMER_TIMING,
+    timing: WaypointTiming = LEGACY_TIMING,
 ) -> Followed:
     """Return the trajectory that the body follows for a motion.
 

@@ -24,7 +24,7 @@ from wayproof.harness.interface.command_messages import (
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.errors import StackError
 from wayproof.harness.interface.motion import (
-    FORMER_TIMING,
+    LEGACY_TIMING,
     Followed,
     MotionError,
     WaypointTiming,
@@ -200,7 +200,7 @@ class TrialNavigator(Navigator):
         """Return what waypoints are timed by."""
         behaviour = planner_input.behaviour
         if not behaviour.times_waypoints_alike:
-            return FORMER_TIMING
+            return LEGACY_TIMING
         sample = self.state.trajectory.at(planner_input.effect_ns)
         return WaypointTiming(
             sample.acceleration, planner_input.sideways_speed, behaviour.whole_bends

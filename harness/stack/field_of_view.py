@@ -15,7 +15,7 @@ OCTANTS = 8
 """Number of parts of the horizon, 45 degrees each."""
 
 
-def sees_around(sensors: Iterable[Beams]) -> bool:
+def is_omnidirectional(sensors: Iterable[Beams]) -> bool:
     """Return whether each octant of the horizon of a level body holds a beam of some sensor.
 
     Sweeps that list their own beams say nothing of a field of view, and count as none.

@@ -20,9 +20,9 @@ from wayproof.harness.stack.types import (
     is_stationary,
 )
 from wayproof.harness.stack.unknown_ahead import (
+    discounted_space,
+    discounts_unknown,
     enough_admitted,
-    expects_to_see,
-    seen_in_time,
 )
 from wayproof.planners import (
     FreeSpace,
@@ -83,7 +83,7 @@ def project_goal_to_free(input: PlannerInput) -> Array:
 def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> GlobalPlan:
     """Keep the global path while it is valid and no other is much cheaper; else replan it."""
     path = None if state.global_path is None else remaining(state.global_path, start.arc_length)
-    if path is not None and arc_length(path) < ARRIVED and _leads_on(input, state, start):
+    if path is not None and arc_length(path) < ARRIVED and _replans_at_end(input, state, start):
         path = None
     driven = path
     if path is None and input.behaviour.keep_moving:  # on from the stop that is under way
@@ -117,8 +117,8 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
     return GlobalPlan(replace(state, global_path=found, exploration=None), search, seed)
 
 
-def _leads_on(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> bool:
-    """Whether the goal is planned for anew at the end of the path.
+def _replans_at_end(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> bool:
+    """Return whether the goal is planned for anew at the end of the path.
 
     It is at a viewpoint, and where a robot rests beside a goal that has become free since.
     """
@@ -126,7 +126,7 @@ def _leads_on(input: PlannerInput, state: PlannerState, start: TrajectorySample)
 
 
 def _is_valid(input: PlannerInput, state: PlannerState, path: Array) -> bool:
-    """Whether a path is not known to be blocked, and still leads to the goal or a viewpoint."""
+    """Return whether a path is not known to be blocked, and leads to the goal or a viewpoint."""
     valid = is_free_along(input.optimistic, path)
     if state.exploring:
         return valid
@@ -189,8 +189,8 @@ def _replan(
     def joined(search: Plan, space: FreeSpace) -> Array | None:
         return _joined(input, prefix, straight, search, space)
 
-    if expects_to_see(input) and not only_known:
-        space = replace(seen_in_time(input), few_reads=not exhaustive)
+    if discounts_unknown(input) and not only_known:
+        space = replace(discounted_space(input), few_reads=not exhaustive)
         search = plan_in(space)
         path = joined(search, space)
         if path is not None and enough_admitted(input, path):
@@ -209,7 +209,7 @@ def _replan(
 def _joined(
     input: PlannerInput, prefix: Array, straight: Array, search: Plan, space: FreeSpace
 ) -> Array | None:
-    """The path (n, 3) along a prefix, straight on, and along what a search found; None if nothing.
+    """Join a prefix, the straight piece and what a search found to a path (n, 3); None if nothing.
 
     Its corners are rounded as far as they stay in the space that was searched.
     """
@@ -221,8 +221,9 @@ def _joined(
 
 
 def _straight_on(input: PlannerInput, prefix: Array) -> Array:
-    """Straight on from the prefix's end for the length of a blend, as far as it is traversable.
+    """Return the straight piece (1 or 2, 3) from the prefix's end, a blend long, if traversable.
 
+    A piece of half or a quarter of that length where the whole is not; the end alone without any.
     A new path that begins there leaves the prefix without a corner, and the corner that it makes
     with the straight piece has room to be blended.
     """
@@ -242,13 +243,13 @@ def _straight_free(input: PlannerInput, a: Array, b: Array) -> bool:
 
 
 def heading_at(path: Array, s: float) -> float:
-    """Heading of a path at an arc length, rad."""
+    """Return the heading of a path at an arc length, rad."""
     tangent = tangent_at(path, s)
     return atan2_rounded(tangent[1], tangent[0])
 
 
 def drop_duplicates(waypoints: Array) -> Array:
-    """Way points without those that repeat the one before, which is where the body turns."""
+    """Return waypoints without those that repeat the one before, which is where the body turns."""
     moved = np.abs(np.diff(waypoints, axis=0)).max(axis=1) > 1e-9
     if not moved.any():
         return waypoints
@@ -263,7 +264,7 @@ def _is_better(
     found: Array | None,
     path: Array,
 ) -> bool:
-    """Whether a new path replaces a valid one; any way to the goal is better than exploring.
+    """Return whether a new path replaces a valid one; any way to the goal is better than exploring.
 
     It is much cheaper; or about as cheap and, from the motion that the robot is in, faster.
     """
@@ -279,10 +280,10 @@ def _is_better(
 
 
 def _path_costs(input: PlannerInput, found: Array, path: Array) -> tuple[float, float]:
-    """Costs of a new and of a valid path, by evidence that guides if either is free by it."""
+    """Return the costs of a new and a valid path, by guiding evidence if either is free by it."""
     weight = input.planner.clearance_weight
-    if expects_to_see(input) and all(enough_admitted(input, one) for one in (found, path)):
-        space = seen_in_time(input)
+    if discounts_unknown(input) and all(enough_admitted(input, one) for one in (found, path)):
+        space = discounted_space(input)
         found_cost, cost = (space.path_cost(one, weight) for one in (found, path))
         if not found_cost == cost == np.inf:
             return found_cost, cost

@@ -15,7 +15,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.inputs import Beams, Inputs, Pose, SweepInput, WorldSweep
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.decision import MOST_WIDENING
-from wayproof.harness.stack.field_of_view import sees_around
+from wayproof.harness.stack.field_of_view import is_omnidirectional
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
 from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.ground import on_level_ground
@@ -60,7 +60,7 @@ class Mapper:
         """Start with an unknown map but for the start area, which the operator declares free."""
         self._config, self._mission = config, mission
         self._beams = dict(beams)
-        self.sees_around = sees_around(beams.values())
+        self.omnidirectional = is_omnidirectional(beams.values())
         self._body = body_of(mission)
         recorded = config.recording
         self._clears_footprint = recorded is not None and recorded.footprint_clearing

@@ -48,7 +48,7 @@ class Navigator:
         self.mapper = Mapper(config, mission, beams)
         self.map, self.labels = self.mapper.map, self.mapper.labels
         self.costmap = self.mapper.costmap
-        self._spaces = self.SPACES(config, mission, self.costmap, self.mapper.sees_around)
+        self._spaces = self.SPACES(config, mission, self.costmap, self.mapper.omnidirectional)
         self._input_builder = PlannerInputBuilder(config, mission, self.mapper, self._spaces)
         start = self.mapper.planning_point(np.array(mission.start))
         self.state = self._draft = PlannerState(hold(start, 0, mission.start_heading))

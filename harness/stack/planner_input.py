@@ -62,7 +62,7 @@ class FreeSpaceBuilder:
     """
 
     def __init__(
-        self, config: Config, mission: Mission, costmap: Costmap, sees_around: bool
+        self, config: Config, mission: Mission, costmap: Costmap, omnidirectional: bool
     ) -> None:
         """Build from one costmap, also after its updates.
 
@@ -70,13 +70,13 @@ class FreeSpaceBuilder:
             config: Resolved.
             mission: Body and area.
             costmap: Costmap that the space is of.
-            sees_around: Whether the sensors see all around, as of `sees_around`.
+            omnidirectional: Whether the sensors see all around, as `is_omnidirectional` says.
         """
         self._config, self._costmap = config, costmap
         self._body = body_of(mission)
         self._elongated = bool(mission.discs)
-        in_flight = config.behaviour.flies_ahead and sees_around and not mission.planar
-        self._edge_cost = EDGE_COST_IN_FLIGHT if in_flight else 1.0
+        lowers = config.behaviour.lowers_costs_in_flight and omnidirectional
+        self._edge_cost = EDGE_COST_IN_FLIGHT if lowers and not mission.planar else 1.0
         self._extra_radius = self._body.circumscribed_radius - min(self._body.radii)
         self._costs_of: Array | None = None
         self._cost_by_distance = np.empty(0)
@@ -182,7 +182,7 @@ class PlannerInputBuilder:
         self._config, self._mission = config, mission
         self._mapper, self._spaces = mapper, spaces
         self._goal = mapper.planning_point(np.array(mission.goal))
-        around = mapper.sees_around
+        around = mapper.omnidirectional
         guide, stages = mapper.guide, mapper.stages if len(mapper.stages) > 1 else ()
         self._guide = None if guide is None else FreeSpaceBuilder(config, mission, guide, around)
         self._stages = [
@@ -216,7 +216,7 @@ class PlannerInputBuilder:
             cell_states=self._mapper.costmap.states_between,
             unknown_blocks=config.costmap.unknown_policy == "forbid",
             turns_in_place=mission.planar,
-            sees_around=self._mapper.sees_around,
+            omnidirectional=self._mapper.omnidirectional,
             penalize_unknown=config.costmap.unknown_policy == "penalize",
             limits=motion_limits(config, mission),
             planner=config.planner,

@@ -98,7 +98,7 @@ class PlannerInput:
         cell_states: States of the costmap's cells.
         unknown_blocks: Whether the unknown policy keeps the body out of unknown space.
         turns_in_place: Whether heading matters for motion (ground robots).
-        sees_around: Whether the sensors see all around the body, not ahead of it alone.
+        omnidirectional: Whether the sensors see all around the body, not ahead of it alone.
         penalize_unknown: Whether unknown space costs speed.
         limits: Greatest speed, acceleration, jerk and yaw rate of a command.
         planner: Settings of the search.
@@ -133,7 +133,7 @@ class PlannerInput:
     cell_states: CellStates
     unknown_blocks: bool
     turns_in_place: bool
-    sees_around: bool
+    omnidirectional: bool
     penalize_unknown: bool
     limits: MotionLimits
     planner: PlannerConfig

@@ -18,25 +18,27 @@ LEVELS = 2
 """Least distances above the inflation that stand for unknown space, and for that of a prior map."""
 
 
-def expects_to_see(input: PlannerInput) -> bool:
-    """Whether unknown space costs less where enough of a path is admitted: to a robot that flies.
+def discounts_unknown(input: PlannerInput) -> bool:
+    """Return whether unknown space costs less where enough of a path is admitted.
 
-    It sees what lies ahead of it while it draws near, and would take detours within what it has
-    seen. It does not see well above and below itself: so there the full cost remains; so it does
-    all around for a body that has only a camera, whose cone leaves the sides unknown.
+    It does to a robot that flies: that sees what lies ahead while it draws near, and at the full
+    cost would take detours within what it has seen. Above and below itself it does not see well,
+    so there the full cost remains. It remains all around for a body that has only a camera, whose
+    cone leaves the sides unknown.
     """
-    return input.behaviour.flies_ahead and input.sees_around and not input.turns_in_place
+    lowers = input.behaviour.lowers_costs_in_flight and input.omnidirectional
+    return lowers and not input.turns_in_place
 
 
 def enough_admitted(input: PlannerInput, path: Array) -> bool:
-    """Whether the beginning of a path (n, 3), or all of it, is admitted for full speed."""
+    """Return whether the beginning of a path (n, 3), or all of it, is admitted for full speed."""
     full_stop = stopping_distance(input.limits.speed, 0.0, input.limits)
     needed = min(STOPS_AHEAD * full_stop, arc_length(path))
     return input.traversable.free_length(path) >= needed
 
 
-def seen_in_time(input: PlannerInput) -> FreeSpace:
-    """Optimistic space in which the unknown costs less."""
+def discounted_space(input: PlannerInput) -> FreeSpace:
+    """Return the optimistic space in which the unknown costs less."""
     guided = input.guided is not None
     space = input.optimistic if input.guided is None else input.guided()
     table, unknown = space.cost_by_distance.copy(), space.collision_distance_sq + 1

@@ -87,7 +87,7 @@ def make_input(
         cell_states=lambda first, end: states[tuple(map(slice, first, end))],
         unknown_blocks=policy == "forbid",
         turns_in_place=False,
-        sees_around=True,
+        omnidirectional=True,
         penalize_unknown=policy == "penalize",
         limits=LIMITS,
         planner=PlannerConfig(),

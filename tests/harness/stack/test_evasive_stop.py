@@ -48,7 +48,7 @@ def stop(free_space, speed=2.0, ground=False, path=AHEAD, rules=3):
         cell_states=lambda first, end: np.ones(end - first, np.uint8),
         unknown_blocks=True,
         turns_in_place=ground,
-        sees_around=True,
+        omnidirectional=True,
         penalize_unknown=False,
         limits=LIMITS,
         planner=PlannerConfig(),

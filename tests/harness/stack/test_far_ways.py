@@ -72,7 +72,7 @@ def test_a_way_is_about_as_long_as_the_shortest_over_all_cells(robot, seed):
     crates(whole, seed)
     whole.costmap.update(config.costmap.localization_margin)
     space = (
-        FreeSpaceBuilder(config, mission, whole.costmap, sees_around=True)
+        FreeSpaceBuilder(config, mission, whole.costmap, omnidirectional=True)
         .circumscribed()
         .optimistic
     )

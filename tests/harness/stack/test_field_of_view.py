@@ -5,7 +5,7 @@ import pytest
 from wayproof.harness.config import Config
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.scenario.scenario import build, sensor_info
-from wayproof.harness.stack.field_of_view import sees_around
+from wayproof.harness.stack.field_of_view import is_omnidirectional
 
 
 def sensors_of(robot):
@@ -17,19 +17,19 @@ def sensors_of(robot):
 @pytest.mark.parametrize("robot", ["drone", "quadruped"])
 def test_the_lidar_of_a_robot_sees_all_around(robot):
     sensors = sensors_of(robot)
-    assert sees_around(sensors.values())
-    assert sees_around([sensors["lidar"]])
+    assert is_omnidirectional(sensors.values())
+    assert is_omnidirectional([sensors["lidar"]])
 
 
 def test_a_camera_sees_ahead_alone():
-    assert not sees_around([sensors_of("drone")["depth"]])
+    assert not is_omnidirectional([sensors_of("drone")["depth"]])
 
 
 def test_two_cameras_ahead_see_no_more_than_one():
     camera = sensors_of("drone")["depth"]
-    assert not sees_around([camera, camera])
+    assert not is_omnidirectional([camera, camera])
 
 
 def test_an_altimeter_and_no_sensor_see_nothing_around():
-    assert not sees_around([sensors_of("drone")["altimeter"]])
-    assert not sees_around([])
+    assert not is_omnidirectional([sensors_of("drone")["altimeter"]])
+    assert not is_omnidirectional([])

@@ -49,7 +49,7 @@ def make_input(known, passable, position, sequence):
         cell_states=lambda first, end: np.ones(end - first, np.uint8),
         unknown_blocks=True,
         turns_in_place=False,
-        sees_around=True,
+        omnidirectional=True,
         penalize_unknown=False,
         limits=LIMITS,
         planner=PlannerConfig(),

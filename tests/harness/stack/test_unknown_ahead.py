@@ -21,7 +21,7 @@ from wayproof.harness.stack.global_path import keep_or_replan
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder, memoized_planner
 from wayproof.harness.stack.types import BehaviourConfig
-from wayproof.harness.stack.unknown_ahead import enough_admitted, seen_in_time
+from wayproof.harness.stack.unknown_ahead import discounted_space, enough_admitted
 from wayproof.maps import FREE, OCCUPIED
 from wayproof.planners import PlannerConfig, stopping_distance
 
@@ -63,7 +63,7 @@ def test_unknown_space_before_which_the_robot_would_brake_is_still_avoided():
     assert lowest_of(room_with(NEAR)) < 1.0
 
 
-@pytest.mark.parametrize("other", [{"turns_in_place": True}, {"sees_around": False}])
+@pytest.mark.parametrize("other", [{"turns_in_place": True}, {"omnidirectional": False}])
 def test_a_robot_on_the_ground_or_with_a_camera_alone_pays_as_before(other):
     assert lowest_of(room_with(FAR, **other)) < 1.0
 
@@ -89,14 +89,14 @@ def test_enough_is_admitted_for_a_stop_from_full_speed_and_a_quarter():
 
 def test_only_unknown_space_costs_less():
     input = room_with(FAR)
-    space, dear = seen_in_time(input), input.optimistic
+    space, dear = discounted_space(input), input.optimistic
     edge = dear.collision_distance_sq + 1
     assert space.cost_by_distance[edge] == UNKNOWN_COST / 16
     assert dear.cost_by_distance[edge] == UNKNOWN_COST
     others = np.arange(len(space.cost_by_distance)) != edge
     np.testing.assert_array_equal(space.cost_by_distance[others], dear.cost_by_distance[others])
     guided = replace(dear, cost_by_distance=dear.cost_by_distance + 1.0)
-    costs = seen_in_time(replace(input, guided=lambda: guided)).cost_by_distance
+    costs = discounted_space(replace(input, guided=lambda: guided)).cost_by_distance
     assert costs[edge : edge + 3].tolist() == [5.0 / 16, 1.0 / 16, 1.0]
 
 
@@ -104,7 +104,7 @@ def test_a_plan_is_memoized_by_the_costs_that_it_was_made_with():
     input, plan = room_with(FAR), memoized_planner()
     query = place(*START), place(*GOAL), PlannerConfig(), 1, 0.0
     dear = plan(input.optimistic, *query)
-    cheap = plan(seen_in_time(input), *query)
+    cheap = plan(discounted_space(input), *query)
     assert plan(replace(input.optimistic), *query) is dear
     assert cheap.waypoints[:, 1].min() > 1.0 > dear.waypoints[:, 1].min()
 
@@ -120,7 +120,7 @@ def test_nearness_costs_a_robot_that_flies_half_and_the_unknown_as_much(robot, a
         scenario = build(config)
         mapper = Mapper(scenario.config, scenario.mission, {})
         built = scenario.config, scenario.mission, mapper.costmap
-        spaces = FreeSpaceBuilder(*built, sees_around=around).circumscribed()
+        spaces = FreeSpaceBuilder(*built, omnidirectional=around).circumscribed()
         costs.append(spaces.known_free.cost_by_distance)
         edge = spaces.optimistic.collision_distance_sq + 1
         unknown.append(spaces.optimistic.cost_by_distance[edge])
