@@ -18,7 +18,7 @@ from wayproof.harness.interface.command_messages import (
     motion_of,
     planned_path_of,
 )
-from wayproof.harness.interface.motion import MotionError, trajectory_of
+from wayproof.harness.interface.motion import MotionError, trajectory_of, waypoint_timing
 from wayproof.harness.interface.types import Grid, Reference
 from wayproof.harness.log.paths import arc_lengths, densely
 from wayproof.harness.mission import Mission
@@ -111,7 +111,7 @@ def _path_of_motion(
 ) -> Array:
     """Return the path (n, 3) of a command's motion, m; its start alone without a motion."""
     effect_ns = decision.timestamp.ToNanoseconds() + round(config.latency.expected * 1e9)
-    reference = _reference(decision, followed, effect_ns, mission)
+    reference, acceleration = _reference(decision, followed, effect_ns, mission)
     motion = motion_of(message)
     if motion is None:
         return reference.position[None]
@@ -122,20 +122,24 @@ def _path_of_motion(
         effect_ns,
         motion_limits(config, mission),
         planar=mission.planar,
+        timing=waypoint_timing(config.behaviour, acceleration, mission.sideways_speed),
     ).trajectory.path
 
 
 def _reference(
     decision: pb.Decision, followed: pb.Trajectory | None, effect_ns: int, mission: Mission
-) -> Reference:
-    """Return the commanded state at the time of effect, from samples of the trajectory before."""
+) -> tuple[Reference, float]:
+    """Return the commanded state at the time of effect, and the acceleration along the path, m/s^2.
+
+    From samples of the trajectory before.
+    """
     if followed is None:
         start = np.array(decision.position)
-        return Reference(start, np.zeros(3), mission.start_heading, 0.0, at_rest=True)
+        return Reference(start, np.zeros(3), mission.start_heading, 0.0, at_rest=True), 0.0
     period = followed.sample_period_s
     elapsed = (effect_ns - followed.start.ToNanoseconds()) * 1e-9
-    along, speed = _value_and_rate(np.array(followed.arc_length), period, elapsed)
-    heading, yaw_rate = _value_and_rate(np.array(followed.heading), period, elapsed)
+    along, speed, acceleration = _value_and_rates(np.array(followed.arc_length), period, elapsed)
+    heading, yaw_rate, _ = _value_and_rates(np.array(followed.heading), period, elapsed)
     path = path_of(followed.path)
     lengths = arc_lengths(path)
     here, ahead = (
@@ -144,17 +148,23 @@ def _reference(
     )
     size = float(np.linalg.norm(ahead - here))
     velocity = (ahead - here) * (max(speed, 0.0) / size) if size > 0.0 else np.zeros(3)
-    return Reference(here, velocity, heading, yaw_rate, at_rest=not velocity.any())
+    reference = Reference(here, velocity, heading, yaw_rate, at_rest=not velocity.any())
+    return reference, acceleration
 
 
-def _value_and_rate(samples: Array, period: float, elapsed: float) -> tuple[float, float]:
-    """Return the value and the rate of change of even samples (n,) at a time, s."""
+def _value_and_rates(samples: Array, period: float, elapsed: float) -> tuple[float, float, float]:
+    """Return the value of even samples (n,) at a time, s, and its first and second derivative.
+
+    At rest after the last sample.
+    """
     times = np.arange(len(samples)) * period
-    rates = np.zeros(len(samples))
-    if len(samples) >= 3:
-        rates = np.gradient(samples, period, edge_order=2)  # exact at an even acceleration
-    rate = float(np.interp(elapsed, times, rates)) if elapsed < times[-1] else 0.0
-    return float(np.interp(elapsed, times, samples)), rate
+    value = float(np.interp(elapsed, times, samples))
+    if len(samples) < 3 or elapsed >= times[-1]:
+        return value, 0.0, 0.0
+    rates = np.gradient(samples, period, edge_order=2)  # exact at an even acceleration
+    changes = np.gradient(rates, period, edge_order=2)
+    rate, change = (float(np.interp(elapsed, times, one)) for one in (rates, changes))
+    return value, rate, change
 
 
 def _divided(path: Array, length: float) -> tuple[Array, Array]:

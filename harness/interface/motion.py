@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.interface.limits import clips, exceeds, follow_within
 from wayproof.harness.interface.types import Array, Motion, Reference, Samples, Velocity, Waypoints
@@ -86,6 +87,21 @@ class WaypointTiming(NamedTuple):
 
 LEGACY_TIMING = WaypointTiming()
 """Parameters of `behaviour.rules` below 6."""
+
+
+def waypoint_timing(
+    behaviour: BehaviourConfig, acceleration: float, sideways_speed: float
+) -> WaypointTiming:
+    """Return what the waypoints of a stack on trial are timed by.
+
+    Args:
+        behaviour: Settings of the decision.
+        acceleration: Commanded along the path at the time of effect, m/s^2.
+        sideways_speed: Greatest speed of the body across its heading, m/s.
+    """
+    if not behaviour.times_waypoints_alike:
+        return LEGACY_TIMING
+    return WaypointTiming(acceleration, sideways_speed, behaviour.whole_bends)
 
 
 class Followed(NamedTuple):

@@ -24,11 +24,11 @@ from wayproof.harness.interface.command_messages import (
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.errors import StackError
 from wayproof.harness.interface.motion import (
-    LEGACY_TIMING,
     Followed,
     MotionError,
     WaypointTiming,
     trajectory_of,
+    waypoint_timing,
 )
 from wayproof.harness.interface.observations import ObservationBuilder, reference_at
 from wayproof.harness.interface.referee import Judgement, fits_along, judge
@@ -198,12 +198,9 @@ class TrialNavigator(Navigator):
 
     def _timing(self, planner_input: PlannerInput) -> WaypointTiming:
         """Return what waypoints are timed by."""
-        behaviour = planner_input.behaviour
-        if not behaviour.times_waypoints_alike:
-            return LEGACY_TIMING
         sample = self.state.trajectory.at(planner_input.effect_ns)
-        return WaypointTiming(
-            sample.acceleration, planner_input.sideways_speed, behaviour.whole_bends
+        return waypoint_timing(
+            planner_input.behaviour, sample.acceleration, planner_input.sideways_speed
         )
 
     def _follow(

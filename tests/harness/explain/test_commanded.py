@@ -43,7 +43,24 @@ def first(log, verdict, cut):
 
 def test_the_path_of_a_cut_command_is_worked_out_as_the_referee_judged_it(followed):
     """Of commands that were followed the log has the path to compare with."""
-    case = read_case(followed)
+    check_paths(followed)
+
+
+@pytest.mark.parametrize(
+    ("robot", "kind", "rules"),
+    [("drone", "ToGoalAtFullSpeed", 6), ("drone", "Swerves", 5), ("quadruped", "Swerves", 6)],
+)
+def test_waypoints_of_a_cut_command_are_timed_as_the_referee_timed_them(
+    recorded, robot, kind, rules
+):
+    """Another timing stops elsewhere, and keeps other limits of the body."""
+    settings = f"stack.name={STACKS}:{kind}", f"behaviour.rules={rules}", "episode.time_limit=4"
+    check_paths(open_log(Path(recorded("empty", robot, 1, *settings).log)))
+
+
+def check_paths(log):
+    """Check the path that is worked out for each command of a log against the one that it has."""
+    case = read_case(log)
     for number in range(1, len(case.moments)):
         command = command_at(case, number)
         decision, before = (case.moments[n].decision for n in (number, number - 1))

@@ -51,6 +51,18 @@ class ToGoalAtFullSpeed(Base):
         return Command(Waypoints(np.array([self.task.mission.goal])))
 
 
+class Swerves(Base):
+    """Turns by 39 degrees to either side of the way to the goal, each for a second."""
+
+    def step(self, observation):
+        side = 0.8 if observation.sequence // 10 % 2 else -0.8
+        ahead = (np.array(self.task.mission.goal) - observation.position) * (1.0, 1.0, 0.0)
+        ahead /= np.linalg.norm(ahead)
+        aside = side * np.array([-ahead[1], ahead[0], 0.0])
+        points = observation.position + 1.5 * np.array([ahead + aside, 2.0 * ahead + aside])
+        return Command(Waypoints(points))
+
+
 class Raises(Base):
     def step(self, observation):
         if observation.sequence == 3:
