@@ -287,4 +287,4 @@ def beams_from_info(info: pb.SensorInfo) -> Beams:
         raise InputError(
             f"sensor '{info.name}': range {info.range_m:g} m, expected up to {longest:g} m"
         )
-    return Beams(table, info.range_m, info.rate_hz, position, rotation.reshape(3, 3))
+    return Beams(table, info.range_m, info.rate_hz, position, R_base_sensor=rotation.reshape(3, 3))

@@ -147,7 +147,9 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
         late=None if late is None else (late.decision.sequence, late.latency.delay_s, expected),
         hidden=hidden,
         late_answer=0.0 if late is None else answer_s(late),
-        commanded=commanded_facts(case, commands, navigator, number, contact.name),
+        commanded=commanded_facts(
+            case, numbers=commands, navigator=navigator, decision=number, name=contact.name
+        ),
         prior_free=admitted,
     )
 

@@ -85,7 +85,9 @@ def _leaves_path(
     if turning:
         return joined(gaps > turning_radius(case, navigator), believed, goal, reach, corners=False)
     free = gaps > costmap.inflation_radius
-    return joined_for(offsets_of(case), size, free, believed, goal, reach, corners=False)
+    return joined_for(
+        offsets_of(case), size, free, start=believed, goal=goal, reach=reach, corners=False
+    )
 
 
 def turning_radius(case: Case, navigator: Navigator) -> float:

@@ -163,7 +163,7 @@ def widest(
     low, high = 0.0, float(distances.max())
     for _ in range(STEPS):
         middle = 0.5 * (low + high)
-        if joined_for(offsets, size, distances > middle, start, goal, reach):
+        if joined_for(offsets, size, free=distances > middle, start=start, goal=goal, reach=reach):
             low = middle
         else:
             high = middle
@@ -232,7 +232,9 @@ def true_occupancy(case: Case, navigator: Navigator, moving: bool = False) -> Ce
     spots = costmap.origin[:2] + size * np.stack([x, y], axis=-1).reshape(-1, 2)
     ground = case.space.terrain(spots)
     if ground is not None:
-        standing = _standing_on(case, costmap.origin, ground.reshape(nx, ny), size, moving)
+        standing = _standing_on(
+            case, costmap.origin, ground=ground.reshape(nx, ny), size=size, moving=moving
+        )
         return standing[:, :, None]
     layers = max(1, int(np.ceil((mission.height - mission.step_height) / size - 1e-6)))
     corner = np.array([*costmap.origin[:2], mission.step_height])

@@ -25,14 +25,22 @@ class Reckless(Navigator):
         if given.sequence == 0:
             self._straight = follow_path(
                 np.stack([given.position, given.goal]),
-                PathState(given.effect_ns, 0.0, 0.0, 0.0, given.heading),
+                PathState(
+                    given.effect_ns,
+                    arc_length=0.0,
+                    speed=0.0,
+                    acceleration=0.0,
+                    heading=given.heading,
+                ),
                 given.limits,
                 given.limits.speed,
             )
         straight = self._straight
         # It claims that the whole path is free, which an audit finds false where it is not.
         reason = Reason("path_to_goal", path_m=arc_length(straight.path))
-        command = Command("follow", reason, "none", straight, straight.path)
+        command = Command(
+            "follow", reason, label="none", trajectory=straight, global_path=straight.path
+        )
         state = replace(decided.state, trajectory=straight, global_path=straight.path)
         return FootprintDecision(command, state, given)
 

@@ -123,7 +123,7 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     case.space.place_movers(last.truth, present=False)
     still = true_clearances(true_occupancy(case, navigator), size)
     offsets = offsets_of(case)
-    exists = joined_for(offsets, size, still > radius, start, goal, reach)
+    exists = joined_for(offsets, size, free=still > radius, start=start, goal=goal, reach=reach)
 
     @cache
     def lengths_to(end: tuple[int, ...]) -> Array:
@@ -133,7 +133,7 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     def open_at_end() -> bool:
         case.space.place_movers(last.truth)
         gaps = clearances(true_occupancy(case, navigator), size)
-        return joined_for(offsets, size, gaps > radius, here, goal, reach)
+        return joined_for(offsets, size, free=gaps > radius, start=here, goal=goal, reach=reach)
 
     shortest, left, before = 0.0, math.inf, math.inf
     if exists and case.outcome == "timeout":  # time decides no other outcome
@@ -212,19 +212,37 @@ def _search_for_paths(case: Case, navigator: Navigator, moment: Moment) -> _Look
     goal, reach = goal_of(case, navigator)
     believed = cell_of(navigator, moment.true_position + moment.error)
     occupied, unknown = costmap.state == OCCUPIED, costmap.state == UNKNOWN
-    radii = costmap.inflation_radius, turning_radius(case, navigator)
+    bits, shape = packed(occupied)
     return _search_map(
-        *packed(occupied), packed(occupied | unknown)[0], costmap.resolution, offsets_of(case),
-        believed, goal, reach, (*radii, certain_radius(case, navigator)),
-    )  # fmt: skip
+        bits,
+        shape,
+        closed=packed(occupied | unknown)[0],
+        size=costmap.resolution,
+        offsets=offsets_of(case),
+        believed=believed,
+        goal=goal,
+        reach=reach,
+        radius=costmap.inflation_radius,
+        turning=turning_radius(case, navigator),
+        certain=certain_radius(case, navigator),
+    )
 
 
 @lru_cache(maxsize=2 * LOOKS)
 def _search_map(
-    occupied: bytes, shape: tuple[int, ...], closed: bytes, size: float,
-    offsets: tuple[float, ...], believed: tuple[int, ...], goal: tuple[int, ...], reach: int,
-    radii: tuple[float, float, float],
-) -> _Look:  # fmt: skip
+    occupied: bytes,
+    shape: tuple[int, ...],
+    *,
+    closed: bytes,
+    size: float,
+    offsets: tuple[float, ...],
+    believed: tuple[int, ...],
+    goal: tuple[int, ...],
+    reach: int,
+    radius: float,
+    turning: float,
+    certain: float,
+) -> _Look:
     """Search a map for paths, or take what an episode found for its replay.
 
     Args:
@@ -236,14 +254,16 @@ def _search_map(
         believed: Cell of the body by the pose that it had.
         goal: Cell.
         reach: As of `joined`.
-        radii: Half the width, m, of the body with its margin, of the disc in which it turns with
-            that margin, and of the body with the margin of a certain pose.
+        radius: Half the width of the body with its margin, m.
+        turning: Radius of the disc in which it turns, with that margin, m.
+        certain: Half the width of the body with the margin of a certain pose, m.
     """
-    radius, turning, certain = radii
     gaps = clearances(unpacked(occupied, shape), size)
 
     def passes(free: Cells) -> bool:
-        return joined_for(offsets, size, free, believed, goal, reach, corners=False)
+        return joined_for(
+            offsets, size, free, start=believed, goal=goal, reach=reach, corners=False
+        )
 
     return _Look(
         known=passes(clearances(unpacked(closed, shape), size) > radius),

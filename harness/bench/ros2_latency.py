@@ -54,7 +54,11 @@ def measure(name: str, lidar: str, steps: int) -> np.ndarray[tuple[int], np.dtyp
     start = np.array(scenario.mission.start)
     pose = Pose(start, np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
     builder = ObservationBuilder(config, scenario.mission, beams)
-    observation = builder.build(Inputs(0, 0, pose, sweeps, ""), hold(start, 0, 0.0), None)
+    observation = builder.build(
+        Inputs(time_ns=0, sequence=0, pose=pose, sweeps=sweeps, digest=""),
+        hold(start, 0, 0.0),
+        None,
+    )
     stack = Ros2Stack(name, wall_s=60.0, starting_s=60.0)
     stack.start(task_of(config, scenario.mission, infos))
     latencies = []

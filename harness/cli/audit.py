@@ -31,8 +31,15 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     audits = []
     for path in options.log:
         check_log(path, options)
-        given = options.allow_plugins, options.volumes, options.measured_only
-        audits.append(audit(path, options.policy, *given))
+        audits.append(
+            audit(
+                path,
+                options.policy,
+                allow_plugins=options.allow_plugins,
+                volumes=options.volumes,
+                measured_only=options.measured_only,
+            )
+        )
         print_audit(console, audits[-1])
     measured = [one.volumes for one in audits if one.volumes is not None]
     if len(measured) > 1:

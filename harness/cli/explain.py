@@ -79,7 +79,7 @@ def _explain_decision(options: argparse.Namespace, console: Console) -> Document
         case, card, navigator = made
     print_card(console, card)
     if options.png is not None:
-        _draw(case, card, navigator, options.png, console)
+        _draw(case, card, navigator, target=options.png, console=console)
     return asdict(card)
 
 
@@ -132,7 +132,7 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
         print_verdict(console, verdict)
     print_misses(console, misses)
     if options.png is not None:
-        _draw_episode(log, case, finding, options.png, console)
+        _draw_episode(log, case, finding, target=options.png, console=console)
     document: Document = {
         "log": str(log.path),
         "outcome": log.result["outcome"],

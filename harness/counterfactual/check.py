@@ -101,9 +101,11 @@ def check(
         if any(one.saves for one in checks) or simulated >= most_s:
             break
     if simulated >= most_s and not any(one.saves for one in checks):  # the rest may save it
-        return Verdict(finding, "inconclusive", tuple(checks), simulated, note)
+        return Verdict(
+            finding, answer="inconclusive", checks=tuple(checks), simulated_s=simulated, note=note
+        )
     settled, answer = settle(finding, checks)
-    return Verdict(settled, answer, tuple(checks), simulated, note)
+    return Verdict(settled, answer, checks=tuple(checks), simulated_s=simulated, note=note)
 
 
 def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
@@ -200,10 +202,10 @@ def _try(
     limit_s = case.end_s + MORE_TIME if touched else log.config.episode.time_limit
     change = make(log, case_then)
     if not stack:
-        result, note = go_on(log, case_then, change, begin, limit_s), ""
+        result, note = go_on(log, case_then, change, at=begin, limit_s=limit_s), ""
     else:
         with restarted_stack(log, stack) as restarted:
-            result = go_on(log, case_then, change, begin, limit_s, restarted)
+            result = go_on(log, case_then, change, at=begin, limit_s=limit_s, restarted=restarted)
         differing, answers = restarted.differing, restarted.answers
         note = f"{differing} of {answers} answers before it differ from the recorded"
         note = note if differing else ""

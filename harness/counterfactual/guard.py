@@ -34,7 +34,7 @@ def check_by_guard(log: Log, case: Case, finding: Finding) -> Verdict:
     """
     commands = commands_to(case, case.end_s)
     if note := _undecided(log, case, commands):
-        return Verdict(finding, "inconclusive", (), 0.0, note)
+        return Verdict(finding, answer="inconclusive", checks=(), simulated_s=0.0, note=note)
     first = commands[0]
     control = _simulate(log, case, CONTROL, first, silent_from=len(case.moments))
     checks = [control]
@@ -43,7 +43,7 @@ def check_by_guard(log: Log, case: Case, finding: Finding) -> Verdict:
     begin_s = case.moments[first].time_ns * 1e-9
     simulated = sum(one.end_s - begin_s for one in checks)
     settled, answer, note = settle_by_guard(finding, checks)
-    return Verdict(settled, answer, tuple(checks), simulated, note)
+    return Verdict(settled, answer, checks=tuple(checks), simulated_s=simulated, note=note)
 
 
 def settle_by_guard(finding: Finding, checks: list[Check]) -> tuple[Finding, str, str]:
@@ -89,6 +89,13 @@ def _simulate(log: Log, case: Case, name: str, begin: int, silent_from: int) -> 
     make = guard if name == GUARD else nothing
     answers = RecordedAnswers(log, silent_from)
     limit_s = case.end_s + MORE_TIME
-    result = go_on(log_then, case_then, make(log_then, case_then), begin, limit_s, session=answers)
+    result = go_on(
+        log_then,
+        case_then,
+        change=make(log_then, case_then),
+        at=begin,
+        limit_s=limit_s,
+        session=answers,
+    )
     saves = result.outcome not in HARM
     return Check(name, begin, result.outcome, result.sim_time_s, saves)

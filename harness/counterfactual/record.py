@@ -37,7 +37,7 @@ def record_check(path: Path, verdict: Verdict) -> None:
         "checks": msgspec.json.encode(verdict.checks).decode(),
     }
     head = replace(head, metadata={**head.metadata, CHECK: fields})
-    write_copy(path, head, read_messages(path), result, result.get("record", "full"))
+    write_copy(path, head, read_messages(path), result, record=result.get("record", "full"))
 
 
 def read_check(log: Log) -> Verdict | None:

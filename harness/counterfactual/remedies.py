@@ -111,7 +111,12 @@ def true_ranges(log: Log, case: Case) -> Change:
         scene, sensors = scenario.scene, scenario.config.sensors
         casters = tuple(
             make_caster(
-                scene.model, _exact(one.mount), scene.base, ROBOT_PREFIX, sensors, config.threads
+                scene.model,
+                mount=_exact(one.mount),
+                base=scene.base,
+                prefix=ROBOT_PREFIX,
+                config=sensors,
+                threads=config.threads,
             )
             for one in scene.casters
         )

@@ -66,8 +66,22 @@ def mark_truth(navigator: Navigator, truth: TrueCells, inputs: Inputs) -> None:
     free = truth.centres[~truth.occupied & (states != FREE)]
     solid = truth.centres[truth.occupied & (states != OCCUPIED)]
     back = max(BACK, 1.1 * voxel_map.config.minimum_range)
-    _cast(voxel_map, free, 0.2 * size, int(NO_RETURN), 0.4 * size, inputs.time_ns)
-    _cast(voxel_map, solid, back, round(back * 1e3), 2.0 * back, inputs.time_ns)
+    _cast(
+        voxel_map,
+        ends=free,
+        back=0.2 * size,
+        range_mm=int(NO_RETURN),
+        limit=0.4 * size,
+        time_ns=inputs.time_ns,
+    )
+    _cast(
+        voxel_map,
+        ends=solid,
+        back=back,
+        range_mm=round(back * 1e3),
+        limit=2.0 * back,
+        time_ns=inputs.time_ns,
+    )
 
 
 def _cast(

@@ -65,7 +65,9 @@ def blocking_cells(case: Case, moment: Moment, navigator: Navigator) -> tuple[Bl
     nearest = nearest[gaps[nearest] <= radius + size]
     here = np.array(moment.pose.position)
     return tuple(
-        _blocking(case, moment, navigator, tuple(found[k].tolist()), centres[k], here)
+        _blocking(
+            case, moment, navigator, cell=tuple(found[k].tolist()), centre=centres[k], here=here
+        )
         for k in nearest
     )
 

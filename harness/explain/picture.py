@@ -87,9 +87,9 @@ def draw(case: Case, card: Card, navigator: Navigator, target: Path) -> None:
             _draw_truth(each, case, moment)
             _draw_motion(each, case, moment)
         for cell in card.blocking:
-            _mark(axes, cell.place, "x", 6.0, "blocking cell")
+            _mark(axes, cell.place, marker="x", size=6.0, name="blocking cell")
         if case.contact is not None:
-            _mark(axes, case.contact.position, "*", 11.0, "contact")
+            _mark(axes, place=case.contact.position, marker="*", size=11.0, name="contact")
         if own is not None:
             _draw_costmap(beside[0], own, moment)
         _finish(axes, moment, card, own is not None)

@@ -112,10 +112,10 @@ def motion_of(message: sb.Command) -> Motion | None:
     exact = message.profiled
     return Trajectory(
         exact.start_ns,
-        _points("profiled.path", exact.path),
-        _profile(exact.motion),
-        _profile(exact.turning),
-        exact.overshoot_m,
+        path=_points("profiled.path", exact.path),
+        motion=_profile(exact.motion),
+        turning=_profile(exact.turning),
+        overshoot_m=exact.overshoot_m,
     )
 
 
@@ -219,10 +219,10 @@ def _profile(message: sb.Profile) -> Profile:
         raise CommandError(f"profile: got {len(states)} numbers of states, expected 3 each")
     return Profile(
         np.array(message.times),
-        states.reshape(-1, 3),
-        np.array(message.jerks),
-        message.duration,
-        message.end,
+        states=states.reshape(-1, 3),
+        jerks=np.array(message.jerks),
+        duration=message.duration,
+        end=message.end,
     )
 
 

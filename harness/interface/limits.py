@@ -105,7 +105,12 @@ def follow_within(
         target, target_rate = np.zeros(3), 0.0
         if len(positions) <= steps:
             target, target_rate = _pursuit_velocity(
-                commanded, len(positions), positions[-1], headings[-1], limits, step_s
+                commanded,
+                index=len(positions),
+                position=positions[-1],
+                heading=headings[-1],
+                limits=limits,
+                step_s=step_s,
             )
         before, rate_before = velocity, rate
         velocity = before + _shortened(target - before, limits.acceleration * step_s)

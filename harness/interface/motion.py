@@ -246,7 +246,13 @@ def _waypoint_trajectory(
         corner = first_stop(path, 0.0, MAX_CORNER_RAD)
         if STILL_M < corner < arc_lengths(path)[-1]:
             path = truncate(path, corner)
-    start = PathState(effect_ns, 0.0, along, share * timing.acceleration, reference.heading)
+    start = PathState(
+        effect_ns,
+        arc_length=0.0,
+        speed=along,
+        acceleration=share * timing.acceleration,
+        heading=reference.heading,
+    )
     return follow_path(
         path,
         start,

@@ -221,10 +221,10 @@ def reference_from(message: sb.Observation) -> Reference:
     """Decode the commanded state at the time of effect, in another process."""
     return Reference(
         np.array(_triple(message.reference_position)),
-        np.array(_triple(message.reference_velocity)),
-        message.reference_heading,
-        message.reference_yaw_rate,
-        message.at_rest,
+        velocity=np.array(_triple(message.reference_velocity)),
+        heading=message.reference_heading,
+        yaw_rate=message.reference_yaw_rate,
+        at_rest=message.at_rest,
     )
 
 

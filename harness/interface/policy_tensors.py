@@ -133,7 +133,13 @@ def velocity_of(action: NDArray[np.floating], mission: Mission) -> Velocity:
     forward, left, up, turn = np.where(np.abs(shares) < STILL, 0.0, shares).tolist()
     speed = mission.max_speed
     up = 0.0 if mission.planar else up
-    return Velocity(forward * speed, left * speed, up * speed, turn * mission.max_yaw_rate, HOLD_S)
+    return Velocity(
+        forward * speed,
+        left=left * speed,
+        up=up * speed,
+        yaw_rate=turn * mission.max_yaw_rate,
+        duration_s=HOLD_S,
+    )
 
 
 def in_body(vectors: Array, heading: float) -> Array:

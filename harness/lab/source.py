@@ -72,7 +72,11 @@ def of_log(path: Path, most: int) -> Source:
                 yield PlacedSweep(inputs.time_ns, world, beams.range)
 
     return Source(
-        path.name, log.config.map, log.mission.low, log.mission.high, first(placed(), most)
+        path.name,
+        config=log.config.map,
+        low=log.mission.low,
+        high=log.mission.high,
+        sweeps=first(placed(), most),
     )
 
 
@@ -97,7 +101,13 @@ def of_recording(recording: Recording, prepared: Prepared, most: int) -> Source:
                 yield PlacedSweep(inputs.time_ns, world, own.range)
 
     sweeps = first(placed(), most)
-    return Source(recording.name, prepared.config.map, mission.low, mission.high, sweeps)
+    return Source(
+        recording.name,
+        config=prepared.config.map,
+        low=mission.low,
+        high=mission.high,
+        sweeps=sweeps,
+    )
 
 
 def first(sweeps: Iterator[PlacedSweep], most: int) -> tuple[PlacedSweep, ...]:

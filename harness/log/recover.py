@@ -75,12 +75,20 @@ def recover(path: Path, target: Path | None = None, allow_plugins: bool = False)
     sim_time_s = reading.decisions[-1].timestamp.ToNanoseconds() * 1e-9
     result = None if reading.damage else head.metadata.get("result")
     if result is not None and not PARTIAL_NAME.search(path.name):
-        return Recovery(str(path), None, decisions, sim_time_s, "")
+        return Recovery(
+            str(path), written=None, decisions=decisions, sim_time_s=sim_time_s, damage=""
+        )
     reason = f"{RECOVERED}{reading.damage or 'the log ends without a result'}"
     result = result or _result_of(reading, head.mission, reason)
     record = "full" if reading.sweeps else "decisions"
-    write_copy(target, head, reading.whole_decisions(), result, record)
-    return Recovery(str(path), str(target), decisions, sim_time_s, reading.damage)
+    write_copy(target, head, messages=reading.whole_decisions(), result=result, record=record)
+    return Recovery(
+        str(path),
+        written=str(target),
+        decisions=decisions,
+        sim_time_s=sim_time_s,
+        damage=reading.damage,
+    )
 
 
 def _result_of(reading: _Reading, mission: Mission, reason: str) -> dict[str, str]:
@@ -143,7 +151,7 @@ def finish_partial(
     if traceback:
         head.attachments[TRACEBACK] = traceback.encode()
     record = "full" if reading.sweeps or not decisions else "decisions"
-    write_copy(target, head, reading.whole_decisions(), result, record)
+    write_copy(target, head, messages=reading.whole_decisions(), result=result, record=record)
     source.unlink()
     return reason, decisions
 

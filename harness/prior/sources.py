@@ -122,7 +122,7 @@ def _states(config: Config, shown: World, placed: Placement, window: Window) -> 
     path = Path(prior.source)
     if (read_gaussians := SPLATS.get(path.suffix.lower())) is not None:
         splat, source = _read(path, read_gaussians)
-        return poll(splat, window, placed, prior.scale, prior.up).states, source
+        return poll(splat, window, placement=placed, scale=prior.scale, up=prior.up).states, source
     if path.suffix.lower() not in READERS:
         if HASH_SEPARATOR in path.name:
             raise InputError(f"prior map '{path}' was read from a file: expected the file")
@@ -161,7 +161,13 @@ def _read_occupancy_map(path: Path, config: Config) -> Grid:
     states = np.where(flat.occupied, OCCUPIED, flat.free * FREE).astype(np.uint8)[:, :, None]
     x, y, yaw = flat.origin
     placement = Placement(x, y, 0.0, yaw)
-    return Grid(states, np.zeros(3), flat.resolution, config.prior.height, placement)
+    return Grid(
+        states,
+        origin=np.zeros(3),
+        resolution=flat.resolution,
+        height=config.prior.height,
+        placement=placement,
+    )
 
 
 def _read_octomap(path: Path, config: Config) -> Grid:

@@ -235,17 +235,17 @@ def poll(
         placement,
         scale,
         up,
-        window.resolution,
+        cell=window.resolution,
     )
     votes = np.zeros(window.shape, np.int32)
     outside = _vote(votes, means, covariances, opacities[used], window)
     return Poll(
         votes,
-        len(finite),
-        int((finite & ~opaque).sum()),
-        int((finite & opaque & ~small).sum()),
-        outside,
-        int((~finite).sum()),
+        gaussians=len(finite),
+        transparent=int((finite & ~opaque).sum()),
+        too_large=int((finite & opaque & ~small).sum()),
+        outside=outside,
+        broken=int((~finite).sum()),
     )
 
 

@@ -160,7 +160,9 @@ def open_log(path: Path, options: RecordingOptions) -> Recording:
     stamps = _clock(index)
     poses = _poses(np.array(index.poses).reshape(-1, 6), _offset(kind, parameters), options)
     placed = StampedPoses(stamps, *planar(_finite_yaws(poses.robots)))
-    track, start = track_of(path, placed, f"{kind} {poses.source}", options, faults)
+    track, start = track_of(
+        path, poses=placed, source=f"{kind} {poses.source}", options=options, faults=faults
+    )
     limits = _limits(kind, index, parameters)
     limits = limits._replace(cut=min(limits.range_max, float32(options.range_max or np.inf)))
     sensor = RecordedSensor(

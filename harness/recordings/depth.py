@@ -38,7 +38,13 @@ def depth_beams(
     points = np.empty((int(met.sum()), 3), np.float32)
     points[:, :2] = slopes[met] * chosen[met, None]
     points[:, 2] = chosen[met]
-    return point_beams(points, None, limits, faults, Silent(_unit(slopes[measured & silent])))
+    return point_beams(
+        points,
+        times_ns=None,
+        limits=limits,
+        faults=faults,
+        silent=Silent(_unit(slopes[measured & silent])),
+    )
 
 
 def usable(intrinsics: Intrinsics) -> bool:

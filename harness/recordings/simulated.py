@@ -73,7 +73,9 @@ def open_episode(path: Path, options: RecordingOptions) -> Recording:
         if name not in log.beams:
             raise unknown_name("sensor of the recording", name, log.beams)
     chosen = sorted(options.sensors or log.beams)
-    track, start = track_of(path, _poses(path), "the estimated poses", options, faults)
+    track, start = track_of(
+        path, _poses(path), source="the estimated poses", options=options, faults=faults
+    )
     sensors = tuple(_sensor(name, log.beams[name], options) for name in chosen)
     return Recording(
         name=path.name,
@@ -162,7 +164,13 @@ def _beams(
     points = (unit[met] * (ranges_mm[met, None] / MILLIMETRES)).astype(np.float32)
     limits = Limits(0.0, FARTHEST, sensor.range_max, beyond_is_none=False)
     none = Silent(unit[silent].astype(np.float32), None if times is None else times[silent])
-    return point_beams(points, None if times is None else times[met], limits, faults, none)
+    return point_beams(
+        points,
+        times_ns=None if times is None else times[met],
+        limits=limits,
+        faults=faults,
+        silent=none,
+    )
 
 
 def _sensor(name: str, beams: LoggedBeams, options: RecordingOptions) -> RecordedSensor:

@@ -44,7 +44,9 @@ def find_robot(config: Config) -> Robot:
             f"unknown robot '{config.robot}'; its spec file is here: --robot {example} "
             f"(available by name: {', '.join(sorted(ROBOTS))})"
         )
-    return find_named("robot", config.robot, built_in(config), ENDING, read_robot)
+    return find_named(
+        "robot", name=config.robot, registry=built_in(config), ending=ENDING, read=read_robot
+    )
 
 
 def built_in(config: Config) -> Mapping[str, Robot]:

@@ -54,9 +54,11 @@ def route_between(
     field = _all_free(free_cells(world, radius, band), wide).astype(np.uint16)[:, :, None]
     size = wide * RESOLUTION
     origin = np.array([*world.low[:2], -0.5 * size])
-    space = FreeSpace(field, origin, size, 0, np.zeros(2))
+    space = FreeSpace(
+        field, origin, resolution=size, collision_distance_sq=0, cost_by_distance=np.zeros(2)
+    )
     a, b = (np.array([point[0], point[1], 0.0]) for point in (begin, end))
-    found = plan(space, a, b, PLANNER, SEED)
+    found = plan(space, a, goal=b, config=PLANNER, seed=SEED)
     return None if found.waypoints is None else found.length
 
 

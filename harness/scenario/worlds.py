@@ -29,7 +29,9 @@ def find_world(config: Config) -> World:
     Raises:
         InputError: No such world or file; or a world whose file is only in its log.
     """
-    found = find_named("world", config.world, WORLDS, ENDING, read_world_file)
+    found = find_named(
+        "world", name=config.world, registry=WORLDS, ending=ENDING, read=read_world_file
+    )
     return found if isinstance(found, World) else generate(config)
 
 

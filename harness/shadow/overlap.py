@@ -86,7 +86,9 @@ class Terms:
 
     def cells(self, a_map: Representation, poses: Array, reach: float) -> Cells:
         """Return cells of a map within a reach, m, of poses (n, 4)."""
-        return cells_around(a_map, poses[:, :3], reach, self.config, self.mission)
+        return cells_around(
+            a_map, path=poses[:, :3], reach=reach, config=self.config, mission=self.mission
+        )
 
 
 def find_cause(

@@ -177,7 +177,13 @@ class RecordedPerturbation:
         ages, poses = tuple(sweep.ages_ns) or (0,), beams.poses
         del sweep.ages_ns[:]
         directions = sweep.directions  # kept as recorded: coding them again may round anew
-        write_list(sweep, beams.directions, perturbed.astype(np.uint32), poses, ages)
+        write_list(
+            sweep,
+            beams.directions,
+            ranges_mm=perturbed.astype(np.uint32),
+            poses=poses,
+            ages_ns=ages,
+        )
         sweep.directions = directions
 
     def _change_measured(self, sweep: pb.Sweep, info: pb.SensorInfo, sequence: int) -> None:

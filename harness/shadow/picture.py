@@ -70,7 +70,13 @@ def _places(assessed: Assessed) -> np.ndarray[tuple[int, int], np.dtype[np.float
 def _draw_map(
     axes: Axes, assessed: Assessed, way: np.ndarray[tuple[int, int], np.dtype[np.float64]]
 ) -> None:
-    cells = cells_around(assessed.memory, way, ROOM, assessed.log.config, assessed.log.mission)
+    cells = cells_around(
+        assessed.memory,
+        path=way,
+        reach=ROOM,
+        config=assessed.log.config,
+        mission=assessed.log.mission,
+    )
     states = _layer(cells, way)
     (nx, ny), (x, y) = states.shape, cells.corner[:2]
     axes.imshow(

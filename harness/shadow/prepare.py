@@ -114,7 +114,7 @@ def prepare(
     assert recorded is not None
     way = Way(_read_part(recording), recorded, flat=planar)
     start_ns = min(sweeps[0].time_ns for sweeps in first.values())
-    mission = _mission(way, body, config, start_ns, recording.mission)
+    mission = _mission(way, body, config, start_ns, of_episode=recording.mission)
     if body.motion == "air" and recording.mission is None:
         config = within_altitudes(config, mission, settings)
     config = with_prior(config, bare_world(config, mission))
@@ -155,7 +155,9 @@ def _writers(
     for sensor in recording.sensors:
         if sensor.name not in first:
             continue
-        writer = _writer(sensor, first[sensor.name], lift, recording, config)
+        writer = _writer(
+            sensor, sweeps=first[sensor.name], lift=lift, recording=recording, config=config
+        )
         if (name := writer.info.name) in names:
             raise InputError(f"recording '{recording.name}': two sensors of the name {name}")
         names.add(name)

@@ -137,7 +137,9 @@ class SweepWriter:
         message = pb.Sweep(sequence=sequence, sensor=self.info.name)
         message.timestamp.FromNanoseconds(time_ns)
         poses, ages = _ages(sweep, time_ns)
-        write_list(message, sweep.directions, self._millimetres(sweep), poses, ages)
+        write_list(
+            message, sweep.directions, ranges_mm=self._millimetres(sweep), poses=poses, ages_ns=ages
+        )
         numbers = [*mount.position.tolist(), *mount.quaternion.tolist()]
         known = [*self._mount.position.tolist(), *self._mount.quaternion.tolist()]
         if max(abs(a - b) for a, b in zip(numbers, known, strict=True)) > SAME_MOUNT:

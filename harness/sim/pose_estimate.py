@@ -180,8 +180,12 @@ class PoseEstimate:
             return
         self._corrected = sequence
         predicted = self._believed(trail, rolling)
-        last = predicted.positions[-1], predicted.quaternions[-1]
-        pose = Pose(*last, 0.0, predicted if rolling else None)
+        pose = Pose(
+            predicted.positions[-1],
+            predicted.quaternions[-1],
+            position_sigma=0.0,
+            trail=predicted if rolling else None,
+        )
         moved = self._lidar.correct(self._points(sweeps, pose, sequence))
         self._errors = deque((one + moved for one in self._errors), self._errors.maxlen)
         self._update_error()

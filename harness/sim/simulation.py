@@ -58,7 +58,7 @@ class Simulation:
         self._pose_position, self._pose_quaternion = self._pose[:3], self._pose[3:]
         self._timestep = timestep = float(scene.model.opt.timestep)
         self.steps_per_decision = steps = round(decision_period(scenario) / timestep)
-        body = Body(scene.model, self.data, scene.base, self.truth.is_robot, mission.planar)
+        body = Body(scene.model, self.data, scene.base, self.truth.is_robot, legs=mission.planar)
         infos = [sensor_info(caster) for caster in scene.casters]
         beams = {info.name: beams_from_info(info) for info in infos}
         self.estimate = PoseEstimate(

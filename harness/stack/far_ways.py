@@ -38,7 +38,13 @@ class FarWays:
         self._planner = PlannerConfig(iterations=config.planner.iterations, clearance_weight=weight)
         self._field = coarse.states[:, :, None].astype(np.uint16)
         origin = np.array([*coarse.origin, -0.5 * coarse.size])  # the layer's centre at z = 0
-        self._space = FreeSpace(self._field, origin, coarse.size, BLOCKED, np.zeros(PASSABLE + 1))
+        self._space = FreeSpace(
+            self._field,
+            origin,
+            resolution=coarse.size,
+            collision_distance_sq=BLOCKED,
+            cost_by_distance=np.zeros(PASSABLE + 1),
+        )
         self._goal_field: GoalField | None = None
         for _ in range(2):  # the second time compiles what repairs them, so that no decision waits
             self.way(np.array(mission.start), np.array(mission.goals[0]))

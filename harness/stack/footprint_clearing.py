@@ -38,9 +38,9 @@ def clear_footprint(a_map: Representation, mission: Mission, pose: Pose, time_ns
         y = float(pose.position[1] + offset * sines[0])
         low, high = (x - radius, y - radius), (x + radius, y + radius)
         floor = floor_mask(low, high, size)
-        a_map.mark(_cells_within(floor, x, y, radius, size), OCCUPIED, time_ns)
+        a_map.mark(_cells_within(floor, x, y, radius, resolution=size), OCCUPIED, time_ns)
         body = box_mask((*low, 0.25 * size), (*high, mission.height), size)
-        a_map.mark(_cells_within(body, x, y, radius, size), FREE, time_ns)
+        a_map.mark(_cells_within(body, x, y, radius, resolution=size), FREE, time_ns)
 
 
 def _cells_within(mask: CellMask, x: float, y: float, radius: float, resolution: float) -> CellMask:

@@ -69,7 +69,7 @@ def at_path_end(state: PlannerState, start: TrajectorySample) -> bool:
 
 def give_up_at_goal(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
     """Give up beside a goal that the pose is too uncertain to claim."""
-    return _stand(input, state, start, "goal_uncertain", "abort")
+    return _stand(input, state, start, kind="goal_uncertain", action="abort")
 
 
 def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
@@ -90,13 +90,13 @@ def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectoryS
     if not is_stationary(start):
         path = remaining(state.trajectory.path, start.arc_length)
         reason = _reason(input, "pose_lost")
-        return brake(input, state, start, path, reason, "localization_lost")
+        return brake(input, state, start, path, reason, label="localization_lost")
     path = np.vstack([start.position, state.unheld_trail[::-1]])
     path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]
     free = input.traversable.free_length(path) if len(path) > 1 else 0.0
     done = state.returns >= input.behaviour.max_returns
     if done or free < max(arc_length(path) - LENGTH_ROUNDING, input.behaviour.min_advance):
-        return _stand(input, state, start, "pose_lost", "abort")
+        return _stand(input, state, start, kind="pose_lost", action="abort")
     state = replace(
         state,
         global_path=path,

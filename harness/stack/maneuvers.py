@@ -14,6 +14,7 @@ from wayproof.harness.stack.diagnosis import diagnose_lost_path, diagnose_no_pat
 from wayproof.harness.stack.evasive_stop import clearest_stop
 from wayproof.harness.stack.footprint_checks import moves_tail_first
 from wayproof.harness.stack.global_path import HEADINGS, GlobalPlan
+from wayproof.harness.stack.path_timing import at_begin
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.types import (
     Array,
@@ -26,7 +27,6 @@ from wayproof.harness.stack.types import (
     is_stationary,
 )
 from wayproof.planners import (
-    PathState,
     TrajectorySample,
     hold,
     remaining,
@@ -106,7 +106,7 @@ def brake(
     path = clearest_stop(input, start, path)
     trajectory = stop_along(
         path,
-        PathState(input.effect_ns, 0.0, start.speed, start.acceleration, start.heading),
+        at_begin(input, start),
         input.limits,
         moves_tail_first(input, start, path),
     )
@@ -129,7 +129,7 @@ def stop_without_path(
     """
     state, search = planned.state, planned.search
     if search is not None and is_stationary(start):
-        return wait(input, state, start, search.label, diagnose_no_path(input, search))
+        return wait(input, state, start, search.label, reason=diagnose_no_path(input, search))
     path = remaining(state.trajectory.path, start.arc_length)
     if search is not None:
         stop = stopping_distance(start.speed, start.acceleration, input.limits)

@@ -143,10 +143,10 @@ def brake_on_path(
     kept = truncate(path, max(end, 1e-3))
     if not part.blocked:
         reason = Reason("path_too_short", path_m=end, stop_m=braking)
-        return brake(input, state, start, kept, reason, "none")
+        return brake(input, state, start, path=kept, reason=reason, label="none")
     found = obstruction.on_path(input, path, end, input.unknown_blocks)
     reason, label = way_ahead_reason(BRAKES, found, stop_m=braking)
-    return brake(input, state, start, kept, reason, label)
+    return brake(input, state, start, path=kept, reason=reason, label=label)
 
 
 def wait_on_path(
@@ -167,18 +167,20 @@ def set_out(
     for target, backwards in headings_to_start_at(input.traversable, start, nose_first):
         error = abs(wrap_angle(target - start.heading))
         if error <= input.behaviour.rotate_in_place_angle:
-            driven = drive_along(input, state, start, part, backwards)
+            driven = drive_along(input, state, start, part, tail_first=backwards)
             if driven is not None:
                 return driven
         elif input.sideways_speed:
-            driven = turn_while_driving(input, state, start, part, backwards)
+            driven = turn_while_driving(input, state, start, part, tail_first=backwards)
             if driven is not None:
                 return driven
         if error > ALIGNED:
             return turn_into_path(input, state, start, target)
     along = plan_trajectory(input, start, truncate(path, part.length), speed_share=1.0)
     reason = diagnose_no_room(input, start, along, nose_first)
-    return wait(input, replace(state, global_path=None), start, "no_path", reason)
+    return wait(
+        input, state=replace(state, global_path=None), start=start, label="no_path", reason=reason
+    )
 
 
 def step_aside(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided | None:
@@ -202,7 +204,7 @@ def step_aside(input: PlannerInput, state: PlannerState, start: TrajectorySample
     if trajectory is None:
         return None
     reason = Reason("stepping_aside", distance_m=arc_length(trajectory.path))
-    command = Command("follow", reason, "none", trajectory, state.path)
+    command = Command("follow", reason, label="none", trajectory=trajectory, global_path=state.path)
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
 
 
@@ -258,7 +260,9 @@ def keep_course(
     corners = input.behaviour.checks_corners
     if first_misfit(input.traversable, trajectory, elapsed, corners=corners) is None:
         reason = Reason("keeping_course")
-        command = Command("follow", reason, "none", trajectory, previous.global_path)
+        command = Command(
+            "follow", reason, label="none", trajectory=trajectory, global_path=previous.global_path
+        )
         return Decided(command, replace(previous, improved_ns=state.improved_ns))
     poses = poses_from(trajectory, elapsed, corners=corners)
     found = obstruction.on_poses(input, poses, input.unknown_blocks)
@@ -322,7 +326,9 @@ def fit_trajectory(
         input,
         path,
         max(braking, MIN_PATH),
-        lambda way: plan_trajectory(input, start, way, speed_share, tail_first),
+        lambda way: plan_trajectory(
+            input, start, path=way, speed_share=speed_share, tail_first=tail_first
+        ),
     )
 
 

@@ -6,6 +6,22 @@ from wayproof.harness.stack.types import Array, PlannerInput
 from wayproof.planners import PathState, Trajectory, TrajectorySample, follow_path
 
 
+def at_begin(input: PlannerInput, start: TrajectorySample) -> PathState:
+    """Return the state of a robot that enters a path at its first point.
+
+    Args:
+        input: Planner input of the decision.
+        start: Sample of the present trajectory at the time of effect.
+    """
+    return PathState(
+        time_ns=input.effect_ns,
+        arc_length=0.0,
+        speed=start.speed,
+        acceleration=start.acceleration,
+        heading=start.heading,
+    )
+
+
 def plan_trajectory(
     input: PlannerInput,
     start: TrajectorySample,
@@ -16,12 +32,12 @@ def plan_trajectory(
     """Time-parameterize a path (n, 3) at a share of full speed, ending at rest."""
     return follow_path(
         path,
-        PathState(input.effect_ns, 0.0, start.speed, start.acceleration, start.heading),
-        input.limits,
-        speed_share * input.limits.speed,
-        tail_first,
-        input.sideways_speed,
-        input.behaviour.whole_bends,
+        start=at_begin(input, start),
+        limits=input.limits,
+        speed_cap=speed_share * input.limits.speed,
+        reverse=tail_first,
+        sideways_speed=input.sideways_speed,
+        whole_bends=input.behaviour.whole_bends,
     )
 
 

@@ -69,11 +69,11 @@ def escape_inflation(input: PlannerInput, state: PlannerState, start: Trajectory
     found = obstruction.at_place(input, start.position, start.heading, input.unknown_blocks)
     if escape is None:
         reason = inflation_reason("no_way_out", found, limit_m=MAX_ESCAPE)
-        return wait(input, state, start, "start_blocked", reason)
+        return wait(input, state, start, label="start_blocked", reason=reason)
     away = distance(start.position, escape.position)
     if not _leads_out(input, start, escape.position, escape.heading):
         reason = inflation_reason("way_out_blocked", found, distance_m=away)
-        return wait(input, state, start, "start_blocked", reason)
+        return wait(input, state, start, label="start_blocked", reason=reason)
     path = np.stack([start.position, escape.position])
     if escape.heading == start.heading:
         trajectory = _sidestep(input, start, path)
@@ -84,7 +84,9 @@ def escape_inflation(input: PlannerInput, state: PlannerState, start: Trajectory
         )
         turn = wrap_angle(escape.heading - start.heading)
         reason = inflation_reason("turning_out_of_inflation", found, turn_rad=turn)
-    command = Command("recover", reason, "start_blocked", trajectory, path)
+    command = Command(
+        "recover", reason, label="start_blocked", trajectory=trajectory, global_path=path
+    )
     state = replace(
         state, trajectory=trajectory, global_path=None, exploration=None, rest_since_ns=-1
     )
@@ -114,7 +116,9 @@ def continue_escape(
     found = obstruction.at_place(input, start.position, start.heading, input.unknown_blocks)
     reason = inflation_reason("escaping_inflation", found, distance_m=arc_length(path))
     trajectory = _sidestep(input, start, path)
-    command = Command("recover", reason, "start_blocked", trajectory, path)
+    command = Command(
+        "recover", reason, label="start_blocked", trajectory=trajectory, global_path=path
+    )
     return Decided(command, replace(state, trajectory=trajectory))
 
 
@@ -224,11 +228,18 @@ def _search_frontier(
     search = None
     for _ in range(MAX_FRONTIERS if input.traversable.discs else 1):
         target = best_frontier(
-            input.traversable, input.optimistic, start.position, input.goal, viewpoints
+            input.traversable, input.optimistic, start.position, input.goal, visited=viewpoints
         )
         if target is None:
             return search
-        search = plan(input.traversable, start.position, target, input.planner, seed, start.heading)
+        search = plan(
+            input.traversable,
+            start=start.position,
+            goal=target,
+            config=input.planner,
+            seed=seed,
+            heading=start.heading,
+        )
         if search.waypoints is not None:
             return search
         viewpoints = np.vstack([viewpoints, target])

@@ -129,7 +129,7 @@ def calibrate_margin(
     limit = max(one.config.episode.time_limit for one in planned)
     variants = list(dict.fromkeys(one.arm.variant for one in planned))
     by_margin = [[row for row in rows if row.arm.variant == variant] for variant in variants]
-    return margin_from(study.axes[SETTING], by_margin, limit, drift, bound)
+    return margin_from(study.axes[SETTING], rows=by_margin, limit=limit, drift=drift, bound=bound)
 
 
 def margin_from(
@@ -151,7 +151,7 @@ def margin_from(
     rates = [one.estimate for one in collided]
     fitted = isotonic_regression(rates, weights=sizes, increasing=False).x.tolist()
     rungs = [
-        _rung(margin, some, rows[0], interval, rate, limit)
+        _rung(margin, rows=some, first=rows[0], collided=interval, monotone=rate, limit=limit)
         for margin, some, interval, rate in zip(margins, rows, collided, fitted, strict=True)
     ]
     errors = [row for some in rows for row in some if not row.ran]

@@ -52,9 +52,23 @@ class Arrangement:
 
 
 ARRANGEMENTS = (
-    Arrangement("a new process for each, in reverse", 1, 1, True, "reversed"),
-    Arrangement("two processes, two threads each, shuffled", 2, 2, False, "shuffled"),
-    Arrangement("two processes, three threads each, in reverse", 2, 3, False, "reversed"),
+    Arrangement(
+        "a new process for each, in reverse", workers=1, threads=1, fresh=True, order="reversed"
+    ),
+    Arrangement(
+        "two processes, two threads each, shuffled",
+        workers=2,
+        threads=2,
+        fresh=False,
+        order="shuffled",
+    ),
+    Arrangement(
+        "two processes, three threads each, in reverse",
+        workers=2,
+        threads=3,
+        fresh=False,
+        order="reversed",
+    ),
 )
 
 
@@ -202,11 +216,19 @@ def _run_again(
         with ProcessEngine(workers, bounds, arrangement.fresh) as engine:
             engine(jobs, [], note)  # their kernels were compiled for the study
         return [
-            _compare(key, Path(folder) / f"{key}.mcap", chains[key], arrangement, errors[key])
+            _compare(
+                key,
+                log=Path(folder) / f"{key}.mcap",
+                expected=chains[key],
+                arrangement=arrangement,
+                error=errors[key],
+            )
             for key in keys.values()
         ]
 
 
 def _compare(key: str, log: Path, expected: str, arrangement: Arrangement, error: str) -> Rerun:
     chain = open_log(log, allow_plugins=True).result["chain"] if not error else ""
-    return Rerun(key, arrangement.name, chain, chain == expected, error)
+    return Rerun(
+        key, arrangement=arrangement.name, chain=chain, identical=chain == expected, error=error
+    )

@@ -258,7 +258,14 @@ def read_gate(text: str) -> Gate:
     if not math.isfinite(bound):
         raise InputError(f"gate '{text}': got the bound '{match[4]}', expected a number")
     statistic: Statistic = match[2]  # type: ignore[assignment]  # one of them, as checked
-    return Gate(text.strip(), match[1], statistic, match[3] == "<=", bound, match[5] is not None)
+    return Gate(
+        text.strip(),
+        metric=match[1],
+        statistic=statistic,
+        at_most=match[3] == "<=",
+        bound=bound,
+        proven=match[5] is not None,
+    )
 
 
 def files_of(study: StudyFile) -> list[str]:

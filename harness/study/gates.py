@@ -121,7 +121,7 @@ def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateRes
     verdict = "inconclusive" if interval is None else verdict_of(gate, interval)
     needed = None
     if interval is not None and verdict == "inconclusive":
-        needed = _worlds_needed(gate, values, support, interval, (1.0 - confidence) / 2.0)
+        needed = _worlds_needed(gate, values, support, interval, tail=(1.0 - confidence) / 2.0)
     worlds = len(set(values.clusters))
     return GateResult(
         gate=gate.text,

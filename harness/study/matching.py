@@ -140,7 +140,7 @@ def _points(log: Log, expected: Config) -> tuple[Given | None, tuple[Given, ...]
             expected.seed,
             expected.difficulty,
             expected.world_parameters,
-            (expected.start, expected.waypoints, expected.goal),
+            given=(expected.start, expected.waypoints, expected.goal),
         )
     given = tuple(one for one in goals if _is_point(one))
     return expected.start, given if len(given) == len(goals) else None

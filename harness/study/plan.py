@@ -110,7 +110,14 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
         if perturbation != CLEAN:
             config = with_perturbation(config, perturbation_at(perturbation, severity))
         _refuse_prior_file(study, config)
-        arm = Arm(world, robot, " ".join(variant), perturbation, severity, stack)
+        arm = Arm(
+            world,
+            robot,
+            variant=" ".join(variant),
+            perturbation=perturbation,
+            severity=severity,
+            stack=stack,
+        )
         configs.append((arm, config))
     return [
         planned_for(arm, replace(override(config, own), seed=seed), contents)

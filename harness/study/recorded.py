@@ -58,7 +58,7 @@ def plan_recorded(study: StudyFile, contents: Mapping[str, str]) -> list[Planned
                 for seed in seeds_of(study):
                     own = replace(config, seed=seed)
                     key = episode_key(own, contents)
-                    planned.append(Planned(arm, seed, own, key, source))
+                    planned.append(Planned(arm, seed, config=own, key=key, source=source))
     places = {seed: place for place, seed in enumerate(seeds_of(study))}
     return sorted(planned, key=lambda one: places[one.seed])
 
@@ -84,7 +84,14 @@ def _arms(
             read=study.read,
         )
         config = from_prepared(recording, body, source, perturbation, severity).config
-        arm = Arm(config.world, robot, " ".join(variant), perturbation, severity, stack)
+        arm = Arm(
+            config.world,
+            robot,
+            variant=" ".join(variant),
+            perturbation=perturbation,
+            severity=severity,
+            stack=stack,
+        )
         yield arm, source, config
 
 

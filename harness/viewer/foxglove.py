@@ -210,7 +210,9 @@ def _stack_costmap(grid: Grid, stamp: Timestamp) -> fox.Grid:
     )
     opaque = np.full((*grid.cells.shape, 1), OPACITY, np.uint8)
     x, y = grid.origin.tolist()
-    return coloured_grid(np.concatenate([colours, opaque], axis=2), x, y, grid.resolution, stamp)
+    return coloured_grid(
+        np.concatenate([colours, opaque], axis=2), x, y, side=grid.resolution, stamp=stamp
+    )
 
 
 def _failure(moment: Moment, words: str) -> fox.SceneEntity:

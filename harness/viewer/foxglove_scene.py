@@ -116,7 +116,7 @@ def evidence_grids(moment: Moment, mission: Mission) -> Iterator[tuple[str, fox.
         colours = np.concatenate([image, opaque], axis=2)[::-1]  # a grid has the least y first
         yield (
             topic,
-            coloured_grid(colours, x, y, costmap.resolution, moment.decision.timestamp),
+            coloured_grid(colours, x, y, side=costmap.resolution, stamp=moment.decision.timestamp),
         )
 
 

@@ -34,7 +34,9 @@ def costmap_grid(grid: Grid) -> rr.GridMap:
     """Return a stack's own costmap."""
     height, width = grid.cells.shape
     image = _COSTS[np.ascontiguousarray(grid.cells[::-1]).view(np.uint8)]
-    return grid_map(width, height, grid.resolution, grid.origin.tolist(), image.tobytes())
+    return grid_map(
+        width, height, side=grid.resolution, corner=grid.origin.tolist(), data=image.tobytes()
+    )
 
 
 def grid_map(

@@ -138,7 +138,13 @@ def _view(
     size = None if saved is None else saved.stat().st_size * 1e-6
     wall = time.perf_counter() - began
     saved_as = None if saved is None else str(saved)
-    return View(tuple(str(log.path) for log in logs.values()), decisions, saved_as, size, wall)
+    return View(
+        tuple(str(log.path) for log in logs.values()),
+        decisions,
+        saved_as,
+        megabytes=size,
+        wall_time_s=wall,
+    )
 
 
 def _stop_waiting(logs: Mapping[str, Log]) -> None:

@@ -146,7 +146,9 @@ def _layer(moment: Moment, mission: Mission, with_evidence: bool) -> Layer:
     layer_kinds = kinds(costmap, index, record.decision.collision_distance_sq)
     evidence = None
     if with_evidence:
-        evidence = evidence_at(moment.map, costmap, index, mission, moment.time_ns)
+        evidence = evidence_at(
+            moment.map, costmap, layer=index, mission=mission, time_ns=moment.time_ns
+        )
     return Layer(layer_kinds, costmap.origin[:2], costmap.resolution, evidence)
 
 

@@ -163,11 +163,11 @@ def _run(arm: Arm, seed: int, path: Path) -> Trial:
     result = run_episode(build(config), path, note)
     return Trial(
         result,
-        sum(one.explores for one in decisions),
-        sum(one.at_edge for one in decisions) / len(decisions),
-        sum(one.unknown for one in decisions) / len(decisions),
-        entered_unknown(open_log(path)) if arm in POLICIES else 0,
-        [one.plan_ms for one in decisions],
+        looks=sum(one.explores for one in decisions),
+        edge_share=sum(one.at_edge for one in decisions) / len(decisions),
+        unknown_share=sum(one.unknown for one in decisions) / len(decisions),
+        unknown_cells=entered_unknown(open_log(path)) if arm in POLICIES else 0,
+        plan_ms=[one.plan_ms for one in decisions],
     )
 
 

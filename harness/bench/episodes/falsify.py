@@ -31,7 +31,9 @@ def bench_falsify(repeats: int, seed: int, progress: Progress) -> list[Document]
 def _repeat(seed: int) -> Document:
     warm_up(pole_room(None).config)
     evolved = search(SPACE, cross_pole_room, BUDGET, seed)
-    drawn = search(SPACE, cross_pole_room, RANDOM_BUDGET, seed, "random")
+    drawn = search(
+        SPACE, evaluate=cross_pole_room, budget=RANDOM_BUDGET, seed=seed, method="random"
+    )
     return {
         "seed": seed,
         "evolution": evolved.episodes,

@@ -196,7 +196,7 @@ def _timed(work: Callable[[], None]) -> float:
 
 def _walk_for_speed() -> None:
     rng = np.random.default_rng(0)
-    sim = TrialSim(Quadruped(), Conditions(), None, SPEED_TIME, rng)
+    sim = TrialSim(Quadruped(), Conditions(), noise=None, seconds=SPEED_TIME, rng=rng)
     command = np.array([0.8, 0.1, 0.3])
     while sim.tick * TIMESTEP < SPEED_TIME:
         sim.walk(command)
@@ -204,7 +204,14 @@ def _walk_for_speed() -> None:
 
 def _fly_for_speed() -> None:
     rng = np.random.default_rng(0)
-    flights.fly(Quadrotor(), flights.figure_of_eight(rng), SPEED_TIME, 0.0, None, rng)
+    flights.fly(
+        Quadrotor(),
+        course=flights.figure_of_eight(rng),
+        seconds=SPEED_TIME,
+        wind_speed=0.0,
+        noise=None,
+        rng=rng,
+    )
 
 
 def _commands(
@@ -224,7 +231,7 @@ def _commands(
 
 
 def _terrain(rng: np.random.Generator, name: str) -> Run:
-    result = walks.cross_terrain(Quadruped(), Conditions(), NOISE, rng, name)
+    result = walks.cross_terrain(Quadruped(), Conditions(), NOISE, rng, terrain=name)
     return Run(result.fallen, result.arrived)
 
 
@@ -251,7 +258,9 @@ def _flight(
     robot: Quadrotor | None = None,
 ) -> Run:
     course = draw_course(rng)
-    result = flights.fly(robot or Quadrotor(), course, FLIGHT_TIME, wind, noise, rng)
+    result = flights.fly(
+        robot or Quadrotor(), course, seconds=FLIGHT_TIME, wind_speed=wind, noise=noise, rng=rng
+    )
     return Run(result.crashed, distance_error=result.error, energy=result.energy)
 
 
@@ -271,7 +280,7 @@ def _fast_flight(rng: np.random.Generator) -> Run:
 def _winding(rng: np.random.Generator, wind: float = 0.0) -> Run:
     """Return paths as navigation plans them, at the full limits; a noisy estimate."""
     draw = partial(flights.winding, limits=flights.motion_limits(FAST_QUADROTOR))
-    return _flight(rng, draw, wind, NOISE, FAST_QUADROTOR)
+    return _flight(rng, draw, wind, NOISE, robot=FAST_QUADROTOR)
 
 
 _eight = flights.figure_of_eight

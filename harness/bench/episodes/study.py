@@ -102,7 +102,7 @@ def _timed(engine: Engine, workers: int, study: StudyFile) -> Run:
             planned,
             Store(Path(folder)),
             engine,
-            lambda done: ends.append(time.perf_counter()),
+            finished=lambda done: ends.append(time.perf_counter()),
         )
     steady = ends[-workers] - ends[workers - 1]
     return Run(result.errors, ends[0] - began, len(ends) - 2 * workers + 1, steady)

@@ -164,7 +164,13 @@ def _speeds(lab: Lab) -> Iterator[MapRow]:
         lab.progress(f"map: speed at {resolution:g} m")
         yield from speed(lab.room, resolution, RANGE, lab.repeats, peers=octomap_installed())
     lab.progress(f"map: speed at {FINE:g} m")
-    yield from speed(lab.room, FINE, FINE_RANGE, lab.repeats, {"clamped": STILL})
+    yield from speed(
+        lab.room,
+        resolution=FINE,
+        range_limit=FINE_RANGE,
+        sweeps=lab.repeats,
+        modes={"clamped": STILL},
+    )
 
 
 def _extents(lab: Lab) -> Iterator[MapRow]:

@@ -119,7 +119,7 @@ def _rows(
     peers = {key[2]: ms for key, ms in medians.items() if key[0] == "edt"}
     for key in sorted(times):
         library, mode, threads = key
-        row = FieldTime(library, mode, threads, resolution, medians[key], max(times[key]))
+        row = FieldTime(library, mode, threads, resolution, medians[key], ms_worst=max(times[key]))
         if threads in peers:
             row = replace(row, ratio_vs_edt=peers[threads] / medians[key], cells_differ=differ)
         yield row

@@ -127,15 +127,19 @@ def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy]:
     """
     config = MapConfig(resolution=resolution, half_life=0.0)
     ours = _integrate_into("voxel", config, room)
-    yield _accuracy("voxel", GUARDED, ours, room, resolution)
+    yield _accuracy("voxel", mode=GUARDED, state_map=ours, sweeps=room, resolution=resolution)
     if not octomap_installed():
         return
     peer = _integrate_into("octomap", config, room)
-    yield _accuracy("octomap", "floor at 3/4", peer, room, resolution)
+    yield _accuracy(
+        "octomap", mode="floor at 3/4", state_map=peer, sweeps=room, resolution=resolution
+    )
     lift = np.array([0.0, 0.0, (1.0 - FLOOR_HEIGHT_IN_CELL) * resolution])
     lifted = [sweep.moved(lift) for sweep in room]
     peer = _integrate_into("octomap", config, lifted)
-    yield _accuracy("octomap", "floor on a face", peer, lifted, resolution)
+    yield _accuracy(
+        "octomap", mode="floor on a face", state_map=peer, sweeps=lifted, resolution=resolution
+    )
 
 
 def agreements_with_octomap(room: Sequence[Sweep], resolution: float) -> Iterator[Agreement]:

@@ -116,7 +116,13 @@ class _Caster:
         distances, geoms = self._caster.cast(self._data, self._pattern, origin, R_world_sensor)
         noisy = np.maximum(distances + self._rng.normal(0.0, NOISE, len(distances)), 0.0)
         ranges_mm = quantise(np.where(geoms < 0, -1.0, noisy), RANGE)
-        return Sweep(origin, rotate(R_world_sensor, self._beams), ranges_mm, distances, geoms)
+        return Sweep(
+            origin,
+            directions=rotate(R_world_sensor, self._beams),
+            ranges_mm=ranges_mm,
+            distances=distances,
+            geoms=geoms,
+        )
 
 
 def _cos_sin(angle: NDArray[np.float64]) -> NDArray[np.float64]:

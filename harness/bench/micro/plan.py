@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from wayproof.planners import (
     FreeSpace,
     GoalField,
     MotionLimits,
+    PathState,
     Plan,
     PlannerConfig,
     blend_corners,
@@ -38,6 +39,8 @@ from wayproof.planners import (
 from wayproof.planners.kernels import polyline
 
 Array = NDArray[np.float64]
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
 Spaces = tuple[FreeSpace, FreeSpace]  # the body's, and that of its inscribed disc or ball
 
 RESOLUTION = 0.05  # m
@@ -53,9 +56,14 @@ PEER_SHARE = 5
 """Every fifth query goes to the planners that use a seed, all of them to the others."""
 
 BLEND_LENGTH = 0.6  # m
+AT_REST = PathState(time_ns=0, arc_length=0.0, speed=0.0, acceleration=0.0, heading=0.0)
 LIMITS = {
-    "drone": MotionLimits(2.0, 4.0, 30.0, 4.0, 2.0),
-    "quadruped": MotionLimits(0.8, 1.0, 6.0, 1.0, 1.2),
+    "drone": MotionLimits(
+        speed=2.0, acceleration=4.0, jerk=30.0, lateral_acceleration=4.0, yaw_rate=2.0
+    ),
+    "quadruped": MotionLimits(
+        speed=0.8, acceleration=1.0, jerk=6.0, lateral_acceleration=1.0, yaw_rate=1.2
+    ),
 }
 
 
@@ -118,9 +126,11 @@ def bench_plan(repeats: int, seed: int, progress: Progress) -> list[PlanRow]:
             progress(f"plan: {robot}, {name}")
             chosen = queries[::PEER_SHARE] if PLANNERS[name].traits.uses_seed else queries
             short = PlannerConfig(name=name, clearance_weight=0.0, corner_cost=0.0)
-            rows.append(_plan_row(robot, name, spaces[0], chosen, short)[0])
+            rows.append(_plan_row(robot, name, spaces[0], queries=chosen, config=short)[0])
         clear = PlannerConfig(name="astar")
-        row, plans = _plan_row(robot, "field, clear", spaces[0], queries, clear)
+        row, plans = _plan_row(
+            robot, name="field, clear", space=spaces[0], queries=queries, config=clear
+        )
         progress(f"plan: {robot}, replanning and trajectories")
         rows += [row, *_replan_rows(robot, spaces[0], queries)]
         rows += _trajectory_rows(robot, spaces[0], plans)
@@ -169,7 +179,13 @@ def _spaces(blocked: NDArray[np.bool_], body: Body, flat: bool) -> Spaces:
     costs = np.exp(-COST_SCALE * RESOLUTION * np.maximum(distances, 0.0))
     costs[-1] = 0.0
     field = squared_distances(blocked)
-    point = FreeSpace(field, np.zeros(3), RESOLUTION, threshold, costs)
+    point = FreeSpace(
+        field,
+        origin=np.zeros(3),
+        resolution=RESOLUTION,
+        collision_distance_sq=threshold,
+        cost_by_distance=costs,
+    )
     if len(body.radii) == 1:
         return point, point
     return replace(point, discs=body.discs(MARGIN, RESOLUTION, flat)), point
@@ -203,7 +219,9 @@ def make_queries(spaces: Spaces, count: int, seed: int) -> list[Query]:
         number = plan_seed(seed, "bench", len(queries))
         reference, elapsed = _timed(reference_path, point, start, goal, number, scratch)
         if reference is not None:
-            queries.append(Query(start, goal, heading, number, reference, elapsed))
+            queries.append(
+                Query(start, goal, heading, seed=number, reference=reference, reference_ms=elapsed)
+            )
     return queries
 
 
@@ -219,10 +237,12 @@ def _pose(point: Array, heading: float) -> Array:
     return np.append(point, heading)
 
 
-def _timed(work: Callable[..., Any], *given: Any) -> tuple[Any, float]:
+def _timed(
+    work: Callable[Given, Result], *given: Given.args, **named: Given.kwargs
+) -> tuple[Result, float]:
     """Return the result of work, and its processor time, ms."""
     started = time.process_time()
-    result = work(*given)
+    result = work(*given, **named)
     return result, 1e3 * (time.process_time() - started)
 
 
@@ -236,7 +256,9 @@ def _plan_row(
         )
         plans.append(found)
         times.append(elapsed)
-    return _row(robot, name, space, plans, times, [query.length for query in queries]), plans
+    return _row(
+        robot, name, space, plans, times, lengths=[query.length for query in queries]
+    ), plans
 
 
 def _row(
@@ -298,7 +320,14 @@ def _replan_rows(robot: str, space: FreeSpace, queries: list[Query]) -> Iterator
             kept["changed"].append((again, elapsed, fresh.length))
     for name, results in kept.items():
         plans, times, lengths = zip(*results, strict=True)
-        yield _row(robot, f"replan, {name}", space, [*plans], [*times], [*lengths])
+        yield _row(
+            robot,
+            name=f"replan, {name}",
+            space=space,
+            plans=[*plans],
+            times=[*times],
+            lengths=[*lengths],
+        )
 
 
 def put_box(
@@ -332,17 +361,27 @@ def _trajectory_rows(robot: str, space: FreeSpace, plans: list[Plan]) -> Iterato
     limits = LIMITS[robot]
     blends, blend_times, times = [], [], []
     for one in found:
+        assert one.waypoints is not None
         path, elapsed = _timed(blend_corners, space, one.waypoints, BLEND_LENGTH)
         blends.append(replace(one, waypoints=path, length=float(polyline.path_length(path))))
         blend_times.append(elapsed)
-        start = (0, 0.0, 0.0, 0.0, 0.0)  # at rest at the path's begin
-        times.append(_timed(follow_path, path, *start, limits, limits.speed)[1])
-    yield _row(robot, "blends", space, blends, blend_times, lengths)
-    yield _row(robot, "trajectory", space, blends, times, lengths)
+        times.append(_timed(follow_path, path, AT_REST, limits, limits.speed)[1])
+    yield _row(robot, name="blends", space=space, plans=blends, times=blend_times, lengths=lengths)
+    yield _row(robot, name="trajectory", space=space, plans=blends, times=times, lengths=lengths)
 
 
 def _reference_row(robot: str, point: FreeSpace, queries: list[Query]) -> PlanRow:
     times = [query.reference_ms for query in queries]
     lengths = [query.length for query in queries]
-    plans = [Plan(query.reference, 0.0, query.length, 0.0, 1, "none") for query in queries]
-    return _row(robot, "reference", point, plans, times, lengths)
+    plans = [
+        Plan(
+            query.reference,
+            cost=0.0,
+            length=query.length,
+            least_clearance=0.0,
+            iterations=1,
+            label="none",
+        )
+        for query in queries
+    ]
+    return _row(robot, name="reference", space=point, plans=plans, times=times, lengths=lengths)

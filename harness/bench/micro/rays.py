@@ -92,8 +92,8 @@ def _field(moving: int, seed: int) -> str:
 SCENES = (
     *(Scene("lidar", geoms, 0, _clutter(geoms)) for geoms in (10, 60, 300, 1000)),
     *(Scene("lidar, moving", geoms, MOVERS, _clutter(geoms)) for geoms in (60, 300, 1000)),
-    Scene("camera", 60, 0, _clutter(60), CAMERA),
-    Scene("camera, moving", 60, MOVERS, _clutter(60), CAMERA),
+    Scene("camera", geoms=60, moving=0, mjcf=_clutter(60), beams=CAMERA),
+    Scene("camera, moving", geoms=60, moving=MOVERS, mjcf=_clutter(60), beams=CAMERA),
     Scene("mesh", 1, 0, _mesh),
     Scene("mesh, moving", 1 + MOVERS, MOVERS, _mesh),
     Scene("hfield", 1, 0, _field),

@@ -80,7 +80,13 @@ def returns(recording: Recording) -> Iterator[Sweep]:
         kept = ranges_mm > 0
         none = np.empty(0)
         if kept.any():
-            yield Sweep(origin, beams[kept], ranges_mm[kept], none, none.astype(np.int32))
+            yield Sweep(
+                origin,
+                directions=beams[kept],
+                ranges_mm=ranges_mm[kept],
+                distances=none,
+                geoms=none.astype(np.int32),
+            )
 
 
 def compare(name: str, sweeps: Sequence[Sweep], resolution: float) -> RecordedRow:

@@ -66,7 +66,7 @@ def read_sweeps(path: Path) -> Sweeps:
         inputs.append(given)
         poses.append(_matrix(truths[given.sequence]))
     estimates = np.array([one.pose.position for one in inputs])
-    return Sweeps(points, ages, inputs, np.array(poses), estimates)
+    return Sweeps(points, ages, inputs, truths=np.array(poses), estimates=estimates)
 
 
 def _at_rest(pose: Pose) -> Pose:

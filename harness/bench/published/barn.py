@@ -209,10 +209,10 @@ def shortest_way(world: FileWorld) -> float | None:
     return shortest_path_length(
         world,
         radius,
-        spec.step_height,
-        spec.height,
-        world.start,
-        world.goal,
+        band_low=spec.step_height,
+        band_high=spec.height,
+        start=world.start,
+        goal=world.goal,
         clearance=margin_of(cell_size(radius)),
     )
 

@@ -200,21 +200,29 @@ def summarise(name: str, rows: list[DodgeRow]) -> DodgeSummary:
 def _row(finished: Finished) -> DodgeRow:
     trial, result = finished.trial, finished.result
     height = trial.config.start[2] if trial.config.start else 0.0
-    protocol = (LIMIT, FINISH, height)
+    row = DodgeRow(
+        field=trial.world.name,
+        seed=trial.config.seed,
+        outcome="refused",
+        time_s=0.0,
+        limit_s=LIMIT,
+        finish_x_m=FINISH,
+        start_z_m=height,
+        clearance_m=0.0,
+        collisions=0,
+    )
     if result is None:
-        return DodgeRow(trial.world.name, trial.config.seed, "refused", 0.0, *protocol, 0.0, 0)
+        return row
     passed = finished.first(lambda x, y, z: x >= FINISH)
     if passed is not None and passed <= LIMIT:
         outcome, time, collisions = "success", passed, 0  # an episode ends at its first collision
     else:
         outcome, time, collisions = result.outcome, result.sim_time_s, result.collisions
         outcome = "timeout" if outcome == "success" else outcome
-    return DodgeRow(
-        trial.world.name,
-        trial.config.seed,
-        outcome,
-        time,
-        *protocol,
-        result.min_clearance_m,
-        collisions,
+    return replace(
+        row,
+        outcome=outcome,
+        time_s=time,
+        clearance_m=result.min_clearance_m,
+        collisions=collisions,
     )

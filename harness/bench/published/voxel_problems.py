@@ -93,7 +93,7 @@ def bench_scenarios(files: Files, repeats: int, seed: int, progress: Progress) -
         progress(f"plan: {map_name}, {name}")
         config = PlannerConfig(name=name, clearance_weight=0.0)
         warm_up(config)
-        rows.append(_planner_row(map_name, space, sample, config, seed))
+        rows.append(_planner_row(map_name, space, problems=sample, config=config, seed=seed))
     return rows
 
 
@@ -144,7 +144,13 @@ def _space(occupied: NDArray[np.bool_]) -> FreeSpace:
         inner = slice(first - low, first - low + SLAB)
         known = squared_distances(near)[inner] if near.any() else REACH * REACH
         field[first : first + SLAB] = known
-    return FreeSpace(field, np.zeros(3), RESOLUTION, 0, np.zeros(REACH * REACH + 1))
+    return FreeSpace(
+        field,
+        origin=np.zeros(3),
+        resolution=RESOLUTION,
+        collision_distance_sq=0,
+        cost_by_distance=np.zeros(REACH * REACH + 1),
+    )
 
 
 def _exact_row(
@@ -159,7 +165,9 @@ def _exact_row(
         times.append(time.process_time() - began)
     lengths = [np.inf if way is None else way.length for way in ways]
     off = sum(_is_off(way, problem) for way, problem in zip(ways, problems, strict=True))
-    return _row(name, "exact", problems, lengths, times, off)
+    return _row(
+        name, planner="exact", problems=problems, lengths=lengths, times=times, differing=off
+    )
 
 
 def _is_off(way: Moves | None, problem: Problem) -> bool:
@@ -176,7 +184,9 @@ def _planner_row(
         found = plan(space, start, goal, config, plan_seed(seed, "voxels", number))
         times.append(time.process_time() - began)
         lengths.append(found.length / RESOLUTION)
-    return _row(name, config.name, problems, lengths, times, None)
+    return _row(
+        name, planner=config.name, problems=problems, lengths=lengths, times=times, differing=None
+    )
 
 
 def _row(

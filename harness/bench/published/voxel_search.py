@@ -78,7 +78,13 @@ class VoxelSearch:
         self._round += 1
         first, last = (int(np.ravel_multi_index(cell, self._shape)) for cell in (start, goal))
         expanded = _search(
-            self._allowed, self._shape, first, last, self._counts, self._state, 2 * self._round
+            self._allowed,
+            self._shape,
+            start=first,
+            goal=last,
+            counts=self._counts,
+            state=self._state,
+            opened=2 * self._round,
         )
         if expanded < 0:
             return None

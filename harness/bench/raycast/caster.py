@@ -86,7 +86,7 @@ class RayCaster:
         origins, directions = _checked(origins, directions)
         distance, geom_id, face = self._cast(data, origins, directions)
         hits = surface_normals(
-            data, self._surfaces, geom_id, face, origins + distance[:, None] * directions
+            data, self._surfaces, geom_id, face, points=origins + distance[:, None] * directions
         )
         return distance, geom_id, hits
 

@@ -95,7 +95,7 @@ def judged(
     if peak > MOST_MEMORY_MIB:
         failures.append(f"memory: {peak:.0f} MiB")
     refused, read = ({kind: found[one, kind] for kind in kinds} for one in ("refused", "read"))
-    return Fuzzed(len(numbers), refused, read, peak, longest, tuple(failures))
+    return Fuzzed(len(numbers), refused, read, peak, longest, failures=tuple(failures))
 
 
 def judge_case(number: int, kind: str, read: Callable[[], None], report: Report) -> None:

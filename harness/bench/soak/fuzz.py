@@ -47,7 +47,9 @@ def soak_fuzz(count: int, seed: int, progress: Progress, first: int = 0) -> Fuzz
         def case(kind: str, rng: np.random.Generator) -> None:
             run_case(kind, source, log, rng)
 
-        return watched(case, KINDS, folder, range(first, first + count), seed, progress)
+        return watched(
+            case, KINDS, folder, numbers=range(first, first + count), seed=seed, progress=progress
+        )
 
 
 def watched(
@@ -72,7 +74,7 @@ def watched(
     """
     (folder / "work").mkdir()
     work = partial(_cases, run, kinds, folder, seed, may_start)
-    found = judged(work, kinds, numbers, "fuzz", progress)
+    found = judged(work, kinds, numbers, name="fuzz", progress=progress)
     written = [f"file {one} written" for one in os.listdir(folder / "work")]
     return replace(found, failures=(*found.failures, *written))
 

@@ -144,7 +144,14 @@ def _take(name: str, make: Maker) -> Taken:
         size = sum(one.stat().st_size for one in Path(given).rglob("*") if one.is_file())
         ended = in_child(lambda report: _run(arguments, Path(own), report), WALL_S)
     said = tuple(line.replace(f"{given}/", "") for line in ended.lines)
-    return Taken(name, size, round(ended.cpu_s, 2), round(ended.peak_mib), ended.code, said)
+    return Taken(
+        name,
+        file_bytes=size,
+        cpu_s=round(ended.cpu_s, 2),
+        peak_mib=round(ended.peak_mib),
+        code=ended.code,
+        said=said,
+    )
 
 
 def _run(arguments: list[str], folder: Path, report: Callable[[str], None]) -> None:

@@ -188,7 +188,7 @@ def _flood(topic: str, verb: str, kind: type[Message]) -> None:
         one = message(NUMBER, pb.Truth(sequence=1).SerializeToString() if kind is pb.Truth else b"")
         head = declared(NUMBER, kind.DESCRIPTOR.full_name, topic)
         count = CHUNK_BYTES // len(one)
-        return [verb, str(flood(one, count, CHUNKS, head, folder / "hostile.mcap"))]
+        return [verb, str(flood(one, count, CHUNKS, head, target=folder / "hostile.mcap"))]
 
     LOGS[f"log: {CHUNKS} chunks of empty {topic}; {verb}"] = make
 
@@ -206,16 +206,18 @@ def _add(name: str, make_log: Callable[[Path], Path], *arguments: str) -> None:
 
 def _a_million(target: Path) -> Path:
     head = declared(NUMBER, "wayproof.Perturbation", "/perturbation")
-    return flood(message(NUMBER, b""), 999_000, 1, head, target)
+    return flood(message(NUMBER, b""), count=999_000, chunks=1, head=head, target=target)
 
 
 def _unknown_records(target: Path) -> Path:
-    return flood(record(UNKNOWN, b""), CHUNK_BYTES // HEAD.size, CHUNKS, b"", target)
+    return flood(
+        record(UNKNOWN, b""), count=CHUNK_BYTES // HEAD.size, chunks=CHUNKS, head=b"", target=target
+    )
 
 
 def _channels(target: Path) -> Path:
     one = declared(NUMBER, "a", "b")
-    return flood(one, CHUNK_BYTES // len(one), CHUNKS, b"", target)
+    return flood(one, count=CHUNK_BYTES // len(one), chunks=CHUNKS, head=b"", target=target)
 
 
 def _points(target: Path) -> Path:

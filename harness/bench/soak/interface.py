@@ -78,7 +78,9 @@ def soak_interface(
     for number in range(seed + first, seed + first + count):
         for robot in ROBOTS:
             with tempfile.TemporaryDirectory(dir=scratch()) as folder:
-                _compare(robot, number, settings, Path(folder), compared)
+                _compare(
+                    robot, seed=number, settings=settings, folder=Path(folder), compared=compared
+                )
         progress(f"interface: up to seed {number}, {len(compared.failures)} failures")
     return compared
 

@@ -176,8 +176,21 @@ def _sensor(build: Builder, what: str, now: int, k: int) -> Iterator[Stamped]:
 
 def _scan(k: int) -> tuple[RecordedSensor, RecordedSweep]:
     ranges = (1.0 + 0.01 * (k + np.arange(BEAMS))).astype(np.float32)
-    sensor = RecordedSensor("scan", "sensor", "laser", 0.0, 50.0, False)
-    grid = ScanGrid(-1.5, 0.05, BEAMS, 0.0, np.arange(BEAMS, dtype=np.int32))
+    sensor = RecordedSensor(
+        "scan",
+        frame="sensor",
+        kind="laser",
+        range_min=0.0,
+        range_max=50.0,
+        missing_returns_known=False,
+    )
+    grid = ScanGrid(
+        angle_min=-1.5,
+        angle_increment=0.05,
+        beams=BEAMS,
+        time_increment=0.0,
+        places=np.arange(BEAMS, dtype=np.int32),
+    )
     nothing = np.empty((0, 3), np.float32)
     pose = Transform(np.zeros(3), UNTURNED)
     return sensor, RecordedSweep(

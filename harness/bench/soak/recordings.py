@@ -126,7 +126,9 @@ def soak_recordings(count: int, seed: int, progress: Progress, first: int = 0) -
         for path in sound.values():
             _read(path)  # compiles everything; each is sound
         work = partial(_cases, sound, seed)
-        return judged(work, KINDS, range(first, first + count), "recordings", progress)
+        return judged(
+            work, KINDS, numbers=range(first, first + count), name="recordings", progress=progress
+        )
 
 
 def _cases(sound: dict[str, Path], seed: int, numbers: range, report: Report) -> None:

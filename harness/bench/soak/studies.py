@@ -92,7 +92,13 @@ def soak_studies(count: int, seed: int, progress: Progress, first: int = 0) -> D
             if trial > 10 * count:
                 failures.append(f"only {sum(done.values())} kills in {trial} studies")
                 break
-    return Disturbed(count, done["worker"], done["parent"], len(expected), tuple(failures))
+    return Disturbed(
+        count,
+        workers=done["worker"],
+        parents=done["parent"],
+        episodes=len(expected),
+        failures=tuple(failures),
+    )
 
 
 def chains(file: Path, out: Path) -> Chains:

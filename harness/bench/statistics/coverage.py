@@ -77,7 +77,7 @@ def _intervals(repeats: int, seed: int, progress: Progress) -> list[Document]:
     for clusters in CLUSTERS:  # outermost: what is drawn for samples of one size is drawn once
         for statistic, data, episodes in cases:
             progress(f"{clusters} clusters: {statistic}, {data}, {episodes} episodes of each")
-            row = coverage_of(statistic, data, clusters, episodes, repeats, seed)
+            row = coverage_of(statistic, data, clusters, episodes, samples=repeats, seed=seed)
             cells[statistic, data, episodes].append(row)
     return [
         {

@@ -73,7 +73,10 @@ def bench_alarms(
     for name in ["compare", *(one for one in names if read_study(one).gates)]:
         arms, gates = study_of(name)
         progress(f"A against A, {name}")
-        cells = {f"k={k}": share_failing(name, arms, gates, k, repeats, seed) for k in clusters}
+        cells = {
+            f"k={k}": share_failing(name, arms, gates, clusters=k, repeats=repeats, seed=seed)
+            for k in clusters
+        }
         texts = "; ".join(gate.text for gate in gates)
         rows.append({"study": name, "gates": texts, **cells, "most": max(cells.values())})
     return rows
@@ -82,7 +85,9 @@ def bench_alarms(
 def study_of(name: str) -> tuple[list[Arm], list[Gate]]:
     """Return the arms and gates of a study; the first arms are the references of the others."""
     if name == "compare":
-        return [Arm("warehouse", "drone", "", "none", 0)], [read_gate(one) for one in DEFAULT_GATES]
+        return [Arm("warehouse", robot="drone", variant="", perturbation="none", severity=0)], [
+            read_gate(one) for one in DEFAULT_GATES
+        ]
     study = read_study(name)
     first = study.seeds if isinstance(study.seeds, int) else study.seeds[0]
     arms = [one.arm for one in plan_episodes(study) if one.seed == min(first, 0)]
@@ -126,7 +131,7 @@ def bench_power(
         for k in clusters:
             generator = np.random.default_rng([seed, k])
             verdicts = Counter(
-                compared(generator, before, after, k, read_gate(text)).verdict
+                compared(generator, before, after, clusters=k, gate=read_gate(text)).verdict
                 for _ in range(repeats)
             )
             shares = (verdicts[one] / repeats for one in ("failed", "inconclusive", "held"))
@@ -139,7 +144,7 @@ def compared(
     generator: np.random.Generator, before: Stack, after: Stack, clusters: int, gate: Gate
 ) -> GateResult:
     """Simulate one comparison of two stacks over the same seeds."""
-    arm = Arm("warehouse", "drone", "", "none", 0)
+    arm = Arm("warehouse", robot="drone", variant="", perturbation="none", severity=0)
     luck = generator.normal(size=clusters)
     first, second = (_rows(generator, arm, stack, luck) for stack in (before, after))
     [result] = judge(samples_between(first, second), [gate], TIME_LIMIT)
@@ -165,7 +170,20 @@ def _rows(generator: np.random.Generator, arm: Arm, stack: Stack, luck: Array) -
         metrics["success"], metrics["collisions"] = float(success), float(collided[k])
         metrics["time_to_goal"] = float(times[k]) if success else None
         outcome = "success" if success else "collision" if collided[k] else "timeout"
-        rows.append(Row(str(k), arm, k, outcome, "", "", "", float(times[k]), metrics, ()))
+        rows.append(
+            Row(
+                str(k),
+                arm,
+                seed=k,
+                outcome=outcome,
+                reason="",
+                cause="",
+                chain="",
+                duration=float(times[k]),
+                metrics=metrics,
+                acts=(),
+            )
+        )
     return rows
 
 

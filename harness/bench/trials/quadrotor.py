@@ -135,7 +135,7 @@ def fly(
     error = _rms_distance(actual[lag:tick] - desired[: tick - lag], round(SETTLE / TIMESTEP))
     steps = np.diff(actual[:tick], axis=0)
     top = float(np.linalg.norm(steps, axis=1).max()) / TIMESTEP
-    return Flown(crashed, error, top, energy, tick * TIMESTEP)
+    return Flown(crashed, error, top, energy, seconds=tick * TIMESTEP)
 
 
 _NO_VELOCITY = 0.0, 0.0, 0.0
@@ -198,13 +198,22 @@ def point_to_point(
         far: Side of the square the points are in, m; they are 1 to 3 m high.
     """
     legs: list[_Leg] = []
-    leg = _Leg(0.0, np.array([0.0, 0.0, 2.0]), np.array([0.0, 0.0, 2.0]), None, 0.0, 0.0)
+    leg = _Leg(
+        begin=0.0,
+        start=np.array([0.0, 0.0, 2.0]),
+        goal=np.array([0.0, 0.0, 2.0]),
+        profile=None,
+        heading=0.0,
+        turned=0.0,
+    )
     begin = 0.0
     while begin < seconds:
         goal = rng.uniform([-far / 2, -far / 2, 1.0], [far / 2, far / 2, 3.0])
         profile = _profile(float(np.linalg.norm(goal - leg.goal)), limits or Limits())
         turned = leg.turned + rng.uniform(-1.0, 1.0) * min(2.0, 0.7 * profile.duration)
-        leg = _Leg(begin, leg.goal, goal, profile, leg.turned, turned)
+        leg = _Leg(
+            begin, start=leg.goal, goal=goal, profile=profile, heading=leg.turned, turned=turned
+        )
         legs.append(leg)
         begin += profile.duration + rng.uniform(0.0, 1.0)
     begins = [leg.begin for leg in legs]
@@ -259,7 +268,7 @@ def winding(rng: np.random.Generator, limits: MotionLimits, corners: int = 14) -
         ahead = x + length * math.cos(heading), y + length * math.sin(heading)
         waypoints.append(np.array([*ahead, min(max(z + climb, 1.0), 3.0)]))
     path = _rounded(np.array(waypoints), reach=0.3)
-    start = PathState(0, 0.0, 0.0, 0.0, 0.0)
+    start = PathState(time_ns=0, arc_length=0.0, speed=0.0, acceleration=0.0, heading=0.0)
     trajectory = follow_path(path, start, limits, limits.speed, sideways_speed=limits.speed)
 
     def course(time: float) -> tuple[float, float, float, float]:

@@ -141,7 +141,9 @@ def cross_terrain(
     """
     blocks = TERRAINS[terrain](rng)
     seconds = 2.0 * COURSE_END / speed
-    sim = TrialSim(robot, conditions._replace(blocks=blocks), noise, seconds, rng)
+    sim = TrialSim(
+        robot, conditions=conditions._replace(blocks=blocks), noise=noise, seconds=seconds, rng=rng
+    )
     while sim.tick * TIMESTEP < seconds and not sim.fallen:
         x, y = sim.data.qpos[:2].tolist()
         if x > COURSE_END:
@@ -175,7 +177,7 @@ def stop_from(
 ) -> Stopped:
     """Run for 2 to 3 s, then brake as hard as the gait does, the deceleration limited in jerk."""
     deceleration = robot.parameters.gait.linear_acceleration
-    sim = TrialSim(robot, Conditions(), noise, 6.0, rng)
+    sim = TrialSim(robot, Conditions(), noise, seconds=6.0, rng=rng)
     run_time = rng.uniform(2.0, 3.0)
     while sim.tick * TIMESTEP < run_time:
         sim.walk(np.array([speed, 0.0, 0.0]))
@@ -248,7 +250,7 @@ def follow_path(
     """Return setpoints along straight lines and arcs in turn, from rest, facing along the path."""
     course = draw_course(rng, length)
     ticks = round((length / speed + 0.5 * speed / acceleration) / TIMESTEP)
-    sim = TrialSim(robot, Conditions(), noise, ticks * TIMESTEP, rng)
+    sim = TrialSim(robot, Conditions(), noise, seconds=ticks * TIMESTEP, rng=rng)
     desired, actual = np.zeros((ticks, 2)), np.zeros((ticks, 2))
     along = pace = 0.0
     while sim.tick < ticks and not sim.fallen:

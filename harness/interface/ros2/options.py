@@ -104,11 +104,11 @@ def parse(name: str) -> Options:
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
     topics = {key: _name(name, key, given[key]) for key in TOPICS if key in given}
     return Options(
-        domain=int(_number(name, given, "domain", domain, MAX_DOMAIN)),
+        domain=int(_number(name, given, key="domain", default=domain, most=MAX_DOMAIN)),
         namespace=_name(name, "namespace", given.get("namespace", "")).strip("/"),
         pace=_pace(name, given.get("pace", "auto")),
         controller_frequency=_frequency(name, given),
-        silence=_number(name, given, "silence", "0", 3600.0),
+        silence=_number(name, given, key="silence", default="0", most=3600.0),
         map_frame=_frame(name, "map_frame", given.get("map_frame", Options.map_frame)),
         odom_frame=_frame(name, "odom_frame", given.get("odom_frame", Options.odom_frame)),
         base_frame=_frame(name, "base_frame", given.get("base_frame", Options.base_frame)),
@@ -137,7 +137,7 @@ def _pace(stack: str, value: str) -> Pace:
 
 
 def _frequency(stack: str, given: Mapping[str, str]) -> float:
-    frequency = _number(stack, given, "controller_frequency", "20", 1000.0)
+    frequency = _number(stack, given, key="controller_frequency", default="20", most=1000.0)
     if frequency < 1.0:
         raise InputError(
             f"--stack {stack}: controller_frequency: got {frequency:g}, expected 1 to 1000 Hz"

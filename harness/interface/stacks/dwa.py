@@ -356,7 +356,7 @@ class Dwa:
         if abs(bearing) > 0.5:
             self._turn = 1.0 if bearing >= 0.0 else -1.0
         rate = 0.5 * self._turn * self._task.mission.max_yaw_rate
-        motion = Velocity(0.0, 0.0, up, rate, HOLD_S)
+        motion = Velocity(forward=0.0, left=0.0, up=up, yaw_rate=rate, duration_s=HOLD_S)
         return Command(motion, planned_path=path, scalars={"recovering": 1.0})
 
 

@@ -87,7 +87,7 @@ def read_cloud(message: Any) -> Cloud:  # a PointCloud2 of rosbags
     named = next((name for name in TIME_FIELDS if name in fields), "")
     times = _column(rows, fields[named], order) if named else None
     stamp = stamp_of(message.header)
-    return Cloud(points, times, named, stamp, message.header.frame_id)
+    return Cloud(points, times, time_field=named, stamp_ns=stamp, frame=message.header.frame_id)
 
 
 def finite(cloud: Cloud, faults: Faults) -> Cloud:

@@ -179,7 +179,11 @@ def _edge(parent: str, child: str, poses: StampedPoses, is_fixed: bool, faults: 
             faults["transform: static one that changes"] += 1
         return Edge(parent, child, first, None)
     track = RecordedTrack(
-        poses.stamps_ns, poses.positions, poses.quaternions, f"{parent} -> {child}", ANY_GAP
+        poses.stamps_ns,
+        poses.positions,
+        poses.quaternions,
+        source=f"{parent} -> {child}",
+        max_gap_ns=ANY_GAP,
     )
     return Edge(parent, child, None, track)
 

@@ -85,7 +85,7 @@ class _Walk:
             raise Broken("a message of no channel")
         topic, type_, encoding = self._channels[number]
         if encoding in ENCODINGS:
-            yield RawMessage(topic, type_, encoding, logged_ns, fields.take(fields.left))
+            yield RawMessage(topic, type_, encoding, logged_ns, data=fields.take(fields.left))
 
     def _chunk(self, fields: Fields) -> Iterator[RawMessage]:
         fields.take(16)

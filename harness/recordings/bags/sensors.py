@@ -157,7 +157,9 @@ def _of_scan(message: Any, reading: Reading, faults: Faults) -> Beams:
     ranges = np.asarray(message.ranges)
     # Older drivers write the maximum where nothing came back; laser_geometry drops it, too.
     ranges = np.where(ranges == np.float32(topic.range_max), np.float32(np.inf), ranges)
-    return scan_beams(angles, ranges, reading.limits, faults, step)
+    return scan_beams(
+        angles, written=ranges, limits=reading.limits, faults=faults, time_increment_s=step
+    )
 
 
 def _of_cloud(message: Any, reading: Reading, silent: Silent | None, faults: Faults) -> Beams:
@@ -193,7 +195,13 @@ def _as_measured(message: Any, info: pb.SensorInfo, limits: Limits, faults: Faul
     points = (unit[met] * (along[met, None] / MILLIMETRES)).astype(np.float32)
     none = Silent(unit[silent].astype(np.float32), None if times is None else times[silent])
     met_times = None if times is None else times[met]
-    listed = point_beams(points, met_times, limits._replace(range_max=FARTHEST), faults, none)
+    listed = point_beams(
+        points,
+        times_ns=met_times,
+        limits=limits._replace(range_max=FARTHEST),
+        faults=faults,
+        silent=none,
+    )
     return listed._replace(measured=measured)
 
 

@@ -124,7 +124,15 @@ class Body:
                 columns = sloping_columns(voxel_map, config, mission, self.feet)
                 self._sloping.update(map=voxel_map, columns=columns)
             sloping = self._sloping["columns"]
-        return cells_around(voxel_map, track, reach, config, mission, self.widening, sloping)
+        return cells_around(
+            voxel_map,
+            path=track,
+            reach=reach,
+            config=config,
+            mission=mission,
+            widening=self.widening,
+            sloping=sloping,
+        )
 
     @cached_property
     def _sloping(self) -> dict[str, Any]:

@@ -56,7 +56,13 @@ def measure(moment: Moment) -> Volumes:
     discs, slack = swept_as(moment)
     missing = max(shortfall(moment, discs), 0.0)
     bound = body.half_diagonal * size + slack
-    return Volumes(1, int(missing > 0.0), missing, bound, int(missing > moment.margin))
+    return Volumes(
+        paths=1,
+        short=int(missing > 0.0),
+        greatest_m=missing,
+        bound_m=bound,
+        bare=int(missing > moment.margin),
+    )
 
 
 def swept_as(moment: Moment) -> tuple[Discs, float]:

@@ -38,7 +38,9 @@ def obstructed(scene: Scene, reason: pb.Reason, way: Array, unknown_blocks: bool
     longest = slack + _piece_length(scene, way, begin, reason)
     if not -slack <= arc - begin - reason.free_m <= longest:
         yield f"free_m is {reason.free_m:.3f}, found {arc - begin:.3f}"
-    yield from free_before(scene, way, reason.free_m - ARC, begin, unknown_blocks)
+    yield from free_before(
+        scene, way, length=reason.free_m - ARC, begin=begin, unknown_blocks=unknown_blocks
+    )
 
 
 def _piece_length(scene: Scene, way: Array, begin: float, reason: pb.Reason) -> float:

@@ -113,7 +113,12 @@ class Scene:
     def cells_about(self, points: Array, reach: float) -> Cells:
         """Return the cells within a reach, m, of points (n, 3), m."""
         return cells_around(
-            self.map, points, reach, self.config, self.mission, self.decision.widening
+            self.map,
+            path=points,
+            reach=reach,
+            config=self.config,
+            mission=self.mission,
+            widening=self.decision.widening,
         )
 
     @cached_property

@@ -75,7 +75,9 @@ def goal_inside_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Iterat
 def no_room(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """The body would overlap a cell when it turns into the path, or along it."""
     within = reason.free_m if reason.kind == "no_room_along_path" else 0.0
-    yield from overlapped(scene, reason, scene.path[0], scene.unknown_blocks, within)
+    yield from overlapped(
+        scene, reason, place=scene.path[0], unknown_blocks=scene.unknown_blocks, within=within
+    )
     yield from _waited(scene, past, reason)
 
 
@@ -84,7 +86,13 @@ def no_way_out(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     yield from overlapped_here(scene, reason)
     yield from same("limit_m", reason.limit_m, 1.0)
     heading = scene.decision.trajectory.heading[0]
-    if has_room(scene, scene.path[0], reason.limit_m, heading, scene.unknown_blocks):
+    if has_room(
+        scene,
+        about=scene.path[0],
+        within=reason.limit_m,
+        heading=heading,
+        unknown_blocks=scene.unknown_blocks,
+    ):
         yield f"there is a free place within {reason.limit_m:.2f} m"
     yield from _waited(scene, past, reason)
 

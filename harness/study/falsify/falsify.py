@@ -152,7 +152,13 @@ class _Runs:
     def planned(self, perturbation: AnyPerturbation | None) -> Planned:
         """Return the episode with a perturbation."""
         config = self._task.config
-        arm = Arm(config.world, config.robot, "", self._task.name if perturbation else CLEAN, 0)
+        arm = Arm(
+            config.world,
+            config.robot,
+            variant="",
+            perturbation=self._task.name if perturbation else CLEAN,
+            severity=0,
+        )
         return planned_for(arm, with_perturbation(config, perturbation), self._contents)
 
     def duration(self) -> float:

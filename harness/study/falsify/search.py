@@ -128,10 +128,12 @@ def _evolve(space: Space, ledger: _Ledger, seed: int) -> None:
         if not left:
             points = low + (high - low) * rng.random((OFFSPRING, len(low)))
             left = [_best(points, ledger(points))]
-        end = _climb(space, ledger, rng, left.pop(0), STEPS[1])
+        end = _climb(space, ledger, rng, start=left.pop(0), step=STEPS[1])
         ends.append(end[1])
         best = min(best, end, key=itemgetter(0))
-        best = min(best, _climb(space, ledger, rng, best, 0.5 * STEPS[1]), key=itemgetter(0))
+        best = min(
+            best, _climb(space, ledger, rng, start=best, step=0.5 * STEPS[1]), key=itemgetter(0)
+        )
 
 
 def _climb(

@@ -106,13 +106,19 @@ def strip(times: Array, actions: Sequence[str], labels: Sequence[str], late: Seq
     parts = []
     for first, last in _blocks(actions):
         parts.append(
-            _block(across(times[first]), across(ends[last]), 4, 16, action_colour(actions[first]))
+            _block(
+                across(times[first]),
+                x2=across(ends[last]),
+                y=4,
+                height=16,
+                colour=action_colour(actions[first]),
+            )
             + f"<title>{escape(actions[first])}, decisions {first} to {last}</title></rect>"
         )
     for first, last in _blocks(labels):
         if labels[first] not in ("", "none"):
             parts.append(
-                _block(across(times[first]), across(ends[last]), 22, 5, LABEL)
+                _block(across(times[first]), x2=across(ends[last]), y=22, height=5, colour=LABEL)
                 + f"<title>{escape(labels[first])}, decisions {first} to {last}</title></rect>"
             )
     for time, was_late in zip(times, late, strict=True):

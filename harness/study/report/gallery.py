@@ -171,7 +171,7 @@ def facts_of(
         value, twin = metrics[name], None if other is None else other[name]
         if value is None and twin is None:
             continue
-        facts.append(Fact(name, metric.unit, value, twin, _side(name, value, twin)))
+        facts.append(Fact(name, metric.unit, value, other=twin, side=_side(name, value, twin)))
     return facts
 
 

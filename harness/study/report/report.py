@@ -128,7 +128,7 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
     draft = folder / f".{SITE}"
     shutil.rmtree(draft, ignore_errors=True)  # of a run that was ended
     (draft / "episodes").mkdir(parents=True)
-    _write_episodes(material, paged, draft, pages_of, runs)
+    _write_episodes(material, paged, site=draft, pages_of=pages_of, runs=runs)
     overview = _overview(material, paged, runs)
     pages = {
         draft / "index.html": ("report.html.j2", {**overview, "site": True, "root": ""}),
@@ -189,10 +189,10 @@ def _write_episodes(
     for number, row in enumerate(shown):
         context = episode_context(
             row,
-            material.twins.get(row.key),
-            planned[row.key],
-            material.views,
-            (keys[number], keys[number + 2]),
+            twin=material.twins.get(row.key),
+            planned=planned[row.key],
+            views=material.views,
+            neighbours=(keys[number], keys[number + 2]),
         )
         view = material.views.of(row)
         if view is not None:

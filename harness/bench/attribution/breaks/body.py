@@ -25,7 +25,13 @@ def _bulky(sound: Scenario, result: Result, rng: Rng) -> Broken:
     """The body carries a pole across, which the stack does not model."""
     half = sound.mission.radius + float(rng.uniform(0.15, 0.35))
     return Broken(
-        edit=_loaded(mujoco.mjtGeom.mjGEOM_BOX, [0.02, half, 0.02], [0, 0, 0], 0.01, True)
+        edit=_loaded(
+            mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.02, half, 0.02],
+            place=[0, 0, 0],
+            kilograms=0.01,
+            touches=True,
+        )
     )
 
 

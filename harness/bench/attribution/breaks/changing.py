@@ -68,7 +68,7 @@ def _appearing(sound: Scenario, at: float, when: float) -> list[Mover]:
     ends = [low + (high - low) * k / PANELS for k in range(PANELS + 1)]
     movers = []
     for k in range(PANELS):
-        panel = wall_across(sound, at, "curtain", ends[k], ends[k + 1])
+        panel = wall_across(sound, at, kind="curtain", low=ends[k], high=ends[k + 1])
         x, y, z = panel.centre
         panel = replace(panel, centre=(0.0, 0.0, z))
         name, route = f"panel_{k}", ((x, y, 0.0),)

@@ -68,6 +68,14 @@ def test_a_box_on_the_path_is_planned_around(ground, queries):
         assert changed.sweep_cost(poses) == again.cost < math.inf
 
 
+def test_paths_are_blended_and_timed(ground, queries):
+    plans = bench_plan._plan_row("drone", "astar", ground[0], queries[:2], PlannerConfig())[1]
+    blends, trajectory = bench_plan._trajectory_rows("drone", ground[0], plans)
+    assert (blends.planner, trajectory.planner) == ("blends", "trajectory")
+    assert blends.success == trajectory.success == 1.0
+    assert 0.9 < blends.length_ratio_mean <= 1.0
+
+
 def test_every_planner_has_a_row(ground, queries):
     rows = []
     for name in PLANNERS:
