@@ -8,13 +8,11 @@ from pathlib import Path
 import pytest
 
 from docs.blocks import FENCED, Block, blocks, commands
+from tests.docs.programs import ROOT, TARGETS
 from tests.docs.typist import (
-    ROOT,
-    TARGETS,
     UNTYPED,
     Typist,
     check_against_parser,
-    check_quote,
     commands_of,
     reason_untyped,
 )
@@ -91,15 +89,6 @@ def test_blocks_and_their_commands():
     assert first == Block("sh", {"exit": "1"}, "cat > a.toml <<'END'\nx = 1\nEND\nls a \\\n  b\n")
     assert commands(first) == ["cat > a.toml <<'END'\nx = 1\nEND\n", "ls a    b"]
     assert commands(second) == ["ls"]
-
-
-def test_a_quote_is_checked_line_by_line():
-    output = "success: at rest; 6.7 s simulated in 5.9 s\nlog: a  chain: 0123456789abcdef\nlast\n"
-    check_quote("success: at rest; 6.7 s simulated in 1.0 s\n last\n", output)
-    check_quote("log: a ...\n", output)
-    for wrong in ("success: at rest; 6.8 s simulated in 5.9 s", "last\nlog: a ...", "more"):
-        with pytest.raises(AssertionError, match="the page quotes"):
-            check_quote(wrong, output)
 
 
 @pytest.mark.parametrize(

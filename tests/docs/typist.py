@@ -4,12 +4,11 @@
 seed, and `make` does a dry run. Commands in `UNTYPED` do not run, for the reason there; they are
 checked against the parser of their program.
 
-`python -m tests.docs.typist docs/PAGE.md` updates the quoted output of a page, each line to the
-most similar printed one; the prose around it is to be checked by hand.
+`python -m tests.docs.typist docs/PAGE.md` updates the quoted output of a page; the prose around it
+is to be checked by hand.
 """
 
 import contextlib
-import difflib
 import hashlib
 import importlib.util
 import io
@@ -18,7 +17,6 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 import tempfile
 import tomllib
@@ -26,28 +24,42 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
-
-from docs.blocks import HERE, blocks, commands
-from tests.harness.interface.cpp import compiler
+from docs.blocks import FENCED, HERE, blocks, commands
+from tests.docs.page_folder import set_up_folder
+from tests.docs.programs import (
+    ROOT,
+    TARGETS,
+    compile_here,
+    dry_run,
+    make_folders,
+    plot_maps,
+    run_command,
+    run_here,
+    run_python,
+)
+from tests.docs.quotes import check_quote, updated_quote
+from tests.docs.small_scale import (
+    COARSE,
+    EARLY,
+    MANY,
+    ONCE,
+    SHORT,
+    SMALLER,
+    STAGES_SMALLER,
+    smaller_study,
+    smaller_world,
+    with_options,
+)
 from tests.sharing import alone
-from wayproof.harness.bench.episodes import crossing as bench_crossing
-from wayproof.harness.bench.episodes import worlds as bench_worlds
 from wayproof.harness.bench.stages import STAGES
-from wayproof.harness.cli.main import main, verb_parsers
+from wayproof.harness.cli.main import verb_parsers
 from wayproof.harness.cli.run import episode_name
 from wayproof.harness.config_document import from_document, override
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.replay.signature import new_key
-from wayproof.harness.study.file import PACKAGED, read_study
+from wayproof.harness.study.file import read_study
 from wayproof.harness.study.plan import plan_episodes
 from wayproof.models.robots.custom import parse_spec
-from wayproof.models.worlds import WORLDS
-
-ROOT = Path(__file__).parents[2]
-PYTHONPATH = os.pathsep.join((str(ROOT / "src"), str(ROOT)))
-FOUND = {**os.environ, "PYTHONPATH": PYTHONPATH, "COLUMNS": "80"}
-TARGETS = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
 
 UNTYPED = {
     r"\. \.venv/bin/activate": "the tests run in an environment already",
@@ -67,106 +79,6 @@ UNTYPED = {
     r"wayproof run .* --view .*": "tests/harness/viewer/test_rerun_view.py runs it",
 }
 """Commands that are only checked against their parser, and the reason."""
-
-SHORT = 1.0
-"""Duration of an episode on a small scale, s; longer if a full block needs a later decision."""
-
-COARSE = 0.2
-"""Cell size on a small scale, m, for a drone; the other robot's steps are too small for it."""
-
-EARLY = 5
-"""Decision on a small scale instead of a later one."""
-
-NOISE = re.compile(
-    r"(?<=simulated in )\d+\.\d(?= s)|(?<=; )\d+\.\d(?= s;)|(?<=log )\d+\.\d(?= MB/min)"
-    r"|sense [\d.]+, map [\d.]+, costmap [\d.]+, plan [\d.]+"
-    r"|\b[0-9a-f]{12,32}\b"
-)
-"""Wall times, sizes that depend on them, and hashes, which vary by machine."""
-
-SMALLER = {
-    "threshold": "--episodes 2".split(),
-    "demo": "--set episode.time_limit=0.5".split(),
-    "falsify": "--budget 3 --window 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
-    " --set map.resolution=0.2".split(),
-    "shadow": "--end 2".split(),
-}
-"""Additional options of a verb on a small scale."""
-
-MANY = ("study", "threshold", "falsify")
-"""Verbs that start processes, each of which takes longer to load than a short episode."""
-
-ONCE = (*MANY, "bench", "demo")
-"""Verbs whose command on a small scale runs once, though several blocks hold it."""
-
-STAGES_SMALLER = {
-    "threshold": "--episodes 2".split(),
-    "coverage": "--repeats 2".split(),
-    "crossing": "--repeats 1 --rows kept-crossing.jsonl".split(),
-    "worlds": "--repeats 1 --rows kept-worlds.jsonl".split(),
-    "plan": "--repeats 2".split(),
-    "map": "--repeats 1 --only ghosts".split(),
-    "robots": "--repeats 1 --only hover".split(),
-    "halls": "--repeats 1 --only 20".split(),
-}
-"""Additional options of a stage of `bench`: one episode or problem after the kept ones."""
-
-MAP_ROWS = (
-    [
-        {
-            "part": "speed",
-            "resolution_m": 0.1,
-            "range_m": 10.0,
-            "library": library,
-            "mode": "clamped",
-            "threads": 1,
-            "ms_per_sweep": ms,
-            "ms_p99": ms,
-            "ratio_vs_pyoctomap": ratio,
-            "map_mib": 1.0,
-        }
-        for library, ms, ratio in (("wayproof", 2.0, 4.0), ("pyoctomap", 8.0, 1.0))
-    ]
-    + [
-        {
-            "part": "ghosts",
-            "library": "wayproof",
-            "clamp_high": clamp,
-            "half_life_s": 0.0,
-            "unseen_s": 0.0,
-            "sweeps_to_free": sweeps,
-            "sweeps_by_formula": sweeps,
-        }
-        for clamp, sweeps in ((0.8, 4), (0.97, 9))
-    ]
-    + [
-        {
-            "part": "accuracy",
-            "resolution_m": 0.1,
-            "library": "wayproof",
-            "mode": "clamped",
-            "floor_columns_lost": 0.01,
-            "false_free": 0.02,
-        },
-    ]
-)
-"""Invented rows in the form of `bench map`, written to a folder of their own."""
-
-EPISODE = {"seed": 0, "outcome": "success", "time_s": 9.0, "clearance_m": 0.3, "reason": "at rest"}
-
-CROSSING_ROWS = [
-    {"robot": robot, "way": way, "own": 0, "at_rest": 0, "cause": "", **EPISODE}
-    for robot in bench_crossing.ROBOTS
-    for way in (bench_crossing.ALONE, *bench_crossing.MAPS)
-    if (robot, way) != ("drone", bench_crossing.ALONE)
-]
-WORLD_ROWS = [
-    {"world": world, "robot": robot, "spl": 1.0, "struck": 0, **EPISODE}
-    for world in WORLDS
-    for robot in bench_worlds.ROBOTS
-    if (world, robot) != ("empty", "drone")
-]
-"""Invented rows of all episodes but one, which is run."""
 
 LOG = re.compile(r"logs/([a-z]+)-([a-z]+)-(\d+)\.mcap(\.partial)?")
 
@@ -364,64 +276,6 @@ class Typist:
             shutil.copy(ROOT / word, word)
 
 
-def make_folders(words):
-    """Make folders as `mkdir -p` does."""
-    assert words[0] == "-p", words
-    for name in words[1:]:
-        Path(name).mkdir(parents=True, exist_ok=True)
-    return 0, ""
-
-
-def set_up_folder():
-    """Set up the folder of a page: links to models and examples, and files of other programs."""
-    Path("docs").mkdir()
-    for folder in ("models", "examples"):
-        Path(folder).symlink_to(ROOT / folder)
-    pillar = (
-        "<model name='p'><static>1</static><pose>-3.5 7 0 0 0 0</pose><link name='l'><collision"
-        " name='c'><geometry><cylinder><radius>0.075</radius><length>1</length></cylinder>"
-        "</geometry></collision></link></model>"
-    )
-    world = f"<sdf version='1.6'><world name='default'>{pillar}</world></sdf>"
-    Path("world_1.world").write_text(world)
-    Path("DIR").mkdir()
-    Path("DIR/world_1.world").write_text(world)
-    np.save("DIR/path_1.npy", np.array([[16, j] for j in range(31)]))
-    Path("DIR/easy_0.csv").write_text("s, 8, 0, 4, 1, 0, 0, 0, 1.5, 1.5, 1.5")
-    Path("FILE.3dmap").write_text("voxel 6 6 6\n3 3 3\n")
-    problems = "0 0 0 4 2 1 5.14626437 1.0\n0 0 0 5 0 0 5.0 1.0\n"
-    Path("FILE.3dscen").write_text(f"version 1\nFILE.3dmap\n{problems}")
-    keep_rows(Path("kept-crossing.jsonl"), CROSSING_ROWS)
-    keep_rows(Path("kept-worlds.jsonl"), WORLD_ROWS)
-
-
-def keep_rows(path, rows):
-    """Write the rows of an interrupted bench, which continues with the missing one."""
-    path.write_text("".join(f"{json.dumps(row)}\n" for row in rows))
-
-
-def smaller_study(name):
-    """A study of one of each, one seed and half a second; the name of its file."""
-    path = Path(name) if Path(name).is_file() else PACKAGED / f"{name}.toml"
-    study = tomllib.loads(path.read_text())
-    worlds = ["empty" if world in WORLDS else world for world in study["worlds"][:1]]
-    robots = ["drone"] if "drone" in study["robots"] else study["robots"][:1]
-    study |= {"worlds": worlds, "robots": robots, "seeds": 1}
-    settings = {**study.pop("set", {}), "episode.time_limit": 0.5}
-    if robots == ["drone"]:
-        settings["map.resolution"] = COARSE
-    tables = {"set": settings}
-    for table in ("axes", "perturbations"):
-        tables[table] = {key: values[:2] for key, values in [*study.pop(table, {}).items()][:1]}
-    tables["perturbations"] = {key: one[:1] for key, one in tables["perturbations"].items()}
-    lines = [f"{key} = {json.dumps(value)}" for key, value in study.items()]
-    for table, entries in tables.items():
-        lines += [f"[{table}]", *(f'"{key}" = {json.dumps(v)}' for key, v in entries.items())]
-    small = Path(f"small-{path.name}")
-    small.write_text("\n".join(lines))
-    return str(small)
-
-
 def log_of(words):
     """Path of the log of a `run` with these words."""
     options = verb_parsers()["run"].parse_args(words[1:])
@@ -432,75 +286,6 @@ def log_of(words):
     if options.perturb:
         config = replace(config, perturbation=perturbation_from(options.perturb))
     return options.logs / f"{episode_name(config)}.mcap"
-
-
-def with_options(words, options):
-    """Words with these options and values, replacing options of the same name."""
-    words = list(words)
-    for name, value in zip(options[::2], options[1::2], strict=True):
-        key = f"{value.partition('=')[0]}=" if name == "--set" else ""
-        for at in reversed(range(1, len(words) - 1)):
-            if words[at] == name and words[at + 1].startswith(key):
-                del words[at : at + 2]
-        words += [name, value]
-    return words
-
-
-def smaller_world(words):
-    """Use the empty world, where the first episode of `falsify` reaches the goal soonest."""
-    if words[0] != "falsify":
-        return words
-    at = words.index("--seed") + 1
-    return ["falsify", "empty", *words[2:at], "1", *words[at + 1 :]]
-
-
-def dry_run(words):
-    """Run make without its commands; check that the modules in them exist."""
-    ended = subprocess.run(
-        ["make", "-n", *words], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    modules = re.findall(r"python -m (\S+)", ended.stdout)
-    missing = [name for name in modules if importlib.util.find_spec(name) is None]
-    assert not missing, f"make {words}: no module {missing}"
-    return ended.returncode, ended.stdout + ended.stderr
-
-
-def compile_here(words):
-    """Compile C++ by this machine's compiler, or by the one of `ziglang`."""
-    ended = subprocess.run([*compiler(), *words], capture_output=True, text=True, check=False)
-    return ended.returncode, ended.stdout + ended.stderr
-
-
-def plot_maps(words):
-    """Fill the tables and draw the pictures in a copy of the pages."""
-    shutil.copy(ROOT / "docs/plot_maps.py", "docs")
-    shutil.copy(ROOT / "docs/maps.md", "docs")
-    Path(words[1]).write_text(json.dumps({"rows": MAP_ROWS}))
-    ended = run_python(words)
-    drawn = {"map-speed.svg", "map-ghosts.svg", "map-accuracy.svg"}
-    assert drawn <= {path.name for path in Path("docs").iterdir()}, ended
-    return ended
-
-
-def run_here(words):
-    """Run wayproof in this process; return its exit code and output."""
-    output = io.StringIO()
-    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
-        code = main(words)
-    return code, output.getvalue()
-
-
-def run_command(words):
-    """Run wayproof in a process of its own; return its exit code and output."""
-    return run_python(["-m", "wayproof", *words])
-
-
-def run_python(words):
-    """Run Python in a process of its own; return its exit code and output."""
-    ended = subprocess.run(
-        [sys.executable, *words], env=FOUND, capture_output=True, text=True, check=False
-    )
-    return ended.returncode, ended.stdout + ended.stderr
 
 
 def commands_of(block):
@@ -535,22 +320,6 @@ def _end(words):
     return words.index(">") if ">" in words else len(words)
 
 
-def check_quote(quote, output):
-    """Assert that each quoted line was printed, in this order; `...` matches anything."""
-    left = [blurred(line) for line in output.splitlines()]
-    for line in filter(str.strip, quote.splitlines()):
-        parts = map(re.escape, blurred(line).split("..."))
-        form = re.compile(".*".join(parts))
-        at = next((at for at, other in enumerate(left) if form.fullmatch(other)), None)
-        assert at is not None, f"the page quotes\n{line}\nbut what was printed is\n{output}"
-        left = left[at + 1 :]
-
-
-def blurred(line):
-    """A line without the parts that vary from run to run."""
-    return " ".join(NOISE.sub("#", line).split())
-
-
 def read_toml(path):
     """Parse a study or a robot's spec."""
     if "mjcf" in tomllib.loads(path.read_text()):
@@ -567,22 +336,19 @@ READERS = {
 
 
 def update_quotes(page):
-    """Run a page, and replace its quotes by the present output."""
+    """Run a page, and replace its quotes by the present output, each in its own place."""
     text = page.read_text()
+    updated, end = "", 0
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         Path("episodes").mkdir()
         typist = Typist(text, Path("episodes").resolve())
-        for block in blocks(text):
+        for block, fenced in zip(blocks(text), FENCED.finditer(text), strict=True):
             if block.kind != "text":
                 typist.type(block)
                 continue
-            printed = {blurred(line): line.rstrip() for line in typist.output.splitlines()}
-            lines = block.text.splitlines()
-            for at, line in enumerate(lines):
-                if "..." not in line and blurred(line) not in printed:
-                    lines[at] = printed[difflib.get_close_matches(blurred(line), printed, 1, 0)[0]]
-            text = text.replace(block.text, "\n".join([*lines, ""]), 1)
-    page.write_text(text)
+            updated += text[end : fenced.start(2)] + updated_quote(block.text, typist.output)
+            end = fenced.end(2)
+    page.write_text(updated + text[end:])
 
 
 if __name__ == "__main__":
