@@ -13,7 +13,8 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import add_points, thinned, trajectory_message
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.provenance import evidence_along
-from wayproof.harness.stack.reasons import Reason, reason_message, sentence
+from wayproof.harness.stack.reason_sentences import sentence
+from wayproof.harness.stack.reasons import Reason, reason_message
 from wayproof.harness.stack.types import Command, PlannerInput
 from wayproof.planners import Trajectory
 

@@ -14,10 +14,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, NamedTuple, Protocol
 
-import zstandard
 from mcap.opcode import Opcode
 
 from wayproof.harness.errors import InputError
+from wayproof.harness.log.codec.census import Census
+from wayproof.harness.log.codec.fields import Broken, Cursor, decompress
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -29,49 +30,6 @@ MOST_BYTES = 2**40
 
 GREATEST_RATIO = 4096
 """Maximum ratio of decompressed chunks to file size; sweeps of an empty world reach 800."""
-
-MOST_DECISIONS = 200_000
-"""Maximum number of decisions in a file; an hour at 10 Hz makes 36,000."""
-
-MOST_MESSAGES = 1_000_000
-"""Maximum number of messages in a file."""
-
-LEAST_MESSAGES = 20_000
-"""Number of messages allowed in any file; beyond it one for every `LEAST_BYTES` of the file."""
-
-LEAST_BYTES = 16
-"""Minimum file size per message, bytes; messages of an episode take 800 and more."""
-
-LEAST_DATA = 2**20
-GREATEST_DATA_RATIO = 32
-"""Maximum ratio of message data but sweeps, beyond `LEAST_DATA` bytes, to the file size; an episode
-reaches 1.3. A message takes many times its bytes in memory: two bytes make a point of a path."""
-
-MOST_DECLARED = 10_000
-"""Maximum number of records in chunks that are no messages: schemas, channels, unknown ones."""
-
-ONCE = frozenset(
-    f"wayproof.{name}"
-    for name in (
-        "Pose",
-        "Goal",
-        "Latency",
-        "State",
-        "Truth",
-        "RecordedMotion",
-        "Streams",
-        "Keyframe",
-    )
-)
-"""Schemas with one message per decision."""
-
-DECISION, SWEEP, TABLE = "wayproof.Decision", "wayproof.Sweep", "wayproof.SensorInfo"
-
-MOST_SWEEPS = 256
-"""Maximum number of sweeps between two decisions."""
-
-MOST_TABLES = 1000
-"""Maximum number of beam tables in a file, those before its forks among them."""
 
 HEAD = struct.Struct("<BQ")  # opcode, length
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, time of the log, time of publication
@@ -132,57 +90,6 @@ class _Whole:
         return self._file.read() == mark
 
 
-class _Broken(Exception):
-    """A fault of the current record; `_Walk` adds its place."""
-
-
-class _Cursor:
-    """Reader of the fields of one record, never beyond its end."""
-
-    def __init__(self, data: bytes, begin: int = 0, end: int | None = None) -> None:
-        self._data = data
-        self._place = begin
-        self._end = len(data) if end is None else end
-
-    @property
-    def left(self) -> int:
-        return self._end - self._place
-
-    def skip(self, count: int) -> int:
-        """Pass over some bytes, and return where they begin."""
-        begin = self._place
-        if begin + count > self._end:
-            raise _Broken(f"a field of {count} bytes in a record with {self.left} left")
-        self._place = begin + count
-        return begin
-
-    def take(self, count: int) -> bytes:
-        begin = self.skip(count)
-        return self._data[begin : begin + count]
-
-    def part(self, count: int) -> _Cursor:
-        """Return a reader of the next bytes, which are not copied: a sweep takes many."""
-        begin = self.skip(count)
-        return _Cursor(self._data, begin, begin + count)
-
-    def number(self, size: int) -> int:
-        return int.from_bytes(self.take(size), "little")
-
-    def text(self) -> str:
-        try:
-            return str(self.take(self.number(4)), "utf-8")
-        except UnicodeDecodeError:
-            raise _Broken("text that is no UTF-8") from None
-
-    def pairs(self) -> dict[str, str]:
-        inner = self.part(self.number(4))
-        fields = {}
-        while inner.left:
-            key = inner.text()
-            fields[key] = inner.text()
-        return fields
-
-
 def walk(path: Path, head_only: bool = False) -> Iterator[Item]:
     """Yield every item of a file, in file order.
 
@@ -218,42 +125,6 @@ def walk_in(path: Path, source: Source) -> Iterator[Item]:
     yield from _Walk(path, source, MOST_BYTES, head_only=False).items()
 
 
-class _Census:
-    """Counts of messages, so that a small file cannot hold more than an episode makes."""
-
-    def __init__(self, file_size: int) -> None:
-        self._most = min(MOST_MESSAGES, LEAST_MESSAGES + file_size // LEAST_BYTES)
-        self._most_data = LEAST_DATA + GREATEST_DATA_RATIO * file_size
-        self._all = self._decisions = self._tables = self._data = self._declared = 0
-        self._since: dict[str, int] = {}  # schema -> messages since the last decision
-
-    def count_declared(self) -> None:
-        self._declared += 1
-        self._hold(self._declared, MOST_DECLARED, "records in chunks that are no messages")
-
-    def count(self, schema: str, topic: str, size: int) -> None:
-        self._all += 1
-        self._hold(self._all, self._most, "messages")
-        if schema not in (SWEEP, TABLE):
-            self._data += size
-            self._hold(self._data, self._most_data, "bytes of messages other than sweeps")
-        if schema == DECISION:
-            self._decisions += 1
-            self._hold(self._decisions, MOST_DECISIONS, "decisions")
-            self._since.clear()
-        elif schema == TABLE:
-            self._tables += 1
-            self._hold(self._tables, MOST_TABLES, "sensors' tables")
-        elif schema == SWEEP or schema in ONCE:
-            self._since[schema] = count = self._since.get(schema, 0) + 1
-            most = MOST_SWEEPS if schema == SWEEP else 1
-            self._hold(count, most, f"messages of {topic[:40]!r} for decision {self._decisions}")
-
-    def _hold(self, count: int, most: int, what: str) -> None:
-        if count > most:
-            raise _Broken(f"{count} {what}, expected at most {most}")
-
-
 class _Walk:
     """One pass over a file."""
 
@@ -264,7 +135,7 @@ class _Walk:
         self._head_only = head_only
         self._chunks = 0
         self._unpacked = 0
-        self._census = _Census(self._size)
+        self._census = Census(self._size)
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, tuple[str, str]] = {}  # topic, schema's name
 
@@ -282,7 +153,7 @@ class _Walk:
                     self._check_summary()
                     return
                 yield from self._parse(opcode, body)
-            except _Broken as error:
+            except Broken as error:
                 raise self._damaged(f"{error}, {_name(opcode, body)} at byte {offset}") from None
             checksum = zlib.crc32(body, zlib.crc32(head, checksum))
 
@@ -303,7 +174,7 @@ class _Walk:
         return opcode, head, body
 
     def _parse(self, opcode: int, body: bytes) -> Iterator[Item]:
-        cursor = _Cursor(body)
+        cursor = Cursor(body)
         if opcode == Opcode.CHUNK:
             self._chunks += 1
             if self._chunks == 1 or not self._head_only:
@@ -315,7 +186,7 @@ class _Walk:
         else:
             yield from self._parse_in_chunk(opcode, cursor)
 
-    def _parse_in_chunk(self, opcode: int, cursor: _Cursor) -> Iterator[Packet]:
+    def _parse_in_chunk(self, opcode: int, cursor: Cursor) -> Iterator[Packet]:
         """Parse a record of a chunk, or of a file without chunks."""
         if opcode == Opcode.SCHEMA:
             number = cursor.number(2)
@@ -326,24 +197,24 @@ class _Walk:
         elif opcode == Opcode.MESSAGE:
             number, _, time_ns, _ = MESSAGE.unpack(cursor.take(MESSAGE.size))
             if number not in self._channels:
-                raise _Broken(f"a message on channel {number}, which was never declared")
+                raise Broken(f"a message on channel {number}, which was never declared")
             topic, schema_name = self._channels[number]
             self._census.count(schema_name, topic, cursor.left)
             yield Packet(schema_name, topic, time_ns, cursor.take(cursor.left))
 
-    def _unpack(self, cursor: _Cursor) -> Iterator[Packet]:
+    def _unpack(self, cursor: Cursor) -> Iterator[Packet]:
         cursor.skip(16)
         size, checksum = cursor.number(8), cursor.number(4)
         compression, packed = cursor.text(), cursor.take(cursor.number(8))
         self._unpacked += size
         if size > GREATEST_RECORD:
-            raise _Broken(f"unpacks to {size} bytes, expected at most {GREATEST_RECORD}")
+            raise Broken(f"unpacks to {size} bytes, expected at most {GREATEST_RECORD}")
         if self._unpacked > GREATEST_RATIO * self._size:
-            raise _Broken(f"unpacks to over {GREATEST_RATIO} times the file's size")
-        data = _decompress(compression, packed, size)
+            raise Broken(f"unpacks to over {GREATEST_RATIO} times the file's size")
+        data = decompress(compression, packed, size)
         if checksum != 0 and zlib.crc32(data) != checksum:
-            raise _Broken("checksum does not hold")
-        inner = _Cursor(data)
+            raise Broken("checksum does not hold")
+        inner = Cursor(data)
         while inner.left:
             opcode, length = HEAD.unpack(inner.take(HEAD.size))
             if opcode != Opcode.MESSAGE:
@@ -351,22 +222,22 @@ class _Walk:
             yield from self._parse_in_chunk(opcode, inner.part(length))
 
     def _check_data(self, body: bytes, checksum: int) -> None:
-        expected = _Cursor(body).number(4)
+        expected = Cursor(body).number(4)
         if expected not in (0, checksum):
-            raise _Broken("checksum of all bytes up to here does not hold, at")
+            raise Broken("checksum of all bytes up to here does not hold, at")
 
     def _check_summary(self) -> None:
         """Check index, footer and final magic, of which only the checksums are used."""
         tail = self._file.read(GREATEST_RECORD + 1)
         footer = HEAD.size + 20
         if len(tail) > GREATEST_RECORD or len(tail) < footer + len(MAGIC):
-            raise _Broken(f"an index of {len(tail)} bytes after")
+            raise Broken(f"an index of {len(tail)} bytes after")
         if tail[-len(MAGIC) :] != MAGIC:
             raise self._cut(f"no end mark in {self._file.tell()} bytes")
         signed = tail[: -len(MAGIC) - 4]
         expected = int.from_bytes(tail[-len(MAGIC) - 4 : -len(MAGIC)], "little")
         if expected not in (0, zlib.crc32(signed)):
-            raise _Broken("checksum of the index does not hold, after")
+            raise Broken("checksum of the index does not hold, after")
 
     def _cut(self, what: str) -> InputError:
         """Return the error of a file that breaks off; with an end mark it is not just cut short."""
@@ -378,33 +249,14 @@ class _Walk:
         return InputError(f"log '{self._path}': damaged ({what})")
 
 
-def _attachment(cursor: _Cursor, body: bytes) -> Attachment:
+def _attachment(cursor: Cursor, body: bytes) -> Attachment:
     cursor.take(16)
     name = cursor.text()
     cursor.text()
     data, checksum = cursor.take(cursor.number(8)), cursor.number(4)
     if checksum not in (0, zlib.crc32(body[:-4])):
-        raise _Broken(f"checksum of '{name[:40]}' does not hold")
+        raise Broken(f"checksum of '{name[:40]}' does not hold")
     return Attachment(name, data)
-
-
-def _decompress(compression: str, packed: bytes, size: int) -> bytes:
-    """Decompress a chunk whose size was checked; refuse a frame of another size."""
-    if compression == "":
-        data = packed
-    elif compression == "zstd":
-        try:
-            declared = zstandard.get_frame_parameters(packed).content_size
-            if declared not in (zstandard.CONTENTSIZE_UNKNOWN, size):
-                raise _Broken(f"unpacks to {declared} bytes, expected {size}")
-            data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
-        except zstandard.ZstdError as error:
-            raise _Broken(f"cannot be unpacked: {error}") from None
-    else:
-        raise _Broken(f"compression {compression[:20]!r}, expected 'zstd' or none")
-    if len(data) != size:
-        raise _Broken(f"unpacks to {len(data)} bytes, expected {size}")
-    return data
 
 
 def _name(opcode: int, body: bytes) -> str:

@@ -18,7 +18,8 @@ from wayproof.harness.replay.reasons.predicates import PREDICATES
 from wayproof.harness.replay.reasons.scene import Scene
 from wayproof.harness.replay.reasons.uncertain import slowed
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.reasons import MEANINGS, logged_reason, sentence
+from wayproof.harness.stack.reason_sentences import MEANINGS, sentence
+from wayproof.harness.stack.reasons import logged_reason
 from wayproof.maps.columns import ColumnMap
 
 __all__ = ["PREDICATES", "ReasonCheck"]

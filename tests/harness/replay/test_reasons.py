@@ -13,15 +13,14 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit.run import moments
 from wayproof.harness.replay.reasons import PREDICATES, ReasonCheck, figures_of
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.reason_sentences import MEANINGS, sentence
 from wayproof.harness.stack.reasons import (
     FIGURES,
-    MEANINGS,
     POINTS,
     TEXTS,
     Reason,
     logged_reason,
     reason_message,
-    sentence,
 )
 
 LOGS = Path(__file__).parents[1] / "logs"

@@ -24,7 +24,7 @@ from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.decision import Action, Label
-from wayproof.harness.stack.reasons import MEANINGS
+from wayproof.harness.stack.reason_sentences import MEANINGS
 from wayproof.harness.stack.types import PlannerInput, PlannerState
 
 WALL = (4.0, 4.3, 0.0, 4.0)

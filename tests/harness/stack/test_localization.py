@@ -26,7 +26,7 @@ from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.decision import MOST_WIDENING
 from wayproof.harness.stack.mapping import MOST_DOUBT, margin_of
 from wayproof.harness.stack.planner_input import localization_of
-from wayproof.harness.stack.reasons import sentence
+from wayproof.harness.stack.reason_sentences import sentence
 from wayproof.harness.stack.types import Localization
 from wayproof.harness.trace import read_trace
 
