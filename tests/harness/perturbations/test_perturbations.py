@@ -1,6 +1,7 @@
+"""Perturbations: their settings, and what each does to sweeps, poses and worlds."""
+
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -16,22 +17,13 @@ from wayproof.harness.config_document import (
     with_perturbation,
 )
 from wayproof.harness.errors import InputError
-from wayproof.harness.input_messages import beams_from_info, decode_ranges
-from wayproof.harness.inputs import Pose, SweepInput
-from wayproof.harness.log.codec.messages import read_messages
-from wayproof.harness.log.streams import compare
 from wayproof.harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
 from wayproof.harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time_ns
-from wayproof.harness.replay.replay import replay
-from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
-from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.poses import Trail, rotation_matrices
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 from wayproof.models.sensors.devices import DEVICES
 from wayproof.models.worlds import WORLDS
-
-JUMPS_AT_2_S = next(seed for seed in range(1000) if jump_time_ns(seed) < 2.5e9)
 
 
 def report(name="ideal-lidar-floor", ranges=None, sequence=0, seed=1):
@@ -40,9 +32,6 @@ def report(name="ideal-lidar-floor", ranges=None, sequence=0, seed=1):
     if ranges is None:
         ranges = np.full(table.beams, 5000, np.uint16)
     return Report("lidar", device, table, ranges, seed, sequence)
-
-
-# The config
 
 
 def test_severities_grow():
@@ -121,9 +110,6 @@ def test_a_window_has_a_length(window):
     one = {"kind": "latency", "severity": 1, "window": window}
     with pytest.raises(InputError, match="window"):
         from_document({"world": "empty", "robot": "drone", "seed": 0, "perturbation": one})
-
-
-# What each does to a sweep
 
 
 def test_a_scale_lengthens_echoes_alone():
@@ -304,242 +290,3 @@ def test_where_nobody_can_walk_there_is_no_such_episode():
     config = replace(Config("corridor", "drone", 3), perturbation=perturbation_from("motion:3"))
     with pytest.raises(InputError, match="'motion': nobody finds a way"):
         build(config)
-
-
-# In the loop
-
-TEXTS = {
-    "pose_drift:5": {"pose"},
-    "pose_jump:3": {"pose"},
-    "depth_dropout:3:ray": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
-    "depth_dropout:3:patch": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
-    "depth_dropout:3:sweep": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
-    "depth_noise:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
-    "depth_scale:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
-    "occlusion:3": {"sensor/lidar"},
-    "calibration:3": {"sensor/lidar"},
-    "calibration:3:translation": {"sensor/lidar"},
-    "latency:3": {"latency"},
-    "rate:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
-    "motion:3": {"world", "sensor/lidar", "sensor/depth", "sensor/altimeter"},
-    "imu_bias:3": {"pose"},
-    "imu_bias:3:gyroscope": {"pose"},
-    "slip:4": {"world", "pose", "sensor/lidar"},
-    "stale_prior:3": {"prior"},
-}
-
-ROBOT = {"slip": "quadruped"}
-"""Robot in place of the drone."""
-
-WORLD = {"motion": "empty"}
-"""World in place of the corridor, which has little room for people."""
-
-SETTING = {
-    "imu_bias": ["estimate.kind=lidar"],
-    "slip": ["map.resolution=0.05"],
-    "stale_prior": ["prior.source=truth"],
-}
-"""Settings that a perturbation needs, or that its robot does."""
-
-
-SHORT = ["episode.time_limit=2.5", "map.resolution=0.2"]
-
-
-def test_every_perturbation_is_paired_below():
-    assert {text.split(":")[0] for text in TEXTS} == PERTURBATIONS.keys()
-
-
-@pytest.fixture(scope="module")
-def pair(tmp_path_factory):
-    """An episode's log unperturbed, and with each perturbation; three seconds in a corridor."""
-    folder = tmp_path_factory.mktemp("pairs")
-    logs = {}
-
-    def record(text=None, like=""):
-        kind = (text or like).split(":")[0]
-        world, robot = WORLD.get(kind, "corridor"), ROBOT.get(kind, "drone")
-        settings = (*SHORT, *SETTING.get(kind, []))
-        key = (text, world, robot, settings)
-        if key not in logs:
-            config = override(Config(world, robot, JUMPS_AT_2_S), settings)
-            if text is not None:
-                config = replace(config, perturbation=perturbation_from(text))
-            logs[key] = folder / f"{len(logs)}.mcap"
-            run_episode(build(config), logs[key])
-        return logs[key]
-
-    return record
-
-
-@pytest.mark.parametrize("text", TEXTS)
-def test_only_the_declared_stream_changes_before_the_first_differing_action(pair, text):
-    found = compare(pair(like=text), pair(text))
-    assert found.changed <= TEXTS[text]
-    assert found.first_change is not None
-    assert found.compared > 0
-    # A drift acts between two decisions, through the controller, before any decision sees it.
-    assert found.changed or text.startswith(("pose_drift", "imu_bias"))
-    done = [m for m in read_messages(pair(text)) if isinstance(m, pb.Perturbation)]
-    assert {name for message in done for name in message.streams} == TEXTS[text]
-    assert {message.kind for message in done} == {text.split(":")[0]}
-
-
-@pytest.mark.parametrize("text", TEXTS)
-def test_a_perturbed_episode_replays_from_its_log(pair, text):
-    assert replay(pair(text)).identical
-
-
-def test_the_same_run_twice_has_the_same_streams(pair, tmp_path):
-    config = override(Config("corridor", "drone", JUMPS_AT_2_S), SHORT)
-    again = tmp_path / "again.mcap"
-    run_episode(build(config), again)
-    found = compare(pair(), again)
-    assert (found.changed, found.first_change, found.first_action) == (frozenset(), None, None)
-    assert found.compared == 26
-    assert not [m for m in read_messages(again) if isinstance(m, pb.Perturbation)]
-
-
-def test_a_jump_is_in_the_pose_and_not_in_its_sigma(pair):
-    log = pair("pose_jump:3")
-    done = [m for m in read_messages(log) if isinstance(m, pb.Perturbation)]
-    poses = [m for m in read_messages(log) if isinstance(m, pb.Pose)]
-    usual = [m for m in read_messages(pair()) if isinstance(m, pb.Pose)]
-    first = jump_time_ns(JUMPS_AT_2_S) // 10**8
-    for k, message in enumerate(done):
-        assert np.linalg.norm(message.pose_shift) == pytest.approx(0.3 * (k >= first), abs=2e-6)
-        assert poses[k].position_sigma == usual[k].position_sigma
-    moved = np.subtract(poses[first].position, usual[first].position)
-    np.testing.assert_allclose(moved, done[first].pose_shift, atol=1e-9)
-
-
-def test_people_change_what_sensors_see_only_where_they_are(pair):
-    """Up to the first differing action every beam that changed ends on somebody."""
-    found = compare(pair(like="motion"), pair("motion:3"))
-    until = found.first_action if found.first_action is not None else 26
-    truths = {m.sequence: m for m in read_messages(pair("motion:3")) if isinstance(m, pb.Truth)}
-    infos = [m for m in read_messages(pair("motion:3")) if isinstance(m, pb.SensorInfo)]
-    beams = {info.name: beams_from_info(info) for info in infos}
-    changed = 0
-    for sequence in range(until):
-        truth = truths[sequence]
-        pose = Pose(np.array(truth.position), np.array(truth.quaternion), 0.0)
-        people = np.array([mover.position[:2] for mover in truth.movers])
-        assert all(mover.present for mover in truth.movers)
-        for name in ("lidar", "depth", "altimeter"):
-            clean = sweep_of(pair(like="motion"), name, sequence)
-            seen = sweep_of(pair("motion:3"), name, sequence)
-            placed = beams[name].place(SweepInput(name, seen), pose, sequence)
-            other = seen != clean
-            changed += int(other.sum())
-            reach = 1e-3 * seen[other, None]
-            ends = placed.origins[0] + reach * placed.directions[other]
-            gaps = np.linalg.norm(ends[:, None, :2] - people[None], axis=2).min(axis=1)
-            assert (gaps < 0.3).all()  # 0.25 m thick
-    assert changed > 20
-
-
-def test_a_windowed_perturbation_acts_within_its_window_alone(tmp_path):
-    """Sweeps before and after are those that the device reports."""
-    usual = override(Config("empty", "drone", 1), ["episode.time_limit=0.6"])
-    lossy = replace_struct(perturbation_from("depth_dropout:4"), window=(0.2, 0.4))
-    logs = [tmp_path / "usual.mcap", tmp_path / "lossy.mcap"]
-    for config, log in zip((usual, replace(usual, perturbation=lossy)), logs, strict=True):
-        run_episode(build(config), log)
-    done = [m for m in read_messages(logs[1]) if isinstance(m, pb.Perturbation)]
-    assert [m.changed_beams > 0 for m in done[:6]] == [False, False, True, True, False, False]
-    assert [m.amount for m in done[:6]] == [0.0, 0.0, 0.3, 0.3, 0.0, 0.0]
-    assert compare(*logs).first_change == 2
-
-
-def sweep_of(log, sensor, sequence):
-    for message in read_messages(log):
-        if isinstance(message, pb.Sweep) and (message.sensor, message.sequence) == (
-            sensor, sequence,
-        ):  # fmt: skip
-            return decode_ranges(message)
-    return None
-
-
-def test_withheld_sweeps_are_not_in_the_log(pair):
-    log = pair("rate:3")
-    assert [sweep_of(log, "depth", k) is not None for k in range(7)] == [
-        True, False, False, False, False, True, False,
-    ]  # fmt: skip
-    done = [m for m in read_messages(log) if isinstance(m, pb.Perturbation)]
-    assert list(done[0].withheld) == []
-    assert list(done[1].withheld) == ["lidar", "depth", "altimeter"]
-
-
-def test_changed_beams_are_counted(pair):
-    log = pair("depth_dropout:3:ray")
-    counted = next(m for m in read_messages(log) if isinstance(m, pb.Perturbation)).changed_beams
-    names = ("lidar", "depth", "altimeter")
-    different = sum(
-        int((sweep_of(log, name, 0) != sweep_of(pair(), name, 0)).sum()) for name in names
-    )
-    assert counted == different > 1000
-
-
-def test_a_perturbation_does_not_shift_a_sensors_own_noise(tmp_path):
-    """The echoes that dropout leaves are those of the unperturbed twin, noise and all."""
-    config = override(
-        Config("empty", "quadruped", 1), ["sensors.lidar=ouster-os1-64", "episode.time_limit=0.1"]
-    )
-    run_episode(build(config), tmp_path / "usual.mcap")
-    lossy = replace(config, perturbation=perturbation_from("depth_dropout:4"))
-    run_episode(build(lossy), tmp_path / "lossy.mcap")
-    usual = sweep_of(tmp_path / "usual.mcap", "lidar", 0)
-    kept = sweep_of(tmp_path / "lossy.mcap", "lidar", 0)
-    lost = kept != usual
-    assert (kept[lost] == DROPPED).all()
-    assert lost.sum() / (usual != DROPPED).sum() == pytest.approx(0.3, abs=0.02)
-
-
-def test_a_late_decision_takes_effect_late(tmp_path):
-    """Asked for motion at time 0, the body starts 0.1 s later than the stack reckons."""
-    exact = ["pose_model.bias_sigma=0", "pose_model.yaw_bias_sigma=0", "episode.time_limit=0.3"]
-    usual = override(Config("corridor", "drone", JUMPS_AT_2_S), exact)
-    late = replace(usual, perturbation=perturbation_from("latency:3"))
-    moved = []
-    for config in (usual, late):
-        log = tmp_path / f"{len(moved)}.mcap"
-        run_episode(build(config), log)
-        messages = list(read_messages(log))
-        truths = [m.position for m in messages if isinstance(m, pb.Truth)]
-        moved.append(np.linalg.norm(np.subtract(truths[1], truths[0])))
-        delays = {m.delay_s for m in messages if isinstance(m, pb.Latency)}
-    assert list(delays) == pytest.approx([0.15])
-    assert moved[0] > 1e-8  # m, after 0.05 s of a trajectory whose jerk is bounded
-    assert moved[1] < 1e-12  # still hovering
-
-
-def test_a_perturbed_log_names_what_is_off(pair):
-    message = next(
-        m for m in read_messages(pair("calibration:3")) if isinstance(m, pb.Perturbation)
-    )
-    assert (message.severity, message.exact_severity) == (3, 3.0)
-    assert (message.amount, message.unit) == (1.0, "degrees")
-    assert 2 * math.acos(message.displaced_quaternion[0]) == pytest.approx(math.radians(1.0))
-    assert Path(pair("calibration:3")).exists()
-
-
-@pytest.mark.parametrize("perturbation", ["depth_dropout:3", "depth_noise:2", "calibration:5"])
-@pytest.mark.parametrize("ground_fit", ["true", "false"])
-def test_a_fitted_floor_bears_what_the_floor_of_each_beam_does_not(
-    tmp_path, perturbation, ground_fit
-):
-    settings = [f"map.ground_fit={ground_fit}", "episode.stuck_after=6", "episode.time_limit=20"]
-    config = override(Config("empty", "quadruped", 0), settings)
-    off = replace(config, perturbation=perturbation_from(perturbation))
-    result = run_episode(build(off), tmp_path / "off.mcap")
-    borne = ground_fit == "true"
-    assert (result.outcome == "success") == borne, result.reason
-    assert result.cause == ("" if borne else "perception")
-    assert replay(tmp_path / "off.mcap").identical
-
-
-def test_where_silence_says_nothing_lost_echoes_make_no_holes_in_the_floor(tmp_path):
-    settings = ["map.ground_fit=false", "map.no_return=ignored"]
-    config = override(Config("empty", "quadruped", 0), settings)
-    lossy = replace(config, perturbation=perturbation_from("depth_dropout:3"))
-    assert run_episode(build(lossy), tmp_path / "lossy.mcap").outcome == "success"

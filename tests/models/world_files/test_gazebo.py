@@ -1,80 +1,14 @@
-"""Gazebo worlds as projects lay them out: models found, meshes cut, floors known, ends fit."""
+"""Gazebo worlds become worlds: models, files, geometry, poses and kinds."""
 
 import numpy as np
 import pytest
 
+from tests.models.world_files.gazebo_files import CUBE, box, ground, mesh, read, world, write
 from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
-from wayproof.models.world_files.meshes import Cuts, mesh_parts
-from wayproof.models.world_files.polygons import trapezoids, triangulate
+from wayproof.models.world_files.meshes import mesh_parts
 from wayproof.models.world_files.solids import solid_of
 
-ENDS = {"start": (0.0, 0.0, 0.0), "goal": (3.0, 0.0, 0.0)}
-
-CUBE = "\n".join(
-    ["v 0 0 0", "v 1 0 0", "v 1 1 0", "v 0 1 0", "v 0 0 1", "v 1 0 1", "v 1 1 1", "v 0 1 1",
-     "f 1 3 2", "f 1 4 3", "f 5 6 7", "f 5 7 8", "f 1 2 6", "f 1 6 5", "f 2 3 7", "f 2 7 6",
-     "f 3 4 8", "f 3 8 7", "f 4 1 5", "f 4 5 8"]
-)  # fmt: skip
-"""A cube of 1 m."""
-
-DAE = """<?xml version="1.0"?>
-<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
- <asset><unit meter="0.01"/><up_axis>{up}</up_axis></asset>
- <library_geometries><geometry id="g"><mesh>
-  <source id="p"><float_array id="a" count="12">0 0 0 100 0 0 0 200 0 0 0 300</float_array>
-   <technique_common><accessor source="#a" count="4" stride="3"><param name="X" type="float"/>
-   <param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common>
-  </source><vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
-  <triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/>
-   <p>0 2 1 0 1 3 0 3 2 1 2 3</p></triangles></mesh></geometry></library_geometries>
- <library_visual_scenes><visual_scene id="s">
-  <node name="near"><instance_geometry url="#g"/></node>
-  <node name="far"><translate>1000 0 0</translate><instance_geometry url="#g"/></node>
- </visual_scene></library_visual_scenes>
- <scene><instance_visual_scene url="#s"/></scene></COLLADA>
-"""
-
-PLANE = """<model name='ground'><static>1</static><link name='l'><collision name='c'>{pose}
-  <geometry><plane><normal>{normal}</normal><size>20 20</size></plane></geometry></collision></link>
-  </model>"""
-BOX = """<model name='{name}'{attribute}><static>1</static>{pose}<link name='l'>{link}
-  <collision name='c'><geometry><box><size>{size}</size></box></geometry>{surface}</collision>
-  </link></model>"""
-
-
-def world(*content):
-    return f"<sdf version='1.7'><world name='w'>{''.join(content)}</world></sdf>"
-
-
-def ground(pose="", normal="0 0 1"):
-    return PLANE.format(pose=pose, normal=normal)
-
-
-def box(name="box", size="1 1 1", pose="", link="", surface="", attribute=""):
-    return BOX.format(name=name, size=size, pose=pose, link=link, surface=surface,
-                      attribute=attribute)  # fmt: skip
-
-
-def mesh(uri, more=""):
-    return f"""<sdf version='1.6'><model name='m'><static>1</static><link name='l'>
-      <collision name='c'><geometry><mesh><uri>{uri}</uri>{more}</mesh></geometry></collision>
-      </link></model></sdf>"""
-
-
-def write(path, text):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
-    return path
-
-
 INCLUDE = "<include><uri>{}</uri><pose>2 1 0 0 0 0</pose></include>"
-
-
-def read(path, **more):
-    return import_world(path, ImportOptions(**more), **ENDS)
-
-
-# ---- models and files
 
 
 @pytest.mark.parametrize("uri", ["model://post/meshes/c.obj", "meshes/c.obj"])
@@ -157,105 +91,6 @@ def test_blank_lines_before_the_declaration_are_no_error(tmp_path):
     assert len(read(write(tmp_path / "a.world", text))[0].solids) == 1
 
 
-# ---- meshes
-
-
-def test_collada_is_read_in_metres_with_its_nodes(tmp_path):
-    write(tmp_path / "m.dae", DAE.format(up="Y_UP"))
-    first, second = read(write(tmp_path / "m.sdf", mesh("m.dae")))[0].solids
-    np.testing.assert_allclose(first.high, (1.0, 2.0, 3.0))  # Gazebo does not turn it
-    np.testing.assert_allclose(second.low, (10.0, 0.0, 0.0), atol=1e-6)
-    more = "<submesh><name>far</name><center>true</center></submesh><scale>1 2 1</scale>"
-    (alone,) = read(write(tmp_path / "s.sdf", mesh("m.dae", more)))[0].solids
-    np.testing.assert_allclose((alone.low, alone.high), ((-0.5, -2, -1.5), (0.5, 2, 1.5)))
-    with pytest.raises(WorldFileError, match=r"no submesh 'x' \(available: near, far\)"):
-        read(write(tmp_path / "x.sdf", mesh("m.dae", "<submesh><name>x</name></submesh>")))
-    by_itself, notes = read(tmp_path / "m.dae")
-    np.testing.assert_allclose(by_itself.solids[0].high, (1.0, 0.0, 2.0), atol=1e-6)
-    assert notes[0] == "m.dae: its y axis is up, turned to z"
-
-
-def test_gltf_is_read(tmp_path):
-    trimesh = pytest.importorskip("trimesh")
-    trimesh.creation.box((1.0, 2.0, 3.0)).export(tmp_path / "m.glb")
-    (solid,) = read(write(tmp_path / "m.sdf", mesh("m.glb")))[0].solids
-    np.testing.assert_allclose(solid.high, (0.5, 1.0, 1.5))
-    np.testing.assert_allclose(read(tmp_path / "m.glb")[0].solids[0].high, (0.5, 1.5, 1.0))
-
-
-@pytest.mark.parametrize("text", ["<!DOCTYPE b [<!ENTITY a 'ha'>]><COLLADA/>", "<COLLADA", "x"])
-def test_broken_collada_is_one_line(tmp_path, text):
-    with pytest.raises(
-        WorldFileError, match=r"m\.dae(:1)?: (document type|no mesh|no XML)"
-    ) as error:
-        read(write(tmp_path / "m.dae", text))
-    assert "\n" not in str(error.value)
-
-
-def room(path):
-    """Write four walls in one piece, 9 m wide and 0.2 m thick."""
-    lines, faces = [], []
-    for r in (4.5, 4.3):
-        for z in (0, 2):
-            lines += [f"v {x} {y} {z}" for x, y in ((-r, -r), (r, -r), (r, r), (-r, r))]
-    for k in range(4):
-        n = (k + 1) % 4
-        for a, b, c, d in ((k, n, 4 + n, 4 + k), (8 + n, 8 + k, 12 + k, 12 + n),
-                           (4 + k, 4 + n, 12 + n, 12 + k), (n, k, 8 + k, 8 + n)):  # fmt: skip
-            faces += [f"f {a + 1} {b + 1} {c + 1}", f"f {a + 1} {c + 1} {d + 1}"]
-    return write(path, "\n".join(lines + faces))
-
-
-def test_a_hollow_mesh_is_cut_into_convex_pieces(tmp_path):
-    found, notes = import_world(room(tmp_path / "room.obj"))
-    assert len(found.solids) == 4
-    assert notes[0] == ("room.obj: 1 of 1 pieces not convex: cut into convex ones, within 0.000 m")
-    for point in (found.start, found.goal):
-        assert np.abs(point[:2]).max() < 4.0  # inside
-    assert float(min(solid.distance([[0.0, 0.0, 1.0]])[0] for solid in found.solids)) > 4.2
-    again, _ = import_world(tmp_path / "room.obj")  # from the cache
-    assert again.text == found.text
-
-
-def test_pieces_by_their_kind(tmp_path):
-    parts = mesh_parts(write(tmp_path / "c.obj", CUBE), np.ones(3), notes := [])
-    assert (len(parts), notes) == (1, [])
-    sheet = write(tmp_path / "f.obj", "v 0 0 1\nv 9 0 1\nv 9 9 1\nv 0 9 1\nf 1 2 3\nf 1 3 4\n")
-    (part,) = mesh_parts(sheet, np.ones(3), notes)
-    assert part.bounds[:, 2].tolist() == [0.99, 1.0]
-    hills = [f"v {x} {y} {(x * y) % 3}" for y in range(7) for x in range(7)]
-    faces = [f"f {a} {a + 1} {a + 8}\nf {a} {a + 8} {a + 7}"
-             for y in range(6) for a in range(7 * y + 1, 7 * y + 7)]  # fmt: skip
-    path = write(tmp_path / "h.obj", "\n".join(hills + faces))
-    (part,) = mesh_parts(path, np.ones(3), notes)
-    assert (part.shape, part.kind) == ("heights", "floor")
-    below = [" ".join(["f", *line.split()[:0:-1]]) for line in "\n".join(faces).splitlines()]
-    path = write(tmp_path / "h.obj", "\n".join([*hills, *faces, *below]))  # from both sides
-    (part,) = mesh_parts(path, np.ones(3), notes)
-    assert (part.shape, part.kind) == ("heights", "floor")
-    assert notes[-1].endswith("within 0.000 m")
-
-
-def test_a_piece_close_to_its_hull_is_that_hull(tmp_path):
-    dented = CUBE.replace("v 0 1 1", "v 0.03 0.97 0.97")  # one corner pushed in by 3 cm
-    (part,) = mesh_parts(write(tmp_path / "c.obj", dented), np.ones(3), notes := [])
-    assert part.bounds[1].tolist() == [1.0, 1.0, 1.0]
-    assert notes == ["c.obj: 1 of 1 pieces taken as their convex hull, within 0.015 m"]
-
-
-def test_no_more_pieces_are_cut_than_a_world_may(tmp_path):
-    path = room(tmp_path / "room.obj")
-    parts = mesh_parts(path, np.ones(3), notes := [], cuts=Cuts(left=0))
-    (note,) = notes
-    assert {part.shape for part in parts} == {"box"}
-    assert note.startswith("room.obj: 1 of 1 pieces beyond the first 80 that are not convex")
-    gaps = [float(solid_of(part).distance([[0.0, 0.0, 1.0]])[0]) for part in parts]
-    assert 4.0 < min(gaps) < 4.5  # hollow all the same
-
-
-# ---- geometry, poses and kinds
-
-
 def test_a_shape_posed_relative_to_a_frame_of_its_model(tmp_path):
     moved = box(link="<pose>1 0 0.5 0 0 0</pose>").replace(
         "<collision name='c'>", "<collision name='c'><pose relative_to='l'>0 2 0 0 0 0</pose>"
@@ -287,13 +122,6 @@ def test_hyphens_in_a_comment(tmp_path):
         read(write(tmp_path / "a.world", text.replace("<size>1 1 1</size>", "<size>1</size>")))
 
 
-def test_meshes_in_the_media_folder_of_a_package(tmp_path):
-    write(tmp_path / "p/package.xml", "<package><name>p</name></package>")
-    write(tmp_path / "p/Media/models/c.obj", CUBE)
-    found, _ = read(write(tmp_path / "p/worlds/a.world", mesh("file://c.obj")))
-    assert len(found.solids) == 1
-
-
 def test_placement_frames_of_models_and_includes(tmp_path):
     link = "<pose>1 0 0 0 0 0</pose>"
     placed = box(attribute=" placement_frame='l'", pose="<pose>0 0 0.5 0 0 0</pose>", link=link)
@@ -322,77 +150,6 @@ def test_a_saved_state_scales_inserts_and_deletes(tmp_path):
     path = write(tmp_path / "a.world", world(ground(), box(), box("gone"), state))
     found, _ = read(path)
     assert [solid.high for solid in found.solids] == [(2.0, 0.5, 2.0), (5.5, 0.5, 1.0)]
-
-
-def test_polylines_fill_their_outline(tmp_path):
-    corners = [(0, 0), (4, 0), (4, 3), (3, 3), (3, 1), (0, 1)]  # an L
-    points = "".join(f"<point>{x} {y}</point>" for x, y in corners)
-    shape = box().replace(
-        "<box><size>1 1 1</size></box>", f"<polyline>{points}<height>2</height></polyline>"
-    )
-    found, _ = read(write(tmp_path / "a.world", world(ground(), shape)))
-    near = [min(float(s.distance([[x, y, 1.0]])[0]) for s in found.solids)
-            for x, y in ((3.5, 2.5), (1.0, 0.5), (1.0, 2.0))]  # fmt: skip
-    np.testing.assert_allclose(near, (0.0, 0.0, 1.0), atol=1e-12)
-    with pytest.raises(ValueError, match="crosses itself"):
-        triangulate(np.array([(0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 2.0), (1.0, 3.0)]))
-
-
-FRAME = [[(0, 0), (6, 0), (6, 4), (0, 4)], [(1, 1), (5, 1), (5, 3), (3, 2), (1, 3)]]
-"""A frame about a hole with a corner that points into it."""
-
-
-def polylines(*rings, heights=(2, 2, 2)):
-    texts = []
-    for ring, height in zip(rings, heights, strict=False):
-        points = "".join(f"<point>{x} {y}</point>" for x, y in ring)
-        texts.append(f"<polyline>{points}<height>{height}</height></polyline>")
-    return box().replace("<box><size>1 1 1</size></box>", "".join(texts))
-
-
-def test_an_outline_in_another_is_a_hole_and_one_in_that_stands(tmp_path):
-    island = [(3, 1.2), (3.4, 1.2), (3.2, 1.4)]
-    found, _ = read(write(tmp_path / "a.world", world(ground(), polylines(*FRAME, island))))
-    points = {(0.5, 2.0): True, (1.5, 2.0): False, (3.0, 2.5): True, (3.2, 1.25): True,
-              (3.2, 1.6): False, (5.5, 3.9): True, (2.0, 2.4): False}  # fmt: skip
-    for (x, y), solid in points.items():
-        nearest = min(float(one.distance([[x, y, 1.0]])[0]) for one in found.solids)
-        assert (nearest == 0.0) == solid, (x, y)
-
-
-def test_the_pieces_of_outlines_with_holes_are_convex_and_have_their_area():
-    rng = np.random.default_rng(1)
-    square = np.array([(-4.0, -4.0), (4.0, -4.0), (4.0, 4.0), (-4.0, 4.0)])
-    triangle = np.array([(-5.0, -3.0), (3.0, -5.0), (4.0, 8.0)])
-    for count in range(50):
-        turns, away = np.sort(rng.uniform(0.0, 2.0 * np.pi, 9)), rng.uniform(0.1, 0.8, (9, 1))
-        inner = away * np.column_stack([np.cos(turns), np.sin(turns)])
-        outer = (square, triangle)[count % 2]
-        pieces = trapezoids([outer, inner])
-        assert sum(map(area, pieces)) == pytest.approx(area(outer) - abs(area(inner)), abs=1e-9)
-        for piece in pieces:
-            edges = np.roll(piece, -1, axis=0) - piece
-            after = np.roll(edges, -1, axis=0)
-            assert (edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0] > -1e-12).all()
-
-
-def area(corners):
-    x, y = corners.T
-    return float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum()) / 2.0
-
-
-@pytest.mark.parametrize(
-    ("rings", "heights", "said"),
-    [
-        (FRAME, (2, 1), "outlines of 2 heights"),
-        ([FRAME[0], [(5, 1), (9, 1), (9, 2)]], (2, 2), "outlines that cross"),
-        ([FRAME[0], [(1, 1), (2, 1)]], (2, 2), "got 2 corners, expected 3"),
-    ],
-)
-def test_holes_that_are_none_are_refused(tmp_path, rings, heights, said):
-    path = write(tmp_path / "a.world", world(ground(), polylines(*rings, heights=heights)))
-    with pytest.raises(WorldFileError, match=f"<polyline>: {said}"):
-        read(path)
 
 
 def test_planes_at_any_height_and_tilt(tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.models.world_files.test_gazebo import box, ground, world, write
+from tests.models.world_files.gazebo_files import box, ground, world, write
 from wayproof.models.world_files import ImportOptions, WorldFileError, import_world, read_scene
 from wayproof.models.world_files.importer import area_of
 from wayproof.models.world_files.places import LEAST_APART, free_space

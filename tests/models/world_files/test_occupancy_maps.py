@@ -1,0 +1,159 @@
+"""Voxel maps, flat maps and OctoMaps become solids where their cells are occupied."""
+
+import numpy as np
+import pytest
+
+from tests.models.world_files.written import ENDS, MAP, PCD_HEAD, imported, write
+from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+from wayproof.models.world_files.octomaps import read_octomap
+from wayproof.models.world_files.voxel_maps import merged_boxes, read_voxels
+
+
+def test_merged_boxes_fill_exactly_the_occupied_cells():
+    rng = np.random.default_rng(1)
+    for density in (0.1, 0.5, 0.9):
+        occupied = rng.uniform(size=(7, 6, 5)) < density
+        filled = np.zeros(occupied.shape, int)
+        for low, high in merged_boxes(occupied):
+            filled[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] += 1
+        np.testing.assert_array_equal(filled, occupied)
+    assert merged_boxes(np.ones((4, 3, 2), bool)).tolist() == [[[0, 0, 0], [4, 3, 2]]]
+
+
+def test_a_voxel_map_stands_on_the_origin(tmp_path):
+    path = write(tmp_path, "m.3dmap", "voxel 9 5 4\n4 1 0\n4 2 0\n5 1 0\n5 2 0\n")
+    (box,) = imported(path, resolution=0.25).solids
+    assert (box.low, box.high) == ((1.0, 0.25, 0.0), (1.5, 0.75, 0.25))
+    with pytest.raises(WorldFileError, match=r"m\.3dmap:3: got '9 0 0', expected a cell within"):
+        read_voxels(write(tmp_path, "m.3dmap", "voxel 9 5 4\n4 1 0\n9 0 0\n"))
+
+
+def test_a_flat_map_is_extruded(tmp_path):
+    # Two rows of three: the upper left is occupied, the lower right unknown.
+    write(
+        tmp_path, "m.pgm", b"P5\n# made by hand\n3 2\n255\n" + bytes([0, 254, 254, 254, 254, 205])
+    )
+    path = write(tmp_path, "m.yaml", MAP.format(yaw=0.0, negate=0))
+    world, notes = import_world(path, ImportOptions(height=1.2), **ENDS)
+    assert notes == ["1 cells occupied, 1 unknown, taken as occupied"]
+    assert [solid.low for solid in world.solids] == [(1.0, 0.5, 0.0), (2.0, 0.0, 0.0)]
+    assert world.solids[0].high == (1.5, 1.0, 1.2)
+    (alone,) = imported(path, unknown="free").solids
+    assert alone.low[:2] == (1.0, 0.5)
+    turned = write(tmp_path, "t.yaml", MAP.format(yaw=np.pi / 2, negate=0))
+    (box,) = imported(turned, unknown="free").solids
+    np.testing.assert_allclose(box.low[:2], (0.0, 0.0), atol=1e-12)  # x = 1 - v, y = u
+    negated = write(tmp_path, "n.yaml", MAP.format(yaw=0.0, negate=1))
+    assert len(imported(negated, unknown="free").solids) == 2  # bright is occupied now
+
+
+@pytest.mark.parametrize("negate", [0, 1])
+def test_a_raw_map_has_percentages_whatever_negate_says(tmp_path, negate):
+    write(tmp_path, "m.pgm", b"P5 6 1 255\n" + bytes([0, 19, 50, 66, 100, 255]))
+    text = MAP.format(yaw=0.0, negate=negate) + "mode: raw\n"
+    path = write(tmp_path, "m.yaml", text)
+    world, notes = import_world(path, ImportOptions(height=1.2, unknown="free"), **ENDS)
+    assert notes == ["2 cells occupied, 2 unknown, taken as free"]  # unknown: 50 and 255
+    (box,) = world.solids
+    assert (box.low[0], box.high[0]) == (2.5, 3.5)
+
+
+def test_a_png_map_reads_as_its_pgm(tmp_path):
+    pillow = pytest.importorskip("PIL.Image")
+    levels = np.array([[0, 254, 254], [254, 254, 205]], np.uint8)
+    pillow.fromarray(levels).save(tmp_path / "m.png")
+    write(tmp_path, "m.pgm", "P2 3 2 255 0 254 254 254 254 205")
+    text = MAP.format(yaw=0.0, negate=0)
+    worlds = [
+        imported(write(tmp_path, f"m{n}.yaml", text.replace("pgm", ending)))
+        for n, ending in enumerate(("png", "pgm"))
+    ]
+    assert worlds[0].solids == worlds[1].solids
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("image: m.pgm\n", "no resolution, origin"),
+        (MAP.format(yaw=0, negate=0).replace("0.65", "2"), r":5: occupied_thresh: got '2'"),
+        (MAP.format(yaw=0, negate=0).replace("m.pgm", "../m.pgm"), "lies outside"),
+        (MAP.format(yaw=0, negate=0).replace("[1.0", "[1.0, 2"), r":3: origin: got"),
+        ("a: b\n  - c\n", r":2: got '- c'"),
+        (MAP.format(yaw=0, negate=0) + "mode: row\n", r":7: mode: got 'row', expected trinary, sc"),
+    ],
+)
+def test_broken_map_files_are_named(tmp_path, text, said):
+    write(tmp_path, "m.pgm", b"P5 1 1 255\n\x00")
+    with pytest.raises(WorldFileError, match=said):
+        imported(write(tmp_path, "m.yaml", text))
+
+
+def octomap(tmp_path, ending):
+    """Write a room of OctoMap's own, by its library, and return its occupied cells."""
+    pyoctomap = pytest.importorskip("pyoctomap")
+    tree = pyoctomap.OcTree(0.1)
+    rng = np.random.default_rng(4)
+    for place in rng.integers(-20, 20, (400, 3)):
+        tree.updateNode(((place + 0.5) * 0.1).tolist(), bool(rng.random() < 0.6))
+    for cell in np.stack(np.meshgrid(*3 * [np.arange(4)]), axis=-1).reshape(-1, 3):  # is pruned
+        tree.updateNode(((cell + 40.5) * 0.1).tolist(), True)
+    tree.updateInnerOccupancy()
+    path = tmp_path / f"m{ending}"
+    if ending == ".bt":
+        assert tree.writeBinary(str(path))
+    else:
+        path.write_bytes(tree.write())
+    cells = set()
+    for leaf in tree.begin_leafs():
+        if tree.isNodeOccupied(leaf):
+            side = round(leaf.getSize() / 0.1)
+            low = np.rint(np.array(leaf.getCoordinate()) / 0.1 - side / 2.0).astype(int)
+            cells |= {tuple(low + step) for step in np.ndindex(side, side, side)}
+    return path, cells
+
+
+@pytest.mark.parametrize("ending", [".bt", ".ot"])
+def test_an_octomap_gives_the_cells_that_its_library_says_are_occupied(tmp_path, ending):
+    path, expected = octomap(tmp_path, ending)
+    found = set()
+    for box in read_octomap(path, ImportOptions()).parts:
+        low, high = (np.rint(corner / 0.1).astype(int) for corner in box.bounds)
+        found |= {tuple(low + step) for step in np.ndindex(*(high - low))}
+    assert found == expected
+    with pytest.raises(WorldFileError, match="expected a file that begins with '# Octomap"):
+        imported(write(tmp_path, f"n{ending}", b"AcTree"))
+    with pytest.raises(WorldFileError, match="ends within its tree"):
+        imported(write(tmp_path, f"cut{ending}", path.read_bytes()[:-40]))
+
+
+@pytest.mark.parametrize("up", ["0", "0.6"])
+def test_infinite_walls_enclose_what_they_face(tmp_path, up):
+    """Nothing is chosen behind a plane, where MuJoCo has the solid side of it."""
+    walls = "".join(
+        f"<geom name='w{n}' type='plane' size='5 5 1' pos='{at}' zaxis='{normal}'/>"
+        for n, (at, normal) in enumerate((
+            ("-5 0 0", f"1 0 {up}"), ("5 0 0", f"-1 0 {up}"), ("0 -4 0", f"0 1 {up}"),
+            ("0 4 0", f"0 -1 {up}"),
+        ))
+    )  # fmt: skip
+    floor = "<geom name='floor' type='plane' size='9 9 1'/>"
+    text = f"<mujoco><worldbody>{floor}{walls}<geom size='.2' pos='0 0 .2'/></worldbody></mujoco>"
+    world, _ = import_world(write(tmp_path, "a.xml", text))
+    assert (np.abs([world.start[:2], world.goal[:2]]) < (5.0, 4.0)).all()
+    assert np.hypot(*np.subtract(world.goal, world.start)[:2]) > 6.0
+    np.testing.assert_allclose(world.low[:2], (-5.0, -4.0))
+    np.testing.assert_allclose(world.high[:2], (5.0, 4.0))
+    if up == "0":
+        walls = [box for box in world.solids if box.kind == "wall"]
+        np.testing.assert_allclose(np.min([box.low[:2] for box in walls], axis=0), (-5.5, -4.5))
+        np.testing.assert_allclose(np.max([box.high[:2] for box in walls], axis=0), (5.5, 4.5))
+
+
+def test_cells_up_to_the_floor_are_the_floor(tmp_path):
+    """A few cells of a scanned floor below 0, too few to find it by, and a post."""
+    points = [(x, y, -0.05) for x in (0.05, 0.15, 0.25) for y in (0.05, 0.15)]
+    points += [(5.05, 0.05, z) for z in (-0.05, 0.05, 0.15)]
+    rows = "".join("{} {} {} 7\n".format(*point) for point in points)
+    head = PCD_HEAD + f"POINTS {len(points)}\nDATA ascii\n"
+    world = imported(write(tmp_path, "c.pcd", head + rows))
+    assert [(box.low[2], box.high[2]) for box in world.solids] == [(0.0, pytest.approx(0.2))]
