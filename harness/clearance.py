@@ -29,7 +29,7 @@ def map_clearance_is_bound(decision: pb.Decision, cost_range: float) -> bool:
 
 
 def in_metres(clearance: float, is_bound: bool) -> str:
-    """`0.53 m`, or `>= 0.80 m` for a bound."""
+    """Return `0.53 m`, or `>= 0.80 m` for a bound."""
     return f"{'>= ' if is_bound else ''}{clearance:.2f} m"
 
 

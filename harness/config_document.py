@@ -97,7 +97,7 @@ def value_of(config: Config, key: str) -> Any:
 
 
 def section_of(field_name: str) -> str:
-    """Section of the settings in a field of the config: `world` is taken by the name of the world.
+    """Return the settings in a field of the config: of `world` those of the world by its name.
 
     Args:
         field_name: Name of a field of `Config`.
@@ -217,18 +217,18 @@ def _check_controller(config: Config, allow_plugins: bool) -> None:
 
 
 def setting_names() -> list[str]:
-    """Every `section.field` that `--set` accepts of a simulated episode."""
+    """Return every `section.field` that `--set` accepts of a simulated episode."""
     return [name for name in _names_in(Config) if name not in FILLED_IN]
 
 
 def recording_setting_names() -> list[str]:
-    """Every `recording.field` that `--set` accepts of a recording."""
+    """Return every `recording.field` that `--set` accepts of a recording."""
     names = _names_in(RecordingConfig, f"{RECORDING}.")
     return [name for name in names if name.partition(".")[2] not in SET_BY_RUN]
 
 
 def _names_in(section: Any, prefix: str = "") -> list[str]:
-    """Dotted names of a dataclass's fields, those of nested sections with them."""
+    """Return the dotted names of a dataclass's fields, those of nested sections with them."""
     names = []
     for entry in dataclasses.fields(section):
         inner = entry.default_factory

@@ -80,7 +80,7 @@ class Limits:
 
 
 def goal_distance(mission: Mission, position: Array, reached: int = 0) -> float:
-    """Distance of a true position (3,) from the next goal, m; in the plane for a ground robot."""
+    """Return the distance of a true position (3,) to the next goal, m; on the ground in x, y."""
     axes, goals = mission.axes, mission.goals
     goal = goals[min(reached, len(goals) - 1)]
     return distance(position[:axes], np.array(goal[:axes]))

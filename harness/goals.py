@@ -70,7 +70,7 @@ def leg_towards(mission: Mission, goal: pb.Goal | None) -> Mission:
 
 
 def distance_left(mission: Mission, reached: int, position: Array) -> float:
-    """Straight distance from a position (3,) to the next goal and on through the others, m.
+    """Return the straight distance from (3,) to the next goal and on through the others, m.
 
     In the plane for a ground robot.
 
@@ -88,7 +88,7 @@ def distance_left(mission: Mission, reached: int, position: Array) -> float:
 
 
 def distance(a: Array, b: Array) -> float:
-    """Distance of two points without `math.dist`, whose last bit follows the version of Python."""
+    """Return the distance of two points; not by `math.dist`, whose last bit varies by version."""
     return float(np.sqrt(np.square(a - b).sum()))
 
 

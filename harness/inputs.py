@@ -133,7 +133,7 @@ class Beams:
         return self._position_base_sensor, self._R_base_sensor
 
     def directions_in_base(self) -> NDArray[np.float64]:
-        """Unit directions (n, 3) of the beams in the base's frame; none if sweeps list them."""
+        """Return unit directions (n, 3) of the beams in the base's frame; none of listed beams."""
         if self.table.listed:
             return np.empty((0, 3))
         return rotate(self._R_base_sensor, self._directions)
@@ -162,7 +162,7 @@ class Beams:
         return WorldSweep(origins, beams, ranges, self._moments)
 
     def ages_of(self, placed: WorldSweep) -> NDArray[np.float64]:
-        """Ages of the returns of a placed sweep before its end, (k,) s; 0 if taken at once."""
+        """Return the ages of a placed sweep's returns at its end, (k,) s; 0 if taken at once."""
         returned = (placed.ranges_mm != DROPPED) & (placed.ranges_mm != NO_RETURN)
         if self.table.listed or self.table.scan_poses == 1:
             return np.zeros(int(np.count_nonzero(returned)))

@@ -75,7 +75,7 @@ def plugins_of(config: Config) -> list[str]:
 
 
 def plugin_digests(config: Config) -> dict[str, str]:
-    """SHA-256 of the file of each of the user's classes, of a policy and a network, by name."""
+    """Return the SHA-256 of the file of each of the user's classes and networks, by name."""
     digests = {name: stack_digest(name) for name in plugins_of(config)}
     source = config.prediction.source
     if config.runs_predictor and predictors.runs_in_process(source):

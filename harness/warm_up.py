@@ -58,7 +58,7 @@ def compile_planning(config: Config) -> None:
 
 
 def parts() -> list[tuple[Callable[[Config], None], list[str]]]:
-    """Parts of the kernels that share few, longest first, each with robots to compile it for."""
+    """Return parts of the kernels that share few, longest first, each with its robots."""
     each = [(warm_up_robot, [robot]) for robot in reversed(ROBOTS)]
     return [(compile_perception, [*ROBOTS]), (compile_planning, [*ROBOTS]), *each]
 

@@ -178,7 +178,7 @@ def ghost_obstacle(facts: StandstillFacts) -> str | None:
 
 
 def _searched_in_vain(ways: MapWays) -> bool:
-    """Whether searches found no path in maps that had a way around all that was occupied."""
+    """Return whether searches found no path in maps with a way around all that was occupied."""
     return ways.in_vain >= FEW and ways.not_found >= HALF
 
 
@@ -265,7 +265,7 @@ def _too_slow(facts: StandstillFacts) -> str:
 
 
 def _effort(facts: StandstillFacts, search: str = "search") -> str:
-    """Effort of the last search in words; a stack on trial logs none."""
+    """Say the effort of the last search in words; a stack on trial logs none."""
     if facts.cut:
         return f"the guard cut {facts.cut} of the last {facts.window} commands"
     if facts.on_trial:
@@ -276,7 +276,7 @@ def _effort(facts: StandstillFacts, search: str = "search") -> str:
 
 
 def unexplained(facts: StandstillFacts) -> str:
-    """No measured fact explains the failure."""
+    """State that no measured fact explains the failure."""
     known = "a" if facts.map().known >= HALF else "no"
     return (
         f"pose and ranges were right, a way exists, and the map knew {known} way to it "

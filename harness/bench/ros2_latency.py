@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def measure(name: str, lidar: str, steps: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Wall time of each step but the first, s."""
+    """Return the wall time of each step but the first, s."""
     settings = [f"sensors.lidar={lidar}", f"stack.name={name}"]
     config = override(Config("empty", "quadruped", 1), settings)
     scenario = build(config)

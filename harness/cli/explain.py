@@ -84,7 +84,7 @@ def _explain_decision(options: argparse.Namespace, console: Console) -> Document
 
 
 def _refusal(path: Path, options: argparse.Namespace) -> str:
-    """Why a log is not read; empty if it is."""
+    """Return why a log is not read; empty if it is."""
     try:
         check_log(path, options)
     except InputError as error:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Task; exit code 1 if a failure was found."""
+    """Search for a failure; exit code 1 if one was found."""
     from wayproof.harness.clearance import true_clearance_is_bound
     from wayproof.harness.config_document import from_document, override
     from wayproof.harness.perturbations import PERTURBATIONS, check_kind

@@ -111,7 +111,7 @@ def _kind(text: str) -> tuple[str, str]:
 
 
 def _robot_size(name: str) -> tuple[float, float, float]:
-    """Radius and height of the robot that will run, and the height that it steps over, m."""
+    """Return radius and height of the robot that will run, and the height that it steps over, m."""
     from wayproof.harness.config import Config
     from wayproof.harness.scenario.robots import find_robot
 

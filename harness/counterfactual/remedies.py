@@ -104,7 +104,7 @@ def true_pose(log: Log, case: Case) -> Change:
 
 
 def true_ranges(log: Log, case: Case) -> Change:
-    """Sensors without errors and without a minimum range, whose returns all enter the map."""
+    """Take sensors without errors and without a minimum range, whose returns all enter the map."""
     config = replace(log.config, map=replace(log.config.map, minimum_range=0.0))
 
     def exact(scenario: Scenario) -> Scenario:
@@ -126,7 +126,7 @@ def true_ranges(log: Log, case: Case) -> Change:
 
 
 def true_map(log: Log, case: Case) -> Change:
-    """Every cell of the map set to its true state at each decision."""
+    """Set every cell of the map to its true state at each decision."""
     marks: list[TrueCells] = []
 
     def inform(navigator: Navigator, movers: Movers) -> None:
@@ -146,7 +146,7 @@ def true_map(log: Log, case: Case) -> Change:
 
 
 def forbidden_unknown(log: Log, case: Case) -> Change:
-    """Unknown space forbidden, also where a prior map has it free."""
+    """Forbid unknown space, also where a prior map has it free."""
     config = log.config
     prior = replace(config.prior, policy="guide") if admits_by_prior(config) else config.prior
     costmap = replace(config.costmap, unknown_policy="forbid")

@@ -224,21 +224,21 @@ class LidarOdometry:
         return information
 
     def _turn_variance(self, motion: Motion, step: Array) -> float:
-        """Variance that an odometry's turn and step (3,), m, add to that of the heading, rad^2."""
+        """Return the heading's variance, rad^2, that an odometry's turn and step (3,), m, add."""
         if motion.step is None:
             return 0.0
         way = float((step * step).sum())
         return (self._config.turn_share * motion.turn) ** 2 + self._config.turn_walk**2 * way
 
     def _accelerometer_axes(self, motion: Motion) -> Array | None:
-        """Rotation (3, 3) of the base in the estimate's axes; none if other sensors predict."""
+        """Return R (3, 3) of the base in the estimate's axes; None if other sensors predict."""
         if motion.step is not None or motion.foot_velocity is not None or motion.axes is None:
             return None
         error = self._heading - self._true_heading
         return np.array([_turned(column, error) for column in motion.axes.T]).T
 
     def _predicted_velocity(self, motion: Motion, axes: Array | None) -> Array:
-        """Velocity by the feet that stand, else by the accelerometer, in the estimate's axes."""
+        """Return the velocity by standing feet, else by accelerometer, in the estimate's axes."""
         error = self._heading - self._true_heading
         if motion.step is not None:
             return _turned(motion.step, error) / self._sensors.period

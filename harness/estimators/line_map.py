@@ -83,7 +83,7 @@ class LineMap(SurfaceMap):
         voxels.planes[voxels.counts < LINE_POINTS, 3] = 0.0
 
     def contradicts(self, points: Array, viewer: Array, registered: bool = False) -> bool:
-        """Whether points (n, 3), m, lie in known voxels, but the scan was not registered there.
+        """Return whether points (n, 3), m, lie in known voxels where the scan was not registered.
 
         Those in voxels without a line count here: where noise hides the lines, scans that were
         mapped where the wheels put them would make some by chance.

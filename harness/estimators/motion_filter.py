@@ -86,7 +86,7 @@ class MotionFilter:
         return self._covariance[POSITION, POSITION] - before
 
     def weight(self, variance: float) -> Array:
-        """Information (4, 4) of the prediction, where that of a mean point is 1 by its variance."""
+        """Return the information (4, 4) of the prediction, in units of a mean point's."""
         weight = np.zeros((4, 4))
         weight[:3, :3] = variance * inverse(self._position)
         weight[3, 3] = variance / self._heading

@@ -166,7 +166,7 @@ class MotionSensors:
         return InertialBias(acceleration, self._own.turn_rate + self._added.turn_rate)
 
     def _foot_velocity(self) -> Array | None:
-        """Velocity of the base if the points where the robot touches the world stand still.
+        """Return the velocity of the base if the points where the robot touches the world rest.
 
         From joint encoders and gyroscope: the base's velocity relative to these points (Bloesch et
         al. 2012, RSS, "State estimation for legged robots"). A foot that slips falsifies it.

@@ -182,7 +182,7 @@ class StatedCovariance:
         self.information = np.array(state["information"], np.float64)
 
     def _by_map(self, registration: Registration, position: Array) -> Array:
-        """Covariance (4, 4) of a registered pose: of the sweeps that hold it, and its own error.
+        """Return the covariance (4, 4) of a registered pose: that of its sweeps, and its own error.
 
         The errors of these sweeps count as one error each in its share: they are drifts of one
         walk, which averaging does not lessen. Away from one, its pose is no surer along any axis
@@ -256,7 +256,7 @@ def spread_of(registration: Registration, roughness: float) -> Array:
 
 
 def moved_by(covariance: Array, step: Array) -> Array:
-    """Covariance (..., 4, 4) of a pose after a step (..., 3), m, by a heading that is off.
+    """Return the covariance (..., 4, 4) after a step (..., 3), m, by an uncertain heading.
 
     F P F' with F = I + f e', f = (-y, x, 0, 0) and e the heading's axis (Thrun, Burgard and Fox,
     Probabilistic Robotics, 2005, section 3.3).

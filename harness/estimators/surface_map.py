@@ -118,7 +118,7 @@ class SurfaceMap:
         axes: Array,
         inliers: int,
     ) -> Registration:
-        """Registration of an aligned sweep, from the arguments and results of `align`."""
+        """Return the registration of an aligned sweep, by arguments and results of `align`."""
         unheld = np.ascontiguousarray(axes[:, information < self._held].T)
         distances, shares = np.empty(len(offsets)), np.zeros((self.sweeps, 4))
         moment, scatter = np.empty((4, 4)), np.empty((4, 4))

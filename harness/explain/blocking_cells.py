@@ -39,7 +39,7 @@ class BlockingCell:
 
 
 def blocking_cells(case: Case, moment: Moment, navigator: Navigator) -> tuple[BlockingCell, ...]:
-    """Cells that first block the way to the goal under the unknown policy; empty if none does.
+    """Return the cells that first block the way to the goal by the unknown policy; maybe none.
 
     The way is the global path, of a stack on trial its planned path; or without one the straight
     line to the goal.
@@ -80,7 +80,7 @@ def _blocking(
     centre: Array,
     here: Array,
 ) -> BlockingCell:
-    """One cell, whose centre is (3,) m, as seen from the body at `here` (3,), m."""
+    """Describe one cell, whose centre is (3,) m, as seen from the body at `here` (3,), m."""
     occupied = navigator.costmap.state[cell] == OCCUPIED
     column = centre[None]
     if case.mission.planar:

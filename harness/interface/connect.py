@@ -154,7 +154,7 @@ def make_stack(name: str) -> Stack:
 
 
 def stack_digest(name: str) -> str:
-    """SHA-256 of the file of a stack that runs in this process, in hex; empty if it has none."""
+    """Return the SHA-256, in hex, of the file of a stack in this process; empty if none."""
     if not name.startswith(POLICY):
         return source_digest(name)
     file = Path(name.removeprefix(POLICY))

@@ -188,7 +188,7 @@ class ChildProcess(FileDescriptors):
         self._drain.join(CLOSING_S)
 
     def ending(self) -> str:
-        """Its exit code or signal, once it has ended."""
+        """Return its exit code or signal, once it has ended."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             code = self._child.wait(CLOSING_S)
             return f"exit code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"

@@ -129,7 +129,7 @@ def _pursuit_velocity(
     limits: MotionLimits,
     step_s: float,
 ) -> tuple[Array, float]:
-    """Velocity (3,), m/s, and yaw rate, rad/s, towards a setpoint, within the greatest ones."""
+    """Return the velocity (3,), m/s, and yaw rate, rad/s, towards a setpoint, within the limits."""
     ahead = commanded.positions[index] - position - commanded.velocities[index] * step_s
     velocity = _shortened(commanded.velocities[index] + GAIN * ahead, limits.speed)
     rate = float(commanded.yaw_rates[index]) + GAIN * (float(commanded.headings[index]) - heading)

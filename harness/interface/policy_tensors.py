@@ -156,7 +156,7 @@ def in_world(vectors: Array, heading: float) -> Array:
 
 
 def _pseudo_angles(x: Array, y: Array) -> Array:
-    """Numbers (n,) in [0, 4) that grow with the angle of (x, y) from the x axis; of no zeros.
+    """Return numbers (n,) in [0, 4) that grow with the angle of (x, y) from the x axis.
 
     Their order is that of the angles, and they need no arc tangent.
     """

@@ -53,7 +53,7 @@ def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: Planner
 
 
 def _swept(trajectory: Trajectory, planner_input: PlannerInput) -> tuple[Array, Array]:
-    """Path (m, 3), m, from the time of effect to rest, and poses (n, 4) on it: x, y, z, heading.
+    """Return the path (m, 3), m, from the time of effect to rest, and poses (n, 4) on it.
 
     The path is not divided for a round body: a line through the corner of a cell, and its halves,
     may touch different cells by rounding.

@@ -156,7 +156,7 @@ def _empty(source: Source, config: MapConfig) -> Representation:
 
 
 def misses_to_free(config: MapConfig) -> int | None:
-    """Sweeps that must cross a cell until it is free, after a thing stood in it for 50 sweeps.
+    """Return how many sweeps must cross a cell until it is free, seen as solid in 50.
 
     Measured on a map of this kind, without decay: one beam along x at a height of 0.3 m.
     """
@@ -181,7 +181,7 @@ def misses_to_free(config: MapConfig) -> int | None:
 
 
 def against_octomap(source: Source) -> tuple[Trial, Trial] | None:
-    """Our voxel map and OctoMap on the same sweeps, without decay and without the floor's guard.
+    """Compare our map and OctoMap on the same sweeps, without decay and without the floor's guard.
 
     Returns:
         Ours with the agreement, and OctoMap's; None if pyoctomap is not installed.

@@ -55,5 +55,5 @@ class DecisionMessages:
         return name is not None
 
     def next(self) -> DecisionMessages:
-        """Those of the next decision, none gathered yet."""
+        """Return the messages of the next decision, none gathered yet."""
         return DecisionMessages(pose=self.pose, latency=self.latency)

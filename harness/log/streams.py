@@ -44,7 +44,7 @@ DIGEST_SIZE = 8
 
 
 def own_streams(config: Config) -> list[str]:
-    """Input streams besides those of the sensors."""
+    """Return input streams besides those of the sensors."""
     on_trial = [COMMAND] if config.stack.name != BUILTIN else []
     several = [GOAL] if config.recording is not None or config.waypoints else []
     prior = [PRIOR] if config.prior_map else []

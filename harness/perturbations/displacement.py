@@ -55,7 +55,7 @@ class Displacement:
 
 
 def _product(quaternions: Array, second: Array) -> Array:  # (k, 4)
-    """Hamilton products of each (k, 4) with one (4,)."""
+    """Return Hamilton products of each (k, 4) with one (4,)."""
     w, x, y, z = quaternions.T
     a, b, c, d = second
     return np.stack(

@@ -137,7 +137,7 @@ class Report:
         return NO_RETURN if self.device.no_return_is_free else DROPPED
 
     def rng(self) -> np.random.Generator:
-        """Random numbers of this sweep, of a stream of its own."""
+        """Return a generator for this sweep, of a stream of its own."""
         return stream(self.seed, f"perturbation/{self.sensor}", self.sequence)
 
 
@@ -273,12 +273,12 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return report.ranges_mm
 
     def displacement(self, seed: int) -> Displacement | None:
-        """Displacement of an affected sensor from its stated mounting; none if there is none."""
+        """Return the displacement of an affected sensor from its stated mounting, if any."""
         del seed
         return None
 
     def inertial_bias(self, seed: int) -> InertialBias | None:
-        """Bias of the inertial sensors that the estimator does not expect, if there is one."""
+        """Return the bias of the inertial sensors that the estimator does not expect, if any."""
         del seed
         return None
 

@@ -80,7 +80,7 @@ UPS = {"z": (0, 1, 2), "-z": (0, -1, -2), "y": (0, -2, 1), "-y": (0, 2, -1)}
 
 @functools.cache
 def votes_of_shares() -> NDArray[np.int32]:
-    """-ln(1 - p) in steps by p in 256ths; the last is that of p = 0.996."""
+    """Return -ln(1 - p) in steps by p in 256ths; the last is that of p = 0.996."""
     remaining = np.maximum(1.0 - np.arange(256.0) / 256.0, 0.004)
     # The logarithm as the power that gives it: found by bisection on exact exponentials.
     low, high = np.zeros(256), np.full(256, 8.0)

@@ -224,7 +224,7 @@ def _findings_of(again: ClosedLoop) -> list[Difference]:
 
 
 def _code_and_version(log: Log) -> list[Difference]:
-    """A log recorded with the same code must name the same version."""
+    """Check that a log recorded with the same code names the same version."""
     here = this_machine()
     if log.run.get(CODE) != here[CODE] or log.run.get("wayproof") == here["wayproof"]:
         return []

@@ -37,7 +37,7 @@ SEED = 1
 def route_between(
     world: World, radius: float, band: Band, begin: Point, end: Point
 ) -> float | None:
-    """Length of the shortest way of an upright cylinder without touching a solid, m; None if none.
+    """Return the length of the shortest way of an upright cylinder past all solids, m; maybe None.
 
     Args:
         world: Truth.

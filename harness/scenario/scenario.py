@@ -65,7 +65,7 @@ class Scenario:
     warnings: tuple[str, ...]
 
     def route_length(self) -> float | None:
-        """Length of the shortest way for this body by the truth without movers, m; None if none.
+        """Return the length of this body's shortest way by the truth without movers, m; maybe None.
 
         Of several goals the sum over the ways from each to the next. For a robot that flies, in the
         plane, at one of two altitudes. SPL (Anderson et al. 2018) compares the way travelled with

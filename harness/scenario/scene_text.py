@@ -74,7 +74,7 @@ def safe_scene(text: str) -> str:
 
 
 def _walk(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, int]]:
-    """Every element with its depth, without recursion, which a deep scene would exhaust."""
+    """Yield every element with its depth, without recursion, which a deep scene would exhaust."""
     ahead = [(root, 1)]
     while ahead:
         element, depth = ahead.pop()

@@ -138,7 +138,7 @@ class RecordedOdometry:
         return np.concatenate(placed)
 
     def _levelled(self, points: Array, heights: tuple[float, ...]) -> Array:
-        """Points (n, 3) of a planar laser at heights from the middle of a voxel, in voxels."""
+        """Return points (n, 3) of a planar laser, heights from a voxel's middle, in voxels."""
         voxel, levelled = self._config.voxel, np.repeat(points, len(heights), axis=0)
         middle = np.floor(levelled[:, 2] / voxel + 0.5) * voxel
         levelled[:, 2] = middle + voxel * np.tile(heights, len(points))

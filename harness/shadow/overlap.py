@@ -136,7 +136,7 @@ def overlaps_occupied(terms: Terms, poses: Array, a_map: Representation) -> int:
 
 
 def _gaps(terms: Terms, cells: Cells, poses: Array, chosen: Mask) -> Array:
-    """Distance of the bare body from each chosen cell, (k,) m, in the order of `argwhere`."""
+    """Return the distance of the bare body from each chosen cell, (k,) m, as `argwhere` orders."""
     low = cells.corner[: cells.axes] + np.argwhere(chosen) * cells.size
     gaps = np.full(len(low), np.inf)
     if len(low) == 0:

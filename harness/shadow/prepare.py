@@ -268,7 +268,7 @@ def _mission(
 def _lift(
     config: Config, recorded: RecordingConfig, first: dict[str, list[RecordedSweep]]
 ) -> float:
-    """Height added to lasers that the recording has on the floor, m; a scan has no height."""
+    """Return the height added to lasers that the recording has on the floor, m: a scan has none."""
     lowest = min(float(sweeps[0].T_body_sensor.position[2]) for sweeps in first.values())
     if recorded.body_height + lowest > config.map.min_obstacle_height:
         return 0.0

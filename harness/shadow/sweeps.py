@@ -147,7 +147,7 @@ class SweepWriter:
         return message
 
     def _millimetres(self, sweep: RecordedSweep) -> NDArray[np.uint32]:
-        """Ranges in whole mm; shorter than the sensor's least and beyond its greatest: dropped."""
+        """Return ranges in whole mm; dropped below the sensor's least and beyond its greatest."""
         ranges = sweep.ranges.astype(np.float64)
         silent = np.isinf(ranges)
         counted = np.rint(np.where(silent, 0.0, ranges) * MILLIMETRES)

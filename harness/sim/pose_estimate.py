@@ -224,7 +224,7 @@ class PoseEstimate:
         return message
 
     def _believed(self, trail: Trail, rolling: bool) -> Trail:
-        """Estimated poses at each estimate since the sweeps began; without rolling the last."""
+        """Return the poses estimated since the sweeps began; without rolling the last alone."""
         errors = [*self._errors, self.error] if rolling else [self.error]
         believed = estimated_trail(trail, errors)
         return believed.every(self._stride) if rolling else believed

@@ -112,7 +112,7 @@ class Simulation:
         self._upcoming.extend(trajectories)
 
     def step(self, save: bool) -> bool:
-        """One step of contact physics under the controller's torques and thrusts.
+        """Step the contact physics under the controller's torques and thrusts.
 
         Args:
             save: Whether a decision comes next, so that the state before this step is saved.

@@ -79,7 +79,7 @@ class TerminationMonitor:
 
 
 def safe_limits(scenario: Scenario) -> NDArray[np.float64]:
-    """Inside them no place of the base ends an episode: (7,) as `models.step_kernels` takes them.
+    """Return limits (7,) of the base within which no place ends an episode.
 
     Least and greatest x, y and z, m, and the least cosine of the tilt.
     """

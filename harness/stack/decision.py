@@ -50,7 +50,7 @@ WIRE = np.dtype([
 
 
 def chain_hash(decision: pb.Decision, previous_chain: str) -> str:
-    """Chain of a decision: blake2b over the previous chain and this record, 32 hex digits.
+    """Return the chain of a decision: blake2b of the chain before and this record, 32 hex digits.
 
     The measured stage latencies are left out: two runs that decide alike are the same run, on a
     faster and a slower machine.
@@ -82,7 +82,7 @@ class Difference:
 def differences(
     recorded: pb.Decision, recomputed: pb.Decision, without: Iterable[str] = ()
 ) -> list[Difference]:
-    """Every value that differs in a bit, except the measured stage latencies.
+    """Return every value that differs in a bit, except the measured stage latencies.
 
     Of repeated fields, the number of elements if that differs, and the first element that does.
 
@@ -102,7 +102,7 @@ def differences(
 
 
 def message_differences(recorded: Message, recomputed: Message) -> list[Difference]:
-    """Every value of two messages of one kind that differs in a bit, as `differences` has them."""
+    """Return every value of two messages that differs in a bit, as `differences` does."""
     written = [one.SerializeToString(deterministic=True) for one in (recorded, recomputed)]
     return [] if written[0] == written[1] else list(_differences("", recorded, recomputed))
 
@@ -202,7 +202,7 @@ def path_of(points: Iterable[pb.Point]) -> NDArray[np.float64]:
 
 
 def thinned(path: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
-    """Every fifth point of a path and its last, in grains: enough to see the course of a path."""
+    """Return every fifth point of a path and its last, in grains: enough to see its course."""
     return None if path is None else _in_grains(np.vstack([path[:-1:5], path[-1]]))
 
 

@@ -36,7 +36,7 @@ def lever_arm(body: Body) -> float:
 
 
 def costs(costmap: Costmap, body: Body) -> Array:
-    """Cost of a cell by its squared distance, shape (t,): 1 where the body can just turn.
+    """Return the cost of a cell by squared distance, (t,): 1 where the body can just turn.
 
     Beyond, it falls as the costmap's does; nearer, it grows to ``NARROW_COST``.
     """

@@ -81,7 +81,7 @@ def decide_with_footprint(
 
 
 def _can_widen(circumscribed: PlannerInput, state: PlannerState) -> bool:
-    """Whether the rest of a path for the oriented footprint has room for the circumscribed one."""
+    """Return whether an oriented footprint's path ahead has room for the circumscribed one."""
     if state.global_path is None:
         return True
     start = state.trajectory.at(circumscribed.effect_ns)
@@ -109,7 +109,7 @@ def _path_length(state: PlannerState) -> float:
 
 
 def _makes_progress(decided: Decided) -> bool:
-    """Whether the robot moves, turns or has arrived; a robot that brakes has to come to rest."""
+    """Return whether the robot moves, turns or has arrived; braking counts once it is at rest."""
     command = decided.command
     if command.reason.kind in STUCK_INSIDE or command.action == "abort":
         return False

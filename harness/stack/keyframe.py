@@ -156,7 +156,7 @@ def restore_map(navigator: Navigator, keyframe: pb.Keyframe) -> None:
 def keyframe_differences(
     recorded: pb.Keyframe, navigator: Navigator, decision: pb.Decision
 ) -> list[Difference]:
-    """Every value of a keyframe that differs from the state of a stack after its decision."""
+    """Return every value of a keyframe that differs from a stack's state after its decision."""
     frame = pb.Keyframe()
     frame.CopyFrom(recorded)
     frame.ClearField("map")
@@ -203,7 +203,7 @@ def _voxel_map(navigator: Navigator) -> VoxelMap:
 
 
 def _bytes_of(content: VoxelContent) -> bytes:
-    """Field by field; cells layer by layer, as neighbours in a layer are more alike."""
+    """Encode field by field; cells layer by layer, as neighbours in a layer are more alike."""
     numbers = content.keys, content.observed_ns, content.seen, content.dues, content.fresh
     layers = np.ascontiguousarray(content.cells.transpose(0, 2, 1))
     return b"".join([*(array.tobytes() for array in numbers), layers.tobytes()])

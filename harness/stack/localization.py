@@ -49,7 +49,7 @@ def record_unheld_trail(state: PlannerState, input: PlannerInput) -> PlannerStat
 
 
 def is_lost(input: PlannerInput) -> bool:
-    """Whether the stated standard deviation of the position exceeds `behaviour.lost_sigma`."""
+    """Return whether the position's standard deviation exceeds `behaviour.lost_sigma`."""
     pose = input.localization
     return pose is not None and pose.sigma > input.behaviour.lost_sigma
 

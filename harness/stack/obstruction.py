@@ -186,7 +186,7 @@ def _beside(input: PlannerInput) -> Array:
 def _blocked_cells(
     input: PlannerInput, cells: NDArray[np.int64], threshold: int, unknown_blocks: bool
 ) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
-    """Blocked cells (m, 3) within a squared distance of any of the given ones, and their states."""
+    """Return the blocked cells (m, 3) near any of the given ones, and their states."""
     reach = math.isqrt(threshold) + 1
     shape = np.array(input.traversable.grid.field.shape)
     pad = np.where(shape > 1, reach, 0)  # a plane has nothing above or below

@@ -82,15 +82,15 @@ class FreeSpaceBuilder:
         self._cost_by_distance = np.empty(0)
 
     def circumscribed(self) -> FreeSpaces:
-        """Free space for the disc about the body."""
+        """Return free space for the disc about the body."""
         return self._spaces(circumscribed=self._elongated)
 
     def oriented(self) -> FreeSpaces:
-        """Free space for the body's discs at its heading; for the one disc of a round body."""
+        """Return free space for the body's discs at its heading; of a round body its disc's."""
         return self._spaces(circumscribed=False)
 
     def inflation_radius(self, space: FreeSpace) -> float:
-        """Inflation radius of the footprint that a space is for, m."""
+        """Return the inflation radius of the footprint that a space is for, m."""
         return self._costmap.inflation_radius + (0.0 if space.discs else self._extra_radius)
 
     def _spaces(self, circumscribed: bool) -> FreeSpaces:
@@ -101,7 +101,7 @@ class FreeSpaceBuilder:
         return FreeSpaces(traversable, known_free, self._optimistic(circumscribed))
 
     def guided(self, measured: Costmap, circumscribed: bool) -> FreeSpace:
-        """Optimistic space by all evidence, for the disc about the body or for its discs.
+        """Return optimistic space by all evidence, for the disc about the body or for its discs.
 
         What is free by other evidence than measurements costs `prior.cost`.
 
@@ -121,7 +121,7 @@ class FreeSpaceBuilder:
         return replace(space, distances=distances, cost_by_distance=table)
 
     def known_free(self, circumscribed: bool) -> FreeSpace:
-        """Space known to be free, for the disc about the body or for its discs."""
+        """Return space known to be free, for the disc about the body or for its discs."""
         return self._space(self._costmap.known_free, circumscribed and self._elongated)
 
     def _space(
@@ -139,7 +139,7 @@ class FreeSpaceBuilder:
         )
 
     def _optimistic(self, circumscribed: bool) -> FreeSpace:
-        """Space not known to be blocked: distances to obstacles, an obstacle's edge where unknown.
+        """Return space not known to be blocked: where unknown, as at an obstacle's edge.
 
         So a global path may cross the unknown, at `behaviour.unknown_cost`, and takes known space
         where it can.
@@ -151,7 +151,7 @@ class FreeSpaceBuilder:
         return self._space(self._costmap.optimistic(edge), circumscribed, table)
 
     def _costs(self) -> Array:
-        """Costs by squared distance; recomputed when the costmap's own have changed."""
+        """Return the costs by squared distance; anew when the costmap's own have changed."""
         if self._costs_of is not self._costmap.cost_table:
             self._costs_of = self._costmap.cost_table
             self._cost_by_distance = self._edge_cost * costs(self._costmap, self._body)
@@ -306,7 +306,7 @@ def memoized_planner() -> PlanPath:
 
 
 def motion_limits(config: Config, mission: Mission) -> MotionLimits:
-    """Greatest speed, acceleration, jerk and yaw rate of a command."""
+    """Return the greatest speed, acceleration, jerk and yaw rate of a command."""
     return MotionLimits(
         speed=mission.max_speed * config.motion.speed_fraction,
         acceleration=mission.max_acceleration,

@@ -185,14 +185,14 @@ class GivenCells:
 
 
 def layers_of_columns(window: Window) -> tuple[int, int]:
-    """First layer of a window in which predicted columns stand, and the one past the last."""
+    """Return the first layer of a window with predicted columns, and the one past the last."""
     low, high = (FLOOR_LAYER + round(height / window.resolution) for height in PREDICTED_LAYERS)
     bottom = window.first[2]
     return max(low - bottom, 0), min(high - bottom, window.shape[2])
 
 
 def standing(columns: States, layers: int) -> States:
-    """States (nx, ny, layers) of columns (nx, ny) from the floor up: known ones have a floor."""
+    """Return states (nx, ny, layers) of columns (nx, ny) from the floor, which known ones have."""
     states = np.repeat(columns[:, :, None], layers, axis=2)
     states[:, :, 0] = np.where(columns == UNKNOWN, np.uint8(UNKNOWN), np.uint8(OCCUPIED))
     return states

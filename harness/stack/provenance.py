@@ -135,7 +135,7 @@ def evidence_along(path: Array | None, spaces: Sequence[EvidenceSpace]) -> pb.Ev
 
 
 def places_along(path: Array, s: Array) -> Array:
-    """Points (m, 3) of a path (n, 3) at arc lengths (m,), m: those of `point_at`, all at once."""
+    """Return points (m, 3) of a path (n, 3) at arc lengths (m,), m, as `point_at` does one."""
     arcs = arc_lengths(path)
     places = np.repeat(path[-1:], len(s), axis=0)
     (before,) = np.nonzero(s < arcs[-1])

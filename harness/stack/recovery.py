@@ -123,7 +123,7 @@ def continue_escape(
 
 
 def _leads_out(input: PlannerInput, start: TrajectorySample, target: Array, heading: float) -> bool:
-    """Whether a straight motion to a pose brings the body no nearer to the cells that block it.
+    """Return whether a straight motion to a pose leads no nearer to the cells that block it.
 
     Away from the unknown may be towards an obstacle, which is worse.
     """

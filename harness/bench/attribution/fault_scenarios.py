@@ -117,18 +117,18 @@ def _glazed(scenario: Scenario) -> Scenario:
 
 
 def _missed_obstacle(rng: np.random.Generator) -> Fault:
-    """A pane of glass across the room, which beams pass through."""
+    """Put a pane of glass across the room, which beams pass through."""
     return Fault(solids=(_across(rng.uniform(3.2, 5.0), kind=GLASS),))
 
 
 def _unseen_obstacle(rng: np.random.Generator) -> Fault:
-    """A wall nearer than the minimum range of the map, with unknown space allowed."""
+    """Put up a wall nearer than the minimum range of the map, with unknown space allowed."""
     settings = ("costmap.unknown_policy=allow", "map.minimum_range=5")
     return Fault(solids=(_across(ENDS + rng.uniform(1.5, 2.0)),), settings=settings)
 
 
 def _margin_too_small(rng: np.random.Generator) -> Fault:
-    """A gap that is too narrow; the stack has too small a radius of the body."""
+    """Make a gap that is too narrow; the stack has too small a radius of the body."""
     half, x = rng.uniform(0.24, 0.30), rng.uniform(3.5, 4.5)
     middle = WIDTH / 2 + rng.uniform(-0.1, 0.1)
     sides = _across(x, 0.2, middle - half), _across(x, middle + half, WIDTH - 0.2)
@@ -137,7 +137,7 @@ def _margin_too_small(rng: np.random.Generator) -> Fault:
 
 
 def _moved_obstacle(rng: np.random.Generator) -> Fault:
-    """A truck as wide as the room approaches and never stops."""
+    """Let a truck as wide as the room approach and never stop."""
     body = Box((0.0, 0.0, 1.4), (0.3, 1.3, 1.2), 0.0, "vehicle")
     begin, y = LENGTH - 0.8, WIDTH / 2
     speed = rng.uniform(1.5, 3.0)
@@ -148,7 +148,7 @@ def _moved_obstacle(rng: np.random.Generator) -> Fault:
 
 
 def _ghost_obstacle(rng: np.random.Generator) -> Fault:
-    """A wall that was seen and has vanished, in a map that hardly forgets."""
+    """Remove a wall that was seen, in a map that hardly forgets."""
     x = round(rng.uniform(4.0, 5.0), 2)
     wall = Box((0.0, 0.0, 1.5), (THICK, WIDTH / 2 - 0.2, 1.5), 0.0, "ghost")
     gone = Mover("gone", (wall,), ((x, WIDTH / 2, 0.0),), vanishes=round(rng.uniform(0.6, 1.2), 1))
@@ -157,7 +157,7 @@ def _ghost_obstacle(rng: np.random.Generator) -> Fault:
 
 
 def _tracking(rng: np.random.Generator) -> Fault:
-    """The stack plans to brake harder than the body can, in front of a wall."""
+    """Let the stack plan to brake harder than the body can, in front of a wall."""
     speed, acceleration = ((6.0, 25.0), (5.0, 18.0))[int(rng.integers(2))]
     mission = {
         "max_speed": speed,
@@ -168,7 +168,7 @@ def _tracking(rng: np.random.Generator) -> Fault:
 
 
 def _latency(rng: np.random.Generator) -> Fault:
-    """Every decision takes longer than its deadline, or longer than the stack expects.
+    """Let decisions take longer than their deadline, or longer than the stack expects.
 
     In the second case a wall appears before which a decision in time would stop.
     """
@@ -187,7 +187,7 @@ def _latency(rng: np.random.Generator) -> Fault:
 
 
 def _planner(rng: np.random.Generator) -> Fault:
-    """Two partitions with doors at opposite ends, and a planner with one iteration."""
+    """Put up two partitions with doors at opposite ends, and plan with one iteration."""
     first, second = rng.uniform(2.9, 3.3), rng.uniform(4.9, 5.3)
     door = 1.4
     walls = _across(first, 0.2, WIDTH - 0.2 - door), _across(second, 0.2 + door, WIDTH - 0.2)
@@ -196,7 +196,7 @@ def _planner(rng: np.random.Generator) -> Fault:
 
 
 def _impossible(rng: np.random.Generator) -> Fault:
-    """A wall across the room, or with a gap too narrow for body and margin."""
+    """Put a wall across the room, or one with a gap too narrow for body and margin."""
     x = rng.uniform(3.5, 5.0)
     if rng.uniform() < 0.5:
         return Fault(solids=(_across(x),), settings=RESIGNED)
@@ -211,7 +211,7 @@ def _across(x: float, low: float = 0.2, high: float = WIDTH - 0.2, kind: str = "
 
 
 def _localization(rng: np.random.Generator) -> Fault:
-    """The pose jumps under way, unknown to the estimator."""
+    """Let the pose jump under way, unknown to the estimator."""
     begin = round(rng.uniform(0.8, 1.6), 1)
     severity = round(rng.uniform(4.0, 5.0), 2)
     jump = f'{{"kind": "pose_jump", "severity": {severity}, "window": [{begin}, 100]}}'
@@ -219,14 +219,14 @@ def _localization(rng: np.random.Generator) -> Fault:
 
 
 def _perception(rng: np.random.Generator) -> Fault:
-    """A partition with a door, and a map with a large minimum range."""
+    """Put up a partition with a door, before a map with a large minimum range."""
     x, door = rng.uniform(3.5, 4.5), 1.6
     sides = (_across(x, 0.2, WIDTH - 0.2 - door),)
     return Fault(solids=sides, settings=(f"map.minimum_range={rng.uniform(3.0, 4.0):.2f}",))
 
 
 def _disregarded_obstacle(rng: np.random.Generator) -> Fault:
-    """A stack that goes straight to its goal, with a wall in between."""
+    """Let a stack go straight to its goal, with a wall in between."""
     return Fault(solids=(_across(rng.uniform(3.5, 5.0)),), stack=Reckless, flies=True)
 
 

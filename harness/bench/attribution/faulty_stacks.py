@@ -73,7 +73,7 @@ class IntoReturns(Faulty):
         self._target: Array | None = None
 
     def fail(self, observation: Observation) -> Command:
-        """A velocity at the target, at full speed."""
+        """Return a velocity at the target, at full speed."""
         if self._target is None:
             self._target = self._nearest(observation)
         if self._target is None:
@@ -103,7 +103,7 @@ class WrongFrame(Blind):
     """Confuses frames: sends velocities of the world as the body's, or turns y around."""
 
     def step(self, observation: Observation) -> Command:
-        """The right velocity in the wrong frame."""
+        """Return the right velocity in the wrong frame."""
         command = super().step(observation)
         motion = command.motion
         assert isinstance(motion, Velocity)
@@ -119,7 +119,7 @@ class AnswersLate(Faulty):
     """Thinks for longer than the deadline."""
 
     def fail(self, observation: Observation) -> Command:
-        """A good command, too late."""
+        """Return a good command, too late."""
         time.sleep(self.task.deadline_s * float(self.rng.uniform(1.3, 2.0)))
         return Command(Velocity(CREEP))
 
@@ -128,7 +128,7 @@ class Dies(Faulty):
     """Ends by an exit code, a signal, or as if nothing were wrong; with children of its own."""
 
     def fail(self, observation: Observation) -> Command:
-        """End."""
+        """End the process."""
         subprocess.Popen(["sleep", "1000"])
         how = self.task.seed % 3
         if how == 0:
@@ -159,7 +159,7 @@ class NotANumber(Faulty):
     """Sends NaN or infinities in a velocity, waypoints, samples or a planned path."""
 
     def fail(self, observation: Observation) -> Command:
-        """One number that is none."""
+        """Return one number that is none."""
         number = (math.nan, math.inf)[self.task.seed % 2]
         here = observation.reference.position
         points = np.array([here, here + 0.1, [number, *here[1:]]])
@@ -175,7 +175,7 @@ class StartsElsewhere(Faulty):
     """Sends a trajectory that starts elsewhere: beside the body, or at the origin of its frame."""
 
     def fail(self, observation: Observation) -> Command:
-        """Samples from a place where the body is not."""
+        """Return samples from a place where the body is not."""
         beside = self.rng.uniform(0.2, 2.0) * np.array([1.0, 0.0, 0.0])
         start = observation.reference.position + beside if self.task.seed % 2 else np.zeros(3)
         ahead = start + np.arange(5)[:, None] * np.array([0.02, 0.0, 0.0])

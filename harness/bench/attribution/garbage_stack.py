@@ -13,7 +13,7 @@ from wayproof.harness.schema import stack_pb2 as sb
 
 
 def garbage(seed: int, sequence: int) -> bytes:
-    """Bytes in place of the command that answers an observation."""
+    """Return bytes in place of the command that answers an observation."""
     rng = random.Random(seed)
     answer = sb.FromStack(command=sb.Command(sequence=sequence + 1))
     answer.command.velocity.forward = 0.2
@@ -29,7 +29,7 @@ def garbage(seed: int, sequence: int) -> bytes:
 
 
 def framed(data: bytes) -> bytes:
-    """A message after its length."""
+    """Return a message after its length."""
     return struct.pack("<I", len(data)) + data
 
 

@@ -181,7 +181,7 @@ def _time_steps(opened: OpenEpisode) -> list[float]:
 
 
 def peak_memory_mib() -> float:
-    """Greatest resident memory of this process so far, MiB; what it was forked from is left out."""
+    """Return the greatest resident memory of this process so far, MiB, without its parent's."""
     lines = STATUS.read_text(encoding="utf-8").splitlines()
     peak = next(line for line in lines if line.startswith("VmHWM:"))
     return int(peak.split()[1]) / 1024.0

@@ -223,7 +223,7 @@ def _commands(
     speeds: tuple[float, float, float] = walks.SPEEDS,
     noise: EstimateNoise | None = NOISE,
 ) -> Run:
-    """Random commands; friction and the payload's place on the back are drawn."""
+    """Walk by random commands; friction and the payload's place on the back are drawn."""
     place = rng.uniform([-0.05, -0.03, 0.12], [0.05, 0.03, 0.14])
     conditions = Conditions(rng.uniform(*friction), payload, tuple(place.tolist()), delay)
     result = walks.follow_commands(Quadruped(), conditions, noise, rng, speeds=speeds, kick=kick)
@@ -265,13 +265,13 @@ def _flight(
 
 
 def _random_flight(rng: np.random.Generator) -> Run:
-    """Speed, points, headings, pauses and gusts of a mean up to 6 m/s drawn, a noisy estimate."""
+    """Fly by drawn speed, points, headings, pauses and gusts of a mean up to 6 m/s."""
     limits = flights.Limits(speed=rng.uniform(0.5, 3.0))
     return _flight(rng, partial(_points, limits=limits), rng.uniform(0.0, GUSTS), NOISE)
 
 
 def _fast_flight(rng: np.random.Generator) -> Run:
-    """5 m/s takes a smoothing filter that lets it through; the robot's own stops at 3 m/s."""
+    """Fly at 5 m/s, with a smoothing filter for that speed: the robot's own stops at 3 m/s."""
     smoothing = Smoothing(limits=(6.0, 8.0, 100.0, 2000.0))
     course = partial(_points, limits=flights.Limits(speed=5.0), far=24.0)
     return _flight(rng, course, robot=Quadrotor(Parameters(smoothing=smoothing)))

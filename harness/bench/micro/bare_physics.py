@@ -65,7 +65,7 @@ def setpoints_of(
 def bare_seconds(
     scenario: Scenario, setpoints: NDArray[np.float64], position: Sequence[float]
 ) -> float:
-    """Processor time of the physics and the controller alone, s.
+    """Return the processor time of the physics and the controller alone, s.
 
     Args:
         scenario: Scenario of the episode.

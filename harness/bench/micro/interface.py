@@ -114,7 +114,7 @@ def _measure(repeats: int, seed: int, lidar: str) -> InterfaceRow:
 
 
 def _steps_ms(seed: int, lidar: str, stack: str) -> NDArray[np.float64]:
-    """Wall time of each step of one episode but the first, ms."""
+    """Return the wall time of each step of one episode but the first, ms."""
     with tempfile.TemporaryDirectory() as folder:
         result = run_episode(build(_config(seed, lidar, stack)), Path(folder) / "steps.mcap")
         decisions = open_log(Path(result.log)).decisions()

@@ -21,7 +21,7 @@ _compiled = numba.njit(error_model="numpy")  # not cached: of use to the bench a
 
 
 def scratch_for(space: FreeSpace) -> Scratch:
-    """Room for the searches of one space, one after the other."""
+    """Return room for the searches of one space, one after the other."""
     cells = space.field.size
     return np.empty(cells), np.empty(cells, np.int32), np.zeros(cells, np.uint8)
 
@@ -29,7 +29,7 @@ def scratch_for(space: FreeSpace) -> Scratch:
 def reference_path(
     space: FreeSpace, start: Array, goal: Array, seed: int, scratch: Scratch
 ) -> Array | None:
-    """Lazy Theta* from cell to cell, then shortcuts: (n, 3) m; None if there is no way."""
+    """Search by Lazy Theta* from cell to cell, then shorten: (n, 3) m; None if there is no way."""
     cells = [np.floor((p - space.origin) / space.resolution).astype(int) for p in (start, goal)]
     first, last = (int(np.ravel_multi_index(tuple(cell), space.field.shape)) for cell in cells)
     threshold = space.collision_distance_sq
@@ -66,7 +66,7 @@ def _lazy_theta(
     parent: NDArray[np.int32],
     state: NDArray[np.uint8],
 ) -> bool:
-    """Lazy Theta* (Nash, Koenig, Tovey, AAAI 2010, figure 5) on the cells of a grid.
+    """Search by Lazy Theta* (Nash, Koenig, Tovey, AAAI 2010, figure 5) on the cells of a grid.
 
     Args:
         grid: The field.

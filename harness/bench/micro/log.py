@@ -122,7 +122,7 @@ def bench_log(robot: str, lidar: str) -> LogRow:
 
 
 def _replay(path: Path) -> tuple[float, float]:
-    """Processor time and wall time of a replay, s."""
+    """Return the processor time and wall time of a replay, s."""
     processor, wall = time.process_time(), time.perf_counter()
     assert replay(path).identical
     return time.process_time() - processor, time.perf_counter() - wall

@@ -246,7 +246,7 @@ def speed(
     modes: Mapping[str, MapConfig] = MODES,
     peers: bool = False,
 ) -> list[MapRow]:
-    """Every mode and the peer on the same sweeps, in turns, so that load meets them alike.
+    """Time every mode and the peer on the same sweeps, in turns, so that load meets them alike.
 
     A turn is a few sweeps, each turn in another order: a map in use finds in the caches what its
     last sweep left there, and not what nine others did.
@@ -280,7 +280,7 @@ def speed(
 
 
 def extent(seed: int, short: float, long: float, resolution: float) -> list[MapRow]:
-    """One long trajectory, and its every stretch again with a new map: the same work, twice.
+    """Time one long trajectory, and its every stretch again with a new map: the same work, twice.
 
     Args:
         seed: Seed of the noise.

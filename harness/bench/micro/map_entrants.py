@@ -115,7 +115,7 @@ def integrate(voxel_map: Any, sweep: Sweep, number: int, range_limit: float) -> 
 
 
 def packed(cells: NDArray[np.float64]) -> NDArray[np.int64]:
-    """One number for each cell (n, 3): (n,)."""
+    """Return one number for each cell (n, 3): (n,)."""
     x, y, z = cells.astype(np.int64).T
     packed: NDArray[np.int64] = (x << 40) + (y << 20) + z
     return packed

@@ -120,7 +120,7 @@ def sweeps_by_formula(config: MapConfig, unseen: float) -> int:
 
 
 def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy]:
-    """Each map after the room's sweeps; the peer twice, by where its cells have the floor.
+    """Yield the accuracy of each map after the room's sweeps; the peer twice, by its floor's cells.
 
     By itself OctoMap has the plane z = 0 between two layers of cells; for its sake everything is
     lifted by what our maps lower their cells.
@@ -143,7 +143,7 @@ def accuracies(room: Sequence[Sweep], resolution: float) -> Iterator[Accuracy]:
 
 
 def agreements_with_octomap(room: Sequence[Sweep], resolution: float) -> Iterator[Agreement]:
-    """Our map, with its guard and without, beside the peer after the room's sweeps.
+    """Yield how our map, with its guard and without, agrees with the peer after the room's sweeps.
 
     Without the beams that only clear: OctoMap clears along those up to a range and not up to a
     cell, so they cannot be compared.
@@ -237,7 +237,7 @@ def _centres(cells: NDArray[np.int64], resolution: float) -> NDArray[np.float64]
 def _wall() -> tuple[
     NDArray[np.float64], NDArray[np.float64], NDArray[np.uint16], NDArray[np.uint16]
 ]:
-    """Origin, directions, ranges to a wall 2 m off in x, and ranges without it, mm."""
+    """Return the origin, directions, ranges to a wall 2 m off in x, and ranges without it, mm."""
     slopes = np.linspace(-0.2, 0.2, 21)
     y, z = (a.ravel() for a in np.meshgrid(slopes, slopes))
     directions = np.stack([np.ones_like(y), y, z], axis=1)

@@ -74,7 +74,7 @@ class Sweep:
 
 
 def room_sweeps(seed: int) -> list[Sweep]:
-    """20 sweeps along a curved path through a room of 20 x 20 x 3 m with 60 boxes."""
+    """Return 20 sweeps along a curved path through a room of 20 x 20 x 3 m with 60 boxes."""
     rng = np.random.default_rng(seed)
     boxes = _furniture(rng)
     caster = _Caster(_room(boxes), rng)
@@ -82,7 +82,7 @@ def room_sweeps(seed: int) -> list[Sweep]:
 
 
 def hall_sweeps(seed: int) -> Iterator[Sweep]:
-    """Sweeps along x, half a metre apart and without end, through a hall of pillars and crates.
+    """Yield sweeps without end along x, half a metre apart, in a hall of pillars and crates.
 
     The hall repeats every 4 m, and so do its sweeps: any two stretches are the same work.
     """
@@ -130,7 +130,7 @@ def _cos_sin(angle: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _furniture(rng: np.random.Generator) -> Boxes:
-    """Five rows of shelves with gaps, and crates, posts and hanging boxes in between."""
+    """Return five rows of shelves with gaps, and crates, posts and hanging boxes in between."""
     boxes = []
     for row, place in itertools.product(range(SHELF_ROWS), range(SHELVES_A_ROW)):
         if (row, place) in GAPS:
@@ -147,7 +147,7 @@ def _furniture(rng: np.random.Generator) -> Boxes:
 
 
 def _room_poses(boxes: Boxes) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Origin (3,) and R_world_sensor (3, 3) along the path, pushed out of boxes sideways."""
+    """Yield origin (3,) and R_world_sensor (3, 3) along the path, pushed out of boxes sideways."""
     for s in np.linspace(0.0, 1.0, ROOM_POSES):
         x = 2.0 + 15.5 * s + 0.7 * np.sin(7.0 * s)
         y = 9.8 + 6.2 * np.sin(1.8 * np.pi * s)
@@ -164,7 +164,7 @@ def _is_near(position: NDArray[np.float64], boxes: Boxes) -> bool:
 
 
 def _turned(yaw: float, pitch: float, roll: float) -> NDArray[np.float64]:
-    """R_world_sensor = Rz(yaw) Ry(pitch) Rx(roll), rad: (3, 3)."""
+    """Return R_world_sensor = Rz(yaw) Ry(pitch) Rx(roll), rad: (3, 3)."""
     quaternion, R = np.empty(4), np.empty(9)
     mujoco.mju_euler2Quat(quaternion, [yaw, pitch, roll], "zyx")
     mujoco.mju_quat2Mat(R, quaternion)
@@ -182,7 +182,7 @@ def _room(boxes: Boxes) -> str:
 
 
 def _hall() -> str:
-    """Long enough that its ends are out of range from every phase."""
+    """Build the hall, so long that its ends are out of range from every phase."""
     walls = [
         _plane((0.0, -HALL_HALF_WIDTH, 0.0), "0 1 0"),
         _plane((0.0, HALL_HALF_WIDTH, 0.0), "0 -1 0"),

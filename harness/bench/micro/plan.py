@@ -138,7 +138,7 @@ def bench_plan(repeats: int, seed: int, progress: Progress) -> list[PlanRow]:
 
 
 def warehouse(seed: int) -> NDArray[np.bool_]:
-    """Blocked cells of a hall with four rows of racks and 45 boxes, some of them hung up."""
+    """Return the blocked cells of a hall with four rows of racks and 45 boxes, some hung up."""
     rng = np.random.default_rng(seed)
     blocked = np.zeros([round(size / RESOLUTION) for size in SIZE], np.bool_)
     for axis in range(3):
@@ -199,7 +199,7 @@ def squared_distances(blocked: NDArray[np.bool_]) -> NDArray[np.uint16]:
 
 
 def make_queries(spaces: Spaces, count: int, seed: int) -> list[Query]:
-    """Seeded pairs of free points 14 to 16 m apart that the reference finds a path between."""
+    """Draw pairs of free points 14 to 16 m apart that the reference finds a path between."""
     space, point = spaces
     rng = np.random.default_rng([seed, space.field.shape[2]])
     scratch = scratch_for(point)

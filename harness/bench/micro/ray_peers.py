@@ -27,7 +27,7 @@ ROUND = 48
 
 
 def installed_peers() -> dict[str, Callable[..., Cast]]:
-    """Makers of the peers at hand by name: (model, data, origin, directions, range, threads)."""
+    """Return the makers of the installed peers by name."""
     peers = {}
     if find_spec("trimesh") and find_spec("open3d"):
         peers["open3d"] = _open3d
@@ -44,7 +44,7 @@ def _open3d(
     range: float,
     threads: int,
 ) -> Cast:
-    """Open3D's RaycastingScene, which wraps Embree."""
+    """Return a caster of Open3D's RaycastingScene, which wraps Embree."""
     import open3d
 
     vertices, faces, owners = triangles(model, data)
@@ -73,7 +73,7 @@ def _embree(
     range: float,
     threads: int,
 ) -> Cast:
-    """Embree by embreex, ray by ray on one thread."""
+    """Return a caster of Embree by embreex, ray by ray on one thread."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore import EmbreeDevice
     from embreex.rtcore_scene import EmbreeScene
@@ -108,7 +108,7 @@ def _hits(
 def triangles(
     model: mujoco.MjModel, data: mujoco.MjData
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int32]]:
-    """Every geom as triangles in the world.
+    """Return every geom as triangles in the world.
 
     Returns:
         Vertices (v, 3) in m, corners of faces (f, 3), and the geom id of each face (f,).

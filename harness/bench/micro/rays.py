@@ -209,7 +209,7 @@ class _Engine:
         self.id_mismatches += mismatches
 
     def rate(self) -> float:
-        """Million rays a second, by the median of the sweeps after the first ones."""
+        """Return the millions of rays a second, by the median sweep after the first ones."""
         return len(self.hits[0]) / median(self._seconds[SETTLING:]) / 1e6
 
 
@@ -243,7 +243,7 @@ class _Posed:
         self.sample: NDArray[np.int64] = np.empty(0, np.int64)
 
     def engines(self) -> list[_Engine]:
-        """Every engine that can cast this scene; peers build anew for each pose, so stand by."""
+        """Return every engine that can cast this scene, which peers build anew for each pose."""
         ours = [_Engine("tile", threads, self._tile(threads)) for threads in (1, 2)]
         peers = [] if self._moving else self._peers()
         return [

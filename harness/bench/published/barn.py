@@ -155,7 +155,7 @@ def bench_barn(
 
 
 def read_barn(path: Path) -> FileWorld:
-    """One world with its protocol, of which the published reference path is part.
+    """Return one world with its protocol, of which the published reference path is part.
 
     Raises:
         InputError: The world or its path cannot be read.
@@ -187,7 +187,7 @@ def read_barn(path: Path) -> FileWorld:
 
 
 def optimal_time(world: FileWorld) -> float:
-    """OT: for the published reference path at 2 m/s, s. That path is not the shortest one."""
+    """Return OT, s: for the published reference path, not the shortest one, at 2 m/s."""
     return float(json.loads(world.protocol)["reference_m"]) / SPEED
 
 
@@ -203,7 +203,7 @@ def reference_length(cells: NDArray[Any]) -> float:
 
 
 def shortest_way(world: FileWorld) -> float | None:
-    """Length of the shortest way by the truth for the body with its margin, m; None if none."""
+    """Return the length of the shortest way for the body with its margin, by the truth, m."""
     spec = ROBOTS[ROBOT].spec
     radius = inscribed_radius(spec)
     return shortest_path_length(
@@ -235,7 +235,7 @@ def inscribed_radius(spec: RobotSpec) -> float:
 
 
 def cell_size(radius: float) -> float:
-    """Greatest size of a map cell, m, in whole centimetres, of which enough fit into a radius."""
+    """Return the greatest cell size, m, in whole centimetres, of which enough fit in a radius."""
     return math.floor(100.0 * radius / CELLS_PER_RADIUS) / 100.0
 
 
@@ -261,7 +261,7 @@ def barn_config(world: FileWorld, seed: int) -> Config:
 
 
 def barn_score(success: bool, time_s: float, optimal_s: float) -> float:
-    """OT / clip(AT, 2 OT, 8 OT) for a success, else 0."""
+    """Return OT / clip(AT, 2 OT, 8 OT) for a success, else 0."""
     taken = min(max(time_s, FASTEST * optimal_s), SLOWEST * optimal_s)
     return success * optimal_s / taken
 

@@ -136,7 +136,7 @@ def bench_dodge(
 
 
 def read_field(path: Path) -> FileWorld:
-    """One field with its protocol.
+    """Return one field with its protocol.
 
     Raises:
         InputError: Naming the line that is no sphere.

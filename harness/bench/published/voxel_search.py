@@ -93,7 +93,7 @@ class VoxelSearch:
 
 
 def _allowed_moves(padded: NDArray[np.bool_]) -> NDArray[np.uint32]:  # (nx * ny * nz,)
-    """Bit n is set where `STEPS[n]` leads through free cells only, the cell itself included."""
+    """Set bit n where `STEPS[n]` leads through free cells only, the cell itself included."""
     shape = tuple(size - 2 for size in padded.shape)
     allowed = np.zeros(shape, np.uint32)
     for first in range(0, shape[0], SLAB):

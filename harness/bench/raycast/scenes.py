@@ -15,7 +15,7 @@ LONGEST, SHORTEST = 12.0, 2.0  # m, of these waves
 
 
 def clutter(count: int, moving: int = 0, seed: int = 0) -> str:
-    """MJCF of `count` mixed primitives between 0 and 2 m above a floor, which comes in addition.
+    """Return MJCF of a floor and `count` mixed primitives up to 2 m above it.
 
     Args:
         count: Geoms besides the floor; the five shapes take turns.
@@ -32,7 +32,7 @@ def clutter(count: int, moving: int = 0, seed: int = 0) -> str:
 
 
 def mesh_terrain(points: int, moving: int = 0, seed: int = 0) -> str:
-    """MJCF of rolling ground as one mesh of 2 (points - 1)^2 triangles, and movers above it.
+    """Return MJCF of rolling ground as a mesh of 2 (points - 1)^2 triangles, and movers above.
 
     Args:
         points: Vertices along each side of the square.
@@ -57,7 +57,7 @@ def mesh_terrain(points: int, moving: int = 0, seed: int = 0) -> str:
 
 
 def field_terrain(points: int, moving: int = 0, seed: int = 0) -> str:
-    """MJCF of rolling ground as one height field of points x points samples, and movers above it.
+    """Return MJCF of rolling ground as a height field of points x points, and movers above.
 
     Args:
         points: Samples along each side of the square.

@@ -130,7 +130,7 @@ for name in ("nuser_body 3e8", "20,000 bodies in one another", "a mesh in a file
 
 
 def record(opcode: int, body: bytes) -> bytes:
-    """One record of the container."""
+    """Return one record of the container."""
     return HEAD.pack(opcode, len(body)) + body
 
 
@@ -221,7 +221,7 @@ def _channels(target: Path) -> Path:
 
 
 def _points(target: Path) -> Path:
-    """One decision whose path has as many points as fit, none with a field set."""
+    """Return one decision whose path has as many points as fit, none with a field set."""
     field = pb.Decision.DESCRIPTOR.fields_by_name["trajectory"].number
     inner = pb.Trajectory.DESCRIPTOR.fields_by_name["path"].number
     path = bytes([inner << 3 | 2, 0]) * (CHUNK_BYTES // 2)

@@ -156,18 +156,18 @@ Pair = tuple[Array, Array]
 
 
 def _rare(generator: np.random.Generator, shape: Shape) -> Array:
-    """3 % of the episodes, all of them in half of the worlds: 1 for those."""
+    """Draw 1 for 3 % of the episodes, all of them in half of the worlds."""
     prone = generator.random((*shape[:2], 1)) < 0.5
     return (generator.random(shape) < 0.06 * prone).astype(np.float64)
 
 
 def _worlds(generator: np.random.Generator, shape: Shape) -> Array:
-    """Lognormal, one for each world."""
+    """Draw lognormal numbers, one for each world."""
     return generator.lognormal(0.0, 1.0, (*shape[:2], 1))
 
 
 def _rates(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
-    """Successes; skewed: by worlds that are nearly always lost or hardly ever."""
+    """Draw successes; skewed: by worlds that are nearly always lost or hardly ever."""
     if data == "alike":
         return np.ones(shape), np.ones(shape)
     if data == "rare":
@@ -194,7 +194,7 @@ def _shares(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
 
 
 def _counts(generator: np.random.Generator, data: Data, shape: Shape) -> Pair:
-    """Events; rare and skewed ones in the second of the pair alone."""
+    """Draw events; rare and skewed ones in the second of the pair alone."""
     nothing = np.zeros(shape)
     if data == "alike":
         return nothing, nothing

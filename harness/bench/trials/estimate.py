@@ -31,7 +31,7 @@ class Error(NamedTuple):
     drift_time: float = 1.0
 
     def draw(self, rng: np.random.Generator, count: int, axes: int, timestep: float) -> Array:
-        """Errors (count, axes) of consecutive ticks; the drift starts in its steady state."""
+        """Draw errors (count, axes) of consecutive ticks; the drift starts in its steady state."""
         white = self.white * rng.standard_normal((count, axes))
         keep = math.exp(-timestep / self.drift_time)
         kicks = self.drift * rng.standard_normal((count, axes))

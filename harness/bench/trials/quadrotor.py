@@ -73,7 +73,7 @@ class Flown(NamedTuple):
 
 
 def rotor_power(airframe: Airframe, thrusts: Array) -> float:
-    """Power of rotors with thrusts (4,), W: momentum theory in hover by the figure of merit.
+    """Return the power of rotors with thrusts (4,), W: by momentum theory and figure of merit.
 
     P = T^(3/2) / sqrt(2 rho A) of each (Leishman 2006, eq. 2.15), A the rotor's disc.
     """
@@ -186,7 +186,7 @@ def figure_of_eight(rng: np.random.Generator, speed: float = 3.0, ramp: float = 
 def point_to_point(
     rng: np.random.Generator, seconds: float, limits: Limits | None = None, far: float = 8.0
 ) -> Course:
-    """Straight flights from rest to rest between drawn points, shortest in time under the limits.
+    """Return straight flights between drawn points, from rest to rest, shortest in time.
 
     The profiles are ruckig's (Berscheid and Kroeger, RSS 2021); the heading turns to a drawn one
     by a smooth step meanwhile.

@@ -53,7 +53,7 @@ def follow_commands(
     speeds: Velocity = SPEEDS,
     kick: float = 0.0,
 ) -> Tracked:
-    """Random commands, each for 1.5 to 4 s, of which a tenth is standing still.
+    """Walk by random commands, each for 1.5 to 4 s, of which a tenth is standing still.
 
     Args:
         robot: Under trial.
@@ -103,7 +103,7 @@ def body_velocity(data: mujoco.MjData) -> Velocity:
 
 
 def stride_rms(errors: Array, ticks: int) -> tuple[float, float, float]:
-    """Root mean square of the moving average over one stride of (n, 3), of the first `ticks`."""
+    """Return the RMS of the moving average over a stride of (n, 3), of the first `ticks`."""
     window = round(STRIDE / TIMESTEP)
     if ticks < window:
         return math.nan, math.nan, math.nan
@@ -282,7 +282,7 @@ def draw_course(rng: np.random.Generator, length: float) -> Course:
 
 
 def course_at(course: Course, along: float) -> tuple[float, float, float, float]:
-    """Point x, y (m), heading (rad) and curvature (1/m) at an arc length from the origin."""
+    """Return x, y (m), heading (rad) and curvature (1/m) at an arc length from the origin."""
     x = y = heading = 0.0
     for length, curvature in course:
         part = min(along, length)

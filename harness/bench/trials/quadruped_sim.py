@@ -91,11 +91,11 @@ class TrialSim:
         self.tick = 0
 
     def walk(self, command: Array) -> None:
-        """One physics step under a velocity command (3,) in the body's yaw frame."""
+        """Step the physics under a velocity command (3,) in the body's yaw frame."""
         self._step(lambda data: self.controller.walk(data, command))
 
     def follow(self, setpoint: Setpoint) -> None:
-        """One physics step towards a setpoint."""
+        """Step the physics towards a setpoint."""
         self._step(lambda data: self.controller.follow(data, setpoint))
 
     def push(self, velocity: Array) -> None:

@@ -49,12 +49,12 @@ class Block(NamedTuple):
 
 
 def flat(_: np.random.Generator) -> tuple[Block, ...]:
-    """No block."""
+    """Return a course without blocks."""
     return ()
 
 
 def planks(rng: np.random.Generator, height: float = 0.03) -> tuple[Block, ...]:
-    """Planks 10 cm wide across the way, 0.3 to 0.8 m apart, up to 0.3 rad askew."""
+    """Return planks 10 cm wide across the way, 0.3 to 0.8 m apart, up to 0.3 rad askew."""
     blocks, x = [], FIRST
     while x < COURSE_END - 0.5:
         half = 0.05, HALF_WIDTH, height / 2
@@ -64,7 +64,7 @@ def planks(rng: np.random.Generator, height: float = 0.03) -> tuple[Block, ...]:
 
 
 def stairs(rng: np.random.Generator, rise: float = 0.08) -> tuple[Block, ...]:
-    """Four steps up, a landing, four down; treads of 0.28 to 0.36 m, the same within a flight."""
+    """Return four steps up, a landing, four down; treads of 0.28 to 0.36 m, alike in a flight."""
     blocks, x = [], rng.uniform(FIRST, FIRST + 0.3)
     tread, landing, steps = rng.uniform(0.28, 0.36), rng.uniform(0.6, 0.9), 4
     length = landing + 2 * steps * tread
@@ -76,7 +76,7 @@ def stairs(rng: np.random.Generator, rise: float = 0.08) -> tuple[Block, ...]:
 
 
 def rubble(rng: np.random.Generator, height: float = 0.05) -> tuple[Block, ...]:
-    """Blocks up to `height` high and 0.1 to 0.3 m long, at any angle, on a third of the floor."""
+    """Return blocks up to `height` high, 0.1 to 0.3 m long, askew, on a third of the floor."""
     blocks, area = [], 0.0
     while area < 0.33 * (COURSE_END - 0.5 - FIRST) * 2 * 0.8:
         half = rng.uniform(0.05, 0.15), rng.uniform(0.05, 0.15), rng.uniform(0.1, 0.5) * height
@@ -87,7 +87,7 @@ def rubble(rng: np.random.Generator, height: float = 0.05) -> tuple[Block, ...]:
 
 
 def ramps(rng: np.random.Generator, slope: float = 0.3) -> tuple[Block, ...]:
-    """Up a ramp, over a level, and down again."""
+    """Return a ramp up, a level, and a ramp down again."""
     start, length, level = rng.uniform(FIRST, FIRST + 0.3), 1.4, rng.uniform(0.5, 0.8)
     top, run, half = length * sin(slope), length * cos(slope), 0.1
     across, deep = half * sin(slope), half * cos(slope)

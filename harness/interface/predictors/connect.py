@@ -188,7 +188,7 @@ def runs_in_process(source: str) -> bool:
 
 
 def predictor_digest(source: str) -> str:
-    """SHA-256 of the file of a predictor that runs in this process, in hex; empty without one."""
+    """Return the SHA-256, in hex, of the file of a predictor in this process; empty if none."""
     if not source.endswith(ONNX_FILE):
         return source_digest(source)
     file = Path(source)

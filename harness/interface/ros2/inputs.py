@@ -48,7 +48,7 @@ class Inputs:
     """
 
     def __init__(self, node: Node, options: Options, who: str) -> None:
-        """Subscribe.
+        """Subscribe to them.
 
         Args:
             node: Node to subscribe with.

@@ -109,7 +109,7 @@ class Lidar:
         )
 
     def _scan(self, sweep: Sweep, header: Header) -> LaserScan:
-        """One row: infinity without return, NaN without information (REP 117)."""
+        """Encode one row as a scan: infinity without return, NaN without information (REP 117)."""
         info, azimuths = self.sensor.info, self.azimuths
         ranges = sweep.ranges_m.reshape(-1, len(azimuths))[self.row].astype(np.float32)
         if azimuths[0] > azimuths[-1]:
@@ -160,7 +160,7 @@ class DepthCamera:
         return [image, Named(f"{self.prefix}camera_info", self._info(header))]
 
     def _image(self, sweep: Sweep, header: Header) -> Image:
-        """Depth along the axis: infinity beyond range, NaN without information (REP 118)."""
+        """Encode depths along the axis: infinity beyond range, NaN if unknown (REP 118)."""
         table = self.sensor.beams.table
         depth = sweep.ranges_m
         if table.measures == "range":
@@ -238,7 +238,7 @@ FIRST: dict[type[Publication], str] = {Lidar: "", DepthCamera: "depth/"}
 
 
 def has_ranges(sensor: Sensor) -> bool:
-    """Whether a sensor's sweeps are images of ranges: of those that fire the same beams always."""
+    """Return whether a sensor's sweeps are images of ranges: it fires the same beams always."""
     return sensor.beams.table.order == "grid"
 
 

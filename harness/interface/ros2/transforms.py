@@ -39,7 +39,7 @@ FOOTPRINT = "base_footprint"
 
 
 def static_transforms(task: Task, options: Options, stamp: Time) -> TFMessage:
-    """T_map_odom, which is the identity, and the mounting of each sensor."""
+    """Return T_map_odom, which is the identity, and the mounting of each sensor."""
     made = [_transform(stamp, (options.map_frame, options.odom_frame), np.zeros(3), np.eye(3))]
     for name, sensor in task.sensors.items():
         T = sensor.T_base_sensor
@@ -53,7 +53,7 @@ def static_transforms(task: Task, options: Options, stamp: Time) -> TFMessage:
 def moving_transforms(
     task: Task, observation: Observation, options: Options, stamp: Time, since_ns: int = 0
 ) -> TFMessage:
-    """T_odom_base, the estimated pose, and T_base_footprint of a body on the ground.
+    """Return T_odom_base, the estimated pose, and T_base_footprint of a body on the ground.
 
     Args:
         task: Task with the body.
@@ -95,7 +95,7 @@ def _trail(
 
 
 def _moved(stamp: Time, options: Options, position: Array, wxyz: Array) -> TransformStamped:
-    """T_odom_base at a time."""
+    """Return T_odom_base at a time."""
     header = Header(stamp, options.odom_frame)
     transform = Transform(_vector(position), quaternion_of(wxyz))
     return TransformStamped(header, options.base_frame, transform)

@@ -73,7 +73,7 @@ class Surroundings:
     distances: Array
 
     def cells(self, points: Array) -> NDArray[np.int64]:
-        """Cells (..., 2) of points (..., 2), world frame, m; those outside as the nearest ones."""
+        """Return cells (..., 2) of points (..., 2), world frame, m; outside the nearest ones."""
         cells = np.floor((points - self.corner) / CELL_M).astype(np.int64)
         return np.clip(cells, 0, CELLS - 1)
 
@@ -82,7 +82,7 @@ class Surroundings:
         return self.corner + (np.moveaxis(np.indices((CELLS, CELLS)), 0, -1) + 0.5) * CELL_M
 
     def distances_at(self, points: Array) -> Array:
-        """Distances (...) of points (..., 2) to the nearest occupied cell, between cells, m."""
+        """Return distances (...) of points (..., 2) to occupied cells, m, interpolated."""
         from scipy.ndimage import map_coordinates  # scipy is slow to load
 
         places = np.moveaxis((points - self.corner) / CELL_M - 0.5, -1, 0)
@@ -246,7 +246,7 @@ class Dwa:
     def _path(
         self, around: Surroundings, following: NDArray[np.int32], position: Array, goal: Array
     ) -> Array:
-        """Shortest path (n, 3) to the goal, a point for each cell of the grid, world frame, m."""
+        """Return the shortest path (n, 3) to the goal, world frame, m, a point for each cell."""
         i, j = around.cells(position[:2]).tolist()
         cells = [i * CELLS + j]
         while (cell := int(following[cells[-1]])) != CELLS**2:

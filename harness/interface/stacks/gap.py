@@ -71,7 +71,7 @@ class Gap:
         """Do nothing: there is nothing to end."""
 
     def _free_ranges(self, observation: Observation) -> Array:
-        """Free range of the body's centre by bearing in the body's frame, (BEARINGS,) m."""
+        """Return the free range of the body's centre by bearing in its frame, (BEARINGS,) m."""
         points = np.vstack([sweep.points for sweep in observation.sweeps] or [np.zeros((0, 3))])
         offsets = points - observation.position
         mission = self._task.mission

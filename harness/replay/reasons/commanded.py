@@ -14,7 +14,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def commanded(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body has room all along the command, by the referee's map."""
+    """Check that the body has room all along the command, by the referee's map."""
     yield from _on_trial(scene, ("admitted",), cut=False)
     longest = length(scene.path)
     if reason.free_m > longest + ARC + ARC_SHARE * longest:
@@ -23,13 +23,13 @@ def commanded(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def commanded_without_proof(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The command leads on after the body's room ends."""
+    """Check that the command leads on after the body's room ends."""
     yield from _on_trial(scene, ("unknown", "blocked"), cut=False)
     yield from free_before(scene, scene.path, reason.free_m - ARC)
 
 
 def guard_braking(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The guard was on, and the command not admitted."""
+    """Check that the guard was on, and the command not admitted."""
     yield from _on_trial(scene, ("unknown", "blocked"), cut=True)
     if not scene.config.stack.guard:
         yield "the guard was off"

@@ -39,7 +39,7 @@ TURNED = 0.35
 
 
 def path_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """All of the path is admitted, and it ends where stated."""
+    """Check that all of the path is admitted, and it ends where stated."""
     yield from _path_ends(scene, reason)
     if not len(scene.global_path):
         return
@@ -49,7 +49,7 @@ def path_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def braking_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The path to its end is no longer than the robot needs to stop."""
+    """Check that the path to its end is no longer than the robot needs to stop."""
     yield from path_to_goal(scene, past, reason)
     yield from stops(scene, reason)
     if reason.path_m - reason.stop_m > 0.011:
@@ -57,7 +57,7 @@ def braking_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str
 
 
 def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The committed part ends at a corner of the path that is too sharp to take in motion."""
+    """Check that the committed part ends at a corner too sharp to take in motion."""
     yield from _path_ends(scene, reason)
     yield from _committed(scene, reason.free_m)
     if not reason.free_m < reason.path_m or not len(scene.global_path):
@@ -75,7 +75,7 @@ def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 
 def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The way is free up to a cell, which makes the robot slow."""
+    """Check that the way is free up to a cell, which makes the robot slow."""
     yield from obstructed(scene, reason, scene.way_ahead, scene.unknown_blocks)
     yield from _committed(scene, reason.free_m)
     limits = scene.mission
@@ -87,7 +87,7 @@ def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The committed part leads through unknown space, which the policy lets it, slowly."""
+    """Check that the committed part leads through unknown space, as the policy allows, slowly."""
     yield from obstructed(scene, reason, scene.way_ahead, unknown_blocks=True)
     if scene.config.costmap.unknown_policy != "penalize":
         yield f"unknown policy {scene.config.costmap.unknown_policy}"
@@ -99,7 +99,7 @@ def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str
 
 
 def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body stays in its place and turns to where the path leads."""
+    """Check that the body stays in its place and turns to where the path leads."""
     if length(scene.path) >= STILL:
         yield "the trajectory leaves its place"
     long = bool(scene.mission.discs)  # which may move tail first
@@ -113,7 +113,7 @@ def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
 
 
 def stepping_aside(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body moves as far as stated along its path, and does not turn."""
+    """Check that the body moves as far as stated along its path, and does not turn."""
     yield from same("distance_m", reason.distance_m, length(scene.path))
     headings = scene.decision.trajectory.heading
     if max(headings) - min(headings) > TURNED_INTO:
@@ -123,14 +123,14 @@ def stepping_aside(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 
 def keeping_course(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The trajectory is the last one."""
+    """Check that the trajectory is the last one."""
     last = past.trajectories[-1] if past.trajectories else None
     if last is None or last.path != scene.decision.trajectory.path:
         yield "the trajectory is another one than the last"
 
 
 def _path_ends(scene: Scene, reason: pb.Reason) -> Iterator[str]:
-    """The way is as long as stated, and ends as near to the goal."""
+    """Check that the way is as long as stated, and ends as near to the goal."""
     if not len(scene.global_path):
         yield "it names no path"
         return
@@ -143,7 +143,7 @@ def _path_ends(scene: Scene, reason: pb.Reason) -> Iterator[str]:
 
 
 def _committed(scene: Scene, free: float) -> Iterator[str]:
-    """The committed part is that long; a long body may fit along less of it."""
+    """Check that the committed part is that long; a long body may fit along less of it."""
     committed = length(scene.path)
     if scene.mission.discs:
         if committed > free + NEAR:

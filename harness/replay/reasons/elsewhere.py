@@ -15,7 +15,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def looking_elsewhere(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The way leads to a frontier: to admitted space beside unseen space."""
+    """Check that the way leads to a frontier: to admitted space beside unseen space."""
     yield from errand(scene, past, reason)
     now, before = scene.decision.sequence, past.for_this_goal()
     if reason.since == now and not _is_frontier(scene, point_of(reason.target)):
@@ -26,7 +26,7 @@ def looking_elsewhere(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
 
 
 def backing_up(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The way leads to where the robot has been."""
+    """Check that the way leads to where the robot has been."""
     yield from errand(scene, past, reason)
     been = [scene.apart(one.position, point_of(reason.target)) for one in past.steps.values()]
     if not been or min(been) > 0.2:
@@ -34,14 +34,14 @@ def backing_up(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def at_viewpoint(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """It comes to rest where its way elsewhere led to."""
+    """Check that the robot comes to rest where its way elsewhere led to."""
     yield from same("path_m", reason.path_m, length(scene.path))
     if not len(past.way) or scene.apart(scene.path[-1], past.way[-1]) > 0.2:
         yield "its way did not lead there"
 
 
 def off_trajectory(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The robot is farther from its trajectory than is tolerated, and holds."""
+    """Check that the robot is farther from its trajectory than is tolerated, and holds."""
     limit = scene.config.behaviour.tracking_tolerance
     yield from same("limit_m", reason.limit_m, limit)
     if not reason.distance_m > limit:
@@ -54,20 +54,20 @@ def off_trajectory(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 
 def escaping_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body overlaps a cell where it stands, and steps out."""
+    """Check that the body overlaps a cell where it stands, and steps out."""
     yield from overlapped_here(scene, reason)
     yield from same("distance_m", reason.distance_m, length(scene.path))
 
 
 def turning_out_of_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body overlaps a cell at its heading, and turns to another."""
+    """Check that the body overlaps a cell at its heading, and turns to another."""
     yield from overlapped_here(scene, reason)
     headings = scene.decision.trajectory.heading
     yield from same("turn_rad", reason.turn_rad, headings[-1] - headings[0], 0.02)
 
 
 def errand(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The way leads to the stated place, and has since the decision that set out."""
+    """Check that the way leads to the stated place, and has since the decision that set out."""
     if len(scene.global_path) < 2:
         yield "it names no way"
         return
@@ -84,7 +84,7 @@ def errand(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def _is_frontier(scene: Scene, place: Array) -> bool:
-    """Whether a cell is admitted, and one beside it is not only because it was not seen."""
+    """Return whether a cell is admitted, and one beside it is not only because it was not seen."""
     if not scene.comparable:
         return True
     reach = scene.reach(min(scene.radii))

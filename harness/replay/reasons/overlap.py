@@ -23,7 +23,7 @@ PIECE = 20
 
 
 def obstructed(scene: Scene, reason: pb.Reason, way: Array, unknown_blocks: bool) -> Iterator[str]:
-    """The named cell is the first that ends the way."""
+    """Check that the named cell is the first that ends the way."""
     if len(way) < 2:
         yield "no way was named"
         return
@@ -44,7 +44,7 @@ def obstructed(scene: Scene, reason: pb.Reason, way: Array, unknown_blocks: bool
 
 
 def _piece_length(scene: Scene, way: Array, begin: float, reason: pb.Reason) -> float:
-    """Length of the piece that a long body may not enter, m; other bodies enter a part of it."""
+    """Return the length of the piece that a long body may not enter, m; others enter part of it."""
     if not scene.mission.discs:
         return 0.0
     ends = arc_lengths(way) - begin
@@ -53,7 +53,7 @@ def _piece_length(scene: Scene, way: Array, begin: float, reason: pb.Reason) -> 
 
 
 def _check_cell(scene: Scene, reason: pb.Reason, unknown_blocks: bool) -> Iterator[str]:
-    """The cell is in the state that is named, and in reach of the body at the place."""
+    """Check that the cell is in the state that is named, and in reach of the body at the place."""
     if not scene.comparable:
         return
     cell, place = point_of(reason.cell), point_of(reason.place)
@@ -73,7 +73,7 @@ def _check_cell(scene: Scene, reason: pb.Reason, unknown_blocks: bool) -> Iterat
 
 
 def _grid_origin(scene: Scene) -> Array:
-    """Cells begin at whole multiples of their size, those along z three quarters below."""
+    """Return where cells begin: at whole multiples of their size, along z three quarters below."""
     return np.array([0.0, 0.0, 0.75])[: scene.axes]
 
 
@@ -84,7 +84,7 @@ def free_before(
     begin: float = 0.0,
     unknown_blocks: bool | None = None,
 ) -> Iterator[str]:
-    """A body that is a cell smaller has room along the first part of a way."""
+    """Check that a body that is a cell smaller has room along the first part of a way."""
     if not scene.comparable:
         return
     points = densely(way, 0.5 * scene.size)
@@ -107,7 +107,7 @@ def free_before(
 def overlapped(
     scene: Scene, reason: pb.Reason, place: Array, unknown_blocks: bool, within: float = 0.0
 ) -> Iterator[str]:
-    """The body at a place, or so near to it, overlaps the named cell."""
+    """Check that the body at a place, or so near to it, overlaps the named cell."""
     yield from _check_cell(scene, reason, unknown_blocks)
     away = scene.apart(point_of(reason.place), place)
     if away > max(abs(one) for one in scene.offsets) + within + 0.01:
@@ -115,7 +115,7 @@ def overlapped(
 
 
 def overlapped_here(scene: Scene, reason: pb.Reason) -> Iterator[str]:
-    """The body where it stands overlaps the named cell."""
+    """Check that the body where it stands overlaps the named cell."""
     yield from overlapped(scene, reason, scene.path[0], scene.unknown_blocks)
 
 

@@ -17,7 +17,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def braking_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The last way ends at a cell before the robot could stop for a new one."""
+    """Check that the last way ends at a cell before the robot could stop for a new one."""
     blocked = reason.kind == "braking_before_blocked"
     yield from obstructed(scene, reason, past.way, scene.unknown_blocks and not blocked)
     yield from stops(scene, reason)
@@ -26,7 +26,7 @@ def braking_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def path_too_short(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The rest of the last way is shorter than the robot needs to stop."""
+    """Check that the rest of the last way is shorter than the robot needs to stop."""
     yield from stops(scene, reason)
     if not reason.path_m < reason.stop_m:
         yield f"{reason.path_m:.2f} m are left, and {reason.stop_m:.2f} m enough to stop"
@@ -34,7 +34,7 @@ def path_too_short(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 
 def goal_place_moved(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The last way ends elsewhere than at the goal of now, or its projection."""
+    """Check that the last way ends elsewhere than at the goal of now, or its projection."""
     yield from stops(scene, reason)
     target = point_of(reason.target)
     yield from same("distance_m", reason.distance_m, scene.apart(past.way[-1], target))
@@ -45,7 +45,7 @@ def goal_place_moved(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[st
 
 
 def coming_to_rest(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """It stops, and no decision since that one has had a path."""
+    """Check that the robot stops, and that no decision since the stated one has had a path."""
     yield from same("path_m", reason.path_m, length(scene.path))
     steps = past.since(reason.since, scene.decision.sequence)
     if not steps:
@@ -61,7 +61,7 @@ def coming_to_rest(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 
 def at_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The robot is at rest, near enough to the goal."""
+    """Check that the robot is at rest, near enough to the goal."""
     here = np.array(scene.decision.position)
     yield from same("distance_m", reason.distance_m, scene.apart(here, scene.goal))
     yield from same("limit_m", reason.limit_m, 0.8 * scene.config.episode.goal_tolerance)
@@ -76,7 +76,7 @@ def at_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def deadline_missed(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The decision came late, and the trajectory is the last one."""
+    """Check that the decision came late, and the trajectory is the last one."""
     yield from same("delay_s", reason.delay_s, scene.decision.delay_s)
     yield from same("deadline_s", reason.deadline_s, scene.config.latency.deadline)
     if not reason.delay_s > reason.deadline_s:
@@ -91,7 +91,7 @@ def deadline_missed(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str
 
 
 def stops(scene: Scene, reason: pb.Reason) -> Iterator[str]:
-    """The stated stopping distance is that of the trajectory."""
+    """Check that the stated stopping distance is that of the trajectory."""
     yield from same("stop_m", reason.stop_m, length(scene.path), 0.012)
     arcs = np.array(scene.decision.trajectory.arc_length)
     period, limits = scene.decision.trajectory.sample_period_s, scene.mission

@@ -17,14 +17,14 @@ SIGMAS = 2.0
 
 
 def slowed(scene: Scene, reason: pb.Reason) -> Iterator[str]:
-    """The standard deviation is the pose's, and more than is driven with at full speed."""
+    """Check that the standard deviation is the pose's, and too great for full speed."""
     yield from same("sigma_m", reason.sigma_m, scene.decision.position_sigma)
     if not reason.sigma_m > scene.config.behaviour.uncertain_sigma:
         yield f"a standard deviation of {reason.sigma_m:.2f} m costs no speed"
 
 
 def returning_to_held(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The way leads to where the robot has been, as the pose is lost."""
+    """Check that the way leads to where the robot has been, as the pose is lost."""
     yield from _check_uncertainty(scene, reason)
     yield from errand(scene, past, reason)
     been = [scene.apart(one.position, point_of(reason.target)) for one in past.steps.values()]
@@ -33,12 +33,12 @@ def returning_to_held(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[s
 
 
 def pose_lost(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The standard deviation of the pose exceeds the allowed one."""
+    """Check that the standard deviation of the pose exceeds the allowed one."""
     yield from _check_uncertainty(scene, reason)
 
 
 def goal_uncertain(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The robot stands at the goal by a pose too uncertain to claim it."""
+    """Check that the robot stands at the goal by a pose too uncertain to claim it."""
     yield from same("sigma_m", reason.sigma_m, scene.decision.position_sigma)
     yield from same("limit_m", reason.limit_m, 0.8 * scene.config.episode.goal_tolerance)
     away = scene.apart(np.array(scene.decision.position), scene.goal)

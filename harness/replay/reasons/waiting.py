@@ -21,7 +21,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def waiting_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """At rest before a cell that leaves too little of the way to set out."""
+    """Check that the robot rests before a cell that leaves too little of the way to set out."""
     way = scene.global_path if len(scene.global_path) > 1 else past.way
     yield from obstructed(scene, reason, way, scene.unknown_blocks)
     yield from same("limit_m", reason.limit_m, scene.config.behaviour.min_advance)
@@ -31,7 +31,7 @@ def waiting_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def no_path_in_map(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """Cells that are not known to be blocked do not connect the robot with the goal."""
+    """Check that cells that are not known to be blocked do not connect the robot with the goal."""
     from scipy import ndimage
 
     yield from _searched(scene, past, reason)
@@ -47,12 +47,12 @@ def no_path_in_map(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 
 def no_path_found(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """A search that need not find every path has found none."""
+    """Check that a search that need not find every path has found none."""
     yield from _searched(scene, past, reason)
 
 
 def goal_blocked(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body would overlap a cell at the goal, and at every place near it."""
+    """Check that the body would overlap a cell at the goal, and at every place near it."""
     yield from overlapped(scene, reason, scene.goal, unknown_blocks=False)
     yield from same("limit_m", reason.limit_m, scene.config.behaviour.goal_search_radius)
     if has_room(scene, scene.goal, reason.limit_m, None, unknown_blocks=False):
@@ -61,7 +61,7 @@ def goal_blocked(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def goal_inside_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body would overlap a cell at the goal, and stands as near as it can."""
+    """Check that the body would overlap a cell at the goal, and stands as near as it can."""
     yield from overlapped(scene, reason, scene.goal, unknown_blocks=False)
     yield from same("distance_m", reason.distance_m, scene.apart(scene.path[0], scene.goal))
     if (
@@ -73,7 +73,7 @@ def goal_inside_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Iterat
 
 
 def no_room(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body would overlap a cell when it turns into the path, or along it."""
+    """Check that the body would overlap a cell when it turns into the path, or along it."""
     within = reason.free_m if reason.kind == "no_room_along_path" else 0.0
     yield from overlapped(
         scene, reason, place=scene.path[0], unknown_blocks=scene.unknown_blocks, within=within
@@ -82,7 +82,7 @@ def no_room(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def no_way_out(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body overlaps a cell where it stands, and no free place is near."""
+    """Check that the body overlaps a cell where it stands, and no free place is near."""
     yield from overlapped_here(scene, reason)
     yield from same("limit_m", reason.limit_m, 1.0)
     heading = scene.decision.trajectory.heading[0]
@@ -98,7 +98,7 @@ def no_way_out(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def way_out_blocked(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The body overlaps a cell where it stands."""
+    """Check that the body overlaps a cell where it stands."""
     yield from overlapped_here(scene, reason)
     if reason.distance_m > 1.0 + scene.size:
         yield f"{reason.distance_m:.2f} m is no way out"
@@ -106,7 +106,7 @@ def way_out_blocked(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str
 
 
 def _searched(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """A search was made and names no path."""
+    """Check that a search was made and names no path."""
     if not scene.decision.planner:
         yield "no search was made"
     if reason.iterations != scene.decision.planner_iterations:
@@ -118,7 +118,7 @@ def _searched(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
 
 
 def _waited(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """The robot has been at rest as long as stated, and long enough for its action."""
+    """Check that the robot has been at rest as long as stated, and long enough for its action."""
     now_ns = scene.decision.timestamp.ToNanoseconds()
     begun_ns = now_ns - round(reason.waited_s * 1e9)
     numbers = [k for k, one in past.steps.items() if abs(one.time_ns - begun_ns) < 10_000]

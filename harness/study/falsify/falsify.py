@@ -91,7 +91,7 @@ class Falsification:
 
 
 def falsify(task: Task, store: Store, engine: Engine, finished: Finished) -> Falsification:
-    """Task, keep the failing log, and cut its trigger down to the shortest window.
+    """Search for a failure, keep its log, and cut its trigger down to the shortest window.
 
     Raises:
         InputError: The unperturbed episode fails or cannot be run, or the folder cannot be written.

@@ -45,7 +45,7 @@ class Ends:
 
 
 def bounded(means: Array, low: Array, high: Array, tail: float) -> Ends:
-    """Interval of the mean of a bounded figure: of rates that of Clopper and Pearson (1934).
+    """Return the interval of a bounded figure's mean: of rates Clopper and Pearson's (1934).
 
     Gaffke (2005), "Three test statistics for a nonparametric one-sided hypothesis on the mean of a
     nonnegative variable": the sample with one value more, at the end of the support, weighted by a
@@ -81,7 +81,7 @@ def _clopper_pearson(successes: NDArray[np.bool_], tail: float) -> Ends:
 
 
 def _weighted_quantile(means: Array, end: Array, quantile: float, tail: float) -> Array:
-    """Quantile of the flat Dirichlet mean of each sample and one end of its support, (n,)."""
+    """Return the quantile (n,) of the flat Dirichlet mean of each sample and a support's end."""
     sample = np.column_stack([means, end])
     weights = _dirichlet(sample.shape[1], _draws(sample.shape[1], tail))
     step = max(1, CHUNK // weights.shape[1])
@@ -93,7 +93,7 @@ def _weighted_quantile(means: Array, end: Array, quantile: float, tail: float) -
 
 
 def _draws(size: int, tail: float) -> int:
-    """Enough of them that ten lie beyond the quantile, as far as they can be held."""
+    """Return so many draws that ten lie beyond the quantile, as far as they can be held."""
     most = max(FEWEST_DRAWS, MOST_DRAWN // size)
     return min(max(DRAWS, math.ceil(10.0 / tail)), most)
 
@@ -107,7 +107,7 @@ def _dirichlet(size: int, draws: int) -> Array:
 
 
 def studentized(means: Array, tail: float) -> Ends:
-    """Wider of Student's t and of the bootstrap-t, which follows the skewness of a sample.
+    """Return the wider of Student's t and of the bootstrap-t, which follows a sample's skewness.
 
     Efron and Tibshirani (1993), "An Introduction to the Bootstrap", section 12.5. A resample of
     one value only stands for an infinite t.

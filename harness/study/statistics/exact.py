@@ -116,7 +116,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 def paired_rate_difference(
     first: ArrayLike, second: ArrayLike, confidence: float = CONFIDENCE
 ) -> Interval:
-    """Rate of the second less that of the first, for pairs that are independent of each other.
+    """Return the rate of the second less that of the first, for pairs independent of each other.
 
     Newcombe (1998), "Improved confidence intervals for the difference between binomial proportions
     based on paired data", method 10: the Wilson limits of both rates, combined with the correlation
@@ -143,7 +143,7 @@ def paired_rate_difference(
 
 
 def _phi(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Correlation of two binary samples, with Newcombe's continuity correction where positive."""
+    """Return the correlation of two binary samples, if positive with Newcombe's correction."""
     both, only_a = float((a * b).sum()), float((a * (1 - b)).sum())
     only_b, neither = float(((1 - a) * b).sum()), float(((1 - a) * (1 - b)).sum())
     margins = (both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
@@ -156,7 +156,7 @@ def _phi(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
 
 
 def restricted_mean(times: ArrayLike, reached: ArrayLike, limit: float) -> float:
-    """Mean time to goal up to a limit, s: an episode that never gets there counts the whole limit.
+    """Return the mean time to goal up to a limit, s; an episode that never arrives counts it whole.
 
     Royston and Parmar (2013), "Restricted mean survival time". A mean over those who arrived would
     fall when the slow ones begin to fail.

@@ -95,7 +95,7 @@ def difference_interval(
 
 
 def pair_ends(first: Array, second: Array, support: Support, confidence: float) -> Ends:
-    """Intervals of the mean of second - first, of many samples of k clusters with one pair each.
+    """Return intervals of the mean of second - first, of samples of k clusters with a pair each.
 
     Args:
         first: (n, k) figures.
@@ -170,7 +170,7 @@ def _count(means: Array, support: Support, tail: float, greatest: Array | None) 
 
 
 def _measure(means: Array, support: Support, tail: float) -> Ends:
-    """Student's t, widened for skewness; from the support alone where values hardly differ."""
+    """Return Student's interval, widened for skewness; the support's if values hardly differ."""
     low, high = _ends_of(means, support)
     few = _distinct(means) < LEAST_CLUSTERS
     ends = Ends(low.copy(), high.copy())

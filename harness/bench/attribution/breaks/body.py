@@ -14,7 +14,7 @@ from wayproof.models.sensors.caster import ROBOT_GROUP
 
 
 def _slim(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The stack plans for a smaller body."""
+    """Let the stack plan for a smaller body."""
     share = float(rng.uniform(0.1, 0.4))
     discs = tuple((offset, share * radius) for offset, radius in sound.mission.discs)
     mission: dict[str, Any] = {"radius": share * sound.mission.radius, "discs": discs}
@@ -22,7 +22,7 @@ def _slim(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _bulky(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The body carries a pole across, which the stack does not model."""
+    """Let the body carry a pole across, which the stack does not model."""
     half = sound.mission.radius + float(rng.uniform(0.15, 0.35))
     return Broken(
         edit=_loaded(
@@ -36,12 +36,12 @@ def _bulky(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _strict(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The tracking tolerance is smaller than any body achieves."""
+    """Tolerate a smaller tracking error than any body achieves."""
     return Broken(settings=(f"behaviour.tracking_tolerance={rng.uniform(0.01, 0.04):.3f}",))
 
 
 def _overrated(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The stack plans for a faster body."""
+    """Let the stack plan for a faster body."""
     share = rng.uniform(2.0, 3.0)
     mission = {
         "max_speed": share * sound.mission.max_speed,

@@ -31,12 +31,12 @@ RESIGNED = ("behaviour.max_recoveries=1",)
 
 
 def _crowd(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """People walk to and fro across the path."""
+    """Let people walk to and fro across the path."""
     return Broken(perturbation=f"motion:{rng.uniform(3.0, 5.0):.2f}")
 
 
 def _truck(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A truck drives along the path and never stops."""
+    """Let a truck drive along the path and never stop."""
     mission = sound.mission
     (x0, y0, _), (x1, y1, _) = mission.goal, mission.start
     body = Box((0.0, 0.0, 1.4), (0.4, rng.uniform(0.6, 1.2), 1.2), 0.0, "vehicle")
@@ -46,13 +46,13 @@ def _truck(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _shut(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A gate across the path shuts while the robot is under way."""
+    """Shut a gate across the path while the robot is under way."""
     at, when = place_between(sound, rng), float(rng.uniform(0.5, 2.0))
     return Broken(world=with_movers(sound.world, *_appearing(sound, at, when)))
 
 
 def _drop(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A curtain drops close in front of the robot at its full speed."""
+    """Drop a curtain close in front of the robot at its full speed."""
     mission = sound.mission
     speed, push = mission.max_speed, mission.max_acceleration
     when = float(rng.uniform(1.0, 1.6)) * (speed / push + push / mission.max_jerk)
@@ -77,7 +77,7 @@ def _appearing(sound: Scenario, at: float, when: float) -> list[Mover]:
 
 
 def _retentive(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A wall before the start vanishes, and the map hardly forgets it."""
+    """Remove a wall before the start, in a map that hardly forgets it."""
     at = place_ahead(sound, CLEAR_OF_ENDS + float(rng.uniform(0.2, 0.6)))
     wall = wall_across(sound, at, "ghost")
     gone = Mover("gone", (wall,), HERE, vanishes=round(float(rng.uniform(0.6, 1.2)), 1))
@@ -85,7 +85,7 @@ def _retentive(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _trails(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The map hardly forgets passing movers."""
+    """Let the map hardly forget passing movers."""
     return Broken(settings=UNLEARNS_SLOWLY)
 
 

@@ -29,7 +29,7 @@ SPACING = 0.35
 
 
 def _glass(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Obstacles are transparent to every beam."""
+    """Make obstacles transparent to every beam."""
 
     def vanish(spec: mujoco.MjSpec) -> None:
         for geom in spec.geoms:
@@ -42,7 +42,7 @@ def _glass(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _pane(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A pane of glass stands across the path."""
+    """Put a pane of glass across the path."""
     axis, at = crossing_axis(sound), place_between(sound, rng)
     middle = [0.5 * (a + b) for a, b in zip(sound.world.low, sound.world.high, strict=True)]
     half = [0.5 * (b - a) for a, b in zip(sound.world.low, sound.world.high, strict=True)]
@@ -57,7 +57,7 @@ def _pane(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _wires(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A fence of wires, thinner than the gaps between beams, stands on the straight line."""
+    """Put a fence of wires, thinner than the gaps between beams, on the straight line."""
     axis, at = crossing_axis(sound), place_between(sound, rng)
     start, goal = sound.mission.start, sound.mission.goal
     share = (at - start[axis]) / (goal[axis] - start[axis])
@@ -73,7 +73,7 @@ def _wires(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _groping(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Unknown space counts as free, and near space stays unknown."""
+    """Count unknown space as free, and let near space stay unknown."""
     return Broken(settings=("costmap.unknown_policy=allow", "map.minimum_range=5"))
 
 

@@ -23,14 +23,14 @@ ROUND_THE_GOAL = 0.9
 
 
 def _detour(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Less time than the shortest path takes, but more than the straight line would."""
+    """Grant less time than the shortest path takes, but more than the straight line would."""
     straight, way = _straight(sound), _way(sound)
     limit = (straight + rng.uniform(0.3, 0.9) * (way - straight)) / sound.mission.max_speed
     return Broken(settings=(f"episode.time_limit={limit:.1f}",))
 
 
 def _hurry(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Less time than the shortest path takes from rest to rest."""
+    """Grant less time than the shortest path takes from rest to rest."""
     limit = rng.uniform(0.4, 0.8) * rest_to_rest(_way(sound), sound.mission)
     return Broken(settings=(f"episode.time_limit={limit:.1f}",))
 
@@ -44,18 +44,18 @@ def _way(sound: Scenario) -> float:
 
 
 def _wide(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A margin too large for every passage."""
+    """Set a margin too large for every passage."""
     return Broken(settings=(f"costmap.localization_margin={rng.uniform(0.3, 0.7):.2f}",))
 
 
 def _closed(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A wall from side to side between start and goal."""
+    """Put a wall from side to side between start and goal."""
     wall = wall_across(sound, place_between(sound, rng), "partition")
     return Broken(world=with_solids(sound.world, wall))
 
 
 def _gap(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A wall with a gap in it that is narrower than the body."""
+    """Put up a wall with a gap in it that is narrower than the body."""
     at, axis = place_between(sound, rng), crossing_axis(sound)
     middle = float(rng.uniform(sound.world.low[1 - axis] + 1.0, sound.world.high[1 - axis] - 1.0))
     widest = min([sound.mission.radius, *(radius for _, radius in sound.mission.discs)])
@@ -68,7 +68,7 @@ def _gap(sound: Scenario, result: Result, rng: Rng) -> Broken:
 
 
 def _pen(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The goal is fenced in on all sides."""
+    """Fence the goal in on all sides."""
     x, y, _ = sound.mission.goal
     r, t = ROUND_THE_GOAL, 0.08
     sides = (

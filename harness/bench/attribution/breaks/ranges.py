@@ -11,28 +11,28 @@ UNFITTED = ("map.ground_fit=false",)
 
 
 def _dropout(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Returns are lost."""
+    """Lose returns."""
     mode = ("ray", "patch", "sweep")[int(rng.integers(3))]
     return Broken(UNFITTED, f"depth_dropout:{rng.uniform(2.0, 5.0):.2f}:{mode}")
 
 
 def _noise(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Ranges are noisier than the device states."""
+    """Make ranges noisier than the device states."""
     return Broken(UNFITTED, f"depth_noise:{rng.uniform(2.5, 5.0):.2f}")
 
 
 def _occlusion(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """A sector of the view is blocked."""
+    """Block a sector of the view."""
     return Broken(perturbation=f"occlusion:{rng.uniform(3.0, 5.0):.2f}")
 
 
 def _calibration(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The sensor is rotated against its stated mount."""
+    """Rotate the sensor against its stated mount."""
     return Broken(UNFITTED, f"calibration:{rng.uniform(3.0, 5.0):.2f}:rotation")
 
 
 def _blind(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Near returns are dropped."""
+    """Drop near returns."""
     return Broken(settings=(f"map.minimum_range={rng.uniform(1.5, 4.0):.2f}",))
 
 

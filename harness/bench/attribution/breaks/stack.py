@@ -11,12 +11,12 @@ from wayproof.harness.stack.pipeline import Navigator
 
 
 def _hasty_search(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """The search gives up at once."""
+    """Let the search give up at once."""
     return Broken(settings=("planner.iterations=1", "planner.restarts=1", "planner.shortcuts=0"))
 
 
 def _with(stack: type[Navigator]) -> Break:
-    """Another stack decides."""
+    """Let another stack decide."""
 
     def breaks(sound: Scenario, result: Result, rng: Rng) -> Broken:
         return Broken(stack=stack)

@@ -8,12 +8,12 @@ from wayproof.harness.scenario.scenario import Scenario
 
 
 def _late(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Decisions take longer than their deadline allows."""
+    """Let decisions take longer than their deadline allows."""
     return Broken(perturbation="latency:5")
 
 
 def _planning(sound: Scenario, result: Result, rng: Rng) -> Broken:
-    """Planning alone takes longer than the deadline."""
+    """Let planning alone take longer than the deadline."""
     return Broken(settings=(f"latency.plan={rng.uniform(0.25, 0.6):.3f}",))
 
 
