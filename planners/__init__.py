@@ -98,7 +98,13 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
         oriented: Whether the body is several discs, and not one disc or ball.
     """
     field = np.full((20, 20, 1), 100, dtype=np.uint16)
-    space = FreeSpace(field, np.zeros(3), 0.1, 4, np.zeros(101))
+    space = FreeSpace(
+        field,
+        origin=np.zeros(3),
+        resolution=0.1,
+        collision_distance_sq=4,
+        cost_by_distance=np.zeros(101),
+    )
     start, goal = np.array([0.25, 0.25, 0.05]), np.array([1.75, 1.75, 0.05])
     if config is None or oriented:
         _warm_up_poses(start, goal)
@@ -127,18 +133,26 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
     limits = MotionLimits(
         speed=1.0, acceleration=2.0, jerk=10.0, lateral_acceleration=1.0, yaw_rate=1.0
     )
-    trajectory = follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), limits, speed_cap=1.0)
+    at_rest = PathState(time_ns=0, arc_length=0.0, speed=0.0, acceleration=0.0, heading=0.0)
+    trajectory = follow_path(path, at_rest, limits, speed_cap=1.0)
     trajectory.setpoints(np.zeros(1, np.int64))
-    follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), limits, 1.0, sideways_speed=0.5)
+    follow_path(path, at_rest, limits, speed_cap=1.0, sideways_speed=0.5)
     point_at(path, 0.1)
     yaw_of_direction(1.0, 0.0)
-    turn_in_place(start, 0, 0.0, 1.0, limits)
+    turn_in_place(start, start_ns=0, heading=0.0, target_heading=1.0, limits=limits)
 
 
 def _long_space() -> FreeSpace:
     body = Body((-0.2, 0.0, 0.2), (0.1, 0.1, 0.1)).discs(margin=0.0, resolution=0.1, flat=True)
     field = np.full((20, 20, 1), 100, dtype=np.uint16)
-    return FreeSpace(field, np.zeros(3), 0.1, 2, np.zeros(101), body)
+    return FreeSpace(
+        field,
+        origin=np.zeros(3),
+        resolution=0.1,
+        collision_distance_sq=2,
+        cost_by_distance=np.zeros(101),
+        discs=body,
+    )
 
 
 def _warm_up_poses(start: Floats, goal: Floats) -> None:

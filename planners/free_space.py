@@ -232,7 +232,7 @@ class FreeSpace:
         return bool(sweep.sweep_free(self.grid, self.shape, pose, pose))
 
     def turn_free(self, point: Floats, heading: float, target: float) -> bool:
-        """Whether the body can turn on the spot from a heading to another, the shorter way."""
+        """Return whether the body can turn on the spot between two headings, the shorter way."""
         place = _point(point)
         before, after = (*place, float(heading)), (*place, float(target))
         return bool(sweep.sweep_free(self.grid, self.shape, before, after))
@@ -248,7 +248,7 @@ class FreeSpace:
         return np.array(pose) if found else None
 
     def turning_room(self) -> float:
-        """Distance that the reference point needs to turn to any heading, cells."""
+        """Return the distance that the reference point needs to turn to any heading, cells."""
         rooms = (
             abs(offset) / self.resolution + math.sqrt(threshold)
             for offset, threshold in zip(self.shape.offsets, self.shape.thresholds, strict=True)
@@ -256,7 +256,7 @@ class FreeSpace:
         return float(max(rooms))
 
     def turnable(self, points: Floats) -> NDArray[np.bool_]:
-        """Whether the body can turn to any heading at each of the points (n, 3), shape (n,)."""
+        """Return whether the body can turn to any heading at each of points (n, 3): (n,)."""
         cells = np.floor((points - self.grid.origin) / self.resolution).astype(np.int64)
         cells = np.clip(cells, 0, np.array(self.grid.field.shape) - 1)
         room = self.turning_room()

@@ -88,7 +88,7 @@ class Pieces(NamedTuple):
 
 @kernel
 def sample(pieces: Pieces, times: Floats, positions: Floats, velocities: Floats) -> None:
-    """`Profile.at` of times in any order, the quicker the more they ascend.
+    """Sample as `Profile.at`, at times in any order, the quicker the more they ascend.
 
     Args:
         pieces: Pieces of the profile.
@@ -114,7 +114,9 @@ def sample(pieces: Pieces, times: Floats, positions: Floats, velocities: Floats)
 
 def at_rest(position: float) -> Profile:
     """Return a profile at rest."""
-    return Profile(np.empty(0), np.empty((0, 3)), np.empty(0), 0.0, position)
+    return Profile(
+        np.empty(0), states=np.empty((0, 3)), jerks=np.empty(0), duration=0.0, end=position
+    )
 
 
 def ramped(positions: Floats, step: float) -> Profile:
@@ -123,7 +125,9 @@ def ramped(positions: Floats, step: float) -> Profile:
     times, states = np.empty(steps), np.zeros((steps, 3))
     count = list_ramps(positions, step, times, states)
     still = np.zeros(count)
-    return Profile(times[:count], states[:count], still, step * steps, float(positions[-1]))
+    return Profile(
+        times[:count], states[:count], jerks=still, duration=step * steps, end=float(positions[-1])
+    )
 
 
 @kernel
@@ -202,7 +206,7 @@ def _solved(start: State, target: State, speed: float | None, limits: AxisLimits
 
 
 def _request(start: State, limits: AxisLimits) -> ruckig.InputParameter:
-    """Input of ruckig, without a target."""
+    """Return the input of ruckig, without a target."""
     request = ruckig.InputParameter(1)
     request.current_position = [start.position]
     request.current_velocity = [start.velocity]
@@ -270,10 +274,10 @@ def join(legs: Sequence[Leg]) -> Profile:
     times = list(itertools.accumulate(durations, initial=0.0))
     return Profile(
         np.array(times[:-1]),
-        np.array([state for leg in legs for state in leg.states]).reshape(-1, 3),
-        np.array([jerk for leg in legs for jerk in leg.jerks]),
-        times[-1],
-        legs[-1].end.position,
+        states=np.array([state for leg in legs for state in leg.states]).reshape(-1, 3),
+        jerks=np.array([jerk for leg in legs for jerk in leg.jerks]),
+        duration=times[-1],
+        end=legs[-1].end.position,
     )
 
 

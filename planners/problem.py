@@ -181,7 +181,7 @@ def _cheapest(
     kind, traits = state_space_of(config, space), planner_traits(config.name)
     if not _fits(space, kind, begin):
         return _without_path("start_blocked", 0)
-    ends = _goal_poses(space, kind, begin, goal, goal_heading)
+    ends = _goal_poses(space, kind, start=begin, goal=goal, heading=goal_heading)
     if not ends:
         return _without_path("goal_blocked", 0)
     best, best_cost, used = None, math.inf, 0
@@ -190,7 +190,14 @@ def _cheapest(
             break
         end = ends[restart % len(ends)]
         any_heading = kind.oriented and goal_heading is None and traits.chooses_heading
-        query = Query(space, kind, begin, end, config.turning_radius, any_heading)
+        query = Query(
+            space,
+            kind,
+            start=begin,
+            goal=end,
+            turning_radius=config.turning_radius,
+            any_heading=any_heading,
+        )
         left = config.iterations - used
         poses, spent = _search_once(query, config, left, plan_seed(seed, "restart", restart))
         used += spent
@@ -199,7 +206,7 @@ def _cheapest(
             best, best_cost = poses, cost
     if best is None:
         return _without_path("no_path", used)
-    return _with_path(space, kind, best, best_cost, used)
+    return _with_path(space, kind, poses=best, cost=best_cost, used=used)
 
 
 def finish_path(
@@ -229,7 +236,7 @@ def finish_path(
     end = _pose(goal, poses[-1][3])
     if kind.curved or not _fits(space, kind, end):
         return plan(space, start, goal, config, seed, heading)
-    query = Query(space, kind, begin, end, config.turning_radius)
+    query = Query(space, kind, start=begin, goal=end, turning_radius=config.turning_radius)
     poses = smoothed(query, poses, config, plan_seed(seed, "restart", 0))
     return _with_path(space, kind, poses, _cost(query, poses, config.clearance_weight), used)
 
@@ -261,7 +268,7 @@ def _fits(space: FreeSpace, kind: StateSpace, pose: Pose) -> bool:
 def _goal_poses(
     space: FreeSpace, kind: StateSpace, start: Pose, goal: Floats, heading: float | None
 ) -> list[Pose]:
-    """Free poses at the goal, the preferred one first."""
+    """Return free poses at the goal, the preferred one first."""
     if not kind.oriented:
         headings = [0.0]
     elif heading is not None:
@@ -307,11 +314,11 @@ def _without_path(label: PlanLabel, iterations: int) -> Plan:
 def _search_once(
     query: Query, config: PlannerConfig, iterations: int, seed: int
 ) -> tuple[Floats | None, int]:
-    """One search and its shortcuts: the path if there is one, and the iterations used."""
+    """Search once and shorten: the path if there is one, and the iterations used."""
     if query.start == query.goal:
         return np.array([query.start, query.goal], dtype=np.float64), 1
     budget = Budget(iterations, config.clearance_weight, seed)
-    poses, used = search(query, config.name, budget, seed, config.shortcuts)
+    poses, used = search(query, config.name, budget, seed, simplifications=config.shortcuts)
     if poses is not None and config.grain > 0.0 and planner_traits(config.name).uses_seed:
         poses[1:-1] = np.rint(poses[1:-1] / config.grain) * config.grain
     if poses is None or math.isinf(_cost(query, poses, config.clearance_weight)):

@@ -113,7 +113,7 @@ FORMER_NAMES = {"field": "astar"}
 
 
 def is_registered(name: str) -> bool:
-    """Whether a name is in `PLANNERS`, now or formerly; any other is a user's own planner."""
+    """Return whether a name is in `PLANNERS`, now or before; any other is a user's own planner."""
     return FORMER_NAMES.get(name, name) in PLANNERS
 
 
@@ -151,7 +151,7 @@ def planner_builder(name: str) -> Builder:
         )
     who = f"planner '{name}'"
     return lambda information, budget: WaypointPlanner(
-        information, found(), who, budget.seed, budget.iterations
+        information, planner=found(), who=who, seed=budget.seed, budget=budget.iterations
     )
 
 

@@ -202,7 +202,7 @@ def locate_all(
     positions: Floats,  # (n, 3) out
     velocities: Floats,  # (n, 3) out
 ) -> None:
-    """Positions and velocities at arc lengths in any order, the quicker the more they ascend."""
+    """Locate positions and velocities at arc lengths: the quicker, the more these ascend."""
     edge = 0
     for n in range(len(arcs)):
         while edge > 0 and begins[edge] > arcs[n]:

@@ -48,7 +48,7 @@ def follow_path(
     sideways_speed: float = 0.0,
     whole_bends: bool = False,
 ) -> Trajectory:
-    """Fastest trajectory from a state on a path to rest at the path's end.
+    """Return the fastest trajectory from a state on a path to rest at the path's end.
 
     The whole of it obeys the limits of speed and curvature, except while it still slows down from
     a state that did not. If the path is too short to stop, it is the fastest stop, beyond the end.
@@ -95,7 +95,15 @@ def keeps_limits(
     if float(arc_lengths(path)[-1]) - state.position <= LEAST_ZONE:
         return False
     turn = _turn_into(path, state.position, start.heading, 0.0)
-    zones = _zones(path, state, turn, limits.speed, limits, sideways_speed, whole_bends=True)
+    zones = _zones(
+        path,
+        state,
+        turn,
+        cap=limits.speed,
+        limits=limits,
+        sideways_speed=sideways_speed,
+        whole_bends=True,
+    )
     return speed_profile.keeps_limits(state, zones, limits.along)
 
 
@@ -108,7 +116,7 @@ def _zones(
     sideways_speed: float,
     whole_bends: bool,
 ) -> list[SpeedZone]:
-    """Speed zones from a state on, for a body that has a turn, rad, left into the path."""
+    """Return speed zones from a state on, for a body with a turn, rad, left into the path."""
     speed = math.inf
     if whole_bends:
         speed = max(state.velocity, settled_velocity(state, limits.along))
@@ -121,7 +129,7 @@ def _zones(
 def stop_along(
     path: Floats, start: PathState, limits: MotionLimits, reverse: bool = False
 ) -> Trajectory:
-    """Fastest jerk-limited stop along a path, straight on beyond its end.
+    """Return the fastest jerk-limited stop along a path, straight on beyond its end.
 
     One axis, the arc length, keeps the robot on the path: x, y and z stopped each on its own would
     leave it. Arguments as in `follow_path`.
@@ -148,7 +156,7 @@ def hold(position: Floats, start_ns: int, heading: float) -> Trajectory:
 
 @lru_cache(maxsize=64)  # each decision needs the same few several times
 def stopping_distance(speed: float, acceleration: float, limits: MotionLimits) -> float:
-    """Length of the fastest jerk-limited stop, m."""
+    """Return the length of the fastest jerk-limited stop, m."""
     start = _feasible(0.0, speed, acceleration, limits)
     return jerk_limited.stop(start, limits.along).end
 
@@ -190,14 +198,14 @@ def _along(
         overshoot = 0.0
     elif len(path) > 1:
         path = np.vstack((path, path[-1] + overshoot * edge_tangents(path)[-1]))
-    turning = _turning(path, motion, start.heading, limits, math.pi if reverse else 0.0)
+    turning = _turning(path, motion, start.heading, limits, off=math.pi if reverse else 0.0)
     return Trajectory(start.time_ns, path, motion, turning, overshoot)
 
 
 def _turning(
     path: Floats, motion: Profile, heading: float, limits: MotionLimits, off: float
 ) -> Profile:
-    """Heading while moving: that of the path and an offset, blended between middles of edges."""
+    """Return the heading in motion: the path's and an offset, blended between edges' middles."""
     steps = math.floor(motion.duration / HEADING_STEP)  # without the incomplete one at the end
     if steps == 0 or len(path) == 1:
         return jerk_limited.at_rest(heading)

@@ -256,7 +256,7 @@ class Costmap:
         return self.clearances.to_obstacles(self.truncation)
 
     def optimistic(self, edge: int) -> Distances:
-        """Distances to obstacles, at most `edge` where something within it is unknown, cells^2.
+        """Return distances to obstacles, at most `edge` if within it anything is unknown, cells^2.
 
         The freespace assumption (Koenig & Likhachev 2005, "Fast replanning for navigation in
         unknown terrain"), with unknown space as costly as the edge of an obstacle.
@@ -331,7 +331,7 @@ class Costmap:
         return reach
 
     def _costs(self, forbidden: float) -> NDArray[np.float64]:
-        """Nav2's law (inflation layer): 252 exp(-scaling (distance - forbidden)); 0 at the end."""
+        """Return Nav2's inflation costs: 252 exp(-scaling (distance - forbidden)); 0 at the end."""
         squared = np.arange(self.truncation + 1)
         beyond = (np.sqrt(squared) - forbidden) * self.resolution  # m
         fall = exponentials(-self.config.cost_scaling_factor * np.maximum(beyond, 0.0))

@@ -59,7 +59,7 @@ NO_UPDATE = CellUpdate((np.zeros((1, 1, 1), np.uint64),), (0,), (0, 0), (0, 0), 
 
 
 def boxes(blocked: Sequence[NDArray[np.uint64]], x0: int = 0, y0: int = 0) -> CellUpdate:
-    """Blocked cells of a box of columns (kx, ky, words) that begins at (x0, y0)."""
+    """Return the blocked cells of a box of columns (kx, ky, words) that begins at (x0, y0)."""
     cells = tuple(np.ascontiguousarray(one) for one in blocked)  # or all is compiled anew
     kx, ky = cells[0].shape[:2]
     return CellUpdate(cells, (0,) * len(cells), (x0, y0), (0, kx), (0, ky))

@@ -73,7 +73,7 @@ def _row_bits(cells: NDArray[np.bool_]) -> Words:
 
 
 def _dilated(cells: NDArray[C], reach: int, axis: int, beyond: int | bool) -> NDArray[C]:
-    """Or each cell with those up to a reach to both sides along an axis; `beyond` lies outside.
+    """Spread each cell up to a reach to both sides along an axis; `beyond` lies outside.
 
     By doubling: n shifts cover 2^n cells.
     """

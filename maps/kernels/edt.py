@@ -94,7 +94,7 @@ class NewCells(NamedTuple):
 
 @kernel
 def planes_around(reach: int) -> int:
-    """Planes on either side of one that sources may lie in: of four planes and distances at once.
+    """Return the planes on either side of one that sources may lie in, of four at once.
 
     A distance less than the reach, three more, and three planes beside.
     """

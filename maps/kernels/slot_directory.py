@@ -28,7 +28,7 @@ class SlotDirectory(NamedTuple):
 
 @kernel
 def bucket_of(x: Integer, y: Integer, z: Integer, buckets: int) -> Integer:
-    """Spatial hash (Teschner et al. 2003, "Optimized spatial hashing"); `buckets` is 2^k."""
+    """Return the hash of Teschner et al. 2003, "Optimized spatial hashing"; `buckets` is 2^k."""
     return ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791)) & (buckets - 1)
 
 

@@ -141,7 +141,7 @@ def positive(eight: np.uint64) -> np.uint64:
 
 @kernel
 def lowered(eight: np.uint64, floor: np.uint64, miss: np.uint64) -> np.uint64:
-    """max(value, low + miss) - miss of eight int8 at once.
+    """Return max(value, low + miss) - miss of eight int8 at once.
 
     `floor` holds low + miss + 128 and `miss` the miss in every byte. Compared are the values plus
     128, which are not negative: first their upper bits, and where these agree the lower seven.

@@ -127,7 +127,7 @@ class BlockMap(Representation):
         }
 
     def version(self) -> str:
-        """Digest of the content and the tick, 32 hex digits: equal content, equal version."""
+        """Return the digest of content and tick, 32 hex digits: equal content, equal version."""
         total = self._blocks.digest_layers(self.content, self._team)
         ticks = self._ticks if self.config.half_life > 0.0 and total else 0
         head = struct.pack("<dq", self.resolution, ticks) + self._units()

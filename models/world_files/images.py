@@ -76,7 +76,7 @@ def _check_size(path: Path, width: int, height: int, most: int) -> None:
 
 
 def _pgm(path: Path, most_pixels: int) -> Image:
-    """Netpbm's grey format, plain (P2) or raw (P5)."""
+    """Read Netpbm's grey format, plain (P2) or raw (P5)."""
     data = path.read_bytes()
     words: list[bytes] = []
     at = 0

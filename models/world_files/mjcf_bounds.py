@@ -156,7 +156,7 @@ def _numbers(path: Path, element: Element, name: str, text: str) -> list[float]:
 
 
 def _memory(path: Path, element: Element, text: str) -> float:
-    """Bytes, with a letter behind for powers of 1024; -1 is MuJoCo's own choice."""
+    """Read a size in bytes, with a letter behind for powers of 1024; -1 is MuJoCo's own choice."""
     bare = text.strip()
     unit = float(UNITS.get(bare[-1:].upper(), 1))
     return unit * _number(path, element, "memory", bare[:-1] if unit > 1 else bare)

@@ -216,7 +216,7 @@ def world_text(found: Found, ends: Ends, name: str) -> str:
 
 
 def part_names(parts: Iterable[Part]) -> list[str]:
-    """Geom name of each part: its kind and its count within the kind."""
+    """Return the geom name of each part: its kind and its count within the kind."""
     seen: Counter[str] = Counter()
     names = []
     for part in parts:

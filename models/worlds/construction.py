@@ -144,7 +144,7 @@ def _anywhere(
 
 
 def _scaffold(rng: np.random.Generator, x: float, y: float) -> Group:
-    """Two bays of tubes under a deck; one end braced, the others open to a low body."""
+    """Put up two bays of tubes under a deck; one end braced, the others open to a low body."""
     along_x = bool(rng.integers(2))
     length, width = 2.2, 1.2
 

@@ -58,7 +58,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: C
 
 
 def _one_bend(rng: np.random.Generator, seed: int, width: float, length: float) -> World:
-    """Corridor east, then north: a rectangular room less one solid block."""
+    """Build a corridor east, then north: a rectangular room less one solid block."""
     first = rng.uniform(6.0, 10.0) * (length / DRAWN_LENGTH)
     inner = WALL_THICKNESS
     east, north = inner + first + width / 2, inner + length - first + width / 2
@@ -71,7 +71,7 @@ def _one_bend(rng: np.random.Generator, seed: int, width: float, length: float) 
 
 
 def _two_bends(rng: np.random.Generator, seed: int, width: float, length: float) -> World:
-    """Corridor east, north and east again: a rectangular room less two solid blocks."""
+    """Build a corridor east, north and east again: a room less two solid blocks."""
     first, second = (
         rng.uniform(*limits) * (length / DRAWN_LENGTH) for limits in ((4.5, 6.5), (4.0, 5.0))
     )

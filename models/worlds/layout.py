@@ -72,7 +72,7 @@ def opposite_ends(
 
 
 def room_walls(low: Vector3, high: Vector3, kind: str = "wall") -> tuple[Box, ...]:
-    """Four walls just inside a rectangle, from the floor to 3 m; or a hedge, or a fence."""
+    """Return four walls just inside a rectangle, from the floor to 3 m; or a hedge, or a fence."""
     (x0, y0, _), (x1, y1, _) = low, high
     t, h = WALL_THICKNESS, WALL_HEIGHT
     return (

@@ -37,7 +37,7 @@ BEAM_TOP = 1.3
 def shelf_rows(
     rng: np.random.Generator, along: Range, across: Range, *, walled: bool, aisle: float
 ) -> tuple[list[Box], CentreLine | None]:
-    """Two to four rows of shelves, broken by cross-aisles, with beams over one or two aisles.
+    """Draw two to four rows of shelves, broken by cross-aisles, with beams over some aisles.
 
     The centre line of the widest aisle between two rows comes with them, m.
 

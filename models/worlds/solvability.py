@@ -207,7 +207,7 @@ def clear_around(
 def _cells_between(
     low: float, high: float, world: World, free: NDArray[np.bool_], axis: int
 ) -> tuple[int, int]:
-    """First cell and the one past the last of an interval, m, along an axis, inside the grid."""
+    """Return first cell and one past the last of an interval, m, along an axis, in the grid."""
     cells = free.shape[axis]
     first = floor((low - world.low[axis]) / RESOLUTION)
     last = ceil((high - world.low[axis]) / RESOLUTION)

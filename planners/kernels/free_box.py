@@ -17,7 +17,7 @@ from wayproof.planners.kernels.polyline import row
 
 @kernel
 def all_above(value: int, threshold: int, squared: int) -> bool:
-    """Whether all cells within a squared number of cells of one with this value exceed a threshold.
+    """Return whether all cells within a squared distance of one with this value exceed a threshold.
 
     A distance falls by no more than the cells are apart: the root of the value has to exceed the
     sum of the roots of the threshold and of the squared number.
@@ -69,7 +69,7 @@ def body_box_free(grid: Grid, discs: Discs, low: Point, high: Point) -> bool:
 
 @kernel
 def any_heading_free(grid: Grid, discs: Discs, path: Floats, first: int, last: int) -> bool:
-    """Whether a body is free at any heading in a box about points `first` to `last` of a path."""
+    """Return whether a body is free at any heading about points `first` to `last` of a path."""
     x, y, z = row(path, first)
     low, high = (x, y, z), (x, y, z)
     for n in range(first + 1, last + 1):

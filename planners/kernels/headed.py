@@ -65,7 +65,7 @@ def free_up_to(grid: Grid, discs: Discs, path: Floats, first: int) -> int:
 
 @kernel
 def path_free(grid: Grid, discs: Discs, oriented: bool, path: Floats) -> bool:
-    """Whether a whole path (n, 3) is free, for one disc or for a body that heads along it."""
+    """Return whether a path (n, 3) is free, for one disc or for a body that heads along it."""
     if oriented:
         return bool(headed_free_length(grid, discs, path) > path_length(path) - LEAST_EDGE)
     return bool(walk_path(grid, discs.thresholds[0], 0.0, path)[1] > discs.thresholds[0])

@@ -100,7 +100,7 @@ def middle_cell(factor: Longs, indices: Indices) -> Indices:
 
 @kernel
 def middle_index(field: NDArray[np.uint16], factor: Longs, indices: Indices) -> int:
-    """Flat index of the grid cell in the middle of a lattice cell."""
+    """Return the flat index of the grid cell in the middle of a lattice cell."""
     x, y, z = middle_cell(factor, indices)
     return int((x * field.shape[1] + y) * field.shape[2] + z)
 

@@ -21,7 +21,7 @@ from wayproof.planners.kernels.sweep_cost import (
 
 @kernel
 def shortcut_poses(grid: Grid, discs: Discs, weight: float, poses: Floats, draws: Floats) -> Floats:
-    """`shortcut` for a body with a heading: it turns, moves straight ahead, and turns again.
+    """Shorten as `shortcut`, for a body that turns, moves straight ahead, and turns again.
 
     Args:
         grid: The distance field.

@@ -93,7 +93,7 @@ def walk(
 def walk_anywhere(
     grid: Grid, threshold: int, start: SubcellPoint, end: SubcellPoint
 ) -> tuple[float, int, float]:
-    """`walk` beyond the grid, too, and where a step crosses several faces at once."""
+    """Go as `walk`, beyond the grid, too, and where a step crosses several faces at once."""
     i, j, k = start[0] >> SUBCELL_BITS, start[1] >> SUBCELL_BITS, start[2] >> SUBCELL_BITS
     # An axis crosses its next face at time next / span.
     faces_x, step_x, next_x, span_x = axis_steps(start[0], end[0])
@@ -163,7 +163,7 @@ def least_at_corners(grid: Grid, i: int, j: int, k: int, di: int, dj: int, dk: i
 
 @kernel
 def walk_between(grid: Grid, threshold: int, a: Point, b: Point) -> tuple[float, int, float]:
-    """`walk` between two points, m; an end too far from the grid blocks the whole segment."""
+    """Go as `walk` between two points, m; an end too far from the grid blocks the whole segment."""
     near_a, start = to_subcells(grid, a)
     near_b, end = to_subcells(grid, b)
     if not (near_a and near_b):
@@ -173,7 +173,7 @@ def walk_between(grid: Grid, threshold: int, a: Point, b: Point) -> tuple[float,
 
 @kernel
 def edge_free(grid: Grid, threshold: int, a: Point, b: Point) -> bool:
-    """Whether all cells that a segment touches have a squared distance above the threshold."""
+    """Return whether all cells that a segment touches are farther than the squared threshold."""
     _, least, _ = walk_between(grid, threshold, a, b)
     return bool(least > threshold)
 

@@ -50,7 +50,7 @@ def sweep_steps(a: Pose, b: Pose) -> int:
 
 @kernel
 def step_cost(grid: Grid, discs: Discs, a: Pose, b: Pose) -> tuple[bool, float]:
-    """Whether a body is free over a small step, its discs moving straight, and their mean cost."""
+    """Return whether a body is free over a small step of straight discs, and their mean cost."""
     cosine_a, sine_a = cosine_sine(a[3])
     cosine_b, sine_b = cosine_sine(b[3])
     cost = 0.0

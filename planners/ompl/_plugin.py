@@ -90,7 +90,7 @@ def load_class(name: str) -> type[Any]:
 
 
 def source_digest(name: str) -> str:
-    """SHA-256 of the file that a class was loaded from, in hex; empty if it has no file."""
+    """Return the SHA-256 of the file that a class was loaded from, in hex; empty without one."""
     file = source_file(name)
     return "" if file is None else hashlib.sha256(file.read_bytes()).hexdigest()
 

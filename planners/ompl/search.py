@@ -124,7 +124,7 @@ def _run_user_planner(
     budget: Budget,
     until: ob.PlannerTerminationCondition,
 ) -> object:
-    """`_run` with a planner of the user's own.
+    """Run as `_run` with a planner of the user's own.
 
     Raises:
         UserCodeError: It raised, or returned something other than a status.
@@ -172,7 +172,9 @@ def _problem(query: Query) -> tuple[ob.SpaceInformation, ob.ProblemDefinition]:
     state_space = query.kind.make(query.space, query.turning_radius)
     information = ob.SpaceInformation(state_space)
     information.setStateValidityChecker(
-        BodyValidity(information, query.space, query.kind, query.start[2], query.any_heading)
+        BodyValidity(
+            information, query.space, query.kind, z=query.start[2], any_heading=query.any_heading
+        )
     )
     information.setMotionValidator(_EdgeValidator(information, _edge_check(query, state_space)))
     information.setup()

@@ -94,12 +94,18 @@ def _read_pose_in_space(state: ob.State, _: float) -> Pose:
 
 PLANE = StateSpace(_position, _write_plane, _read_plane, oriented=False, curved=False)
 POINT = StateSpace(_position, _write_point, _read_point, oriented=False, curved=False)
-POSE_IN_SPACE = StateSpace(_pose_in_space, _write_pose_in_space, _read_pose_in_space, True, False)
+POSE_IN_SPACE = StateSpace(
+    _pose_in_space, _write_pose_in_space, _read_pose_in_space, oriented=True, curved=False
+)
 
 
 def _on_ground(make: Callable[[float], ob.StateSpace], curved: bool) -> StateSpace:
     return StateSpace(
-        lambda space, radius: _bounded(make(radius), space), _write_pose, _read_pose, True, curved
+        lambda space, radius: _bounded(make(radius), space),
+        _write_pose,
+        _read_pose,
+        oriented=True,
+        curved=curved,
     )
 
 

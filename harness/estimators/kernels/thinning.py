@@ -82,7 +82,7 @@ def is_near(
     heads: NDArray[np.int64],
     following: NDArray[np.int64],
 ) -> bool:
-    """Whether a cell has a chosen point nearer than `spacing` to a point; see `spread_out`."""
+    """Return whether a cell has a chosen point within `spacing` of a point; see `spread_out`."""
     slot = slot_of(keys, key)
     if keys[slot] == EMPTY:
         return False

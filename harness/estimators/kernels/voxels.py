@@ -172,7 +172,7 @@ def fit_plane(squares: Array, count: int, plane: Array) -> None:
 
 @kernel
 def seen_from(voxels: Voxels, slot: np.int64, viewer: Array) -> bool:
-    """Whether a position (3,) lies where a voxel's points were seen from, before its plane."""
+    """Return whether (3,) lies where a voxel's points were seen from, before its plane."""
     plane, mean = voxels.planes[slot], voxels.means[slot]
     x, y, z = viewer[0] - mean[0], viewer[1] - mean[1], viewer[2] - mean[2]
     return bool(plane[0] * x + plane[1] * y + plane[2] * z >= 0.0)
@@ -180,7 +180,7 @@ def seen_from(voxels: Voxels, slot: np.int64, viewer: Array) -> bool:
 
 @kernel
 def is_known(voxels: Voxels, slot: np.int64, viewer: Array) -> bool:
-    """Whether a voxel has points enough to say if a surface is there, seen from this side."""
+    """Return whether a voxel has points enough to say if a surface faces this side."""
     if voxels.keys[slot] == EMPTY or voxels.counts[slot] < LEAST_POINTS:
         return False
     return bool(voxels.planes[slot, 3] == 0.0 or seen_from(voxels, slot, viewer))

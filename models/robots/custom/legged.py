@@ -244,7 +244,7 @@ def _check_actuators(model: mujoco.MjModel, legs: list[Leg], names: tuple[str, .
 
 
 def _check_places(legs: list[Leg], origin: Array) -> None:
-    """Feet in their order, hips above, and mirror images of one another."""
+    """Check that feet are in order, with hips above, and sides mirror images."""
     shapes = []
     for name, leg in zip(LEGS, legs, strict=True):
         front, side = 1 if name[0] == "F" else -1, 1 if name[1] == "L" else -1

@@ -46,7 +46,7 @@ def solve_forces(
 
 @kernel
 def _factorise(matrix: Array) -> Array:
-    """Cholesky A = U'U; U replaces the upper triangle, inverted on its diagonal; returns U'.
+    """Return U' of A = U'U (Cholesky); U replaces the upper triangle, its diagonal inverted.
 
     Slices from zero, because the compiler vectorises loops whose indices cannot be negative.
     """

@@ -53,6 +53,6 @@ class DepthCamera(Device):
 
 
 def _pixel_centres(count: int) -> NDArray[np.float64]:
-    """Pixel centres over [1, -1]: the first row is the top one, the first column the left one."""
+    """Return pixel centres over [1, -1], the top row and the left column first."""
     centres: NDArray[np.float64] = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     return centres

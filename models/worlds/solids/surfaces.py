@@ -79,7 +79,7 @@ class TriangleMesh(Bounded):
         return distance_to_triangles(points, self.triangles)
 
     def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
-        """Distance (n,) from points (n, 2) to the triangles that touch the band; see `Solid`."""
+        """Return the distance (n,) of points (n, 2) to triangles that touch the band (`Solid`)."""
         return distance_to_triangles(points, _in_band(self.triangles, band)[:, :, :2])
 
     def asset(self, name: str) -> str:
@@ -161,19 +161,19 @@ class HeightField(Bounded):
         return least_and_greatest(self.nodes.reshape(-1, 3))[1]
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Exact distance (n,) from points (n, 3) above the base, to the ground, m; 0 below it."""
+        """Return the distance (n,) of points (n, 3) above the base to the ground, m; 0 below."""
         points = np.asarray(points, np.float64)
         return np.where(self._below(points), 0.0, distance_to_triangles(points, self.triangles))
 
     def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
-        """Distance (n,) from points (n, 2) to the ground that rises into the band; see `Solid`."""
+        """Return the distance (n,) of points (n, 2) to ground that is in the band; see `Solid`."""
         if self.bottom >= band[1]:
             return np.full(len(np.asarray(points)), np.inf)
         rising = self.triangles[self.triangles[:, :, 2].max(axis=1) > band[0]]
         return distance_to_triangles(points, rising[:, :, :2])
 
     def asset(self, name: str) -> str:
-        """Its heights as shares of its relief, rows from the far side in y."""
+        """Return its heights as shares of its relief, rows from the far side in y."""
         z = np.array(self.heights)
         relief = float(z.max() - z.min())
         shares = ((z - z.min()) / (relief or 1.0)).T[::-1]

@@ -33,7 +33,7 @@ def distance_to_triangles(
 def _squared_distance(
     points: NDArray[np.float64], triangle: NDArray[np.float64]
 ) -> NDArray[np.float64]:  # (n,)
-    """To the plane where the foot of the perpendicular is inside, else to the nearest side."""
+    """Return the squared distance to the plane if its foot is inside, else to the nearest side."""
     a, b, c = triangle
     sides = [_to_segment(points, p, q) for p, q in ((a, b), (b, c), (c, a))]
     least: NDArray[np.float64] = np.minimum(np.minimum(sides[0], sides[1]), sides[2])
