@@ -63,8 +63,8 @@ class HallRow:
         map_ms: Mean wall time of the map's update, ms.
         costmap_ms: Mean wall time of the costmap's update, ms.
         plan_ms: Mean wall time of the decision itself, ms.
-        loop_share: Processor time of the bare physics over that of the whole loop: see `bench
-            loop`.
+        loop_share: Processor time of the bare physics over that of the whole loop, without the
+            search for the shortest way: see `bench loop`.
         build_s: Processor time to build the episode and its stack, s.
         memory_mib: Greatest resident memory of the process, MiB.
     """
@@ -134,6 +134,7 @@ def run_one(side: float, robot: str, seed: int) -> HallRow:
         open_episode(scenario, Path(folder) / "episode.mcap", note) as opened,
     ):
         built_s = time.process_time() - began
+        scenario.route_length()  # known from here on
         followed, decided_ms = Followed(opened), _time_steps(opened)
         began = time.process_time()
         opened.episode.run()
