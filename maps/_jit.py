@@ -1,11 +1,39 @@
 """Decorators that compile the kernels of maps."""
 
+from collections.abc import Callable
+from typing import Any, TypeVar
+
 import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 # error_model="numpy" compiles a division without a branch for zero; nogil lets Python threads run
 # kernels side by side. No fastmath: it would let the compiler reorder arithmetic, and two machines
 # could then build two maps.
-kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+UNCOUNTED, COUNTED = {**OPTIONS, "_nrt": False}, {**OPTIONS, "_nrt": True}
 
-# A call costs some nanoseconds an argument; for kernels that are called for each column.
-inlined = numba.njit(cache=True, error_model="numpy", nogil=True, forceinline=True)
+
+def kernel(function: Function) -> Function:
+    """Compile a kernel without counts of references to arrays.
+
+    Each count is an atomic operation, two for every slice and every array handed on. So it makes no
+    array, which does not compile, and returns none, nor gets one from a kernel that it calls.
+    """
+    compiled: Function = numba.njit(**UNCOUNTED)(function)
+    return compiled
+
+
+def inlined(function: Function) -> Function:
+    """Compile a kernel that is called for each column: a call costs nanoseconds an argument."""
+    compiled: Function = numba.njit(forceinline=True, **UNCOUNTED)(function)
+    return compiled
+
+
+def allocating(function: Function) -> Function:
+    """Compile a kernel that makes or returns arrays.
+
+    Without the option numba would count references as in the kernel that calls it first.
+    """
+    compiled: Function = numba.njit(**COUNTED)(function)
+    return compiled

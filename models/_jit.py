@@ -1,10 +1,34 @@
-"""The numba decorator of this package.
+"""The numba decorators of this package.
 
-Kernels that call each other live in one file: numba's cache does not notice when a callee in
-another file changes. `error_model="numpy"` keeps divisions free of exception branches; there is
-no `fastmath`, because results have to be the same bits on every run.
+`error_model="numpy"` keeps divisions free of exception branches; there is no `fastmath`, because
+results have to be the same bits on every run.
 """
+
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numba
 
-kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+UNCOUNTED, COUNTED = {**OPTIONS, "_nrt": False}, {**OPTIONS, "_nrt": True}
+
+
+def kernel(function: Function) -> Function:
+    """Compile a kernel without counts of references to arrays.
+
+    Each count is an atomic operation, two for every slice and every array handed on. So it makes no
+    array, which does not compile, and returns none, nor gets one from a kernel that it calls.
+    """
+    compiled: Function = numba.njit(**UNCOUNTED)(function)
+    return compiled
+
+
+def allocating(function: Function) -> Function:
+    """Compile a kernel that makes or returns arrays.
+
+    Without the option numba would count references as in the kernel that calls it first.
+    """
+    compiled: Function = numba.njit(**COUNTED)(function)
+    return compiled

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating
 from wayproof.models.sensors.caster import ROBOT_GROUP
 
 REST_SPEED = 0.05
@@ -138,7 +138,7 @@ class Truth:
         return gaps
 
 
-@kernel
+@allocating
 def sphere_gaps(
     robot: NDArray[np.int64],
     obstacles: NDArray[np.int64],

@@ -1,6 +1,31 @@
 """Compilation options of the kernels of this package."""
 
+from collections.abc import Callable
+from typing import Any, TypeVar
+
 import numba
 
+Function = TypeVar("Function", bound=Callable[..., Any])
+
 # No fastmath: a float sum must not change its order from one machine to the next.
-kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+UNCOUNTED, COUNTED = {**OPTIONS, "_nrt": False}, {**OPTIONS, "_nrt": True}
+
+
+def kernel(function: Function) -> Function:
+    """Compile a kernel without counts of references to arrays.
+
+    Each count is an atomic operation, two for every slice and every array handed on. So it makes no
+    array, which does not compile, and returns none, nor gets one from a kernel that it calls.
+    """
+    compiled: Function = numba.njit(**UNCOUNTED)(function)
+    return compiled
+
+
+def allocating(function: Function) -> Function:
+    """Compile a kernel that makes or returns arrays.
+
+    Without the option numba would count references as in the kernel that calls it first.
+    """
+    compiled: Function = numba.njit(**COUNTED)(function)
+    return compiled

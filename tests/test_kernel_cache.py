@@ -68,8 +68,8 @@ def test_what_is_cached_is_loaded_without_what_a_compiler_needs(package):
     assert answer(package, "import sys", *lean, then=f"assert not {compiler}") == 41
 
 
-LARGEST = "from wayproof.maps._jit import kernel\n\n\n"
-LARGEST += "@kernel\ndef answer(n):\n    a = np.arange(n)\n    return a.max()\n"
+LARGEST = "from wayproof.maps._jit import allocating\n\n\n"
+LARGEST += "@allocating\ndef answer(n):\n    a = np.arange(n)\n    return a.max()\n"
 NEW = """
 from wayproof.kernel_cache import load_without_compiler
 load_without_compiler()

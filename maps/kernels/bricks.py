@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.maps._jit import allocating, kernel
 from wayproof.maps.kernels.slot_directory import Integer, SlotDirectory, find
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
@@ -183,7 +183,7 @@ def look_up(
         values[i] = cells[slot, column_of(x, y), z & 63] if slot >= 0 else 0
 
 
-@kernel
+@allocating
 def cast_ray(
     directory: SlotDirectory,
     cells: NDArray[np.int8],  # (slots, COLUMNS, 64)

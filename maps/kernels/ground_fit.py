@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.maps._jit import allocating, kernel
 
 DROPPED_MM = 0
 NO_RETURN_MM = 65535
@@ -193,7 +193,7 @@ def tilt_back(
         ends[i, 2] = r * (dz - along_x * dx - along_y * dy)
 
 
-@kernel
+@allocating
 def put_on_floor(
     origins: NDArray[np.float64],  # (m, 3) m, the plane at z = 0
     moments: NDArray[np.int32],  # (n,)
@@ -306,7 +306,7 @@ def silent_about(silent: NDArray[np.int64], i: int, j: int) -> int:
     return total
 
 
-@kernel
+@allocating
 def find_lost(
     origins: NDArray[np.float64],  # (m, 3) m, the plane at z = 0
     moments: NDArray[np.int32],  # (n,)

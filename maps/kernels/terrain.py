@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.maps._jit import allocating, kernel
 
 WORD_BITS = 64
 NOWHERE = -1
@@ -78,7 +78,7 @@ def lowest_surface(
     return NOWHERE
 
 
-@kernel
+@allocating
 def spread(
     occupied: NDArray[np.uint64],  # (nx, ny, words)
     body: Body,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.maps._jit import allocating, kernel
 from wayproof.maps.kernels.bricks import EDGE, EDGE_BITS
 
 ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
@@ -53,7 +53,7 @@ def find_root(parents: NDArray[np.int64], i: int) -> int:
     return i
 
 
-@kernel
+@allocating
 def label_components(
     cells: NDArray[np.int64],  # (m, 3) a set
     labels: NDArray[np.int64],  # (m,) out

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.maps._jit import allocating
 from wayproof.maps.cell_sets import CellMask
 from wayproof.maps.columns import WORD_BITS, pack
 from wayproof.maps.config import MapConfig
@@ -242,7 +242,7 @@ class OctoMap(Representation):
         return self._leaf_names, self._leaf_values
 
 
-@kernel
+@allocating
 def find_leaves(
     nodes: NDArray[np.uint8],  # (5 n,) a written tree: depth first, a node before its children
     names: NDArray[np.int64],  # (n,) out: of the cell that a leaf is

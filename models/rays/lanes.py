@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.rays.fans import FAN_COLUMNS, PLANES, TILE
 from wayproof.models.rays.packets import (
@@ -100,7 +100,7 @@ class Lanes(NamedTuple):
     near_ahead: NDArray[np.float32]
 
 
-@kernel
+@allocating
 def make_lanes(geoms: int) -> Lanes:
     """Return scratch arrays for a number of geoms."""
     rays = np.zeros(TILE_NUMBERS)

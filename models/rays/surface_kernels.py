@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.rays.fans import (
     ROUNDING,
@@ -40,7 +40,7 @@ from wayproof.models.rays.walks import (
 )
 
 
-@kernel
+@allocating
 def meet_tiles(
     starts: NDArray[np.int64],
     beams: Beams,

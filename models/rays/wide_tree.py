@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.rays.tree import DEEPEST, build_tree
 
@@ -91,7 +91,7 @@ LEAF, FEWER = -1, 0
 """Codes among the shares: a leaf; as with one root less."""
 
 
-@kernel
+@allocating
 def weigh(
     boxes: Array,
     links: NDArray[np.int32],
@@ -134,7 +134,7 @@ def weigh(
             shares[node, roots - 1] = share[roots] if split[roots] < fewer else FEWER
 
 
-@kernel
+@allocating
 def take_roots(
     node: int,
     roots: int,
@@ -163,7 +163,7 @@ def take_roots(
     return found
 
 
-@kernel
+@allocating
 def pull_together(
     boxes: Array,
     links: NDArray[np.int32],

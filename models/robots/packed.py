@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,17 @@ def packed(parameters: Any, **more: Any) -> NDArray[Any]:
         more: Further fields by name.
     """
     fields = {**parameters._asdict(), **more}
-    dtype = np.dtype([(name, *_field(value)) for name, value in fields.items()], align=True)
+    dtype = _record_type(tuple((name, *_field(value)) for name, value in fields.items()))
     return np.array([tuple(fields.values())], dtype)
+
+
+@functools.cache
+def _record_type(fields: tuple[tuple[Any, ...], ...]) -> np.dtype[Any]:
+    """Return the type of a record, the same object each time.
+
+    A kernel that is called with an equal one compares all fields first.
+    """
+    return np.dtype([*fields], align=True)
 
 
 def _field(value: Any) -> tuple[Any, tuple[int, ...]]:

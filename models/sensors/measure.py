@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating
 from wayproof.models.sensors.beams import DROPPED, MILLIMETRES, NO_RETURN
 from wayproof.models.sensors.devices.device import Device
 from wayproof.models.sensors.devices.noise import RangeNoise
@@ -67,7 +67,7 @@ def measure(
     return reported
 
 
-@kernel
+@allocating
 def report(
     distance: NDArray[np.float64],
     true: NDArray[np.float64],

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 from wayproof.planners.kernels.grid import Floats
 
 TURN = 2.0 * math.pi
@@ -61,7 +61,7 @@ def cosine_sine(angle: float) -> tuple[float, float]:
     return cosine, sine
 
 
-@kernel
+@allocating
 def edge_headings(tangents: Floats, initial: float) -> Floats:
     """Return the heading of each edge, rad, shape (n,), without jumps by full turns.
 
@@ -79,7 +79,7 @@ def edge_headings(tangents: Floats, initial: float) -> Floats:
     return headings
 
 
-@kernel
+@allocating
 def rate_limited(targets: Floats, initial: float, largest_step: float) -> Floats:
     """Limit the rate of headings to a step: (n + 1,) that follow targets (n,), rad."""
     headings = np.empty(len(targets) + 1)

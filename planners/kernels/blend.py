@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating
 from wayproof.planners.kernels.grid import Discs, Floats, Grid, Point
 from wayproof.planners.kernels.headed import path_free
 from wayproof.planners.kernels.polyline import LEAST_EDGE, distance, row
@@ -21,7 +21,7 @@ COSINE_BACK = -0.7
 """Cosine of the sharpest turn that a long body blends, 135 degrees: beyond it, it reverses."""
 
 
-@kernel
+@allocating
 def blend_path(
     grid: Grid,
     discs: Discs,
@@ -69,7 +69,7 @@ def blend_path(
     return path
 
 
-@kernel
+@allocating
 def blend_corner(
     grid: Grid,
     discs: Discs,
@@ -100,7 +100,7 @@ def blend_corner(
     return corner
 
 
-@kernel
+@allocating
 def straight_edge(
     grid: Grid, discs: Discs, oriented: bool, a: Point, b: Point, spacing: float
 ) -> Floats:

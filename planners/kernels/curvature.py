@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 from wayproof.planners.kernels.grid import Floats
 from wayproof.planners.kernels.polyline import edge_lengths
 
 
-@kernel
+@allocating
 def limit_speeds(
     lengths: Floats,  # (n - 1,)
     tangents: Floats,  # (n - 1, 3)

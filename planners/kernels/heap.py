@@ -8,14 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 
 ONE = np.uint64(1)
 
 Longs = NDArray[np.int64]
 
 
-@kernel
+@allocating
 def push(heap: Longs, count: int, key: int) -> Longs:
     """Push a key into a heap of `count` keys; return the heap, a longer one if it was full."""
     if count == len(heap):

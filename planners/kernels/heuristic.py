@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 from wayproof.planners.kernels.bucket_queue import bucket_of, insert, remove
 from wayproof.planners.kernels.lattice_cells import (
     BLOCKED,
@@ -78,7 +78,7 @@ def column_rate(
     return least if least <= LARGEST_RATE else BLOCKED
 
 
-@kernel
+@allocating
 def bound_columns(lattice: Lattice, goal: int, target: int) -> bool:
     """Bound the cost from each column of the lattice to the target, by a search in the plane.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 from wayproof.planners.kernels.bucket_queue import bucket_of, insert, remove
 from wayproof.planners.kernels.heuristic import heuristic, heuristic_between, octile_cost
 from wayproof.planners.kernels.lattice_cells import (
@@ -136,7 +136,7 @@ def requeue(lattice: Lattice, target: int, cells: Longs) -> None:
     lattice.counters[KEY], lattice.counters[OPENED] = first, len(cells)
 
 
-@kernel
+@allocating
 def descend(lattice: Lattice, start: int) -> Integers:
     """Return the cells from a closed one down the costs-to-go to the goal; first move of equals.
 
@@ -164,7 +164,7 @@ def descend(lattice: Lattice, start: int) -> Integers:
     return cells[:count].copy()
 
 
-@kernel
+@allocating
 def bounds_to_go(lattice: Lattice, target: int, limit: int) -> Integers:
     """Return lower bounds (nodes,) of the cost from each cell of a plane to the goal.
 

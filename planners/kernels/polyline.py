@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 from wayproof.planners.kernels.grid import Floats, Point
 
 LEAST_EDGE = 1e-6
@@ -36,7 +36,7 @@ def between(a: Point, b: Point, share: float) -> Point:
     )
 
 
-@kernel
+@allocating
 def edge_lengths(path: Floats) -> Floats:
     """Return the length of each edge, m, shape (n - 1,)."""
     lengths = np.empty(max(len(path) - 1, 0))
@@ -45,7 +45,7 @@ def edge_lengths(path: Floats) -> Floats:
     return lengths
 
 
-@kernel
+@allocating
 def arc_lengths(path: Floats) -> Floats:
     """Return the arc length at each point, m, shape (n,); the first is 0."""
     arcs = np.zeros(len(path))
@@ -63,7 +63,7 @@ def path_length(path: Floats) -> float:
     return length
 
 
-@kernel
+@allocating
 def edge_tangents(path: Floats) -> Floats:
     """Return the unit direction (n - 1, 3) of each edge; without length, its neighbour's.
 
@@ -93,7 +93,7 @@ def edge_at(arcs: Floats, s: float) -> int:
     return edge
 
 
-@kernel
+@allocating
 def point_at(path: Floats, s: float) -> Floats:
     """Return the point at an arc length, m, clamped to the path, shape (3,)."""
     arcs, s = arc_lengths(path), max(s, 0.0)
@@ -106,7 +106,7 @@ def point_at(path: Floats, s: float) -> Floats:
     return point
 
 
-@kernel
+@allocating
 def tangent_at(path: Floats, s: float) -> Floats:
     """Return the unit tangent at an arc length, m, shape (3,); zero for a path without length."""
     tangent = np.zeros(3)
@@ -115,7 +115,7 @@ def tangent_at(path: Floats, s: float) -> Floats:
     return tangent
 
 
-@kernel
+@allocating
 def truncate(path: Floats, s: float) -> Floats:
     """Return the path from its start to an arc length, m, shape (m, 3)."""
     arcs = arc_lengths(path)
@@ -127,7 +127,7 @@ def truncate(path: Floats, s: float) -> Floats:
     return kept
 
 
-@kernel
+@allocating
 def remaining(path: Floats, s: float) -> Floats:
     """Return the path from an arc length, m, to its end, shape (m, 3)."""
     arcs = arc_lengths(path)

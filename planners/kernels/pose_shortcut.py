@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 from wayproof.planners.kernels.angles import yaw_of_direction
 from wayproof.planners.kernels.grid import Discs, Floats, Grid, Point, Pose
 from wayproof.planners.kernels.polyline import between, distance
@@ -19,7 +19,7 @@ from wayproof.planners.kernels.sweep_cost import (
 )
 
 
-@kernel
+@allocating
 def shortcut_poses(grid: Grid, discs: Discs, weight: float, poses: Floats, draws: Floats) -> Floats:
     """Shorten as `shortcut`, for a body that turns, moves straight ahead, and turns again.
 
@@ -117,7 +117,7 @@ def is_cheaper(grid: Grid, discs: Discs, weight: float, poses: Floats, than: flo
     return cost < than
 
 
-@kernel
+@allocating
 def pose_arcs(poses: Floats) -> Floats:
     """Return the arc length of the reference point's path at each pose, m, shape (n,)."""
     arcs = np.zeros(len(poses))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating
 from wayproof.planners.kernels.lattice_cells import (
     CLOSED,
     INVALID,
@@ -23,7 +23,7 @@ from wayproof.planners.kernels.lattice_cells import (
 )
 
 
-@kernel
+@allocating
 def refresh_box(lattice: Lattice, low: Longs, high: Longs) -> Integers:
     """Look the cells of a box up again that were looked up before; return those that changed."""
     field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
@@ -47,7 +47,7 @@ def refresh_box(lattice: Lattice, low: Longs, high: Longs) -> Integers:
     return changed[:count].copy()
 
 
-@kernel
+@allocating
 def repair(lattice: Lattice, changed: Integers) -> None:
     """Reset the costs-to-go that a change can have altered, and reopen the cells around them.
 

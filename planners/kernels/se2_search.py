@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 from wayproof.planners.kernels.heap import pop, push
 
 HEADINGS = 16
@@ -88,7 +88,7 @@ class SeenNodes(NamedTuple):
     can_spin: Bools  # (k,) whether the body can turn to any heading
 
 
-@kernel
+@allocating
 def search_states(
     plane: Plane,
     primitives: Primitives,
@@ -240,7 +240,7 @@ def rate_at(plane: Plane, i: int, j: int) -> int:
     return int(plane.rates[min(int(plane.field[i, j]), len(plane.rates) - 1)])
 
 
-@kernel
+@allocating
 def backtrack(slots: Integers, columns: int, seen: SeenNodes, state: int) -> tuple[Longs, Bools]:
     """Return the states that led to one, from the first, and at which of them the body can spin.
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 from wayproof.planners.kernels.grid import Floats, Grid, Point
 from wayproof.planners.kernels.polyline import between, distance, locate, row
 from wayproof.planners.kernels.segment import edge_cost
@@ -15,7 +15,7 @@ LEAST_GAIN = 1e-9
 """Least saving for which a path is changed, m: above the rounding error of its cost."""
 
 
-@kernel
+@allocating
 def shortcut(
     grid: Grid, threshold: int, weight: float, corner_cost: float, path: Floats, draws: Floats
 ) -> Floats:
@@ -138,7 +138,7 @@ def detour(
     return 0, 0.0, 0.0, 0.0, 0.0
 
 
-@kernel
+@allocating
 def prune(grid: Grid, threshold: int, weight: float, path: Floats) -> Floats:
     """Leave out each waypoint without which the path costs no more."""
     kept = path.copy()
@@ -154,7 +154,7 @@ def prune(grid: Grid, threshold: int, weight: float, path: Floats) -> Floats:
     return kept[: count + 1].copy()
 
 
-@kernel
+@allocating
 def fewest_corners(
     grid: Grid, threshold: int, weight: float, corner_cost: float, path: Floats
 ) -> Floats:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 from wayproof.planners.kernels.angles import cosine_sine, wrap
 from wayproof.planners.kernels.free_box import body_box_free
 from wayproof.planners.kernels.grid import SUBCELL_BITS, Discs, Floats, Grid, Pose, to_subcells
@@ -126,7 +126,7 @@ def poses_free_count(grid: Grid, discs: Discs, poses: Floats) -> int:
     return len(poses)
 
 
-@kernel
+@allocating
 def free_headings(
     grid: Grid, discs: Discs, start: Pose, places: Floats, headings: Floats
 ) -> tuple[int, NDArray[np.bool_]]:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wayproof.planners._jit import kernel
+from wayproof.planners._jit import allocating, kernel
 from wayproof.planners.kernels.angles import cosine_sine, wrap
 from wayproof.planners.kernels.grid import Discs, Floats, Grid, Pose
 from wayproof.planners.kernels.polyline import distance
@@ -75,7 +75,7 @@ def least_sweep_cost(a: Pose, b: Pose) -> float:
     return distance(a[:3], b[:3]) + TURN_COST * abs(wrap(b[3] - a[3]))
 
 
-@kernel
+@allocating
 def sweep_costs(grid: Grid, discs: Discs, weight: float, poses: Floats) -> Floats:
     """Return the cost of each edge between poses, m, shape (n - 1,)."""
     costs = np.empty(len(poses) - 1)
@@ -95,7 +95,7 @@ def poses_cost(grid: Grid, discs: Discs, weight: float, poses: Floats) -> float:
     return cost
 
 
-@kernel
+@allocating
 def prune_poses(grid: Grid, discs: Discs, weight: float, poses: Floats) -> Floats:
     """Leave out each pose without which the way through the others costs no more."""
     kept = poses.copy()

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array, Vector3
 from wayproof.models.rays.shapes import (
     CAPSULE,
@@ -124,7 +124,7 @@ def inverse_of(d: float) -> float:
     return 1.0 / (d if abs(d) > MIN_INVERTED else MIN_INVERTED)
 
 
-@kernel
+@allocating
 def cast_rays(
     origins: Array,
     directions: Array,

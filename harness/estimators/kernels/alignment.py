@@ -15,7 +15,7 @@ from wayproof.harness.estimators.kernels.voxels import (
     slot_of,
     voxel_key,
 )
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 
 LEAST_INLIERS = 20
@@ -43,7 +43,7 @@ FIXED = 1e3
 """Weight, in all points, with which the prediction stays along a direction that is not held."""
 
 
-@kernel
+@allocating
 def align(
     offsets: Array,
     predicted: Array,
@@ -107,7 +107,7 @@ def align(
     return inliers, near, known
 
 
-@kernel
+@allocating
 def sum_up(
     offsets: Array,
     predicted: Array,
@@ -168,7 +168,7 @@ def hold_to_prediction(
             equations[i, j] += weight * axis[i] * axis[j]
 
 
-@kernel
+@allocating
 def examine(
     offsets: Array,
     predicted: Array,

@@ -15,11 +15,11 @@ from wayproof.harness.estimators.kernels.voxels import (
     slot_of,
     voxel_key,
 )
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 
 
-@kernel
+@allocating
 def search_start(
     offsets: Array,
     predicted: Array,
@@ -67,7 +67,7 @@ def search_start(
     return most, count
 
 
-@kernel
+@allocating
 def score_shifts(
     offsets: Array,
     predicted: Array,

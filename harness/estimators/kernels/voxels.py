@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.estimators.kernels.symmetric import diagonalize
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 
 EMPTY = -1
@@ -123,7 +123,7 @@ def is_doubled(count: int) -> bool:
     return least == count
 
 
-@kernel
+@allocating
 def add_point(voxels: Voxels, slot: int, x: float, y: float, z: float, viewer: Array) -> None:
     """Update mean and products by one point (Welford 1962, Technometrics 4), and the plane."""
     count = voxels.counts[slot] + 1
@@ -146,7 +146,7 @@ def add_point(voxels: Voxels, slot: int, x: float, y: float, z: float, viewer: A
             voxels.planes[slot, :3] *= -1.0
 
 
-@kernel
+@allocating
 def fit_plane(squares: Array, count: int, plane: Array) -> None:
     """Write the direction of least variance into a plane (4,), and whether it is one."""
     matrix, vectors = np.empty((3, 3)), np.empty((3, 3))

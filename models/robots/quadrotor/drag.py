@@ -6,13 +6,13 @@ from math import sqrt
 
 import numpy as np
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating
 from wayproof.models.arrays import Array
 from wayproof.models.robots.linear_algebra import dot
 from wayproof.models.robots.quadrotor.parameters import Airframe
 
 
-@kernel
+@allocating
 def air_drag(airframe: Airframe, R_world_body: Array, airspeed: Array) -> Array:  # (3,)
     """Compute drag, N, at a velocity (3,) through the air, m/s, both in the world frame.
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating
 from wayproof.models.arrays import Array
 from wayproof.models.robots.linear_algebra import dot, rotation_from_quaternion
 from wayproof.models.robots.quadrotor.drag import air_drag
@@ -32,7 +32,7 @@ MEMORY = np.dtype(
 """State of the controller, kept from tick to tick."""
 
 
-@kernel
+@allocating
 def fly(
     setpoint: Array,
     parameters: Any,
@@ -72,7 +72,7 @@ def fly(
     return True
 
 
-@kernel
+@allocating
 def track(
     airframe: Airframe,
     gains: Gains,

@@ -11,14 +11,14 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.linear_algebra import cross, dot
 from wayproof.models.robots.quadrotor.drag import air_drag
 from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains
 
 
-@kernel
+@allocating
 def desired_force(
     airframe: Airframe,
     gains: Gains,
@@ -46,7 +46,7 @@ def desired_force(
     return demand
 
 
-@kernel
+@allocating
 def desired_attitude(force: Array, heading: float) -> Array:  # (3, 3)
     """Return R_world_desired: z along the force, x nearest to the heading (LLM section IV)."""
     R = np.empty((3, 3))
@@ -60,7 +60,7 @@ def desired_attitude(force: Array, heading: float) -> Array:  # (3, 3)
     return R
 
 
-@kernel
+@allocating
 def desired_rates(
     reference: Array, R_world_desired: Array, lift: float
 ) -> tuple[Array, Array]:  # (3,), (3,)
@@ -89,7 +89,7 @@ def desired_rates(
     return rate, acceleration
 
 
-@kernel
+@allocating
 def attitude_error(R_world_desired: Array, R_world_body: Array) -> Array:  # (3,)
     """Return half the vee of R_d^T R - R^T R_d, in body axes: LLM equation 10."""
     error = np.empty(3)
@@ -114,7 +114,7 @@ def tilt_error(R_world_desired: Array, R_world_body: Array) -> tuple[float, floa
     return dot(z, R_world_body[:, 1]), -dot(z, R_world_body[:, 0])
 
 
-@kernel
+@allocating
 def desired_torque(
     airframe: Airframe,
     gains: Gains,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadrotor.parameters import Airframe, Gains
 
@@ -18,7 +18,7 @@ ROTOR_SPIN = (-1.0, 1.0, -1.0, 1.0)
 """Sign of each rotor's reaction torque about z."""
 
 
-@kernel
+@allocating
 def allocate(airframe: Airframe, gains: Gains, thrust: float, torque: Array) -> Array:  # (4,)
     """Return rotor thrusts, N, within their limits: yaw yields first, roll and pitch last.
 
@@ -40,7 +40,7 @@ def allocate(airframe: Airframe, gains: Gains, thrust: float, torque: Array) -> 
     return rotors
 
 
-@kernel
+@allocating
 def invert_lag(
     airframe: Airframe, gains: Gains, rotors: Array, lag: Array, timestep: float
 ) -> Array:  # (4,)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from math import floor, pi, sqrt
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadrotor.parameters import Smoothing
 
 
-@kernel
+@allocating
 def smooth_setpoint(
     smoothing: Smoothing, reference: Array, setpoint: Array, timestep: float
 ) -> None:
@@ -40,7 +40,7 @@ def _integrate(reference: Array, timestep: float) -> None:
                 reference[order, channel] += power * reference[higher, channel]
 
 
-@kernel
+@allocating
 def _choose_snap(
     reference: Array, target: Array, bandwidth: float, limits: tuple[float, float, float, float]
 ) -> None:

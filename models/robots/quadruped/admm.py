@@ -12,14 +12,14 @@ from math import hypot, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Prediction
 
 Slots = NDArray[np.int64]
 
 
-@kernel
+@allocating
 def solve_forces(
     prediction: Prediction, slots: Slots, hessian: Array, gradient: Array, warm: Array
 ) -> None:
@@ -44,7 +44,7 @@ def solve_forces(
     _scatter(slots, z, u, warm)
 
 
-@kernel
+@allocating
 def _factorise(matrix: Array) -> Array:
     """Return U' of A = U'U (Cholesky); U replaces the upper triangle, its diagonal inverted.
 
@@ -115,7 +115,7 @@ def _project_all(prediction: Prediction, x: Array, z: Array, u: Array) -> None:
         u[i], u[i + 1], u[i + 2] = a - z[i], b - z[i + 1], c - z[i + 2]
 
 
-@kernel
+@allocating
 def _gather(slots: Slots, warm: Array) -> tuple[Array, Array]:
     z = np.empty(3 * len(slots))
     u = np.empty(3 * len(slots))

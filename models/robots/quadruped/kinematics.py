@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.linear_algebra import add_cross, rotate, rotation_from_quaternion
 from wayproof.models.robots.quadruped.parameters import Geometry
@@ -39,7 +39,7 @@ def observe(parameters: Any, qpos: Array, qvel: Array, observations: Any) -> Non
         _observe_foot(geometry, leg, qpos, qvel, observation)
 
 
-@kernel
+@allocating
 def _observe_foot(geometry: Geometry, leg: int, qpos: Array, qvel: Array, observation: Any) -> None:
     in_body = np.empty(3)
     jacobian = np.empty((3, 3))

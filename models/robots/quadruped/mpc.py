@@ -13,7 +13,7 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Prediction
 from wayproof.models.robots.quadruped.reference import Horizon
@@ -24,7 +24,7 @@ GRAVITY = 9.81
 """Acceleration of free fall, m/s^2."""
 
 
-@kernel
+@allocating
 def condense(
     prediction: Prediction,
     mass: float,
@@ -51,7 +51,7 @@ def condense(
     return slots, hessian, gradient
 
 
-@kernel
+@allocating
 def _slots(contact: NDArray[np.bool_]) -> Slots:
     """Return step and leg of every force that exists, (m, 2)."""
     slots = np.empty((contact.size, 2), np.int64)
@@ -65,7 +65,7 @@ def _slots(contact: NDArray[np.bool_]) -> Slots:
     return slots[:count]
 
 
-@kernel
+@allocating
 def _angular_maps(
     slots: Slots, yaw: float, inverse_inertia: Array, lever: Array
 ) -> tuple[Array, Array]:
@@ -91,7 +91,7 @@ def _angular_maps(
     return spin, turn
 
 
-@kernel
+@allocating
 def _overlaps(steps: int, step_time: float) -> tuple[Array, Array]:
     """Return (n, n) sums over the horizon of how two steps' forces move positions and velocities.
 
@@ -107,7 +107,7 @@ def _overlaps(steps: int, step_time: float) -> tuple[Array, Array]:
     return position, velocity
 
 
-@kernel
+@allocating
 def _hessian(
     prediction: Prediction, mass: float, slots: Slots, spin: Array, turn: Array
 ) -> Array:  # (3 m, 3 m)
@@ -135,7 +135,7 @@ def _hessian(
     return hessian
 
 
-@kernel
+@allocating
 def _free_errors(prediction: Prediction, state: Array, reference: Array) -> Array:  # (n, 12)
     """Return weighted errors of a body without ground forces: constant velocity and gravity."""
     c, s = cos(state[2]), sin(state[2])
@@ -158,7 +158,7 @@ def _free_errors(prediction: Prediction, state: Array, reference: Array) -> Arra
     return errors
 
 
-@kernel
+@allocating
 def _gradient(
     prediction: Prediction,
     mass: float,

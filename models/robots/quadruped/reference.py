@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Gait, Geometry
 
@@ -96,7 +96,7 @@ def _reference(
         reference[step, 10] = sin(end) * forward + cos(end) * left
 
 
-@kernel
+@allocating
 def _predict_foot(
     gait: Gait,
     geometry: Geometry,

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Actuators, Gait, Legs
 
 
-@kernel
+@allocating
 def joint_torques(
     parameters: Any,
     joint_velocity: Array,

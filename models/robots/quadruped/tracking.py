@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from wayproof.models._jit import kernel
+from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.gait import advance
 from wayproof.models.robots.quadruped.kinematics import observe
 from wayproof.models.robots.quadruped.parameters import Tracking
 
 
-@kernel
+@allocating
 def follow(
     setpoint: Array,
     parameters: Any,
