@@ -39,6 +39,8 @@ class BehaviourConfig:
             the sweeps do not hold it, m; this and what follows of estimators that state a
             covariance.
         uncertain_speed_fraction: Fraction of the speed that is left then.
+        noisy_sigma: Standard deviation of the ranges of a sweep beyond which the robot slows down to
+            that fraction, too, m. Beyond half a cell an echo falls into the cells beside its own.
         lost_sigma: Standard deviation beyond which it goes back to where they did, or gives up, m.
         max_returns: Times it goes back there before the action is `abort`.
         keep_moving: Whether a stop or an escape that is under way is planned on from; else the
@@ -59,7 +61,9 @@ class BehaviourConfig:
             Also from 6 on, a body that flies a bend without facing along it leaves its path before
             the distance that it takes to stop, where it can stop on the new one; searches for one
             more often, rounds corners over more length, and stops at none. And waypoints of a stack
-            on trial are timed as the built-in stack's paths are.
+            on trial are timed as the built-in stack's paths are. From 7 on, a beam without return
+            between two of its row that have one is no evidence of free space; and the deviation of
+            the ranges is estimated in each sweep and costs speed (`noisy_sigma`).
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -83,10 +87,11 @@ class BehaviourConfig:
     narrow_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.7
     uncertain_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.1
     uncertain_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.5
+    noisy_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.05
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 6)] = 6
+    rules: Annotated[int, Bounds(1, 7)] = 7
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -151,3 +156,8 @@ class BehaviourConfig:
     def times_waypoints_alike(self) -> bool:
         """Whether waypoints of a stack on trial are timed as the built-in stack's paths are."""
         return self.rules >= 6
+
+    @property
+    def judges_ranges(self) -> bool:
+        """Whether lost echoes and noise are looked for in the sweeps themselves."""
+        return self.rules >= 7

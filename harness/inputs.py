@@ -132,6 +132,11 @@ class Beams:
         """T_base_sensor: position (3,), m, and rotation (3, 3)."""
         return self._position_base_sensor, self._R_base_sensor
 
+    @property
+    def is_image(self) -> bool:
+        """Whether the beams are a grid, a row of which has neighbouring beams."""
+        return self.table.order == "grid" and len(self.table.columns) > 2
+
     def directions_in_base(self) -> NDArray[np.float64]:
         """Return unit directions (n, 3) of the beams in the base's frame; none of listed beams."""
         if self.table.listed:

@@ -202,7 +202,7 @@ class PackedDecision(_message.Message):
     def __init__(self, path: _Optional[_Iterable[int]] = ..., arc_length: _Optional[_Iterable[int]] = ..., heading: _Optional[_Iterable[int]] = ..., global_path: _Optional[_Iterable[int]] = ..., hashes: _Optional[bytes] = ...) -> None: ...
 
 class Reason(_message.Message):
-    __slots__ = ("kind", "free_m", "path_m", "short_m", "stop_m", "full_speed_stop_m", "distance_m", "limit_m", "turn_rad", "speed_share", "waited_s", "delay_s", "deadline_s", "since", "places", "iterations", "cell", "cell_state", "place", "target", "sigma_m", "frontier")
+    __slots__ = ("kind", "free_m", "path_m", "short_m", "stop_m", "full_speed_stop_m", "distance_m", "limit_m", "turn_rad", "speed_share", "waited_s", "delay_s", "deadline_s", "since", "places", "iterations", "cell", "cell_state", "place", "target", "sigma_m", "range_sigma_m", "frontier")
     KIND_FIELD_NUMBER: _ClassVar[int]
     FREE_M_FIELD_NUMBER: _ClassVar[int]
     PATH_M_FIELD_NUMBER: _ClassVar[int]
@@ -224,6 +224,7 @@ class Reason(_message.Message):
     PLACE_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
     SIGMA_M_FIELD_NUMBER: _ClassVar[int]
+    RANGE_SIGMA_M_FIELD_NUMBER: _ClassVar[int]
     FRONTIER_FIELD_NUMBER: _ClassVar[int]
     kind: str
     free_m: float
@@ -246,8 +247,9 @@ class Reason(_message.Message):
     place: Point
     target: Point
     sigma_m: float
+    range_sigma_m: float
     frontier: str
-    def __init__(self, kind: _Optional[str] = ..., free_m: _Optional[float] = ..., path_m: _Optional[float] = ..., short_m: _Optional[float] = ..., stop_m: _Optional[float] = ..., full_speed_stop_m: _Optional[float] = ..., distance_m: _Optional[float] = ..., limit_m: _Optional[float] = ..., turn_rad: _Optional[float] = ..., speed_share: _Optional[float] = ..., waited_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., since: _Optional[int] = ..., places: _Optional[int] = ..., iterations: _Optional[int] = ..., cell: _Optional[_Union[Point, _Mapping]] = ..., cell_state: _Optional[str] = ..., place: _Optional[_Union[Point, _Mapping]] = ..., target: _Optional[_Union[Point, _Mapping]] = ..., sigma_m: _Optional[float] = ..., frontier: _Optional[str] = ...) -> None: ...
+    def __init__(self, kind: _Optional[str] = ..., free_m: _Optional[float] = ..., path_m: _Optional[float] = ..., short_m: _Optional[float] = ..., stop_m: _Optional[float] = ..., full_speed_stop_m: _Optional[float] = ..., distance_m: _Optional[float] = ..., limit_m: _Optional[float] = ..., turn_rad: _Optional[float] = ..., speed_share: _Optional[float] = ..., waited_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., since: _Optional[int] = ..., places: _Optional[int] = ..., iterations: _Optional[int] = ..., cell: _Optional[_Union[Point, _Mapping]] = ..., cell_state: _Optional[str] = ..., place: _Optional[_Union[Point, _Mapping]] = ..., target: _Optional[_Union[Point, _Mapping]] = ..., sigma_m: _Optional[float] = ..., range_sigma_m: _Optional[float] = ..., frontier: _Optional[str] = ...) -> None: ...
 
 class StackCommand(_message.Message):
     __slots__ = ("timestamp", "sequence", "command")

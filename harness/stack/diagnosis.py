@@ -103,6 +103,8 @@ def diagnose_driving(
         action, reason, label = "follow", _unobstructed_reason(input, start, path, end), "none"
     if input.uncertain and input.localization is not None:
         action, reason = "slow", replace(reason, sigma_m=input.localization.sigma)
+    if input.noisy:
+        action, reason = "slow", replace(reason, range_sigma_m=input.range_sigma)
     if state.exploration is not None:
         action, reason = exploration_reason(state, path, input)
     return action, reason, "localization_lost" if state.returning else label

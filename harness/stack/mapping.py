@@ -21,6 +21,7 @@ from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.ground import on_level_ground
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.harness.stack.provenance import layers_of, stages_of
+from wayproof.harness.stack.range_errors import range_deviation, without_lost_echoes
 from wayproof.harness.stack.rolling_window import Cell, RollingWindow, rolls
 from wayproof.maps import MAPS, Costmap
 from wayproof.maps.columns import ColumnMap
@@ -51,6 +52,8 @@ class Mapper:
         stages: The evidence by provenance, each with a costmap; the measured one first.
         guide: Costmap of all evidence, for the search of a global path; None if `costmap` is it.
         newest: Inputs of the newest decision that the map holds; None before the first.
+        range_sigma: Standard deviation of the ranges of the newest sweeps, of the worst sensor, m;
+            0 where it is not estimated.
         on_integrated: Callback after each integration; only counterfactuals set one.
         on_placed: Callback with each placed sweep, its range, m, and its time, ns; only the
             assessment of a recording sets one.
@@ -95,6 +98,7 @@ class Mapper:
         self._layers = layers_of(config, mission)
         self.stages, self.costmap, self.guide = stages_of(self.measured, self._layers, costmap_of)
         self.newest: Inputs | None = None
+        self.range_sigma = 0.0
         self.on_integrated: Callable[[Inputs], None] | None = None
         self.on_placed: Callable[[WorldSweep, float, int], None] | None = None
         self._declare_start_free()
@@ -109,7 +113,7 @@ class Mapper:
 
     def integrate(self, inputs: Inputs) -> None:
         """Integrate the sweeps of one instant into the map, and roll the window along."""
-        self.newest = inputs
+        self.newest, self.range_sigma = inputs, 0.0
         self.map.advance(inputs.time_ns)
         for sweep in inputs.sweeps:
             self._integrate_sweep(sweep, inputs)
@@ -175,7 +179,11 @@ class Mapper:
         placed = beams.place(sweep, inputs.pose, inputs.sequence)
         if self._config.map.no_return == "ignored":
             placed = placed.without_no_returns()
+        if self._config.behaviour.judges_ranges:
+            self.range_sigma = max(self.range_sigma, range_deviation(placed, beams))
         placed = on_level_ground(placed, beams.range, self._config, self._mission)
+        if self._config.behaviour.judges_ranges:
+            placed = without_lost_echoes(placed, beams)
         self.map.integrate(
             origins=placed.origins,
             directions=placed.directions,

@@ -297,7 +297,7 @@ def drive_along(
         path = truncate_where_turnable(input.traversable, path, braking)
     unknown_ahead = input.penalize_unknown and input.known_free.free_length(path) < arc_length(path)
     share = input.behaviour.unknown_speed_fraction if unknown_ahead else 1.0
-    if input.uncertain:
+    if input.uncertain or input.noisy:
         share = min(share, input.behaviour.uncertain_speed_fraction)
     trajectory = fit_trajectory(input, start, path, share, tail_first)
     if trajectory is None:

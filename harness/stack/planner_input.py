@@ -224,6 +224,7 @@ class PlannerInputBuilder:
             sideways_speed=mission.sideways_speed,
             plan=memoized_planner(),
             localization=localization_of(inputs.pose, mission.axes),
+            range_sigma=self._mapper.range_sigma,
             guided=self._guided(circumscribed=True),
             evidence=self._evidence(circumscribed=True),
             horizon=self._horizon(),

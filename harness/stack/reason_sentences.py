@@ -241,6 +241,8 @@ def _additions(reason: Reason, text: str) -> list[str]:
         found.append(f"{reason.stop_m:.2f} m needed to stop")
     if reason.sigma_m is not None and "{sigma_m" not in text:
         found.append(f"slowed, as the sweeps do not hold the pose to {reason.sigma_m:.2f} m")
+    if reason.range_sigma_m is not None:
+        found.append(f"slowed, as ranges deviate by {reason.range_sigma_m:.2f} m")
     if reason.waited_s is not None:
         found.append(f"waited {reason.waited_s:.1f} s")
     if reason.frontier:

@@ -84,6 +84,7 @@ class Reason:
         target: Place that it goes to, m.
         frontier: `none` or `out_of_reach`; empty where none was looked for.
         sigma_m: Stated standard deviation of the position where it decides, m.
+        range_sigma_m: Standard deviation of the ranges of the sweeps, if that costs speed, m.
     """
 
     kind: Kind
@@ -108,6 +109,7 @@ class Reason:
     target: Point | None = None
     frontier: str = ""
     sigma_m: float | None = None
+    range_sigma_m: float | None = None
 
     def __post_init__(self) -> None:
         """Round all figures as they are logged, so that a sentence is that of the logged ones."""

@@ -111,6 +111,7 @@ class PlannerInput:
             intermediate goal, m.
         plan: Path planner: space, start, goal, settings, seed, heading.
         localization: Uncertainty of the pose; None if no covariance is stated.
+        range_sigma: Standard deviation of the ranges of the sweeps, m; 0 where it is not estimated.
         guided: Makes the optimistic space with what was not measured laid under the map: its
             occupied cells block, and its free ones cost less than unknown ones; none without such
             evidence.
@@ -143,6 +144,7 @@ class PlannerInput:
     mission_goal: Array | None = None
     plan: PlanPath = plan
     localization: Localization | None = None
+    range_sigma: float = 0.0
     guided: Callable[[], FreeSpace] | None = None
     evidence: tuple[EvidenceSpace, ...] = ()
     horizon: Horizon | None = None
@@ -152,6 +154,11 @@ class PlannerInput:
         """Whether the sweeps do not hold the pose, and its standard deviation costs speed."""
         pose = self.localization
         return pose is not None and not pose.held and pose.sigma > self.behaviour.uncertain_sigma
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the deviation of the ranges costs speed."""
+        return self.range_sigma > self.behaviour.noisy_sigma
 
 
 @dataclass(frozen=True)

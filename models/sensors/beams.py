@@ -30,6 +30,9 @@ beams."""
 LONGEST_LISTED_RANGE = 1000.0
 """Longest distance of a sensor that lists its beams, m; its reports have 32 bits where needed."""
 
+MOST_GAP = 1.5
+"""Gap between the last column and the first, in steps, up to which a grid goes all around."""
+
 MAX_BEAMS = 1 << 24
 """Maximum number of beams in a sweep, checked before an array of that size is made."""
 
@@ -90,6 +93,14 @@ class BeamTable:
     def listed(self) -> bool:
         """Whether each sweep holds its own beams."""
         return self.order == "list"
+
+    @property
+    def closed(self) -> bool:
+        """Whether the columns of a grid go all around, so that the last lies beside the first."""
+        if len(self.columns) < 3 or self.columns.shape[1] != 2:
+            return False
+        step, gap = self.columns[1] - self.columns[0], self.columns[0] - self.columns[-1]
+        return bool(gap @ gap <= MOST_GAP * MOST_GAP * (step @ step))
 
     @property
     def image_rows(self) -> int:

@@ -16,7 +16,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.replay.reasons.past import Past
 from wayproof.harness.replay.reasons.predicates import PREDICATES
 from wayproof.harness.replay.reasons.scene import Scene
-from wayproof.harness.replay.reasons.uncertain import slowed
+from wayproof.harness.replay.reasons.uncertain import slowed, slowed_by_noise
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.reason_sentences import MEANINGS, sentence
 from wayproof.harness.stack.reasons import logged_reason
@@ -113,6 +113,8 @@ class ReasonCheck:
                 yield f"{kind}: {text}"
             if decision.action == "slow" and reason.HasField("sigma_m"):
                 yield from slowed(scene, reason)
+            if decision.action == "slow" and reason.HasField("range_sigma_m"):
+                yield from slowed_by_noise(scene, reason)
         except (ArithmeticError, LookupError, ValueError) as error:
             yield f"{kind}: nothing can be worked out from its figures ({error})"
 

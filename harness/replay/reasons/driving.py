@@ -81,9 +81,14 @@ def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     limits = scene.mission
     full = stop_from(limits.max_speed * scene.config.motion.speed_fraction, limits)
     yield from same("full_speed_stop_m", reason.full_speed_stop_m, full, 0.01)
-    slow = reason.free_m < reason.full_speed_stop_m or reason.HasField("sigma_m")
+    slow = reason.free_m < reason.full_speed_stop_m or _costs_speed(reason)
     if (scene.decision.action == "slow") != slow:
         yield f"action {scene.decision.action}, with {reason.free_m:.2f} m admitted"
+
+
+def _costs_speed(reason: pb.Reason) -> bool:
+    """Return whether the pose, or the ranges, are too uncertain for full speed."""
+    return reason.HasField("sigma_m") or reason.HasField("range_sigma_m")
 
 
 def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
@@ -136,7 +141,7 @@ def _path_ends(scene: Scene, reason: pb.Reason) -> Iterator[str]:
         return
     yield from same("path_m", reason.path_m, scene.decision.path_length_m)
     yield from same_arc("path_m", reason.path_m, length(scene.global_path))
-    if (scene.decision.action == "slow") != reason.HasField("sigma_m"):
+    if (scene.decision.action == "slow") != _costs_speed(reason):
         yield f"action {scene.decision.action} on a path that is admitted"
     beside = scene.apart(scene.global_path[-1], scene.goal)
     yield from same("short_m", reason.short_m, beside, 0.011)

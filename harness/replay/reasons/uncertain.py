@@ -23,6 +23,12 @@ def slowed(scene: Scene, reason: pb.Reason) -> Iterator[str]:
         yield f"a standard deviation of {reason.sigma_m:.2f} m costs no speed"
 
 
+def slowed_by_noise(scene: Scene, reason: pb.Reason) -> Iterator[str]:
+    """Check that the deviation of the ranges is too great for full speed."""
+    if not reason.range_sigma_m > scene.config.behaviour.noisy_sigma:
+        yield f"a deviation of the ranges of {reason.range_sigma_m:.3f} m costs no speed"
+
+
 def returning_to_held(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """Check that the way leads to where the robot has been, as the pose is lost."""
     yield from _check_uncertainty(scene, reason)

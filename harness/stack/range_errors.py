@@ -1,0 +1,39 @@
+"""Errors of the ranges of a sweep, as the sweep itself shows them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wayproof.harness.inputs import Beams, WorldSweep
+from wayproof.maps import range_image
+from wayproof.maps.sweep import Ranges
+from wayproof.models.sensors.beams import DROPPED, NO_RETURN
+
+
+def without_lost_echoes(placed: WorldSweep, beams: Beams) -> WorldSweep:
+    """Return a sweep without the beams that lost their echo: no return between returns.
+
+    A sensor that reports no return as free space would clear what those beams met.
+
+    Args:
+        placed: The sweep in the world frame.
+        beams: Its sensor; only a grid has neighbouring beams.
+    """
+    if not beams.is_image or not (placed.ranges_mm == NO_RETURN).any():
+        return placed
+    lost = range_image.lost_echoes(_image(placed.ranges_mm, beams), beams.table.closed)
+    ranges_mm = placed.ranges_mm.copy()
+    ranges_mm[lost.ravel()] = DROPPED
+    return replace(placed, ranges_mm=ranges_mm)
+
+
+def range_deviation(placed: WorldSweep, beams: Beams) -> float:
+    """Estimate the standard deviation of the ranges of a sweep, m; 0 where it is no image."""
+    if not beams.is_image:
+        return 0.0
+    return range_image.range_deviation(_image(placed.ranges_mm, beams)) or 0.0
+
+
+def _image(ranges_mm: Ranges, beams: Beams) -> Ranges:
+    image: Ranges = ranges_mm.reshape(len(beams.table.rows), len(beams.table.columns))
+    return image

@@ -1,0 +1,74 @@
+"""Kernels over a range image: the beams of a grid, one row for each elevation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.maps._jit import kernel
+
+NO_RETURN_MM = 65535
+DROPPED_MM = 0
+
+
+@kernel
+def find_lost(
+    image: NDArray[np.uint16] | NDArray[np.uint32],  # (r, c) ranges, mm
+    reach: int,  # columns
+    closed: bool,  # whether the last column lies beside the first
+    lost: NDArray[np.bool_],  # (r, c) out
+) -> int:
+    """Find the beams without return that have returns to both sides; return their number."""
+    found = 0
+    for i in range(image.shape[0]):
+        for j in range(image.shape[1]):
+            lost[i, j] = False
+            if image[i, j] != NO_RETURN_MM:
+                continue
+            if _returned(image[i], j, -1, reach, closed):
+                lost[i, j] = _returned(image[i], j, 1, reach, closed)
+                found += lost[i, j]
+    return found
+
+
+@kernel
+def _returned(
+    row: NDArray[np.uint16] | NDArray[np.uint32],  # (c,) mm
+    column: int,
+    step: int,  # 1 or -1
+    reach: int,
+    closed: bool,
+) -> bool:
+    """Return whether a beam to one side has a return, or the image ends there."""
+    columns = row.shape[0]
+    for k in range(1, reach + 1):
+        beside = column + step * k
+        if beside < 0 or beside >= columns:
+            if not closed:
+                return True
+            beside %= columns
+        if row[beside] != NO_RETURN_MM and row[beside] != DROPPED_MM:
+            return True
+    return False
+
+
+@kernel
+def count_bends(
+    image: NDArray[np.uint16] | NDArray[np.uint32],  # (r, c) ranges, mm
+    counts: NDArray[np.int64],  # (n,) out: number by second difference, mm; the last and beyond
+) -> int:
+    """Count the second differences of three neighbouring returns of a row; return their number."""
+    most = counts.shape[0] - 1
+    total = int(np.int64(0))
+    counts[:] = 0
+    for i in range(image.shape[0]):
+        for j in range(1, image.shape[1] - 1):
+            before, here = np.int64(image[i, j - 1]), np.int64(image[i, j])
+            after = np.int64(image[i, j + 1])
+            if before == DROPPED_MM or here == DROPPED_MM or after == DROPPED_MM:
+                continue
+            if before == NO_RETURN_MM or here == NO_RETURN_MM or after == NO_RETURN_MM:
+                continue
+            counts[min(abs(before - 2 * here + after), most)] += 1
+            total += 1
+    return total

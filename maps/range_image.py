@@ -1,0 +1,70 @@
+"""A sweep as a range image: echoes that are lost between others, and the noise of its ranges.
+
+Both are measured in the sweep itself, row by row, so they need no map and no data sheet.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.maps.kernels import range_image as kernels
+from wayproof.maps.sweep import Ranges
+
+REACH = 4
+"""Columns to each side within which a return makes a beam without one a lost echo. Of 10 echoes
+that lose 6, 7.6 are found so; a gap of the scene as narrow is no evidence of free space."""
+
+LEAST_TRIPLES = 200
+"""Fewest triples of neighbouring returns that hold a deviation."""
+
+MOST_BEND = 4095
+"""Greatest second difference that is told from greater ones, mm."""
+
+MEDIAN_TO_DEVIATION = 1.0 / (0.6744897501960817 * math.sqrt(6.0))
+"""Standard deviation of one range to the median of |a - 2 b + c| of three: that of a normal
+variable to its median absolute value, and 1 + 4 + 1 variances in a second difference."""
+
+
+def lost_echoes(image: Ranges, closed: bool) -> NDArray[np.bool_]:
+    """Find the beams without return between beams of their row that have one.
+
+    A surface that lost them is the more likely reason than a gap as narrow, so they are no evidence
+    that all is free up to the longest range. At the border of an open image one side suffices.
+
+    Args:
+        image: (r, c) ranges, mm, a row for each elevation.
+        closed: Whether the last column lies beside the first.
+
+    Returns:
+        (r, c) whether each is one.
+    """
+    lost = np.empty(image.shape, np.bool_)
+    kernels.find_lost(image, REACH, closed, lost)
+    return lost
+
+
+def range_deviation(image: Ranges) -> float | None:
+    """Estimate the standard deviation of the ranges of an image, m; None of too few returns.
+
+    By the median of the second differences along rows: a plane has none but for the little that a
+    step of azimuth bends its ranges, and edges are less than half of all.
+
+    Args:
+        image: (r, c) ranges, mm, a row for each elevation.
+    """
+    counts = np.empty(MOST_BEND + 1, np.int64)
+    total = kernels.count_bends(image, counts)
+    if total < LEAST_TRIPLES:
+        return None
+    median = int(np.searchsorted(np.cumsum(counts), (total + 1) // 2))
+    return median * 1e-3 * MEDIAN_TO_DEVIATION
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache."""
+    image = np.full((2, 3), kernels.NO_RETURN_MM, np.uint16)
+    lost_echoes(image, closed=True)
+    range_deviation(image)
