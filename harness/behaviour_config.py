@@ -39,8 +39,8 @@ class BehaviourConfig:
             the sweeps do not hold it, m; this and what follows of estimators that state a
             covariance.
         uncertain_speed_fraction: Fraction of the speed that is left then.
-        noisy_sigma: Standard deviation of the ranges of a sweep beyond which the robot slows down to
-            that fraction, too, m. Beyond half a cell an echo falls into the cells beside its own.
+        noisy_sigma: Standard deviation of the ranges of a sweep beyond which the robot slows down
+            to that fraction, too, m: half a cell, as echoes then fall into the cells beside theirs.
         lost_sigma: Standard deviation beyond which it goes back to where they did, or gives up, m.
         max_returns: Times it goes back there before the action is `abort`.
         keep_moving: Whether a stop or an escape that is under way is planned on from; else the

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from wayproof.maps.kernels import range_image as kernels
 from wayproof.maps.sweep import Ranges
 
-REACH = 4
-"""Columns to each side within which a return makes a beam without one a lost echo. Of 10 echoes
-that lose 6, 7.6 are found so; a gap of the scene as narrow is no evidence of free space."""
+MISSED = 0.01
+"""Probability that all of the beams looked at to one side have lost their echoes, too."""
+
+MOST_REACH = 24
+"""Greatest number of columns looked at to each side."""
 
 LEAST_TRIPLES = 200
 """Fewest triples of neighbouring returns that hold a deviation."""
@@ -32,7 +34,8 @@ def lost_echoes(image: Ranges, closed: bool) -> NDArray[np.bool_]:
     """Find the beams without return between beams of their row that have one.
 
     A surface that lost them is the more likely reason than a gap as narrow, so they are no evidence
-    that all is free up to the longest range. At the border of an open image one side suffices.
+    that all is free up to the longest range. How far to each side a return counts follows from the
+    share of the echoes that is lost. At the border of an open image one side suffices.
 
     Args:
         image: (r, c) ranges, mm, a row for each elevation.
@@ -42,8 +45,29 @@ def lost_echoes(image: Ranges, closed: bool) -> NDArray[np.bool_]:
         (r, c) whether each is one.
     """
     lost = np.empty(image.shape, np.bool_)
-    kernels.find_lost(image, REACH, closed, lost)
+    kernels.find_lost(image, reach_for(lost_share(image, closed)), closed, lost)
     return lost
+
+
+def lost_share(image: Ranges, closed: bool) -> float:
+    """Estimate the share of the echoes that is lost one by one; 0 where nothing shows it.
+
+    It is that of the beams right between two returns. Whole patches are lost unseen.
+
+    Args:
+        image: (r, c) ranges, mm, a row for each elevation.
+        closed: Whether the last column lies beside the first.
+    """
+    beside, silent = kernels.count_silent(image, closed)
+    return silent / beside if beside else 0.0
+
+
+def reach_for(share: float) -> int:
+    """Return within how many columns a beam returns but for `MISSED`, at a share of lost echoes."""
+    reach, missed = 1, share
+    while missed > MISSED and reach < MOST_REACH:
+        reach, missed = reach + 1, missed * share
+    return reach
 
 
 def range_deviation(image: Ranges) -> float | None:

@@ -12,6 +12,22 @@ DROPPED_MM = 0
 
 
 @kernel
+def count_silent(
+    image: NDArray[np.uint16] | NDArray[np.uint32],  # (r, c) ranges, mm
+    closed: bool,  # whether the last column lies beside the first
+) -> tuple[int, int]:
+    """Count the beams with a return right beside on both sides, and those of them without one."""
+    columns = image.shape[1]
+    beside = silent = int(np.int64(0))
+    for i in range(image.shape[0]):
+        for j in range(0 if closed else 1, columns if closed else columns - 1):
+            if _returned(image[i, j - 1]) and _returned(image[i, (j + 1) % columns]):
+                beside += image[i, j] != DROPPED_MM
+                silent += image[i, j] == NO_RETURN_MM
+    return beside, silent
+
+
+@kernel
 def find_lost(
     image: NDArray[np.uint16] | NDArray[np.uint32],  # (r, c) ranges, mm
     reach: int,  # columns
@@ -19,20 +35,25 @@ def find_lost(
     lost: NDArray[np.bool_],  # (r, c) out
 ) -> int:
     """Find the beams without return that have returns to both sides; return their number."""
-    found = 0
+    found = int(np.int64(0))
     for i in range(image.shape[0]):
         for j in range(image.shape[1]):
             lost[i, j] = False
             if image[i, j] != NO_RETURN_MM:
                 continue
-            if _returned(image[i], j, -1, reach, closed):
-                lost[i, j] = _returned(image[i], j, 1, reach, closed)
+            if _returned_beside(image[i], j, -1, reach, closed):
+                lost[i, j] = _returned_beside(image[i], j, 1, reach, closed)
                 found += lost[i, j]
     return found
 
 
 @kernel
-def _returned(
+def _returned(range_mm: int) -> bool:
+    return bool(range_mm != NO_RETURN_MM and range_mm != DROPPED_MM)
+
+
+@kernel
+def _returned_beside(
     row: NDArray[np.uint16] | NDArray[np.uint32],  # (c,) mm
     column: int,
     step: int,  # 1 or -1
@@ -47,7 +68,7 @@ def _returned(
             if not closed:
                 return True
             beside %= columns
-        if row[beside] != NO_RETURN_MM and row[beside] != DROPPED_MM:
+        if _returned(row[beside]):
             return True
     return False
 
@@ -65,9 +86,7 @@ def count_bends(
         for j in range(1, image.shape[1] - 1):
             before, here = np.int64(image[i, j - 1]), np.int64(image[i, j])
             after = np.int64(image[i, j + 1])
-            if before == DROPPED_MM or here == DROPPED_MM or after == DROPPED_MM:
-                continue
-            if before == NO_RETURN_MM or here == NO_RETURN_MM or after == NO_RETURN_MM:
+            if not (_returned(before) and _returned(here) and _returned(after)):
                 continue
             counts[min(abs(before - 2 * here + after), most)] += 1
             total += 1

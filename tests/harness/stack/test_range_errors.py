@@ -1,0 +1,80 @@
+"""Errors of ranges that a sweep shows itself: lost echoes clear nothing, noise costs speed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.perturbations import perturbation_from
+from wayproof.harness.replay.verify import verify
+from wayproof.harness.runner import open_episode
+from wayproof.harness.scenario.scenario import build
+from wayproof.maps import FREE
+from wayproof.models.worlds import Box
+
+SETTINGS = ("motion.limits=full", "episode.time_limit=3")
+
+
+def fly(path, perturbation, rules=7, *settings):
+    """Fly for three seconds; return the map at the end and the scenario."""
+    settings = (*SETTINGS, f"behaviour.rules={rules}", *settings)
+    config = override(Config("warehouse", "drone", 3), settings)
+    config = replace(config, perturbation=perturbation_from(perturbation))
+    scenario = build(config)
+    with open_episode(scenario, path, None) as opened:
+        opened.episode.run()
+        opened.end()
+        return opened.navigator.map, scenario
+
+
+def free_within(a_map, scenario):
+    """Share of the places in the middle of thin upright walls and level shelves that are free."""
+    boxes = [one for one in scenario.world.solids if isinstance(one, Box)]
+    places = [middle(one) for one in boxes if one.yaw == one.pitch == one.roll == 0.0]
+    return float((a_map.state_at(np.concatenate(places)) == FREE).mean())
+
+
+def middle(box):
+    """Return places 10 cm apart in the middle plane of a box, across its least extent."""
+    half = np.array(box.half_extents)
+    axes = [np.arange(-h, h, 0.1) + 0.05 if h > half.min() else np.zeros(1) for h in half]
+    return np.array(box.centre) + np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
+
+
+def top_speed(trajectory):
+    return float(np.diff(trajectory.arc_length).max(initial=0.0)) / trajectory.sample_period_s
+
+
+def test_lost_echoes_clear_little_of_what_they_met(tmp_path):
+    free = {
+        rules: free_within(*fly(tmp_path / f"{rules}.mcap", "depth_dropout:5", rules))
+        for rules in (6, 7)
+    }
+    assert free[6] > 0.02
+    assert free[7] < 0.5 * free[6]
+
+
+@pytest.mark.parametrize(("severity", "slow"), [(2, False), (4, True)])
+def test_noise_costs_speed_and_the_log_says_so(tmp_path, severity, slow):
+    path = tmp_path / "noisy.mcap"
+    fly(path, f"depth_noise:{severity}")
+    decisions = list(open_log(path).decisions())
+    stated = [one.predicate.range_sigma_m for one in decisions if one.action == "slow"]
+    driven = [one for one in decisions if one.action in ("follow", "slow")]
+    noisy = [one for one in driven if one.predicate.HasField("range_sigma_m")]
+    assert len(noisy) == (len(driven) if slow else 0)
+    if slow:
+        assert stated == pytest.approx(len(stated) * [0.12], rel=0.1)
+        assert all("slowed, as ranges deviate by 0.1" in one.reason for one in noisy)
+    fastest = max(top_speed(one.trajectory) for one in driven)
+    assert (fastest <= 2.0 + 1e-6) == slow
+    assert verify(path).verified
+
+
+def test_the_limit_of_noise_is_a_setting(tmp_path):
+    path = tmp_path / "noisy.mcap"
+    fly(path, "depth_noise:4", 7, "behaviour.noisy_sigma=0.2", "episode.time_limit=1")
+    assert not any(one.predicate.HasField("range_sigma_m") for one in open_log(path).decisions())
