@@ -49,6 +49,7 @@ SHORT_HEADINGS = {
     "agreement_above_floor": "above floor",
     "solids": "n",
     "path_ratio": "path",
+    "path_ratio_max": "most",
     "cpu_ms_p50": "ms",
     "cpu_ms_p99": "p99",
     "cpu_ms_max": "max",

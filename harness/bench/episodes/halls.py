@@ -86,10 +86,43 @@ class HallRow:
     memory_mib: float
 
 
+@dataclass(frozen=True)
+class HallSummary:
+    """Several halls of one side.
+
+    Attributes:
+        side_m: Side of the square halls, m.
+        robot: Name of the robot.
+        halls: Number of halls.
+        reached: Share of them in which it reached the goal.
+        path_ratio: Mean length travelled over the shortest way in truth, of those that it reached;
+            None without one.
+        path_ratio_max: Greatest of them.
+        cpu_ms_p50: Mean over the halls of the median processor time of a decision, ms.
+        cpu_ms_p99: Mean over the halls of its 99th percentile, ms.
+        loop_share: Mean processor time of the bare physics over that of the whole loop.
+        memory_mib: Greatest resident memory of a process, MiB.
+    """
+
+    side_m: float
+    robot: str
+    halls: int
+    reached: float
+    path_ratio: float | None
+    path_ratio_max: float | None
+    cpu_ms_p50: float
+    cpu_ms_p99: float
+    loop_share: float
+    memory_mib: float
+
+
 def bench_halls(
     repeats: int, seed: int, progress: Progress, only: str | None = None
-) -> list[HallRow]:
+) -> list[HallRow | HallSummary]:
     """Run both robots in halls of every side, each episode in a process of its own.
+
+    One length travelled says little of a robot that does not know the way, so several halls of a
+    side have a summary.
 
     Args:
         repeats: Number of halls of each side.
@@ -104,12 +137,37 @@ def bench_halls(
         for robot in ROBOTS
         for each in range(seed, seed + repeats)
     ]
-    rows = []
+    rows: list[HallRow] = []
     with WorkerPool(1, fresh=True) as pool:
         for side, robot, each in jobs:
             progress(f"halls: {side:g} m, {robot}, seed {each}")
             rows += list(pool.run_in_order(run_one, [(side, robot, each)]))
-    return rows
+    return [*rows, *(summarise(rows) if repeats > 1 else ())]
+
+
+def summarise(rows: list[HallRow]) -> list[HallSummary]:
+    """Summarise the halls of each side and robot, in the order in which they come."""
+    groups: dict[tuple[float, str], list[HallRow]] = {}
+    for row in rows:
+        groups.setdefault((row.side_m, row.robot), []).append(row)
+    return [_summary(side, robot, alike) for (side, robot), alike in groups.items()]
+
+
+def _summary(side: float, robot: str, rows: list[HallRow]) -> HallSummary:
+    reached = [row for row in rows if row.outcome == "success"]
+    ratios = [row.path_ratio for row in reached if row.path_ratio is not None]
+    return HallSummary(
+        side_m=side,
+        robot=robot,
+        halls=len(rows),
+        reached=len(reached) / len(rows),
+        path_ratio=round(float(np.mean(ratios)), 3) if ratios else None,
+        path_ratio_max=max(ratios) if ratios else None,
+        cpu_ms_p50=round(float(np.mean([row.cpu_ms_p50 for row in rows])), 1),
+        cpu_ms_p99=round(float(np.mean([row.cpu_ms_p99 for row in rows])), 0),
+        loop_share=round(float(np.mean([row.loop_share for row in rows])), 3),
+        memory_mib=max(row.memory_mib for row in rows),
+    )
 
 
 def run_one(side: float, robot: str, seed: int) -> HallRow:
