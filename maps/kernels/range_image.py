@@ -48,7 +48,7 @@ def find_lost(
 
 
 @kernel
-def _returned(range_mm: int) -> bool:
+def _returned(range_mm: np.integer) -> bool:
     return bool(range_mm != NO_RETURN_MM and range_mm != DROPPED_MM)
 
 
