@@ -62,8 +62,9 @@ class BehaviourConfig:
             the distance that it takes to stop, where it can stop on the new one; searches for one
             more often, rounds corners over more length, and stops at none. And waypoints of a stack
             on trial are timed as the built-in stack's paths are. From 7 on, a beam without return
-            between two of its row that have one is no evidence of free space; and the deviation of
-            the ranges is estimated in each sweep and costs speed (`noisy_sigma`).
+            between two of its row that have one is no evidence of free space; the deviation of the
+            ranges is estimated in each sweep and costs speed (`noisy_sigma`); and a bend to stop
+            along is no tighter than the speed left in a stop of limited jerk allows.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -156,6 +157,11 @@ class BehaviourConfig:
     def times_waypoints_alike(self) -> bool:
         """Whether waypoints of a stack on trial are timed as the built-in stack's paths are."""
         return self.rules >= 6
+
+    @property
+    def bends_by_jerk(self) -> bool:
+        """Whether a bend to stop along allows for the jerk limit; else it brakes at once."""
+        return self.rules >= 7
 
     @property
     def judges_ranges(self) -> bool:

@@ -45,6 +45,7 @@ from wayproof.planners.trajectory_generation import (
     keeps_limits,
     stop_along,
     stopping_distance,
+    stopping_speeds,
     turn_in_place,
 )
 
@@ -83,6 +84,7 @@ __all__ = [
     "state_space_for",
     "stop_along",
     "stopping_distance",
+    "stopping_speeds",
     "tangent_at",
     "truncate",
     "turn_in_place",

@@ -25,6 +25,9 @@ from wayproof.planners.trajectory import MotionLimits, Trajectory
 HEADING_STEP = 0.01
 """Time step of headings that follow a path, s."""
 
+STOP_SAMPLES = 64
+"""Number of times at which the speed of a stop is sampled."""
+
 REST_SPEED = 1e-9
 """Speed at which a profile that ended counts as at rest, m/s: rounding can leave it below 0."""
 
@@ -159,6 +162,19 @@ def stopping_distance(speed: float, acceleration: float, limits: MotionLimits) -
     """Return the length of the fastest jerk-limited stop, m."""
     start = _feasible(0.0, speed, acceleration, limits)
     return jerk_limited.stop(start, limits.along).end
+
+
+def stopping_speeds(
+    speed: float, acceleration: float, limits: MotionLimits, arcs: Floats
+) -> Floats:
+    """Return the speeds (n,) of the fastest jerk-limited stop at arc lengths (n,), m/s.
+
+    They rise at first where the robot was accelerating.
+    """
+    motion = jerk_limited.stop(_feasible(0.0, speed, acceleration, limits), limits.along)
+    times = np.linspace(0.0, motion.duration, STOP_SAMPLES)
+    speeds: Floats = np.interp(arcs, *motion.motion(times))
+    return speeds
 
 
 def _single(position: Floats) -> Floats:

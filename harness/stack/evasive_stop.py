@@ -12,7 +12,13 @@ import numpy as np
 
 from wayproof.harness.stack.types import Array, PlannerInput, arc_length, is_free_along
 from wayproof.maps.elementary import norm, sines_cosines
-from wayproof.planners import TrajectorySample, stopping_distance, tangent_at, truncate
+from wayproof.planners import (
+    TrajectorySample,
+    stopping_distance,
+    stopping_speeds,
+    tangent_at,
+    truncate,
+)
 from wayproof.planners.path import edge_tangents
 
 STEP = 0.05
@@ -93,7 +99,7 @@ def _bends(
     """
     limits = input.limits
     arcs = np.linspace(0.0, reach, max(round(reach / STEP), 1) + 1)  # (n,)
-    speeds = start.speed * np.sqrt(np.maximum(1.0 - arcs / reach, 0.0)) + MIN_SPEED
+    speeds = _speeds(input, start, arcs) + MIN_SPEED
     tightest = limits.lateral_acceleration / (speeds * speeds)  # (n,) 1/m
     left = np.array([-tangent[1], tangent[0], 0.0])
     if not left.any():  # straight up or down
@@ -114,6 +120,14 @@ def _bends(
             start.position + np.outer(along, tangent) + np.outer(aside, side) for side in sides
         ]
     return bends
+
+
+def _speeds(input: PlannerInput, start: TrajectorySample, arcs: Array) -> Array:
+    """Return the speeds (n,) of a stop at arc lengths (n,), m/s."""
+    if input.behaviour.bends_by_jerk:
+        return stopping_speeds(start.speed, start.acceleration, input.limits, arcs)
+    slowed: Array = start.speed * np.sqrt(np.maximum(1.0 - arcs / arcs[-1], 0.0))
+    return slowed
 
 
 def _integral(values: Array, at: Array) -> Array:

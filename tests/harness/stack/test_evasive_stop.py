@@ -31,8 +31,8 @@ def space(*blocked):
     return FreeSpace(field.astype(np.uint16), np.zeros(3), CELL, 9, np.ones(REACH**2 + 1))
 
 
-def stop(free_space, speed=2.0, ground=False, path=AHEAD, rules=3):
-    now = hold(path[0], 0, 0.0).at(0)._replace(speed=speed)
+def stop(free_space, speed=2.0, ground=False, path=AHEAD, rules=3, start=None):
+    now = start or hold(path[0], 0, 0.0).at(0)._replace(speed=speed)
     input = PlannerInput(
         time_ns=0,
         effect_ns=0,
@@ -76,6 +76,24 @@ def test_it_turns_to_the_side_where_nothing_stands(row, sign):
     assert abs(headings[-1] - headings[0]) <= 0.5 * np.pi
     # As tight as full speed lets it be at first: v^2 / a = 1.6 m.
     assert abs(headings[1] - headings[0]) / steps[0] == pytest.approx(1 / 1.6, rel=0.1)
+
+
+@pytest.mark.parametrize(("rules", "within"), [(6, False), (7, True)])
+def test_a_bend_is_no_tighter_than_the_speed_left_on_it_allows(rules, within):
+    now = hold(AHEAD[0], 0, 0.0).at(0)._replace(speed=1.3, acceleration=2.5)
+    pillars = [(15, 31, k) for k in range(20)]
+    path = stop(space(*pillars), rules=rules, start=now)
+    assert path is not AHEAD
+    trajectory = stop_along(path, PathState(0, 0.0, 1.3, 2.5, 0.0), LIMITS)
+    times = np.linspace(0.0, trajectory.duration_s, 50)
+    samples = [trajectory.at(round(time * 1e9)) for time in times]
+    headings = np.arctan2(*np.diff(path, axis=0).T[1::-1])
+    middles = arc_lengths(path)[1:-1]
+    curvature = np.abs(np.diff(headings)) / np.diff(arc_lengths(path))[1:]
+    speeds = np.interp(middles, [one.arc_length for one in samples], [one.speed for one in samples])
+    assert max(one.speed for one in samples) > 1.5
+    lateral = float((speeds**2 * curvature).max())
+    assert (lateral <= 1.02 * LIMITS.lateral_acceleration) == within
 
 
 def test_what_flies_turns_up_and_down_too():
