@@ -63,8 +63,9 @@ class BehaviourConfig:
             more often, rounds corners over more length, and stops at none. And waypoints of a stack
             on trial are timed as the built-in stack's paths are. From 7 on, a beam without return
             between two of its row that have one is no evidence of free space; the deviation of the
-            ranges is estimated in each sweep and costs speed (`noisy_sigma`); and a bend to stop
-            along is no tighter than the speed left in a stop of limited jerk allows.
+            ranges is estimated in each sweep and costs speed (`noisy_sigma`); a bend to stop along
+            is no tighter than the speed left in a stop of limited jerk allows; and the heading of a
+            robot that walks follows its path within the yaw acceleration of its gait.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -161,6 +162,11 @@ class BehaviourConfig:
     @property
     def bends_by_jerk(self) -> bool:
         """Whether a bend to stop along allows for the jerk limit; else it brakes at once."""
+        return self.rules >= 7
+
+    @property
+    def limits_yaw_acceleration(self) -> bool:
+        """Whether the heading follows a path within the yaw acceleration of the robot."""
         return self.rules >= 7
 
     @property

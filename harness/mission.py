@@ -36,6 +36,7 @@ class Mission:
         sideways_speed: Speed in any direction, whatever the body faces, m/s; 0 for one that turns
             before it moves, or that flies and takes a bend no faster than it turns.
         waypoints: Goals before the last one, in their order, m; at each the robot comes to rest.
+        max_yaw_acceleration: Change of the yaw rate while it moves, rad/s^2; 0 for no limit.
         rest_height: Height of the base origin above the ground when standing, m: where the feet of
             one that climbs are; 0 for all others.
     """
@@ -57,6 +58,7 @@ class Mission:
     waypoints: tuple[tuple[float, float, float], ...] = ()
     rest_height: float = 0.0
     sideways_speed: float = 0.0
+    max_yaw_acceleration: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse bodies and areas that no robot has, before a map of that size is allocated."""
@@ -75,6 +77,10 @@ class Mission:
         if not 0.0 <= self.sideways_speed <= self.max_speed:
             raise ValueError(
                 f"sideways_speed: got {self.sideways_speed:g}, expected 0 to max_speed"
+            )
+        if not 0.0 <= self.max_yaw_acceleration <= 1e4:
+            raise ValueError(
+                f"max_yaw_acceleration: got {self.max_yaw_acceleration:g}, expected 0 to 1e4"
             )
         if not abs(self.start_heading) <= 100.0:
             raise ValueError(f"start_heading: got {self.start_heading:g} rad")
@@ -107,7 +113,7 @@ class Mission:
     def to_json(self) -> bytes:
         """Encode for the log; floats come back bit by bit. An empty or zero value has no field."""
         document = msgspec.to_builtins(self)
-        for name in ("waypoints", "rest_height", "sideways_speed"):
+        for name in ("waypoints", "rest_height", "sideways_speed", "max_yaw_acceleration"):
             if not getattr(self, name):
                 document.pop(name, None)  # nor has one that was decoded without it
         return msgspec.json.format(msgspec.json.encode(document), indent=1)

@@ -34,9 +34,10 @@ class MotionLimits:
         jerk: Along the path, m/s^3.
         lateral_acceleration: Speed squared times curvature, m/s^2.
         yaw_rate: Change of heading, rad/s.
+        yaw_acceleration: Change of the yaw rate while it moves, rad/s^2; infinite for no limit.
 
     Raises:
-        ValueError: If a limit is not above 0 and finite.
+        ValueError: If a limit is not above 0, or another one than the last is not finite.
     """
 
     speed: float
@@ -44,10 +45,11 @@ class MotionLimits:
     jerk: float
     lateral_acceleration: float
     yaw_rate: float
+    yaw_acceleration: float = math.inf
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not 0.0 < value < math.inf:
+            if not 0.0 < value < math.inf and (name, value) != ("yaw_acceleration", math.inf):
                 raise ValueError(f"limits.{name}: got {value}, expected above 0, finite")
 
     @property

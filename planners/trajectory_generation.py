@@ -10,7 +10,13 @@ import numpy as np
 
 from wayproof.planners import jerk_limited, speed_profile
 from wayproof.planners.jerk_limited import Profile, State
-from wayproof.planners.kernels.angles import edge_headings, rate_limited, wrap, yaw_of_direction
+from wayproof.planners.kernels.angles import (
+    acceleration_limited,
+    edge_headings,
+    rate_limited,
+    wrap,
+    yaw_of_direction,
+)
 from wayproof.planners.kernels.grid import Floats
 from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, tangent_at, truncate
 from wayproof.planners.speed_profile import (
@@ -40,6 +46,7 @@ class PathState(NamedTuple):
     speed: float  # along the path, m/s, 0 or more
     acceleration: float  # along the path, m/s^2
     heading: float  # rad
+    yaw_rate: float = 0.0  # rad/s
 
 
 def follow_path(
@@ -55,7 +62,7 @@ def follow_path(
 
     The whole of it obeys the limits of speed and curvature, except while it still slows down from
     a state that did not. If the path is too short to stop, it is the fastest stop, beyond the end.
-    The heading follows the path at `limits.yaw_rate` at most.
+    The heading follows the path at `limits.yaw_rate` and `limits.yaw_acceleration` at most.
 
     Args:
         path: Shape (m, 3), m, world frame.
@@ -214,20 +221,25 @@ def _along(
         overshoot = 0.0
     elif len(path) > 1:
         path = np.vstack((path, path[-1] + overshoot * edge_tangents(path)[-1]))
-    turning = _turning(path, motion, start.heading, limits, off=math.pi if reverse else 0.0)
+    turning = _turning(path, motion, start, limits, off=math.pi if reverse else 0.0)
     return Trajectory(start.time_ns, path, motion, turning, overshoot)
 
 
 def _turning(
-    path: Floats, motion: Profile, heading: float, limits: MotionLimits, off: float
+    path: Floats, motion: Profile, start: PathState, limits: MotionLimits, off: float
 ) -> Profile:
     """Return the heading in motion: the path's and an offset, blended between edges' middles."""
     steps = math.floor(motion.duration / HEADING_STEP)  # without the incomplete one at the end
     if steps == 0 or len(path) == 1:
-        return jerk_limited.at_rest(heading)
+        return jerk_limited.at_rest(start.heading)
     middles = arc_lengths(path)[:-1] + 0.5 * edge_lengths(path)
-    headings = edge_headings(edge_tangents(path), heading - off) + off
+    headings = edge_headings(edge_tangents(path), start.heading - off) + off
     times = HEADING_STEP * np.arange(1.0, steps + 1.0)
     targets = np.interp(motion.positions(times), middles, headings)
-    followed = rate_limited(targets, heading, limits.yaw_rate * HEADING_STEP)
+    largest_step = limits.yaw_rate * HEADING_STEP
+    if math.isinf(limits.yaw_acceleration):
+        followed = rate_limited(targets, start.heading, largest_step)
+    else:
+        rate, change = start.yaw_rate * HEADING_STEP, limits.yaw_acceleration * HEADING_STEP**2
+        followed = acceleration_limited(targets, start.heading, rate, largest_step, change)
     return jerk_limited.ramped(followed, HEADING_STEP)

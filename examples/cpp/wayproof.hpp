@@ -79,6 +79,7 @@ struct Task {
   double max_yaw_rate = 0.0;         // rad/s
   double sideways_speed = 0.0;       // m/s in any direction, whatever the body faces; else 0
   double rest_height = 0.0;          // of the base above the ground, of one that climbs; else 0, m
+  double max_yaw_acceleration = 0.0; // rad/s^2; 0: no limit
   std::vector<Disc> discs;
   Vector low, high;                  // corners of the operating area, m
   Vector start;                      // m
@@ -385,6 +386,7 @@ inline Task read_task(Reader in) {
       case 23: one.waypoints.push_back(read_vector(in.message())); break;
       case 25: one.sideways_speed = in.real(); break;
       case 26: one.rest_height = in.real(); break;
+      case 27: one.max_yaw_acceleration = in.real(); break;
       default: in.skip();
     }
   return one;

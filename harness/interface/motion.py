@@ -252,6 +252,7 @@ def _waypoint_trajectory(
         speed=along,
         acceleration=share * timing.acceleration,
         heading=reference.heading,
+        yaw_rate=reference.yaw_rate,
     )
     return follow_path(
         path,

@@ -66,6 +66,7 @@ def task_message(task: Task) -> sb.Task:
         waypoints=map(_vector, mission.waypoints),
         sideways_speed=mission.sideways_speed,
         rest_height=mission.rest_height,
+        max_yaw_acceleration=mission.max_yaw_acceleration,
     )
     for sensor in task.sensors.values():
         info = sensor.info
@@ -115,6 +116,7 @@ def task_from(message: sb.Task) -> Task:
         waypoints=tuple(map(_triple, message.waypoints)),
         sideways_speed=message.sideways_speed,
         rest_height=message.rest_height,
+        max_yaw_acceleration=message.max_yaw_acceleration,
     )
     sensors = [Sensor(pb.SensorInfo.FromString(sensor.info)) for sensor in message.sensors]
     return Task(

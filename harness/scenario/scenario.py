@@ -268,6 +268,7 @@ def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config:
 def _mission(world: World, spec: RobotSpec, config: Config, points: Sequence[Point]) -> Mission:
     start, *waypoints, goal = points
     climbs = spec.motion == "ground" and config.costmap.max_slope > 0.0
+    limits_yaw = config.behaviour.limits_yaw_acceleration
     return Mission(
         motion=spec.motion,
         radius=spec.radius,
@@ -286,6 +287,7 @@ def _mission(world: World, spec: RobotSpec, config: Config, points: Sequence[Poi
         waypoints=tuple(waypoints),
         rest_height=spec.rest_height if climbs else 0.0,
         sideways_speed=spec.sideways_speed,
+        max_yaw_acceleration=spec.max_yaw_acceleration if limits_yaw else 0.0,
     )
 
 

@@ -75,7 +75,7 @@ class Disc(_message.Message):
     def __init__(self, offset: _Optional[float] = ..., radius: _Optional[float] = ...) -> None: ...
 
 class Task(_message.Message):
-    __slots__ = ("robot", "seed", "motion", "radius", "height", "step_height", "max_speed", "max_acceleration", "max_jerk", "max_yaw_rate", "discs", "low", "high", "start", "start_heading", "goal", "goal_tolerance", "period_s", "delay_s", "deadline_s", "sensors", "settings", "waypoints", "prior", "sideways_speed", "rest_height")
+    __slots__ = ("robot", "seed", "motion", "radius", "height", "step_height", "max_speed", "max_acceleration", "max_jerk", "max_yaw_rate", "discs", "low", "high", "start", "start_heading", "goal", "goal_tolerance", "period_s", "delay_s", "deadline_s", "sensors", "settings", "waypoints", "prior", "sideways_speed", "rest_height", "max_yaw_acceleration")
     ROBOT_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     MOTION_FIELD_NUMBER: _ClassVar[int]
@@ -102,6 +102,7 @@ class Task(_message.Message):
     PRIOR_FIELD_NUMBER: _ClassVar[int]
     SIDEWAYS_SPEED_FIELD_NUMBER: _ClassVar[int]
     REST_HEIGHT_FIELD_NUMBER: _ClassVar[int]
+    MAX_YAW_ACCELERATION_FIELD_NUMBER: _ClassVar[int]
     robot: str
     seed: int
     motion: str
@@ -128,7 +129,8 @@ class Task(_message.Message):
     prior: PriorMap
     sideways_speed: float
     rest_height: float
-    def __init__(self, robot: _Optional[str] = ..., seed: _Optional[int] = ..., motion: _Optional[str] = ..., radius: _Optional[float] = ..., height: _Optional[float] = ..., step_height: _Optional[float] = ..., max_speed: _Optional[float] = ..., max_acceleration: _Optional[float] = ..., max_jerk: _Optional[float] = ..., max_yaw_rate: _Optional[float] = ..., discs: _Optional[_Iterable[_Union[Disc, _Mapping]]] = ..., low: _Optional[_Union[Vector, _Mapping]] = ..., high: _Optional[_Union[Vector, _Mapping]] = ..., start: _Optional[_Union[Vector, _Mapping]] = ..., start_heading: _Optional[float] = ..., goal: _Optional[_Union[Vector, _Mapping]] = ..., goal_tolerance: _Optional[float] = ..., period_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., sensors: _Optional[_Iterable[_Union[Sensor, _Mapping]]] = ..., settings: _Optional[str] = ..., waypoints: _Optional[_Iterable[_Union[Vector, _Mapping]]] = ..., prior: _Optional[_Union[PriorMap, _Mapping]] = ..., sideways_speed: _Optional[float] = ..., rest_height: _Optional[float] = ...) -> None: ...
+    max_yaw_acceleration: float
+    def __init__(self, robot: _Optional[str] = ..., seed: _Optional[int] = ..., motion: _Optional[str] = ..., radius: _Optional[float] = ..., height: _Optional[float] = ..., step_height: _Optional[float] = ..., max_speed: _Optional[float] = ..., max_acceleration: _Optional[float] = ..., max_jerk: _Optional[float] = ..., max_yaw_rate: _Optional[float] = ..., discs: _Optional[_Iterable[_Union[Disc, _Mapping]]] = ..., low: _Optional[_Union[Vector, _Mapping]] = ..., high: _Optional[_Union[Vector, _Mapping]] = ..., start: _Optional[_Union[Vector, _Mapping]] = ..., start_heading: _Optional[float] = ..., goal: _Optional[_Union[Vector, _Mapping]] = ..., goal_tolerance: _Optional[float] = ..., period_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., sensors: _Optional[_Iterable[_Union[Sensor, _Mapping]]] = ..., settings: _Optional[str] = ..., waypoints: _Optional[_Iterable[_Union[Vector, _Mapping]]] = ..., prior: _Optional[_Union[PriorMap, _Mapping]] = ..., sideways_speed: _Optional[float] = ..., rest_height: _Optional[float] = ..., max_yaw_acceleration: _Optional[float] = ...) -> None: ...
 
 class PriorMap(_message.Message):
     __slots__ = ("resolution", "origin", "shape", "states")

@@ -19,6 +19,7 @@ def at_begin(input: PlannerInput, start: TrajectorySample) -> PathState:
         speed=start.speed,
         acceleration=start.acceleration,
         heading=start.heading,
+        yaw_rate=start.yaw_rate,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -307,11 +308,12 @@ def memoized_planner() -> PlanPath:
 
 
 def motion_limits(config: Config, mission: Mission) -> MotionLimits:
-    """Return the greatest speed, acceleration, jerk and yaw rate of a command."""
+    """Return the greatest speed, acceleration, jerk, yaw rate and its change of a command."""
     return MotionLimits(
         speed=mission.max_speed * config.motion.speed_fraction,
         acceleration=mission.max_acceleration,
         jerk=mission.max_jerk,
         lateral_acceleration=mission.max_acceleration,
         yaw_rate=mission.max_yaw_rate,
+        yaw_acceleration=mission.max_yaw_acceleration or math.inf,
     )

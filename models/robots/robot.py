@@ -116,6 +116,7 @@ class RobotSpec:
             tail first where it is nose first. None: its body is a disc of its radius.
         sideways_speed: Speed in any direction, whatever it faces, m/s; 0 for a body that turns
             before it moves, and for one that flies no faster through a bend than it turns.
+        max_yaw_acceleration: Change of the yaw rate while it moves, rad/s^2; 0 for no limit.
     """
 
     name: str
@@ -132,6 +133,7 @@ class RobotSpec:
     mounts: tuple[Mount, ...]
     discs: tuple[tuple[float, float], ...] = ()
     sideways_speed: float = 0.0
+    max_yaw_acceleration: float = 0.0
 
 
 class Controller(Protocol):

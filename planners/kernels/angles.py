@@ -80,6 +80,34 @@ def edge_headings(tangents: Floats, initial: float) -> Floats:
 
 
 @allocating
+def acceleration_limited(
+    targets: Floats, initial: float, rate: float, largest_step: float, largest_change: float
+) -> Floats:
+    """Limit the rate and the acceleration of headings: (n + 1,) that follow targets (n,), rad.
+
+    Each step is that of the target and the greatest from which the error that is left can still
+    be braked, as in the time-optimal control of a double integrator.
+
+    Args:
+        targets: Headings to follow, one for each step.
+        initial: Heading at the beginning, rad.
+        rate: Change of heading in the step before, rad.
+        largest_step: Largest change of heading in a step, rad.
+        largest_change: Largest difference of one step from the one before, rad.
+    """
+    headings = np.empty(len(targets) + 1)
+    headings[0] = initial
+    for n in range(len(targets)):
+        error = targets[n] - headings[n]
+        closing = min(math.sqrt(2.0 * largest_change * abs(error)), abs(error))
+        step = targets[n] - targets[max(n - 1, 0)] + math.copysign(closing, error)
+        step = min(max(step, -largest_step), largest_step)
+        rate += min(max(step - rate, -largest_change), largest_change)
+        headings[n + 1] = headings[n] + rate
+    return headings
+
+
+@allocating
 def rate_limited(targets: Floats, initial: float, largest_step: float) -> Floats:
     """Limit the rate of headings to a step: (n + 1,) that follow targets (n,), rad."""
     headings = np.empty(len(targets) + 1)

@@ -43,6 +43,7 @@ def _spec(parameters: Parameters, limits: SpeedLimits, top: float) -> RobotSpec:
         max_tilt=1.0,
         mounts=(Mount("lidar", "lidar", IDEAL_LIDAR_FLOOR),),
         sideways_speed=limits.sideways_speed,
+        max_yaw_acceleration=parameters.gait.yaw_acceleration,
         discs=((-0.245, 0.235), (0.0, 0.235), (0.245, 0.235)),
     )
 
