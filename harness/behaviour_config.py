@@ -64,8 +64,10 @@ class BehaviourConfig:
             on trial are timed as the built-in stack's paths are. From 7 on, a beam without return
             between two of its row that have one is no evidence of free space; the deviation of the
             ranges is estimated in each sweep and costs speed (`noisy_sigma`); a bend to stop along
-            is no tighter than the speed left in a stop of limited jerk allows; and the heading of a
-            robot that walks follows its path within the yaw acceleration of its gait.
+            is no tighter than the speed left in a stop of limited jerk allows; the heading of a
+            robot that walks follows its path within the yaw acceleration of its gait; an elongated
+            body steps out of the inflation of its discs where it cannot leave that of the disc
+            about them; and it keeps a trajectory that is admitted to its rest before it brakes.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -167,6 +169,16 @@ class BehaviourConfig:
     @property
     def limits_yaw_acceleration(self) -> bool:
         """Whether the heading follows a path within the yaw acceleration of the robot."""
+        return self.rules >= 7
+
+    @property
+    def escapes_oriented(self) -> bool:
+        """Whether a body leaves the inflation of its discs where not that of the one about them."""
+        return self.rules >= 7
+
+    @property
+    def keeps_admitted_trajectories(self) -> bool:
+        """Whether an elongated body keeps an admitted trajectory where its path has closed."""
         return self.rules >= 7
 
     @property

@@ -77,6 +77,8 @@ def decide_with_footprint(
         return FootprintDecision(*narrow, oriented)
     if keeps_moving and state.oriented and _brakes(wide) and _brakes(narrow):
         return FootprintDecision(*narrow, oriented)
+    if circumscribed.behaviour.escapes_oriented and _escapes(narrow) and not _escapes(wide):
+        return FootprintDecision(*narrow, oriented)
     return FootprintDecision(*wide, circumscribed)
 
 
@@ -114,6 +116,12 @@ def _makes_progress(decided: Decided) -> bool:
     if command.reason.kind in STUCK_INSIDE or command.action == "abort":
         return False
     return command.action != "stop_and_wait" or command.trajectory.duration_s > 0.0
+
+
+def _escapes(decided: Decided) -> bool:
+    """Return whether the body moves or turns out of the inflation."""
+    command = decided.command
+    return command.reason.kind in STUCK_INSIDE and command.trajectory.duration_s > 0.0
 
 
 def _brakes(decided: Decided) -> bool:

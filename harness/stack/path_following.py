@@ -95,7 +95,8 @@ def follow_global_path(
     path = state.path
     part = drivable_part(input, path, start)
     if part.too_short:
-        return brake_on_path(input, state, start, part)
+        kept = keep_admitted_trajectory(input, state, start, previous)
+        return kept or brake_on_path(input, state, start, part)
     if is_stationary(start) and part.blocked and part.length < input.behaviour.min_advance:
         stepped = step_aside(input, state, start)
         return stepped or wait_on_path(input, state, start, part)
@@ -248,6 +249,41 @@ def turn_into_path(
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
 
 
+def keep_admitted_trajectory(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, previous: PlannerState
+) -> Decided | None:
+    """Keep the last trajectory of an elongated body in motion that need not brake for the path.
+
+    As where it steps aside, at a heading that is not that of its path.
+
+    Returns:
+        None if the footprint does not fit along the trajectory to its rest.
+    """
+    keeps = input.behaviour.keeps_admitted_trajectories and input.traversable.discs
+    if not keeps or is_stationary(start) or not _fits(input, previous.trajectory):
+        return None
+    return _kept(state, previous)
+
+
+def _fits(input: PlannerInput, trajectory: Trajectory) -> bool:
+    """Return whether the footprint fits along the rest of a trajectory."""
+    elapsed = (input.effect_ns - trajectory.start_ns) * 1e-9
+    corners = input.behaviour.checks_corners
+    return first_misfit(input.traversable, trajectory, elapsed, corners=corners) is None
+
+
+def _kept(state: PlannerState, previous: PlannerState) -> Decided:
+    """Return the decision to follow the last trajectory."""
+    command = Command(
+        "follow",
+        Reason("keeping_course"),
+        label="none",
+        trajectory=previous.trajectory,
+        global_path=previous.global_path,
+    )
+    return Decided(command, replace(previous, improved_ns=state.improved_ns))
+
+
 def keep_course(
     input: PlannerInput, state: PlannerState, start: TrajectorySample, previous: PlannerState
 ) -> Decided:
@@ -256,14 +292,10 @@ def keep_course(
     For an elongated body in motion that does not fit along the new path.
     """
     trajectory = previous.trajectory
+    if _fits(input, trajectory):
+        return _kept(state, previous)
     elapsed = (input.effect_ns - trajectory.start_ns) * 1e-9
     corners = input.behaviour.checks_corners
-    if first_misfit(input.traversable, trajectory, elapsed, corners=corners) is None:
-        reason = Reason("keeping_course")
-        command = Command(
-            "follow", reason, label="none", trajectory=trajectory, global_path=previous.global_path
-        )
-        return Decided(command, replace(previous, improved_ns=state.improved_ns))
     poses = poses_from(trajectory, elapsed, corners=corners)
     found = obstruction.on_poses(input, poses, input.unknown_blocks)
     path = remaining(trajectory.path, start.arc_length)
