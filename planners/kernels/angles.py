@@ -98,9 +98,10 @@ def acceleration_limited(
     headings = np.empty(len(targets) + 1)
     headings[0] = initial
     for n in range(len(targets)):
-        error = targets[n] - headings[n]
+        target = targets[max(n - 1, 0)]  # of now: the next heading is to be at targets[n]
+        error = target - headings[n]
         closing = min(math.sqrt(2.0 * largest_change * abs(error)), abs(error))
-        step = targets[n] - targets[max(n - 1, 0)] + math.copysign(closing, error)
+        step = targets[n] - target + math.copysign(closing, error)
         step = min(max(step, -largest_step), largest_step)
         rate += min(max(step - rate, -largest_change), largest_change)
         headings[n + 1] = headings[n] + rate

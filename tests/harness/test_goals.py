@@ -257,3 +257,8 @@ def test_a_body_that_does_not_move_sideways_has_no_such_field():
     assert Mission.from_json(aside.to_json()) == aside
     with pytest.raises(ValueError, match="sideways_speed: got 2, expected 0 to max_speed"):
         replace(ahead, sideways_speed=2.0)
+    assert b"max_yaw_acceleration" not in ahead.to_json()
+    turning = replace(ahead, max_yaw_acceleration=4.0)
+    assert Mission.from_json(turning.to_json()) == turning
+    with pytest.raises(ValueError, match="max_yaw_acceleration: got -1, expected 0 to 1e4"):
+        replace(ahead, max_yaw_acceleration=-1.0)

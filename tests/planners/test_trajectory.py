@@ -1,6 +1,7 @@
 """Trajectories keep their limits, end at rest and repeat to the bit."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,6 +96,21 @@ def test_heading_follows_the_path_no_faster_than_the_yaw_rate(room, seed):
     assert samples["heading"][0] == 2.0
     assert np.abs(np.diff(samples["heading"])).max() / 0.002 <= limits.yaw_rate + 1e-6
     assert np.abs(samples["yaw_rate"]).max() <= limits.yaw_rate + 1e-6
+
+
+@pytest.mark.parametrize("seed", range(0, 40, 4))
+def test_heading_follows_the_path_within_the_yaw_acceleration(room, seed):
+    path, limits, cap, state = random_case(room, seed)
+    limits = replace(limits, yaw_acceleration=4.0)
+    begins = PathState(0, *state, 2.0, yaw_rate=0.5)
+    trajectory = follow_path(path, begins, limits, cap)
+    times = np.arange(0.0, 0.01 * math.floor(trajectory.motion.duration / 0.01), 0.01)
+    headings = trajectory.turning.motion(times)[0]
+    rates = np.diff(headings) / 0.01
+    assert headings[0] == 2.0
+    assert abs(rates[0] - 0.5) <= 0.04 + 1e-6
+    assert np.abs(np.diff(rates)).max() <= 0.04 + 1e-6
+    assert np.abs(rates).max() <= limits.yaw_rate + 1e-6
 
 
 def test_heading_stays_with_a_blended_corner(room):

@@ -1,10 +1,12 @@
 """Settings of fast motion: on by default, off in logs without them, and in a log as they were."""
 
 import json
+import math
 
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import document_of, from_json, override, to_json
 from wayproof.harness.scenario.scenario import build
+from wayproof.harness.stack.planner_input import motion_limits
 from wayproof.models.robots import FAST_ROBOTS, LIMITS_IN_STATIC_WORLDS, ROBOTS
 
 FORMER = (
@@ -34,6 +36,14 @@ def test_a_log_says_which_limits_a_robot_had_in_its_world():
         assert (moving.config.motion.limits, moving.mission.max_speed) == ("cautious", slow)
         former = build(override(Config("empty", robot, 0), FORMER)).mission
         assert (former.max_speed, former.sideways_speed) == (slow, 0.0)
+
+
+def test_a_robot_that_walks_turns_by_the_acceleration_of_its_gait_and_formerly_at_once():
+    for robot, rules, most in (("quadruped", 7, 4.0), ("quadruped", 6, 0.0), ("drone", 7, 0.0)):
+        config = override(Config("empty", robot, 0), [f"behaviour.rules={rules}"])
+        mission = build(config).mission
+        assert mission.max_yaw_acceleration == most
+        assert motion_limits(config, mission).yaw_acceleration == (most or math.inf)
 
 
 def test_both_robots_are_fast_by_themselves_but_where_something_is_known_to_move_or_appear():

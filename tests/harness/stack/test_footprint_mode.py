@@ -15,6 +15,7 @@ from tests.harness.stack.make_input import (
     make_states,
     place,
 )
+from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack.footprint_mode import decide_with_footprint
 from wayproof.planners import Body
 
@@ -90,6 +91,20 @@ def test_the_oriented_footprint_is_kept_where_the_rest_of_the_path_is_too_narrow
     decided, calls = decide_in(GAP, state, **room)
     assert decided.state.oriented
     assert calls == 1
+
+
+@pytest.mark.parametrize(("rules", "oriented"), [(6, False), (7, True)])
+def test_a_body_that_grazes_a_gap_steps_back_into_it_where_its_disc_has_no_way_out(rules, oriented):
+    position = (3.75, 2.25)
+    room = {"position": position, "behaviour": BehaviourConfig(rules=rules)}
+    decided, calls = decide_in(GAP, at_rest(position, oriented=True), **room)
+    assert calls == 1
+    kind = decided.command.reason.kind
+    assert (kind, decided.state.oriented) == (
+        ("escaping_inflation", True) if oriented else ("no_way_out", False)
+    )
+    if oriented:
+        assert decided.command.trajectory.path[-1, 1] < position[1]
 
 
 def test_the_disc_returns_once_the_rest_of_the_path_has_room():

@@ -257,3 +257,22 @@ def test_a_long_body_steps_aside_at_its_heading_where_it_has_no_room_at_that_of_
     assert end.position[0] - START[0] == pytest.approx(0.5, abs=0.05)
     assert first_misfit(input.traversable, stepped.command.trajectory, corners=True) is None
     assert step_aside(replace(input, sideways_speed=0.0), state, start) is None
+
+
+@pytest.mark.parametrize(("rules", "kind"), [(6, "braking_before_blocked"), (7, "keeping_course")])
+def test_a_long_body_keeps_an_admitted_trajectory_where_its_path_has_closed(rules, kind):
+    room = {"body": LONG, "behaviour": BehaviourConfig(rules=rules)}
+    room["states"] = make_states(occupied=[(0.0, 8.0, 2.9, 4.0)])
+    state = drive(8, **room)
+    input = next_input(state, 8, **room)
+    start = state.trajectory.at(input.effect_ns)
+    bend = start.position + np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 1.5, 0.0]])
+    closed = replace(state, global_path=bend, improved_ns=123)
+    command, after = follow_global_path(input, closed, start, previous=state)
+    assert command.reason.kind == kind
+    assert (command.trajectory is state.trajectory) == (rules == 7)
+    if rules == 7:
+        assert (after.improved_ns, after.global_path is state.global_path) == (123, True)
+    room["states"] = make_states(occupied=[(0.0, 8.0, 2.9, 4.0), (4.0, 4.3, 0.0, 4.0)])
+    command, _ = follow_global_path(next_input(state, 8, **room), closed, start, previous=state)
+    assert command.reason.kind == "braking_before_blocked"
