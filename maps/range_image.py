@@ -23,7 +23,7 @@ LEAST_TRIPLES = 200
 """Fewest triples of neighbouring returns that hold a deviation."""
 
 MOST_BEND = 4095
-"""Greatest second difference that is told from greater ones, mm."""
+"""Greatest second difference that is counted by itself, mm; greater ones count as it."""
 
 MEDIAN_TO_DEVIATION = 1.0 / (0.6744897501960817 * math.sqrt(6.0))
 """Standard deviation of one range to the median of |a - 2 b + c| of three: that of a normal
