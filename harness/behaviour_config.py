@@ -64,10 +64,11 @@ class BehaviourConfig:
             on trial are timed as the built-in stack's paths are. From 7 on, a beam without return
             between two of its row that have one is no evidence of free space; the deviation of the
             ranges is estimated in each sweep and costs speed (`noisy_sigma`); a bend to stop along
-            is no tighter than the speed left in a stop of limited jerk allows; the heading of a
-            robot that walks follows its path within the yaw acceleration of its gait; an elongated
-            body steps out of the inflation of its discs where it cannot leave that of the disc
-            about them; and it keeps a trajectory that is admitted to its rest before it brakes.
+            takes half more than the lateral acceleration at most, by the speed that is left in a
+            stop of limited jerk; the heading of a robot that walks follows its path within the yaw
+            acceleration of its gait; an elongated body steps out of the inflation of its discs
+            where it cannot leave that of the disc about them; and it keeps a trajectory that is
+            admitted to its rest before it brakes.
 
     Raises:
         ValueError: A value is out of its bounds.
