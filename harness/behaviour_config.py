@@ -66,8 +66,8 @@ class BehaviourConfig:
             ranges is estimated in each sweep and costs speed (`noisy_sigma`); a bend to stop along
             takes half more than the lateral acceleration at most, by the speed that is left in a
             stop of limited jerk; the heading of a robot that walks follows its path within the yaw
-            acceleration of its gait; an elongated body steps out of the inflation of its discs
-            where it cannot leave that of the disc about them; and it keeps a trajectory that is
+            acceleration of its gait; an elongated body steps out of an inflation that its discs
+            only graze where the disc about them has no way out; and it keeps a trajectory that is
             admitted to its rest before it brakes.
 
     Raises:
@@ -174,7 +174,7 @@ class BehaviourConfig:
 
     @property
     def escapes_oriented(self) -> bool:
-        """Whether a body leaves the inflation of its discs where not that of the one about them."""
+        """Whether a body leaves an inflation that its discs only graze by their own way out."""
         return self.rules >= 7
 
     @property

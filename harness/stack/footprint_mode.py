@@ -37,6 +37,13 @@ it is hardly seen: without this rule a robot went to and fro between two ways.
 """
 
 
+MAX_STEP = 0.1
+"""Longest way out of the inflation of the discs where the disc about them has none, m."""
+
+MAX_TURN = 0.2
+"""Greatest turn out of it, rad."""
+
+
 class FootprintDecision(NamedTuple):
     """A decision, and the footprint that it was made for.
 
@@ -77,7 +84,7 @@ def decide_with_footprint(
         return FootprintDecision(*narrow, oriented)
     if keeps_moving and state.oriented and _brakes(wide) and _brakes(narrow):
         return FootprintDecision(*narrow, oriented)
-    if circumscribed.behaviour.escapes_oriented and _escapes(narrow) and not _escapes(wide):
+    if circumscribed.behaviour.escapes_oriented and _steps_out(narrow) and not _escapes(wide):
         return FootprintDecision(*narrow, oriented)
     return FootprintDecision(*wide, circumscribed)
 
@@ -122,6 +129,16 @@ def _escapes(decided: Decided) -> bool:
     """Return whether the body moves or turns out of the inflation."""
     command = decided.command
     return command.reason.kind in STUCK_INSIDE and command.trajectory.duration_s > 0.0
+
+
+def _steps_out(decided: Decided) -> bool:
+    """Return whether the body leaves the inflation that it only grazes.
+
+    A longer way out leads on among what may be ghosts, towards what the map may lack.
+    """
+    reason = decided.command.reason
+    short = (reason.distance_m or 0.0) <= MAX_STEP and abs(reason.turn_rad or 0.0) <= MAX_TURN
+    return _escapes(decided) and short
 
 
 def _brakes(decided: Decided) -> bool:
