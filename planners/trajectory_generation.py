@@ -240,6 +240,7 @@ def _turning(
     if math.isinf(limits.yaw_acceleration):
         followed = rate_limited(targets, start.heading, largest_step)
     else:
-        rate, change = start.yaw_rate * HEADING_STEP, limits.yaw_acceleration * HEADING_STEP**2
+        rate = start.yaw_rate * HEADING_STEP
+        change = limits.yaw_acceleration * HEADING_STEP * HEADING_STEP
         followed = acceleration_limited(targets, start.heading, rate, largest_step, change)
     return jerk_limited.ramped(followed, HEADING_STEP)

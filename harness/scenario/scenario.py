@@ -268,7 +268,8 @@ def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config:
 def _mission(world: World, spec: RobotSpec, config: Config, points: Sequence[Point]) -> Mission:
     start, *waypoints, goal = points
     climbs = spec.motion == "ground" and config.costmap.max_slope > 0.0
-    limits_yaw = config.behaviour.limits_yaw_acceleration
+    # On slopes the last centimetres of a stop would count as motion through what `audit` lacks.
+    limits_yaw = config.behaviour.limits_yaw_acceleration and not climbs
     return Mission(
         motion=spec.motion,
         radius=spec.radius,

@@ -100,7 +100,7 @@ class BeamTable:
         if len(self.columns) < 3 or self.columns.shape[1] != 2:
             return False
         step, gap = self.columns[1] - self.columns[0], self.columns[0] - self.columns[-1]
-        return bool(gap @ gap <= MOST_GAP * MOST_GAP * (step @ step))
+        return bool(np.square(gap).sum() <= MOST_GAP * MOST_GAP * np.square(step).sum())
 
     @property
     def image_rows(self) -> int:

@@ -77,6 +77,7 @@ def test_logs_replay_to_the_same_bits(logs, emulation):
 BENDS = """
 import hashlib, types
 import numpy as np
+from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack.evasive_stop import _bends
 from wayproof.planners import MotionLimits
 
@@ -86,8 +87,9 @@ for ground in [False, True] * 1000:
     towards = rng.integers(-1000, 1001, 3) * [1.0, 1.0, not ground]
     towards /= np.sqrt(np.square(towards).sum())
     speed, reach = rng.uniform(0.3, 2.0), rng.uniform(0.3, 1.5)
-    now = types.SimpleNamespace(speed=speed, position=rng.uniform(0.0, 20.0, 3))
-    view = types.SimpleNamespace(limits=limits, turns_in_place=ground)
+    position, acceleration = rng.uniform(0.0, 20.0, 3), rng.uniform(-2.5, 2.5)
+    now = types.SimpleNamespace(speed=speed, acceleration=acceleration, position=position)
+    view = types.SimpleNamespace(limits=limits, turns_in_place=ground, behaviour=BehaviourConfig())
     for bend in _bends(view, now, towards, reach):
         digest.update(bend.tobytes())
 print(digest.hexdigest())
