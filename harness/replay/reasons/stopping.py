@@ -15,14 +15,28 @@ from wayproof.harness.replay.reasons.past import Past
 from wayproof.harness.replay.reasons.scene import Scene
 from wayproof.harness.schema import wayproof_pb2 as pb
 
+KEPT_SHORT = 0.02
+"""Distance that a long body keeps before the first place where it does not fit, m."""
+
+POSE_PERIOD = 0.02
+"""Time between the poses of a trajectory at which a long body is checked, s."""
+
 
 def braking_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """Check that the last way ends at a cell before the robot could stop for a new one."""
     blocked = reason.kind == "braking_before_blocked"
     yield from obstructed(scene, reason, past.way, scene.unknown_blocks and not blocked)
     yield from stops(scene, reason)
-    if reason.free_m > reason.stop_m:
+    if reason.free_m > reason.stop_m + _kept_short(scene):
         yield f"{reason.free_m:.2f} m are free, and {reason.stop_m:.2f} m enough to stop"
+
+
+def _kept_short(scene: Scene) -> float:
+    """Return the distance that a long body keeps before the first pose that does not fit, m.
+
+    Its poses are checked one by one, so the last that fits is up to one step before that.
+    """
+    return 0.0 if scene.wide else KEPT_SHORT + POSE_PERIOD * scene.mission.max_speed
 
 
 def path_too_short(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:

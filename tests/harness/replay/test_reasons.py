@@ -237,6 +237,38 @@ def test_a_turn_leads_into_the_path_where_it_is_read(log, discs, turn, is_true):
     assert (texts == []) == is_true, texts
 
 
+LONG = ((-0.2, 0.2), (0.2, 0.2))
+"""Discs of a long body: offset and radius, m."""
+
+
+@pytest.mark.parametrize(
+    ("discs", "spare", "is_enough"),
+    [
+        ((), 0.001, True),
+        (LONG, 0.03, False),  # less than what it keeps before the first pose that does not fit
+        (LONG, 0.15, True),
+    ],
+)
+def test_a_stop_before_an_obstacle_is_one_that_was_needed(log, discs, spare, is_enough):
+    moment = next(moments(log))
+    mission = replace(moment.mission, discs=discs)
+    if discs:  # the decision is of the discs
+        decision, margin = moment.decision, moment.decision.localization_margin_m
+        decision.inflation_radius_m = discs[0][1] + margin
+    spot = (1.0, 1.0, 1.0)
+    reason = Reason(
+        "braking_before_blocked",
+        free_m=0.4 + spare,
+        stop_m=0.4,
+        cell=spot,
+        cell_state="occupied",
+        place=spot,
+    )
+    moment.decision.predicate.CopyFrom(reason_message(reason))
+    texts = ReasonCheck().check(moment.decision, moment.map, moment.config, mission)
+    assert any("m enough to stop" in text for text in texts) == is_enough, texts
+
+
 def test_a_decision_without_figures_is_found_but_not_in_an_old_log(log):
     moment = next(moments(log))
     moment.decision.ClearField("predicate")
