@@ -45,7 +45,9 @@ def test_a_node_drives_by_any_quality_of_service(trial, kind, settings):
         ("latched_scan", "stack_broken", "/scan is subscribed with transient local durability"),
     ],
 )
-def test_a_broken_node_ends_the_episode_in_one_line(trial, kind, cause, line):
+def test_a_broken_node_ends_the_episode_in_one_line(trial, monkeypatch, kind, cause, line):
+    """A node that dies without a word is given up after the lease of its profile."""
+    monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(HERE / "short_lease.xml"))
     with started(HERE / "node.py", kind):
         result = trial("pace=lockstep", "episode.time_limit=1")
     assert (result.outcome, result.cause) == ("error", cause)
