@@ -26,7 +26,7 @@ class BehaviourConfig:
             `penalize`.
         unknown_cost: Cost of unknown space to a global path; that of a cell at the edge of the
             inflation is 1. The robot may have to stop before unknown space. A sixteenth of it to a
-            robot that flies, on a path of which it sees enough (see `rules`).
+            robot that flies, on a path of which it sees enough, from `rules` 6 on.
         goal_search_radius: Distance within which a goal inside the inflation is projected to the
             nearest free place, m.
         goal_wait_timeout: Time that the robot waits there for the goal to become free, s.
@@ -45,30 +45,8 @@ class BehaviourConfig:
         max_returns: Times it goes back there before the action is `abort`.
         keep_moving: Whether a stop or an escape that is under way is planned on from; else the
             robot comes to rest first.
-        rules: Version of the rules of a decision; a log keeps its own. From 2 on, trajectories are
-            checked along their paths, not along lines between poses 20 ms apart; and a bend to stop
-            along comes no nearer to what blocks than the path does. From 3 on, a cell that an
-            elongated body only grazes is named before one that it overlaps farther on, and a bend
-            to stop along is judged to where the robot comes to rest. From 4 on, the floor is also
-            fitted from z = 0, and single returns below it make no hole; and a robot at rest beside
-            a goal that has become free goes on to it. From 5 on, no disc of an elongated body comes
-            deeper into occupied cells on its way out of the inflation, where the nearest of all
-            its discs decided before; a bend that a path begins in has one speed limit from there
-            on; and a path that costs about as much as the present one, and is faster, replaces it.
-            From 6 on, to a robot that flies and whose sensors see all around, unknown space costs a
-            sixteenth on a path that is admitted for 1.25 stops from full speed, and nearness to
-            obstacles half.
-            Also from 6 on, a body that flies a bend without facing along it leaves its path before
-            the distance that it takes to stop, where it can stop on the new one; searches for one
-            more often, rounds corners over more length, and stops at none. And waypoints of a stack
-            on trial are timed as the built-in stack's paths are. From 7 on, a beam without return
-            between two of its row that have one is no evidence of free space; the deviation of the
-            ranges is estimated in each sweep and costs speed (`noisy_sigma`); a bend to stop along
-            takes half more than the lateral acceleration at most, by the speed that is left in a
-            stop of limited jerk; the heading of a robot that walks follows its path within the yaw
-            acceleration of its gait; an elongated body steps out of an inflation that its discs
-            only graze where the disc about them has no way out; and it keeps a trajectory that is
-            admitted to its rest before it brakes.
+        rules: Version of the rules of a decision, from 1; a log keeps its own, so that it replays.
+            docs/planning.md has what each version changed.
 
     Raises:
         ValueError: A value is out of its bounds.
