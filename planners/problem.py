@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -326,10 +327,12 @@ def _search_once(
     return smoothed(query, poses, config, seed), used
 
 
+@functools.lru_cache(maxsize=4)
 def shortcut_draws(count: int, spatial: bool, seed: int) -> Floats:
     """Draw two places along the path and an apex offset, m, for each attempt, shape (count, 5).
 
-    The cube of a uniform draw keeps most offsets small, where they refine, and some large.
+    The cube of a uniform draw keeps most offsets small, where they refine, and some large. A
+    decision searches from several places with one seed: the draws are kept, and only to be read.
     """
     draws = np.random.Generator(np.random.PCG64(seed)).random((count, 5))
     centred = 2.0 * draws[:, 2:] - 1.0  # (count, 3)
