@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from wayproof.planners.kernels.lattice_cells import (
     LARGEST_FACTOR,
     LARGEST_RATE,
     OPEN,
+    Integers,
     Lattice,
     mark_read_blocks,
     rate_of,
@@ -53,12 +55,8 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
         repairable: Whether to keep the masks that `kernels.repair` needs.
     """
     field = space.grid.field
-    along = np.array([factor, factor, 1 if space.flat else factor])
-    shape = np.array(field.shape) // along + 2  # incomplete blocks at the far sides are border
-    moves = _moves(flat=space.flat)
-    strides = np.array([shape[1] * shape[2], shape[2], 1])
-    touched, counts = _touched_cells(moves, factor, field.shape)
-    blocks, bits = _needed_bits(moves if repairable else moves[:0], along)
+    shape = _lattice_shape(space.flat, factor, field.shape)
+    tables = _move_tables(space.flat, factor, field.shape, repairable)
     rate_by_distance = rate_table(space, weight)
     cells = int(shape.prod())
     longest = STEPS[2] * 2 * int(rate_by_distance.max())
@@ -66,16 +64,16 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
         field=field,
         cells=field.reshape(-1),
         threshold=space.collision_distance_sq,
-        factor=along,
+        factor=_cells_along(space.flat, factor),
         shape=shape,
         rate_by_distance=rate_by_distance,
-        moves=moves,
-        move_offsets=(moves * strides).sum(axis=1),
-        move_lengths=np.array([STEPS[np.abs(move).sum() - 1] for move in moves], np.int32),
-        touched=touched,
-        touched_counts=counts,
-        blocks=(blocks * strides).sum(axis=-1),
-        bits=bits,
+        moves=tables.moves,
+        move_offsets=tables.offsets,
+        move_lengths=tables.lengths,
+        touched=tables.touched,
+        touched_counts=tables.touched_counts,
+        blocks=tables.blocks,
+        bits=tables.bits,
         rate=np.zeros(cells, np.int32),
         mask=np.zeros(cells if repairable else 0, np.int64),
         state=np.zeros(cells, np.uint8),
@@ -182,6 +180,49 @@ def rate_table(space: FreeSpace, weight: float) -> NDArray[np.int32]:
     costs = np.minimum(weight * space.grid.cost_by_distance[free], LARGEST_RATE / FREE_RATE)
     table[free] = np.rint(FREE_RATE * (1.0 + costs)).astype(np.int32)
     return table
+
+
+class _MoveTables(NamedTuple):
+    """Moves on lattices of one shape, as `Lattice` holds them; nothing writes to them."""
+
+    moves: Longs  # (m, 3)
+    offsets: Longs  # (m,)
+    lengths: Integers  # (m,)
+    touched: Longs  # (m, k)
+    touched_counts: Longs  # (m,)
+    blocks: Longs  # (m, 8)
+    bits: Longs  # (m, 8)
+
+
+@functools.lru_cache(maxsize=16)
+def _move_tables(flat: bool, factor: int, field_shape: Cell, repairable: bool) -> _MoveTables:
+    """Make the tables of moves; searches of one window share them."""
+    along, shape = _cells_along(flat, factor), _lattice_shape(flat, factor, field_shape)
+    moves = _moves(flat)
+    strides = np.array([shape[1] * shape[2], shape[2], 1])
+    touched, counts = _touched_cells(moves, factor, field_shape)
+    blocks, bits = _needed_bits(moves if repairable else moves[:0], along)
+    return _MoveTables(
+        moves=moves,
+        offsets=(moves * strides).sum(axis=1),
+        lengths=np.array([STEPS[np.abs(move).sum() - 1] for move in moves], np.int32),
+        touched=touched,
+        touched_counts=counts,
+        blocks=(blocks * strides).sum(axis=-1),
+        bits=bits,
+    )
+
+
+def _cells_along(flat: bool, factor: int) -> Longs:
+    """Return the grid cells to a lattice cell along each axis, (3,)."""
+    return np.array([factor, factor, 1 if flat else factor])
+
+
+def _lattice_shape(flat: bool, factor: int, field_shape: Cell) -> Longs:
+    """Return the lattice cells along each axis, (3,), border included."""
+    # Incomplete blocks at the far sides are border.
+    shape: Longs = np.array(field_shape) // _cells_along(flat, factor) + 2
+    return shape
 
 
 def _moves(flat: bool) -> Longs:
