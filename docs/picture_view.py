@@ -5,6 +5,7 @@ Usage: python docs/picture_view.py FILE.rrd SECONDS OUT.png
 It needs a Vulkan driver; Mesa's lavapipe (Debian: mesa-vulkan-drivers, libvulkan1) is enough.
 """
 
+import ctypes
 import io
 import socket
 import sys
@@ -24,6 +25,7 @@ def main(recording: Path, seconds: float, out: Path) -> None:
     """Open the recording at a simulated time, and save a screenshot in 128 colours."""
     start = loopback_viewer(Path(tempfile.mkdtemp()))
     try:
+        find_vulkan()
         with ViewerClient.spawn(
             headless=True,
             port=free_port(),
@@ -39,6 +41,14 @@ def main(recording: Path, seconds: float, out: Path) -> None:
         sys.exit(f"no picture here: {error}; Rerun's viewer needs a Vulkan driver")
     shot = shot.convert("RGB").resize((1440, 810), Image.Resampling.LANCZOS)
     shot.quantize(128).save(out, optimize=True)
+
+
+def find_vulkan() -> None:
+    """Raise ConnectionError at once without Vulkan; a viewer that has exited is waited for 5 s."""
+    try:
+        ctypes.CDLL("libvulkan.so.1")
+    except OSError as error:
+        raise ConnectionError(error) from None
 
 
 def free_port() -> int:
