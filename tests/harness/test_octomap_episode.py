@@ -10,7 +10,7 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 
-OCTOMAP = ("map.kind=octomap", "map.half_life=0", "map.resolution=0.2", "goal=[6.0, 4.0]")
+OCTOMAP = ("map.kind=octomap", "map.half_life=0", "map.resolution=0.2", "goal=[4.5, 3.0]")
 
 
 def test_an_episode_on_octomap_reaches_its_goal_and_replays(recorded):
