@@ -72,16 +72,24 @@ def time_parameterize(
 def keeps_limits(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> bool:
     """Return whether a motion to rest at the end of the last zone keeps the speed of each."""
     fastest = max(start.velocity, settled_velocity(start, limits))
-    return fastest <= zones[0].speed + SPEED_SLACK and _cross(start, zones, limits) is not None
+    if fastest > zones[0].speed + SPEED_SLACK:
+        return False
+    leaving = _leaving_speeds(zones, limits)[0]
+    return _first_leaving(start, zones[0].length, leaving, limits) is not None
+
+
+def _leaving_speeds(zones: Sequence[SpeedZone], limits: AxisLimits) -> list[float]:
+    """Return the speeds at which the zones can be left to come to rest at the end of the last."""
+    leaving = [0.0]  # from the last zone to the first
+    for before, zone in reversed(list(itertools.pairwise(zones))):
+        reachable = fastest_within(leaving[-1], zone.length, limits)
+        leaving.append(min(before.speed, zone.speed, reachable))
+    return leaving[::-1]
 
 
 def _cross(start: State, zones: Sequence[SpeedZone], limits: AxisLimits) -> list[Leg] | None:
     """Return a leg for each zone, or None if the first cannot be left at the speed of the next."""
-    leaving = [0.0]  # speeds from the last zone to the first
-    for before, zone in reversed(list(itertools.pairwise(zones))):
-        reachable = fastest_within(leaving[-1], zone.length, limits)
-        leaving.append(min(before.speed, zone.speed, reachable))
-    leaving.reverse()
+    leaving = _leaving_speeds(zones, limits)
     first = _first_leaving(start, zones[0].length, leaving[0], limits)
     if first is None:
         return None
