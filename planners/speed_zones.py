@@ -8,8 +8,9 @@ import numpy as np
 
 from wayproof.planners._jit import kernel
 from wayproof.planners.kernels.angles import edge_headings
+from wayproof.planners.kernels.curvature import limit_speeds
 from wayproof.planners.kernels.grid import Floats
-from wayproof.planners.path import arc_lengths, edge_tangents, speed_limits
+from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, speed_limits
 from wayproof.planners.speed_profile import LEAST_ZONE, SpeedZone
 from wayproof.planners.trajectory import MotionLimits
 
@@ -43,9 +44,7 @@ def speed_zones(
             to the end, as it would be left without acceleration 1 cm on; unless this is too fast.
     """
     arcs = arc_lengths(path)
-    allowed = speed_limits(path, limits.lateral_acceleration, limits.yaw_rate)
-    if sideways_speed > 0.0:
-        allowed = _allow_sideways(path, arcs, allowed, limits, sideways_speed)
+    allowed = _allowed(path, arcs, limits, sideways_speed)
     if len(path) > 2 and speed < math.inf:
         allowed[-1] = allowed[-2]
         zones = _zones(arcs, np.append(allowed[1], allowed[1:]), s, cap)
@@ -61,17 +60,21 @@ def _zones(arcs: Floats, allowed: Floats, s: float, cap: float) -> list[SpeedZon
     return list(map(SpeedZone, lengths[:count].tolist(), speeds[:count].tolist()))
 
 
-def _allow_sideways(
-    path: Floats, arcs: Floats, allowed: Floats, limits: MotionLimits, sideways_speed: float
-) -> Floats:
-    """Return speeds (n,) of a body that need not turn at a speed that it has in any direction.
+def _allowed(path: Floats, arcs: Floats, limits: MotionLimits, sideways_speed: float) -> Floats:
+    """Return the speeds (n,) that the curvature of a path allows; infinite at its ends.
 
-    Where its turn falls behind the path's, it keeps to that speed until it has caught up.
+    A body need not turn with the path at a speed that it has in any direction. Where its turn falls
+    behind the path's, it keeps to that speed until it has caught up.
     """
-    lateral = speed_limits(path, limits.lateral_acceleration, math.inf)
-    turns = np.abs(np.diff(edge_headings(edge_tangents(path), 0.0)))  # (n - 2,)
-    speeds: Floats = np.minimum(lateral, np.maximum(allowed, sideways_speed))
-    slow_while_behind(arcs, turns, allowed, limits.yaw_rate, sideways_speed, speeds)
+    if sideways_speed <= 0.0:
+        return speed_limits(path, limits.lateral_acceleration, limits.yaw_rate)
+    lengths, tangents = edge_lengths(path), edge_tangents(path)
+    headings, acceleration = edge_headings(tangents, 0.0), limits.lateral_acceleration
+    turning = limit_speeds(lengths, tangents, headings, acceleration, limits.yaw_rate)
+    lateral = limit_speeds(lengths, tangents, headings, acceleration, math.inf)
+    turns = np.abs(np.diff(headings))  # (n - 2,)
+    speeds: Floats = np.minimum(lateral, np.maximum(turning, sideways_speed))
+    slow_while_behind(arcs, turns, turning, limits.yaw_rate, sideways_speed, speeds)
     return speeds
 
 
