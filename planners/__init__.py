@@ -37,6 +37,7 @@ from wayproof.planners.registry import (
     state_space_for,
 )
 from wayproof.planners.seeds import plan_seed
+from wayproof.planners.stopping import stopping_distance, stopping_speeds
 from wayproof.planners.trajectory import MotionLimits, Setpoints, Trajectory, TrajectorySample
 from wayproof.planners.trajectory_generation import (
     PathState,
@@ -44,8 +45,7 @@ from wayproof.planners.trajectory_generation import (
     hold,
     keeps_limits,
     stop_along,
-    stopping_distance,
-    stopping_speeds,
+    time_along,
     turn_in_place,
 )
 
@@ -86,6 +86,7 @@ __all__ = [
     "stopping_distance",
     "stopping_speeds",
     "tangent_at",
+    "time_along",
     "truncate",
     "turn_in_place",
     "warm_up",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -26,16 +25,11 @@ from wayproof.planners.speed_profile import (
     time_parameterize,
 )
 from wayproof.planners.speed_zones import LEAST_SPEED, slow_while_turning, speed_zones
+from wayproof.planners.stopping import feasible_state
 from wayproof.planners.trajectory import MotionLimits, Trajectory
 
 HEADING_STEP = 0.01
 """Time step of headings that follow a path, s."""
-
-STOP_SAMPLES = 64
-"""Number of times at which the speed of a stop is sampled."""
-
-REST_SPEED = 1e-9
-"""Speed at which a profile that ended counts as at rest, m/s: rounding can leave it below 0."""
 
 
 class PathState(NamedTuple):
@@ -80,6 +74,35 @@ def follow_path(
     Raises:
         ValueError: If the path is not (m, 3) or the speed is negative.
     """
+    motion = _motion_along(path, start, limits, speed_cap, reverse, sideways_speed, whole_bends)
+    return _along(path, start, motion, limits, reverse)
+
+
+def time_along(
+    path: Floats,
+    start: PathState,
+    limits: MotionLimits,
+    speed_cap: float,
+    reverse: bool = False,
+    sideways_speed: float = 0.0,
+    whole_bends: bool = False,
+) -> float:
+    """Return the duration of the trajectory of `follow_path`, s; arguments as there."""
+    motion = _motion_along(path, start, limits, speed_cap, reverse, sideways_speed, whole_bends)
+    steps = _heading_steps(_to_end(path, motion)[0], motion)
+    return max(motion.duration, HEADING_STEP * steps)  # which can be later by a rounding
+
+
+def _motion_along(
+    path: Floats,
+    start: PathState,
+    limits: MotionLimits,
+    speed_cap: float,
+    reverse: bool,
+    sideways_speed: float,
+    whole_bends: bool,
+) -> Profile:
+    """Return the motion of `follow_path` along its path."""
     state = _start_state(path, start, limits)
     length = float(arc_lengths(path)[-1]) - state.position
     cap = min(limits.speed, speed_cap)
@@ -88,9 +111,7 @@ def follow_path(
         turn = _turn_into(path, state.position, start.heading, math.pi if reverse else 0.0)
         zones = _zones(path, state, turn, cap, limits, sideways_speed, whole_bends)
         motion = time_parameterize(state, zones, limits.along)
-    if motion is None:
-        motion = jerk_limited.stop(state, limits.along)
-    return _along(path, start, motion, limits, reverse)
+    return jerk_limited.stop(state, limits.along) if motion is None else motion
 
 
 def keeps_limits(
@@ -164,26 +185,6 @@ def hold(position: Floats, start_ns: int, heading: float) -> Trajectory:
     )
 
 
-@lru_cache(maxsize=64)  # each decision needs the same few several times
-def stopping_distance(speed: float, acceleration: float, limits: MotionLimits) -> float:
-    """Return the length of the fastest jerk-limited stop, m."""
-    start = _feasible(0.0, speed, acceleration, limits)
-    return jerk_limited.stop(start, limits.along).end
-
-
-def stopping_speeds(
-    speed: float, acceleration: float, limits: MotionLimits, arcs: Floats
-) -> Floats:
-    """Return the speeds (n,) of the fastest jerk-limited stop at arc lengths (n,), m/s.
-
-    They rise at first where the robot was accelerating.
-    """
-    motion = jerk_limited.stop(_feasible(0.0, speed, acceleration, limits), limits.along)
-    times = np.linspace(0.0, motion.duration, STOP_SAMPLES)
-    speeds: Floats = np.interp(arcs, *motion.motion(times))
-    return speeds
-
-
 def _single(position: Floats) -> Floats:
     return np.array(position, dtype=np.float64).reshape(1, 3)
 
@@ -193,15 +194,7 @@ def _start_state(path: Floats, start: PathState, limits: MotionLimits) -> State:
         raise ValueError(f"path: got shape {path.shape}, expected (m, 3) with m of 1 or more")
     total = float(arc_lengths(path)[-1])
     position = min(max(start.arc_length, 0.0), total)
-    return _feasible(position, start.speed, start.acceleration, limits)
-
-
-def _feasible(s: float, speed: float, acceleration: float, limits: MotionLimits) -> State:
-    """Return a state whose deceleration can end before the speed would turn negative."""
-    if not speed >= -REST_SPEED:
-        raise ValueError(f"speed: got {speed}, expected 0 or more")
-    speed = max(speed, 0.0)  # a profile that ends at rest can miss 0 by a rounding
-    return State(s, speed, max(acceleration, -math.sqrt(2.0 * limits.jerk * speed)))
+    return feasible_state(position, start.speed, start.acceleration, limits)
 
 
 def _turn_into(path: Floats, s: float, heading: float, off: float) -> float:
@@ -214,23 +207,34 @@ def _along(
     path: Floats, start: PathState, motion: Profile, limits: MotionLimits, reverse: bool
 ) -> Trajectory:
     """Return a trajectory of a profile on a path, its heading following the path's."""
-    overshoot = motion.end - float(arc_lengths(path)[-1])
-    if overshoot < -LEAST_ZONE:  # it stops before the end: the rest is no part of it
-        path, overshoot = truncate(path, motion.end), 0.0
-    elif overshoot <= LEAST_ZONE:
-        overshoot = 0.0
-    elif len(path) > 1:
-        path = np.vstack((path, path[-1] + overshoot * edge_tangents(path)[-1]))
+    path, overshoot = _to_end(path, motion)
     turning = _turning(path, motion, start, limits, off=math.pi if reverse else 0.0)
     return Trajectory(start.time_ns, path, motion, turning, overshoot)
+
+
+def _to_end(path: Floats, motion: Profile) -> tuple[Floats, float]:
+    """Return the path up to the end of a motion, and by how much that is beyond its own end, m."""
+    overshoot = motion.end - float(arc_lengths(path)[-1])
+    if overshoot < -LEAST_ZONE:  # it stops before the end: the rest is no part of it
+        return truncate(path, motion.end), 0.0
+    if overshoot <= LEAST_ZONE:
+        return path, 0.0
+    if len(path) > 1:
+        path = np.vstack((path, path[-1] + overshoot * edge_tangents(path)[-1]))
+    return path, overshoot
+
+
+def _heading_steps(path: Floats, motion: Profile) -> int:
+    """Return the time steps in which a heading follows a path, without an incomplete last one."""
+    return 0 if len(path) == 1 else math.floor(motion.duration / HEADING_STEP)
 
 
 def _turning(
     path: Floats, motion: Profile, start: PathState, limits: MotionLimits, off: float
 ) -> Profile:
     """Return the heading in motion: the path's and an offset, blended between edges' middles."""
-    steps = math.floor(motion.duration / HEADING_STEP)  # without the incomplete one at the end
-    if steps == 0 or len(path) == 1:
+    steps = _heading_steps(path, motion)
+    if steps == 0:
         return jerk_limited.at_rest(start.heading)
     middles = arc_lengths(path)[:-1] + 0.5 * edge_lengths(path)
     headings = edge_headings(edge_tangents(path), start.heading - off) + off

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wayproof.harness.stack.types import Array, PlannerInput
-from wayproof.planners import PathState, Trajectory, TrajectorySample, follow_path
+from wayproof.planners import PathState, Trajectory, TrajectorySample, follow_path, time_along
 
 
 def at_begin(input: PlannerInput, start: TrajectorySample) -> PathState:
@@ -44,4 +44,11 @@ def plan_trajectory(
 
 def travel_time(input: PlannerInput, start: TrajectorySample, path: Array) -> float:
     """Time to the end of a path (n, 3) from the start of a trajectory, were it all free, s."""
-    return plan_trajectory(input, start, path, speed_share=1.0).duration_s
+    return time_along(
+        path,
+        start=at_begin(input, start),
+        limits=input.limits,
+        speed_cap=input.limits.speed,
+        sideways_speed=input.sideways_speed,
+        whole_bends=input.behaviour.whole_bends,
+    )

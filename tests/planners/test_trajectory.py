@@ -23,6 +23,7 @@ from wayproof.planners import (
     speed_zones,
     stop_along,
     stopping_distance,
+    time_along,
     trajectory,
     turn_in_place,
 )
@@ -350,3 +351,15 @@ def test_poses_and_path_after_a_time_are_the_rest_of_the_whole():
         np.testing.assert_allclose(left[0], now.position, atol=1e-9)
         np.testing.assert_allclose(left[-1], along.stop_point, atol=1e-12)
         assert arc_lengths(left)[-1] == pytest.approx(along.motion.end - now.arc_length, abs=1e-9)
+
+
+@pytest.mark.parametrize("points", [1, 2, 9])
+@pytest.mark.parametrize("speed_cap", [0.0, 0.3, 1.5])
+def test_the_time_along_a_path_is_that_of_its_trajectory(points, speed_cap):
+    rng = np.random.default_rng(points)
+    for _ in range(20):
+        path = np.cumsum(rng.normal(0.0, 0.3, (points, 3)), axis=0)
+        state = PathState(0, float(rng.uniform(0.0, 0.3)), float(rng.uniform(0.0, 1.5)), 0.2, 1.0)
+        for options in ({}, {"reverse": True}, {"sideways_speed": 0.4, "whole_bends": True}):
+            trajectory = follow_path(path, state, DRONE, speed_cap, **options)
+            assert time_along(path, state, DRONE, speed_cap, **options) == trajectory.duration_s
