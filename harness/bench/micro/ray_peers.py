@@ -8,12 +8,15 @@ tessellation.
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
+from wayproof.harness.errors import InputError
 
 Hits = tuple[NDArray[np.float64], NDArray[np.int32]]
 Cast = Callable[[], Hits]
@@ -27,13 +30,31 @@ ROUND = 48
 
 
 def installed_peers() -> dict[str, Callable[..., Cast]]:
-    """Return the makers of the installed peers by name."""
+    """Return the makers of the installed peers by name.
+
+    Raises:
+        InputError: One is installed and cannot be imported, as without a library of the system.
+    """
     peers = {}
-    if find_spec("trimesh") and find_spec("open3d"):
+    if find_spec("trimesh") and _imports("open3d"):
         peers["open3d"] = _open3d
-    if find_spec("trimesh") and find_spec("embreex"):
+    if find_spec("trimesh") and _imports("embreex"):
         peers["embree"] = _embree
     return peers
+
+
+def _imports(name: str) -> bool:
+    """Import a module if it is installed; return whether it is."""
+    if find_spec(name) is None:
+        return False
+    try:
+        import_module(name)
+    except ImportError as error:
+        raise InputError(
+            f"{name}: installed, but cannot be imported ({error}); "
+            "expected what it needs, or to be uninstalled"
+        ) from error
+    return True
 
 
 def _open3d(

@@ -1,14 +1,16 @@
 """The triangles that peers cast rays at are the scene's own."""
 
 import math
+import sys
 
 import mujoco
 import numpy as np
 import pytest
 import trimesh
 
-from wayproof.harness.bench.micro.ray_peers import FAR, triangles
+from wayproof.harness.bench.micro.ray_peers import FAR, installed_peers, triangles
 from wayproof.harness.bench.raycast.scenes import field_terrain
+from wayproof.harness.errors import InputError
 
 VOLUMES = {
     "sphere": ("0.5", 4 / 3 * math.pi * 0.5**3),
@@ -61,3 +63,12 @@ def test_a_height_field_is_cut_as_mujoco_cuts_it():
         inside = (shares >= -1e-9).all(axis=1)
         heights = (shares[inside] * corners[inside, :, 2]).sum(axis=1)
         np.testing.assert_allclose(heights, 5.0 - distance, atol=1e-6)
+
+
+def test_a_peer_that_lacks_a_library_of_the_system_is_named(tmp_path, monkeypatch):
+    lacking = "import ctypes\ntry:\n    ctypes.CDLL('libnone.so.0')\nexcept OSError as error:\n"
+    (tmp_path / "open3d.py").write_text(lacking + "    raise ImportError(str(error)) from error\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "open3d", raising=False)
+    with pytest.raises(InputError, match=r"^open3d: installed, .*libnone\.so\.0.*expected what it"):
+        installed_peers()
