@@ -43,7 +43,7 @@ def main(recording: Path, seconds: float, out: Path) -> None:
 
 
 def check_vulkan() -> None:
-    """Exit without Vulkan; the viewer would exit too, and be waited for for 5 s."""
+    """Exit if there is no Vulkan: the viewer would exit too, only 5 s later."""
     try:
         ctypes.CDLL("libvulkan.so.1")
     except OSError as error:

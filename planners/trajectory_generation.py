@@ -74,7 +74,15 @@ def follow_path(
     Raises:
         ValueError: If the path is not (m, 3) or the speed is negative.
     """
-    motion = _motion_along(path, start, limits, speed_cap, reverse, sideways_speed, whole_bends)
+    motion = _motion_along(
+        path,
+        start,
+        limits,
+        speed_cap=speed_cap,
+        reverse=reverse,
+        sideways_speed=sideways_speed,
+        whole_bends=whole_bends,
+    )
     return _along(path, start, motion, limits, reverse)
 
 
@@ -87,8 +95,16 @@ def time_along(
     sideways_speed: float = 0.0,
     whole_bends: bool = False,
 ) -> float:
-    """Return the duration of the trajectory of `follow_path`, s; arguments as there."""
-    motion = _motion_along(path, start, limits, speed_cap, reverse, sideways_speed, whole_bends)
+    """Return the duration of the trajectory along a path, s; arguments as of `follow_path`."""
+    motion = _motion_along(
+        path,
+        start,
+        limits,
+        speed_cap=speed_cap,
+        reverse=reverse,
+        sideways_speed=sideways_speed,
+        whole_bends=whole_bends,
+    )
     steps = _heading_steps(_to_end(path, motion)[0], motion)
     return max(motion.duration, HEADING_STEP * steps)  # which can be later by a rounding
 
@@ -97,12 +113,13 @@ def _motion_along(
     path: Floats,
     start: PathState,
     limits: MotionLimits,
+    *,
     speed_cap: float,
     reverse: bool,
     sideways_speed: float,
     whole_bends: bool,
 ) -> Profile:
-    """Return the motion of `follow_path` along its path."""
+    """Return the motion along a path from a state to rest; arguments as of `follow_path`."""
     state = _start_state(path, start, limits)
     length = float(arc_lengths(path)[-1]) - state.position
     cap = min(limits.speed, speed_cap)
