@@ -141,9 +141,7 @@ class DynamicMap(VoxelMap):
         )
         crossed = self._evidence() < before
         self._now_ns = max(self._now_ns, time_ns)
-        self._learn_free()
-        hits = ends.points[ends.returned] >> beams.SUBCELL_BITS
-        met = as_set(hits[self._ever_free.record_hits(hits)])
+        met = self._learn_free(ends.points[ends.returned] >> beams.SUBCELL_BITS)
         self._sightings = self._retire(self._meet(met, crossed))
         self._close_period()
         self._predict()
@@ -282,13 +280,28 @@ class DynamicMap(VoxelMap):
             free[i] = super().columns(corner, BRICK_SHAPE)[1].reshape(-1)
         return free
 
-    def _learn_free(self) -> None:
-        """Bring the ever-free space up to date with changes of the static evidence."""
+    def _learn_free(self, hits: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Bring the ever-free space up to date; return the set of its cells (n, 3) that were hit.
+
+        Where one return makes a free cell occupied, the hits (k, 3) come first: what they make
+        occupied would be no ever-free space any more, and nothing would ever be seen to move.
+        """
+        at_once = self.evidence.low + self.evidence.hit > 0
+        met = self._met(hits) if at_once else NO_CELLS
+        self._follow_evidence(np.concatenate([self._sightings.cells, met]))
+        return met if at_once else self._met(hits)
+
+    def _met(self, hits: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Record hits (k, 3); return the set of ever-free cells (n, 3) among them."""
+        return as_set(hits[self._ever_free.record_hits(hits)])
+
+    def _follow_evidence(self, kept: NDArray[np.int64]) -> None:
+        """Take what is not free any more out of the ever-free space, but for the cells kept."""
         boxes, now = super().changed(self._seen)
         keys = brick_of(boxes[:, :3])
         if np.any(boxes[:, 3] - boxes[:, 0] > BRICK_SHAPE[0]):  # all of space
             keys = np.concatenate([brick_of(super().changed(0)[0][:, :3]), self._ever_free.keys()])
-        self._ever_free.keep_free(keys, self._read_free(keys), self._sightings.cells)
+        self._ever_free.keep_free(keys, self._read_free(keys), kept)
         self._seen = now
 
     def _meet(self, met: NDArray[np.int64], crossed: NDArray[np.bool_]) -> Sightings:

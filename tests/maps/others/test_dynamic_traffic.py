@@ -150,6 +150,20 @@ def test_table_of_true_future_cells_and_ghosts():
         assert figures[name, "dynamic"][2] < 0.6 * figures[name, "voxel"][2]
 
 
+@pytest.mark.parametrize("name", ["across", "obliquely"])
+def test_it_predicts_where_one_return_makes_a_free_cell_occupied_too(name):
+    """Such evidence takes a cell out of the free space with the hit that shows the motion."""
+    figures = []
+    for kind in ("voxel", "dynamic"):
+        judge = Judge(WAYS[name])
+        drive(kind, WAYS[name], each=judge, prob_min=0.3)
+        figures.append(np.mean(judge.rows, axis=0))
+    voxel, dynamic = figures
+    assert voxel[0] == dynamic[0] == 1.0
+    assert dynamic[1] > voxel[1] + 0.05
+    assert dynamic[2] < 0.9 * voxel[2]
+
+
 def test_with_nothing_moving_it_ends_as_a_voxel_map():
     one, other = drive("voxel", None), drive("dynamic", None)
     assert len(other.dynamic_centres()) == 0

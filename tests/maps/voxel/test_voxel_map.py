@@ -56,6 +56,18 @@ def test_seven_misses_take_three_hits_below_zero(voxel_map):
     assert states == [OCCUPIED] * 6 + [FREE]
 
 
+@pytest.mark.parametrize(("prob_min", "returns"), [(0.12, 3), (0.2, 2), (0.3, 1)])
+def test_returns_that_make_a_free_cell_occupied_by_the_lower_clamp(prob_min, returns):
+    voxel_map = VoxelMap(MapConfig(half_life=0.0, prob_min=prob_min))
+    for _ in range(20):
+        look(voxel_map, 2500)
+    states = []
+    for _ in range(returns):
+        look(voxel_map, 2000)
+        states.append(int(voxel_map.state_at(CELL)[0]))
+    assert states == [FREE] * (returns - 1) + [OCCUPIED]
+
+
 def test_evidence_is_clamped_on_both_sides(voxel_map):
     for _ in range(20):
         look(voxel_map, 2000)
