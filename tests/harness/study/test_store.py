@@ -146,6 +146,18 @@ def test_a_log_is_of_the_episode_that_its_config_says(finished, recorded, capsys
     assert len(json.loads(capsys.readouterr().out)["foreign"]) == 2
 
 
+def test_a_study_of_logs_of_other_episodes_alone_has_not_run(finished, recorded, capsys):
+    store, planned = finished
+    for one in planned:
+        other = recorded("empty", "drone", one.seed, "episode.time_limit=0.5")
+        shutil.copyfile(other.log, store.log(one.key))
+    (store.folder / "table.parquet").write_bytes(b"of the run before")
+    assert main(["study", str(store.folder.parent / "study.toml"), "--out", str(store.folder)]) == 3
+    captured = capsys.readouterr()
+    assert "2 of 2 have not run; in place of 2 of these lie logs of other" in captured.out
+    assert not (store.folder / "table.parquet").exists()
+
+
 def test_another_goal_or_lidar_is_another_episode(finished, recorded):
     """What a run fills in is worked out again: it is in the log and not in the plan."""
     store, planned = finished
