@@ -15,6 +15,7 @@ from wayproof.harness.perturbations.depth_dropout import DepthDropout
 from wayproof.harness.perturbations.depth_noise import DepthNoise
 from wayproof.harness.perturbations.depth_scale import DepthScale
 from wayproof.harness.perturbations.displacement import Displacement
+from wayproof.harness.perturbations.false_returns import FalseReturns
 from wayproof.harness.perturbations.imu_bias import ImuBias
 from wayproof.harness.perturbations.latency import Latency
 from wayproof.harness.perturbations.motion import Motion
@@ -37,6 +38,7 @@ AnyPerturbation: TypeAlias = (
     | DepthDropout
     | DepthNoise
     | DepthScale
+    | FalseReturns
     | Occlusion
     | Calibration
     | Latency

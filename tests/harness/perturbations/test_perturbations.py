@@ -133,6 +133,32 @@ def test_noise_has_its_standard_deviation_and_stays_in_the_devices_span():
     assert (perturbation_from("depth_noise:5").report(report(ranges=silent)) == silent).all()
 
 
+def test_false_returns_come_before_a_beams_own_and_mostly_near():
+    silent = np.full(20_000, NO_RETURN, np.uint16)
+    rainy = perturbation_from("false_returns:5").report(report(ranges=silent)).astype(int)
+    false = rainy[rainy != NO_RETURN]
+    assert len(false) / len(rainy) == pytest.approx(0.1, rel=0.05)
+    assert false.min() >= 500
+    assert false.max() <= 10_000
+    # Of a density that falls with the square from 0.5 to 10 m, half lie within 0.952 m.
+    assert (false < 952).mean() == pytest.approx(0.5, abs=0.03)
+    near = np.full(20_000, 600, np.uint16)
+    before_walls = perturbation_from("false_returns:5").report(report(ranges=near))
+    assert set(before_walls[before_walls != 600].tolist()) <= set(range(500, 600))
+    assert (before_walls != 600).mean() == pytest.approx(0.1 * (1 - 5 / 6) / (1 - 0.05), rel=0.2)
+    dropped = np.full(20_000, DROPPED, np.uint16)
+    assert (perturbation_from("false_returns:5").report(report(ranges=dropped)) == DROPPED).all()
+
+
+def test_a_device_reports_no_false_return_outside_its_span():
+    short = replace(report("ouster-os1-64"), ranges_mm=np.full(65_536, 5000, np.uint16))
+    rainy = perturbation_from("false_returns:4").report(short).astype(int)
+    assert rainy[rainy != 5000].min() >= 800
+    camera = replace(report("intel-realsense-d435"), ranges_mm=np.full(6360, NO_RETURN, np.uint16))
+    seen = perturbation_from("false_returns:5").report(camera).astype(int)
+    assert seen[seen != NO_RETURN].max() <= 3000
+
+
 def test_rays_are_lost_one_by_one():
     kept = perturbation_from("depth_dropout:4").report(report())
     assert set(kept.tolist()) == {5000, 65535}

@@ -33,6 +33,7 @@ TEXTS = {
     "depth_dropout:3:sweep": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
     "depth_noise:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
     "depth_scale:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
+    "false_returns:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
     "occlusion:3": {"sensor/lidar"},
     "calibration:3": {"sensor/lidar"},
     "calibration:3:translation": {"sensor/lidar"},
