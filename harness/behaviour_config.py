@@ -74,7 +74,7 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 7)] = 7
+    rules: Annotated[int, Bounds(1, 8)] = 8
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -164,3 +164,8 @@ class BehaviourConfig:
     def judges_ranges(self) -> bool:
         """Whether lost echoes and noise are looked for in the sweeps themselves."""
         return self.rules >= 7
+
+    @property
+    def drops_false_returns(self) -> bool:
+        """Whether single returns before all around them are no evidence, where there are many."""
+        return self.rules >= 8

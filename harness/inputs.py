@@ -13,6 +13,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.listed_beams import ListedBeams, Mount
 from wayproof.harness.prediction.predicted_box import PredictedBox
+from wayproof.maps.elementary import norm
 from wayproof.maps.sweep import Ranges
 from wayproof.models.poses import Trail, rotation_matrices
 from wayproof.models.sensors.beams import (
@@ -136,6 +137,11 @@ class Beams:
     def is_image(self) -> bool:
         """Whether the beams are a grid, a row of which has neighbouring beams."""
         return self.table.order == "grid" and len(self.table.columns) > 2
+
+    @cached_property
+    def column_step(self) -> float:
+        """Distance of neighbouring beams of a grid's row at a range of 1 m, about, m."""
+        return norm(self.table.columns[1] - self.table.columns[0])
 
     def directions_in_base(self) -> NDArray[np.float64]:
         """Return unit directions (n, 3) of the beams in the base's frame; none of listed beams."""

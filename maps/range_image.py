@@ -1,6 +1,6 @@
-"""A sweep as a range image: echoes that are lost between others, and the noise of its ranges.
+"""A sweep as a range image: lost echoes, false returns, and the noise of its ranges.
 
-Both are measured in the sweep itself, row by row, so they need no map and no data sheet.
+All are measured in the sweep itself, so they need no map and no data sheet.
 """
 
 from __future__ import annotations
@@ -18,6 +18,26 @@ MISSED = 0.01
 
 MOST_REACH = 24
 """Greatest number of columns looked at to each side."""
+
+LEAST_DEPTH = 0.05
+"""Least distance by which a false return lies before the returns beside it, m."""
+
+DEPTH_IN_DEVIATIONS = 4.3
+"""The same in standard deviations of a range: three of the difference of two."""
+
+SAME_THING = 0.2
+"""Difference in range up to which returns above one another are of one thing, m."""
+
+LEAST_FALSE = 0.002
+"""Share of single returns above which they are false. In most sweeps of the built-in worlds, where
+they are tips of things, it is below that."""
+
+FEW_LOST = 0.1
+"""Share of lost echoes up to which a beam without return is taken to see far."""
+
+LEAST_BESIDE = 0.02
+"""Least share of the beams that must have returns right beside them to say how many are lost: amid
+falling snow before the open sky few have, and none is lost."""
 
 LEAST_TRIPLES = 200
 """Fewest triples of neighbouring returns that hold a deviation."""
@@ -70,6 +90,39 @@ def reach_for(share: float) -> int:
     return reach
 
 
+def false_returns(
+    image: Ranges, closed: bool, farthest_m: float, deviation_m: float
+) -> NDArray[np.bool_] | None:
+    """Find returns of what is in the air, as rain and snow: single ones before their neighbours.
+
+    After Charron et al. 2018, "De-noising of Lidar Point Clouds Corrupted by Snowfall": snow has no
+    neighbours within a radius that grows with the distance between beams. Here it must also lie
+    before those of its row, so that no edge of a surface counts; and if the one above or below does
+    so as well, at about its range, both are of a thing, as a pole.
+
+    Args:
+        image: (r, c) ranges, mm, a row for each elevation.
+        closed: Whether the last column lies beside the first.
+        farthest_m: Range up to which two beams meet whatever is large enough to matter, m.
+        deviation_m: Standard deviation of the ranges, m.
+
+    Returns:
+        (r, c) whether each is one; None where there are too few to be any but tips of things, or
+        the image is a single row.
+    """
+    if image.shape[0] < 2:
+        return None
+    depth = round(1e3 * max(LEAST_DEPTH, DEPTH_IN_DEVIATIONS * deviation_m))
+    protruding, alone = np.empty((2, *image.shape), np.bool_)
+    farthest = round(1e3 * farthest_m)
+    beside, silent = kernels.count_silent(image, closed)
+    sky = beside < LEAST_BESIDE * image.size or silent < FEW_LOST * beside
+    returns = kernels.find_protruding(image, farthest, depth, sky, closed, protruding)
+    near = max(round(1e3 * SAME_THING), depth)
+    found = kernels.find_alone(image, protruding, near, closed, alone)
+    return alone if found > LEAST_FALSE * returns else None
+
+
 def range_deviation(image: Ranges) -> float | None:
     """Estimate the standard deviation of the ranges of an image, m; None of too few returns.
 
@@ -91,4 +144,5 @@ def warm_up() -> None:
     """Compile the kernels, or load them from the cache."""
     image = np.full((2, 3), kernels.NO_RETURN_MM, np.uint16)
     lost_echoes(image, closed=True)
+    false_returns(image, closed=True, farthest_m=1.0, deviation_m=0.0)
     range_deviation(image)

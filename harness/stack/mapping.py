@@ -21,7 +21,11 @@ from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.ground import on_level_ground
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.harness.stack.provenance import layers_of, stages_of
-from wayproof.harness.stack.range_errors import range_deviation, without_lost_echoes
+from wayproof.harness.stack.range_errors import (
+    range_deviation,
+    without_false_returns,
+    without_lost_echoes,
+)
 from wayproof.harness.stack.rolling_window import Cell, RollingWindow, rolls
 from wayproof.maps import MAPS, Costmap
 from wayproof.maps.columns import ColumnMap
@@ -180,7 +184,10 @@ class Mapper:
         if self._config.map.no_return == "ignored":
             placed = placed.without_no_returns()
         if self._config.behaviour.judges_ranges:
-            self.range_sigma = max(self.range_sigma, range_deviation(placed, beams))
+            deviation = range_deviation(placed, beams)
+            self.range_sigma = max(self.range_sigma, deviation)
+            if self._config.behaviour.drops_false_returns:
+                placed = without_false_returns(placed, beams, deviation)
         placed = on_level_ground(placed, beams.range, self._config, self._mission)
         if self._config.behaviour.judges_ranges:
             placed = without_lost_echoes(placed, beams)

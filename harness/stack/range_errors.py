@@ -9,6 +9,10 @@ from wayproof.maps import range_image
 from wayproof.maps.sweep import Ranges
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
+SMALLEST = 0.06
+"""Width of the smallest things that must not be taken for rain, m: farther away than a range at
+which beams are as far apart, one of them may meet a thing alone."""
+
 
 def without_lost_echoes(placed: WorldSweep, beams: Beams) -> WorldSweep:
     """Return a sweep without the beams that lost their echo: no return between returns.
@@ -24,6 +28,29 @@ def without_lost_echoes(placed: WorldSweep, beams: Beams) -> WorldSweep:
     lost = range_image.lost_echoes(_image(placed.ranges_mm, beams), beams.table.closed)
     ranges_mm = placed.ranges_mm.copy()
     ranges_mm[lost.ravel()] = DROPPED
+    return replace(placed, ranges_mm=ranges_mm)
+
+
+def without_false_returns(placed: WorldSweep, beams: Beams, deviation: float) -> WorldSweep:
+    """Return a sweep without the returns of rain, snow or dust: no evidence along those beams.
+
+    Args:
+        placed: The sweep in the world frame.
+        beams: Its sensor; only a grid has neighbouring beams.
+        deviation: Standard deviation of the ranges, m.
+    """
+    if not beams.is_image:
+        return placed
+    false = range_image.false_returns(
+        _image(placed.ranges_mm, beams),
+        beams.table.closed,
+        farthest_m=SMALLEST / beams.column_step,
+        deviation_m=deviation,
+    )
+    if false is None:
+        return placed
+    ranges_mm = placed.ranges_mm.copy()
+    ranges_mm[false.ravel()] = DROPPED
     return replace(placed, ranges_mm=ranges_mm)
 
 

@@ -10,6 +10,9 @@ from wayproof.maps._jit import kernel
 NO_RETURN_MM = 65535
 DROPPED_MM = 0
 
+BESIDE = 2
+"""Beams to each side of a return that it is compared with."""
+
 
 @kernel
 def count_silent(
@@ -71,6 +74,91 @@ def _returned_beside(
         if _returned(row[beside]):
             return True
     return False
+
+
+@kernel
+def find_protruding(
+    image: NDArray[np.uint16] | NDArray[np.uint32],  # (r, c) ranges, mm
+    farthest: int,  # mm
+    depth: int,  # mm
+    sky: bool,  # whether a beam without return is known to see far
+    closed: bool,  # whether the last column lies beside the first
+    protruding: NDArray[np.bool_],  # (r, c) out
+) -> int:
+    """Find the returns up to a range that lie by a depth before all beside them, in their row.
+
+    Returns:
+        Number of returns of the image.
+    """
+    returns = int(np.int64(0))
+    for i in range(image.shape[0]):
+        for j in range(image.shape[1]):
+            protruding[i, j] = False
+            if not _returned(image[i, j]):
+                continue
+            returns += 1
+            if image[i, j] <= farthest:
+                beyond = int(image[i, j]) + depth
+                protruding[i, j] = _sees_beyond(image[i], j, -1, beyond, sky, closed) and (
+                    _sees_beyond(image[i], j, 1, beyond, sky, closed)
+                )
+    return returns
+
+
+@kernel
+def _sees_beyond(
+    row: NDArray[np.uint16] | NDArray[np.uint32],  # (c,) mm
+    column: int,
+    step: int,  # 1 or -1
+    beyond: int,  # mm
+    sky: bool,
+    closed: bool,
+) -> bool:
+    """Return whether the beams to one side, `BESIDE` of them, see far, or the image ends there."""
+    columns = row.shape[0]
+    seen = False
+    for k in range(1, BESIDE + 1):
+        beside = column + step * k
+        if beside < 0 or beside >= columns:
+            if not closed:
+                return k == 1 or seen
+            beside %= columns
+        if _returned(row[beside]):
+            if np.int64(row[beside]) <= beyond:
+                return False
+            seen = True
+        elif sky and row[beside] == NO_RETURN_MM:
+            seen = True
+    return seen
+
+
+@kernel
+def find_alone(
+    image: NDArray[np.uint16] | NDArray[np.uint32],  # (r, c) ranges, mm
+    protruding: NDArray[np.bool_],  # (r, c)
+    near: int,  # mm
+    closed: bool,  # whether the last column lies beside the first
+    alone: NDArray[np.bool_],  # (r, c) out
+) -> int:
+    """Find the protruding returns without one above or below at about their range; count them."""
+    rows, columns = image.shape
+    found = int(np.int64(0))
+    for i in range(rows):
+        for j in range(columns):
+            alone[i, j] = protruding[i, j]
+            if not protruding[i, j]:
+                continue
+            for row in range(max(i - 1, 0), min(i + 2, rows)):
+                for step in range(-1, 2):
+                    beside = j + step
+                    if row == i or (not closed and not 0 <= beside < columns):
+                        continue
+                    beside %= columns
+                    apart = np.int64(image[row, beside]) - np.int64(image[i, j])
+                    if protruding[row, beside] and abs(apart) <= near:
+                        alone[i, j] = False
+            found += alone[i, j]
+    return found
 
 
 @kernel

@@ -7,7 +7,9 @@ import pytest
 
 from wayproof.maps.kernels import range_image as kernels
 from wayproof.maps.range_image import (
+    LEAST_FALSE,
     LEAST_TRIPLES,
+    false_returns,
     lost_echoes,
     lost_share,
     range_deviation,
@@ -114,6 +116,117 @@ def test_beside_the_border_the_image_goes_on_where_it_is_closed():
     image[0, 59] = NO_RETURN
     assert np.flatnonzero(lost_echoes(image, closed=False)[0]).tolist() == [0, 59]
     assert not lost_echoes(image, closed=True).any()
+
+
+def naive_protruding(image, farthest, depth, sky, closed):
+    rows, columns = image.shape
+    protruding = np.zeros(image.shape, bool)
+    for i in range(rows):
+        for j in range(columns):
+            own = int(image[i, j])
+            if own in (NO_RETURN, DROPPED) or own > farthest:
+                continue
+            sides = []
+            for step in (-1, 1):
+                beside = [j + step * k for k in range(1, kernels.BESIDE + 1)]
+                inside = [k % columns for k in beside if closed or 0 <= k < columns]
+                ranges = [int(image[i, k]) for k in inside]
+                told = [one for one in ranges if one != DROPPED and (sky or one != NO_RETURN)]
+                sides.append(all(one > own + depth for one in told) and (told or not inside))
+            protruding[i, j] = all(sides)
+    return protruding
+
+
+def naive_alone(image, protruding, near, closed):
+    rows, columns = image.shape
+    alone = protruding.copy()
+    for i, j in zip(*np.nonzero(protruding), strict=True):
+        for row in (i - 1, i + 1):
+            for column in (j - 1, j, j + 1):
+                if not 0 <= row < rows or not (closed or 0 <= column < columns):
+                    continue
+                other = (row, column % columns)
+                if protruding[other] and abs(int(image[other]) - int(image[i, j])) <= near:
+                    alone[i, j] = False
+    return alone
+
+
+@pytest.mark.parametrize("closed", [True, False])
+@pytest.mark.parametrize("sky", [True, False])
+@pytest.mark.parametrize("seed", range(6))
+def test_single_returns_before_others_are_found_as_a_naive_search_does(seed, sky, closed):
+    image = random_image(seed, rows=9)
+    image[2:, ::3] //= 4
+    image[image == 16383] = NO_RETURN
+    args = image, 6000, 50, sky, closed
+    expected = naive_protruding(*args)
+    assert 0 < expected.sum() < expected.size / 2
+    for find in (kernels.find_protruding, kernels.find_protruding.py_func):
+        protruding = np.empty(image.shape, bool)
+        assert find(*args, protruding) == ((image != NO_RETURN) & (image != DROPPED)).sum()
+        np.testing.assert_array_equal(protruding, expected)
+    for near in (100, 3000):
+        alone = naive_alone(image, expected, near, closed)
+        for find in (kernels.find_alone, kernels.find_alone.py_func):
+            got = np.empty(image.shape, bool)
+            assert find(image, expected, near, closed, got) == alone.sum()
+            np.testing.assert_array_equal(got, alone)
+
+
+def rain(image, share, seed=1, nearest=500):
+    """The image with false returns before its own, and where they are."""
+    rng = np.random.default_rng(seed)
+    false = rng.integers(nearest, 4000, image.shape)
+    chosen = (rng.random(image.shape) < share) & (false < image.astype(np.int64) - 300)
+    return np.where(chosen, false, image).astype(image.dtype), chosen
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.03])
+@pytest.mark.parametrize("share", [0.01, 0.03, 0.1])
+def test_false_returns_are_found_and_surfaces_are_not(share, noise_m):
+    image, chosen = rain(room(noise_m), share)
+    found = false_returns(image, closed=True, farthest_m=5.0, deviation_m=noise_m)
+    assert found[chosen].mean() > 0.9 - 4.0 * share
+    assert found[~chosen].mean() < 0.001
+
+
+def test_before_open_sky_they_are_found_unless_echoes_get_lost():
+    sky = np.full((32, 512), NO_RETURN, np.uint16)
+    image, chosen = rain(sky, 0.02)
+    found = false_returns(image, closed=True, farthest_m=5.0, deviation_m=0.0)
+    assert found[chosen].mean() > 0.9
+    walls = room(0.0, lost=0.3)
+    walls[8:24] = image[8:24]
+    kept = false_returns(walls, closed=True, farthest_m=5.0, deviation_m=0.0)
+    assert kept is None or not kept[8:24].any()
+
+
+def test_a_pole_one_beam_wide_and_a_thing_two_beams_wide_are_no_false_returns():
+    image, _ = rain(room(0.0), 0.02)
+    image[10:14, 300] = 1100  # four rows of a pole
+    image[20, 400:402] = 1100
+    image[24, 200] = 1100
+    found = false_returns(image, closed=True, farthest_m=5.0, deviation_m=0.0)
+    assert not found[10:14, 300].any()
+    assert not found[20, 400:402].any()
+    assert found[24, 200]
+
+
+def test_few_single_returns_are_tips_of_things_and_a_single_row_holds_none():
+    image = room(0.0)
+    image[5, 50:500:30] = 1000  # 15 of 16,384
+    assert 15 / image.size < LEAST_FALSE
+    assert false_returns(image, closed=True, farthest_m=5.0, deviation_m=0.0) is None
+    image[9, 50:500:15] = 1000
+    assert false_returns(image, closed=True, farthest_m=5.0, deviation_m=0.0)[5, 50]
+    assert false_returns(image[5:6], closed=True, farthest_m=5.0, deviation_m=0.0) is None
+
+
+def test_beyond_the_range_at_which_two_beams_meet_a_thing_nothing_is_false():
+    image, chosen = rain(room(0.0), 0.05)
+    found = false_returns(image, closed=True, farthest_m=1.0, deviation_m=0.0)
+    assert not found[image > 1000].any()
+    assert found[chosen & (image <= 1000)].mean() > 0.9
 
 
 def room(noise_m, lost=0.0, seed=0, rows=32, columns=512):

@@ -1,16 +1,17 @@
-"""Errors of ranges that a sweep shows itself: lost echoes clear nothing, noise costs speed."""
+"""Errors of ranges that a sweep shows itself: lost echoes, false returns, noise."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.replay.verify import verify
-from wayproof.harness.runner import open_episode
+from wayproof.harness.runner import open_episode, run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.maps import FREE
 from wayproof.models.worlds import Box
@@ -18,7 +19,7 @@ from wayproof.models.worlds import Box
 SETTINGS = ("motion.limits=full", "episode.time_limit=3")
 
 
-def fly(path, perturbation, rules=7, *settings):
+def fly(path, perturbation, rules=8, *settings):
     """Fly for three seconds; return the map at the end and the scenario."""
     settings = (*SETTINGS, f"behaviour.rules={rules}", *settings)
     config = override(Config("warehouse", "drone", 3), settings)
@@ -76,5 +77,45 @@ def test_noise_costs_speed_and_the_log_says_so(tmp_path, severity, slow):
 
 def test_the_limit_of_noise_is_a_setting(tmp_path):
     path = tmp_path / "noisy.mcap"
-    fly(path, "depth_noise:4", 7, "behaviour.noisy_sigma=0.2", "episode.time_limit=1")
+    fly(path, "depth_noise:4", 8, "behaviour.noisy_sigma=0.2", "episode.time_limit=1")
     assert not any(one.predicate.HasField("range_sigma_m") for one in open_log(path).decisions())
+
+
+@pytest.mark.parametrize("robot", ["quadruped", "drone"])
+def test_false_returns_stop_no_robot_as_they_did(tmp_path, robot):
+    """At 3 % of the beams, as in the heaviest snow."""
+    ended = {}
+    for rules in (7, 8):
+        path = tmp_path / f"{rules}.mcap"
+        settings = (f"behaviour.rules={rules}", "episode.time_limit=8")
+        config = override(Config("office", robot, 0), settings)
+        snow = replace(config, perturbation=perturbation_from("false_returns:4"))
+        ended[rules] = run_episode(build(snow), path)
+        assert verify(path).verified
+    assert ended[7].path_length_m < 1.0
+    assert ended[8].path_length_m > 3.0
+    assert ended[8].collisions == 0
+
+
+def test_where_false_returns_stop_a_robot_they_are_the_cause(tmp_path):
+    """At 10 % of the beams many have another beside them, and pass for a thing."""
+    path = tmp_path / "storm.mcap"
+    config = override(Config("office", "quadruped", 0), ["episode.time_limit=30"])
+    storm = replace(config, perturbation=perturbation_from("false_returns:5"))
+    ended = run_episode(build(storm), path)
+    assert (ended.outcome, ended.cause, ended.collisions) == ("aborted", "perception", 0)
+    found = find_cause(read_case(open_log(path)))
+    assert "of the returns were false, far before any surface" in found.evidence
+
+
+def test_without_false_returns_the_rules_decide_alike(tmp_path):
+    for rules in (7, 8):
+        settings = (f"behaviour.rules={rules}", "episode.time_limit=4")
+        config = override(Config("warehouse", "quadruped", 5), settings)
+        run_episode(build(config), tmp_path / f"{rules}.mcap")
+    versions = [
+        [(one.map_version, one.action) for one in open_log(tmp_path / f"{rules}.mcap").decisions()]
+        for rules in (7, 8)
+    ]
+    assert versions[0] == versions[1]
+    assert len(versions[0]) == 41
