@@ -43,6 +43,12 @@ LOST = 0.005
 OFF = 0.1
 """Fraction of lost or wrong ranges beyond which the sensor is at fault."""
 
+EARLY = 0.002
+"""Fraction of false returns beyond which the sensor is at fault; without a fault there are none."""
+
+EARLY_M = 0.3
+"""Distance before the first surface, beyond the noise, from which a return is false, m."""
+
 ASSUMED = RangeNoise(sigma=0.03, sigma_proportional=0.01, dropout=0.05)
 """Noise of an unknown device."""
 
@@ -55,6 +61,8 @@ class RangeFacts:
         beams: Number of compared beams that should have a return.
         lost: Fraction of them without one, less the dropout of the device.
         off: Fraction of returns that differ by more than the noise of the device.
+        early: Fraction of returns that lie far before the first surface; of logs by rules of a
+            decision before 8, which did not know of them, always 0.
         bias: Median of reported less true range, m.
         blind: Distance below which the map drops every return, m.
         withheld: Fraction of moments without a sweep of the first sensor.
@@ -63,6 +71,7 @@ class RangeFacts:
     beams: int = 0
     lost: float = 0.0
     off: float = 0.0
+    early: float = 0.0
     bias: float = 0.0
     blind: float = 0.0
     withheld: float = 0.0
@@ -70,13 +79,15 @@ class RangeFacts:
     @property
     def lied(self) -> bool:
         """Whether more returns are lost or wrong than the errors of the device explain."""
-        return self.lost > LOST or self.off > OFF
+        return self.lost > LOST or self.off > OFF or self.early > EARLY
 
     def __str__(self) -> str:
         """Describe the errors in words."""
         parts = []
         if self.lost > LOST:
             parts.append(f"{self.lost:.1%} of the echoes were lost")
+        if self.early > EARLY:
+            parts.append(f"{self.early:.1%} of the returns were false, far before any surface")
         if self.off > OFF:
             parts.append(
                 f"{self.off:.0%} of the ranges were off by more than the device's noise "
@@ -92,6 +103,7 @@ def range_facts(case: Case, until: int) -> RangeFacts:
     dropouts: list[float] = []
     errors: list[Array] = []
     off: list[NDArray[np.bool_]] = []
+    early: list[NDArray[np.bool_]] = []
     for number in numbers:
         moment, beams = case.moments[number], case.beams_at(number)
         case.space.place_movers(moment.truth)
@@ -109,9 +121,11 @@ def range_facts(case: Case, until: int) -> RangeFacts:
             dropouts.append(noise.dropout)
             error = (reported - true)[heard]
             errors.append(error)
-            off.append(np.abs(error) > SIGMAS * sigma[heard] + TOLERANCE + noise.quantum)
+            most = SIGMAS * sigma[heard] + TOLERANCE + noise.quantum
+            off.append(np.abs(error) > most)
+            early.append(error < -EARLY_M - most)
     every = np.concatenate(errors) if errors else np.zeros(0)
-    wrong = np.concatenate(off) if off else np.zeros(0, np.bool_)
+    judged = case.config.behaviour.drops_false_returns
     first = next(iter(case.beams_at(0)), "")
     arrived = [
         first in {one.sensor for one in moment.sweeps} for moment in case.moments[: until + 1]
@@ -119,11 +133,18 @@ def range_facts(case: Case, until: int) -> RangeFacts:
     return RangeFacts(
         beams=expected,
         lost=max(lost / max(expected, 1) - max(dropouts, default=0.0), 0.0),
-        off=float(wrong.mean()) if len(wrong) else 0.0,
+        off=_share(off),
+        early=_share(early) if judged else 0.0,
         bias=float(np.median(every)) if len(every) else 0.0,
         blind=case.as_of(until).config.map.minimum_range,
         withheld=1.0 - float(np.mean(arrived)),
     )
+
+
+def _share(found: list[NDArray[np.bool_]]) -> float:
+    """Return the fraction of beams that are marked; 0 of none."""
+    marked = np.concatenate(found) if found else np.zeros(0, np.bool_)
+    return float(marked.mean()) if len(marked) else 0.0
 
 
 def device_of(case: Case, sensor: str) -> Device | None:

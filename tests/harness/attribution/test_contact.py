@@ -43,6 +43,8 @@ UNKNOWN = replace(BLOCKED, verdict="unknown", in_the_way=0, blocked=0)
         ({"pose": LIED, "ranges": BAD}, "localization"),
         ({"ranges": BAD, "own": 0}, "perception"),
         ({"ranges": RangeFacts(off=0.4), "late": (40, 0.3, 0.05)}, "perception"),
+        ({"ranges": RangeFacts(early=0.01), "own": 0}, "perception"),
+        ({"ranges": RangeFacts(early=0.001), "own": 0}, "missed_obstacle"),
         ({"ranges": RangeFacts(lost=0.001, off=0.01), "own": 0}, "missed_obstacle"),
         ({"ranges.blind": 4.0, "own": 0}, "perception"),
         ({"ranges.blind": 4.0, "own": 0, "unknown": 9}, "unseen_obstacle"),
