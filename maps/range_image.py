@@ -115,9 +115,12 @@ def false_returns(
     depth = round(1e3 * max(LEAST_DEPTH, DEPTH_IN_DEVIATIONS * deviation_m))
     protruding, alone = np.empty((2, *image.shape), np.bool_)
     farthest = round(1e3 * farthest_m)
+    returns, found = kernels.find_protruding(image, farthest, depth, True, closed, protruding)
+    if found <= LEAST_FALSE * returns:  # nor are there more without the sky, or of single ones
+        return None
     beside, silent = kernels.count_silent(image, closed)
-    sky = beside < LEAST_BESIDE * image.size or silent < FEW_LOST * beside
-    returns = kernels.find_protruding(image, farthest, depth, sky, closed, protruding)
+    if beside >= LEAST_BESIDE * image.size and silent >= FEW_LOST * beside:
+        kernels.find_protruding(image, farthest, depth, False, closed, protruding)
     near = max(round(1e3 * SAME_THING), depth)
     found = kernels.find_alone(image, protruding, near, closed, alone)
     return alone if found > LEAST_FALSE * returns else None

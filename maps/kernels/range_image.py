@@ -84,13 +84,13 @@ def find_protruding(
     sky: bool,  # whether a beam without return is known to see far
     closed: bool,  # whether the last column lies beside the first
     protruding: NDArray[np.bool_],  # (r, c) out
-) -> int:
+) -> tuple[int, int]:
     """Find the returns up to a range that lie by a depth before all beside them, in their row.
 
     Returns:
-        Number of returns of the image.
+        Number of returns of the image, and of these.
     """
-    returns = int(np.int64(0))
+    returns = found = int(np.int64(0))
     for i in range(image.shape[0]):
         for j in range(image.shape[1]):
             protruding[i, j] = False
@@ -102,7 +102,8 @@ def find_protruding(
                 protruding[i, j] = _sees_beyond(image[i], j, -1, beyond, sky, closed) and (
                     _sees_beyond(image[i], j, 1, beyond, sky, closed)
                 )
-    return returns
+                found += protruding[i, j]
+    return returns, found
 
 
 @kernel
