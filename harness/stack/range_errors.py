@@ -13,6 +13,9 @@ SMALLEST = 0.06
 """Width of the smallest things that must not be taken for rain, m: farther away than a range at
 which beams are as far apart, one of them may meet a thing alone."""
 
+LEAST_STEP = 1e-4
+"""Least distance of neighbouring beams at 1 m that is looked at, m; a table may repeat a column."""
+
 
 def without_lost_echoes(placed: WorldSweep, beams: Beams) -> WorldSweep:
     """Return a sweep without the beams that lost their echo: no return between returns.
@@ -44,7 +47,7 @@ def without_false_returns(placed: WorldSweep, beams: Beams, deviation: float) ->
     false = range_image.false_returns(
         _image(placed.ranges_mm, beams),
         beams.table.closed,
-        farthest_m=SMALLEST / beams.column_step,
+        farthest_m=SMALLEST / max(beams.column_step, LEAST_STEP),
         deviation_m=deviation,
     )
     if false is None:

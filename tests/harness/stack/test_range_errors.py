@@ -8,12 +8,15 @@ import pytest
 from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
+from wayproof.harness.inputs import Beams, Pose, SweepInput
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.runner import open_episode, run_episode
 from wayproof.harness.scenario.scenario import build
+from wayproof.harness.stack.range_errors import without_false_returns
 from wayproof.maps import FREE
+from wayproof.models.sensors.beams import BeamTable
 from wayproof.models.worlds import Box
 
 SETTINGS = ("motion.limits=full", "episode.time_limit=3")
@@ -119,3 +122,31 @@ def test_without_false_returns_the_rules_decide_alike(tmp_path):
     ]
     assert versions[0] == versions[1]
     assert len(versions[0]) == 41
+
+
+def rainy_sweep(columns, rows=8):
+    """A sensor with these columns (c, 2), cos and sin, and one of its sweeps in falling snow."""
+    tilts = np.linspace(-0.2, 0.2, rows)
+    rows_of = np.stack([np.cos(tilts), np.sin(tilts)], axis=1)
+    table = BeamTable(rows_of, columns, len(columns) * rows)
+    beams = Beams(table, 10.0, 10.0, np.zeros(3), np.eye(3))
+    ranges = np.full((rows, len(columns)), 5000, np.uint16)
+    ranges[1::3, 2::7] = 800
+    pose = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
+    return beams, beams.place(SweepInput("lidar", ranges.ravel()), pose, 0)
+
+
+def test_the_range_of_false_returns_follows_from_the_distance_of_the_beams():
+    for step, found in ((0.01, True), (0.07, True), (0.08, False)):  # 6 cm: at 6, 0.86, 0.75 m
+        angles = step * np.arange(40)
+        beams, placed = rainy_sweep(np.stack([np.cos(angles), np.sin(angles)], axis=1))
+        assert beams.column_step == pytest.approx(step, rel=1e-3)
+        kept = without_false_returns(placed, beams, 0.0)
+        assert (kept.ranges_mm[placed.ranges_mm == 800] == (0 if found else 800)).all()
+        assert (kept.ranges_mm[placed.ranges_mm == 5000] == 5000).all()
+
+
+def test_a_table_that_repeats_its_column_is_judged_as_others():
+    beams, placed = rainy_sweep(np.tile([1.0, 0.0], (40, 1)))
+    kept = without_false_returns(placed, beams, 0.0)
+    assert (kept.ranges_mm[placed.ranges_mm == 800] == 0).all()
