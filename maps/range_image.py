@@ -147,5 +147,6 @@ def warm_up() -> None:
     """Compile the kernels, or load them from the cache."""
     image = np.full((2, 3), kernels.NO_RETURN_MM, np.uint16)
     lost_echoes(image, closed=True)
+    image[0, 1] = 500  # a false return
     false_returns(image, closed=True, farthest_m=1.0, deviation_m=0.0)
     range_deviation(image)

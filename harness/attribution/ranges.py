@@ -61,8 +61,8 @@ class RangeFacts:
         beams: Number of compared beams that should have a return.
         lost: Fraction of them without one, less the dropout of the device.
         off: Fraction of returns that differ by more than the noise of the device.
-        early: Fraction of returns that lie far before the first surface; of logs by rules of a
-            decision before 8, which did not know of them, always 0.
+        early: Fraction of returns that lie far before the first surface, less those as far behind
+            it, as noise makes both; of logs by rules of a decision before 8 always 0.
         bias: Median of reported less true range, m.
         blind: Distance below which the map drops every return, m.
         withheld: Fraction of moments without a sweep of the first sensor.
@@ -86,7 +86,7 @@ class RangeFacts:
         parts = []
         if self.lost > LOST:
             parts.append(f"{self.lost:.1%} of the echoes were lost")
-        if self.early > EARLY:
+        if self.early > EARLY and self.off <= OFF:  # else they are of the noise
             parts.append(f"{self.early:.1%} of the returns were false, far before any surface")
         if self.off > OFF:
             parts.append(
@@ -104,6 +104,7 @@ def range_facts(case: Case, until: int) -> RangeFacts:
     errors: list[Array] = []
     off: list[NDArray[np.bool_]] = []
     early: list[NDArray[np.bool_]] = []
+    behind: list[NDArray[np.bool_]] = []
     for number in numbers:
         moment, beams = case.moments[number], case.beams_at(number)
         case.space.place_movers(moment.truth)
@@ -124,6 +125,7 @@ def range_facts(case: Case, until: int) -> RangeFacts:
             most = SIGMAS * sigma[heard] + TOLERANCE + noise.quantum
             off.append(np.abs(error) > most)
             early.append(error < -EARLY_M - most)
+            behind.append(error > EARLY_M + most)
     every = np.concatenate(errors) if errors else np.zeros(0)
     judged = case.config.behaviour.drops_false_returns
     first = next(iter(case.beams_at(0)), "")
@@ -134,7 +136,7 @@ def range_facts(case: Case, until: int) -> RangeFacts:
         beams=expected,
         lost=max(lost / max(expected, 1) - max(dropouts, default=0.0), 0.0),
         off=_share(off),
-        early=_share(early) if judged else 0.0,
+        early=max(_share(early) - _share(behind), 0.0) if judged else 0.0,
         bias=float(np.median(every)) if len(every) else 0.0,
         blind=case.as_of(until).config.map.minimum_range,
         withheld=1.0 - float(np.mean(arrived)),
