@@ -30,6 +30,10 @@ POLL = 0.5
 PARENT_POLL = 0.2
 """Time between two looks of a worker for its parent, s."""
 
+LOCK_WAIT = 15.0
+"""Longest time that a process waits for another to hand over a job or a result, s: one that was
+killed meanwhile holds the lock for good, and pebble's default of 60 s passes twice then."""
+
 THREADS = "OPENBLAS_NUM_THREADS"
 """Environment variable for the number of threads of OpenBLAS in a process."""
 
@@ -113,6 +117,7 @@ class WorkerPool:
 
     def __enter__(self) -> WorkerPool:
         """Limit OpenBLAS to one thread in the processes to come."""
+        pebble.CONSTS.channel_lock_timeout = LOCK_WAIT
         self._threads = os.environ.get(THREADS)
         os.environ[THREADS] = "1"  # inherited by spawned processes
         return self
@@ -234,6 +239,7 @@ def _start_worker(
     memory_mib: int | None, parent: int, initializer: Callable[[], None] | None
 ) -> None:
     """Initialise this process, bound its memory, and end it when its parent is gone."""
+    pebble.CONSTS.channel_lock_timeout = LOCK_WAIT
     if initializer is not None:
         initializer()
     if memory_mib is not None:
