@@ -100,9 +100,12 @@ class WorldSweep:
 
     def without_no_returns(self) -> WorldSweep:
         """Return the sweep with beams without return dropped."""
-        silent = self.ranges_mm == NO_RETURN
+        return self.without(self.ranges_mm == NO_RETURN)
+
+    def without(self, beams: NDArray[np.bool_]) -> WorldSweep:
+        """Return the sweep with some beams (n,) dropped: they give no information."""
         ranges_mm = self.ranges_mm.copy()
-        ranges_mm[silent] = DROPPED
+        ranges_mm[beams] = DROPPED
         return replace(self, ranges_mm=ranges_mm)
 
 

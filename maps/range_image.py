@@ -113,17 +113,21 @@ def false_returns(
     if image.shape[0] < 2:
         return None
     depth = round(1e3 * max(LEAST_DEPTH, DEPTH_IN_DEVIATIONS * deviation_m))
-    protruding, alone = np.empty((2, *image.shape), np.bool_)
+    protruding, isolated = np.empty((2, *image.shape), np.bool_)
     farthest = round(1e3 * farthest_m)
-    returns, found = kernels.find_protruding(image, farthest, depth, True, closed, protruding)
+    returns, found = kernels.find_protruding(
+        image, farthest, depth, sky=True, closed=closed, protruding=protruding
+    )
     if found <= LEAST_FALSE * returns:  # nor are there more without the sky, or of single ones
         return None
     beside, silent = kernels.count_silent(image, closed)
     if beside >= LEAST_BESIDE * image.size and silent >= FEW_LOST * beside:
-        kernels.find_protruding(image, farthest, depth, False, closed, protruding)
+        kernels.find_protruding(
+            image, farthest, depth, sky=False, closed=closed, protruding=protruding
+        )
     near = max(round(1e3 * SAME_THING), depth)
-    found = kernels.find_alone(image, protruding, near, closed, alone)
-    return alone if found > LEAST_FALSE * returns else None
+    found = kernels.find_isolated(image, protruding, near, closed, isolated)
+    return isolated if found > LEAST_FALSE * returns else None
 
 
 def range_deviation(image: Ranges) -> float | None:

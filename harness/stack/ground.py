@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import WorldSweep
 from wayproof.harness.mission import Mission
 from wayproof.maps.ground_fit import GroundPlane, fit_ground, level, lost_echoes
-from wayproof.models.sensors.beams import DROPPED, NO_RETURN
+from wayproof.models.sensors.beams import NO_RETURN
 
 
 def on_level_ground(
@@ -38,9 +36,7 @@ def on_level_ground(
     if not (placed.ranges_mm == NO_RETURN).any():
         return placed
     lost = lost_echoes(placed.origins, placed.moments, placed.directions, placed.ranges_mm, range_m)
-    ranges_mm = placed.ranges_mm.copy()
-    ranges_mm[lost] = DROPPED
-    return replace(placed, ranges_mm=ranges_mm)
+    return placed.without(lost)
 
 
 def fitted_ground(placed: WorldSweep, config: Config, mission: Mission) -> GroundPlane | None:

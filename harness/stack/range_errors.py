@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from wayproof.harness.inputs import Beams, WorldSweep
 from wayproof.maps import range_image
 from wayproof.maps.sweep import Ranges
-from wayproof.models.sensors.beams import DROPPED, NO_RETURN
+from wayproof.models.sensors.beams import NO_RETURN
 
 SMALLEST = 0.06
 """Width of the smallest things that must not be taken for rain, m: farther away than a range at
@@ -29,9 +27,7 @@ def without_lost_echoes(placed: WorldSweep, beams: Beams) -> WorldSweep:
     if not beams.is_image or not (placed.ranges_mm == NO_RETURN).any():
         return placed
     lost = range_image.lost_echoes(_image(placed.ranges_mm, beams), beams.table.closed)
-    ranges_mm = placed.ranges_mm.copy()
-    ranges_mm[lost.ravel()] = DROPPED
-    return replace(placed, ranges_mm=ranges_mm)
+    return placed.without(lost.ravel())
 
 
 def without_false_returns(placed: WorldSweep, beams: Beams, deviation: float) -> WorldSweep:
@@ -50,11 +46,7 @@ def without_false_returns(placed: WorldSweep, beams: Beams, deviation: float) ->
         farthest_m=SMALLEST / max(beams.column_step, LEAST_STEP),
         deviation_m=deviation,
     )
-    if false is None:
-        return placed
-    ranges_mm = placed.ranges_mm.copy()
-    ranges_mm[false.ravel()] = DROPPED
-    return replace(placed, ranges_mm=ranges_mm)
+    return placed if false is None else placed.without(false.ravel())
 
 
 def range_deviation(placed: WorldSweep, beams: Beams) -> float:

@@ -134,19 +134,19 @@ def _sees_beyond(
 
 
 @kernel
-def find_alone(
+def find_isolated(
     image: NDArray[np.uint16] | NDArray[np.uint32],  # (r, c) ranges, mm
     protruding: NDArray[np.bool_],  # (r, c)
     near: int,  # mm
     closed: bool,  # whether the last column lies beside the first
-    alone: NDArray[np.bool_],  # (r, c) out
+    isolated: NDArray[np.bool_],  # (r, c) out
 ) -> int:
     """Find the protruding returns without one above or below at about their range; count them."""
     rows, columns = image.shape
     found = int(np.int64(0))
     for i in range(rows):
         for j in range(columns):
-            alone[i, j] = protruding[i, j]
+            isolated[i, j] = protruding[i, j]
             if not protruding[i, j]:
                 continue
             for row in range(max(i - 1, 0), min(i + 2, rows)):
@@ -157,8 +157,8 @@ def find_alone(
                     beside %= columns
                     apart = np.int64(image[row, beside]) - np.int64(image[i, j])
                     if protruding[row, beside] and abs(apart) <= near:
-                        alone[i, j] = False
-            found += alone[i, j]
+                        isolated[i, j] = False
+            found += isolated[i, j]
     return found
 
 

@@ -284,7 +284,8 @@ class DynamicMap(VoxelMap):
         """Bring the ever-free space up to date; return the set of its cells (n, 3) that were hit.
 
         Where one return makes a free cell occupied, the hits (k, 3) come first: what they make
-        occupied would be no ever-free space any more, and nothing would ever be seen to move.
+        occupied would be no ever-free space any more, and nothing would ever be seen to move. Where
+        it takes more returns, they come after, as they did in older logs.
         """
         at_once = self.evidence.low + self.evidence.hit > 0
         met = self._met(hits) if at_once else NO_CELLS

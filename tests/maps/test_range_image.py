@@ -131,15 +131,15 @@ def naive_protruding(image, farthest, depth, sky, closed):
                 beside = [j + step * k for k in range(1, kernels.BESIDE + 1)]
                 inside = [k % columns for k in beside if closed or 0 <= k < columns]
                 ranges = [int(image[i, k]) for k in inside]
-                told = [one for one in ranges if one != DROPPED and (sky or one != NO_RETURN)]
-                sides.append(all(one > own + depth for one in told) and (told or not inside))
+                seen = [one for one in ranges if one != DROPPED and (sky or one != NO_RETURN)]
+                sides.append(all(one > own + depth for one in seen) and (seen or not inside))
             protruding[i, j] = all(sides)
     return protruding
 
 
-def naive_alone(image, protruding, near, closed):
+def naive_isolated(image, protruding, near, closed):
     rows, columns = image.shape
-    alone = protruding.copy()
+    isolated = protruding.copy()
     for i, j in zip(*np.nonzero(protruding), strict=True):
         for row in (i - 1, i + 1):
             for column in (j - 1, j, j + 1):
@@ -147,8 +147,8 @@ def naive_alone(image, protruding, near, closed):
                     continue
                 other = (row, column % columns)
                 if protruding[other] and abs(int(image[other]) - int(image[i, j])) <= near:
-                    alone[i, j] = False
-    return alone
+                    isolated[i, j] = False
+    return isolated
 
 
 @pytest.mark.parametrize("closed", [True, False])
@@ -167,11 +167,11 @@ def test_single_returns_before_others_are_found_as_a_naive_search_does(seed, sky
         assert find(*args, protruding) == (returns, expected.sum())
         np.testing.assert_array_equal(protruding, expected)
     for near in (100, 3000):
-        alone = naive_alone(image, expected, near, closed)
-        for find in (kernels.find_alone, kernels.find_alone.py_func):
+        isolated = naive_isolated(image, expected, near, closed)
+        for find in (kernels.find_isolated, kernels.find_isolated.py_func):
             got = np.empty(image.shape, bool)
-            assert find(image, expected, near, closed, got) == alone.sum()
-            np.testing.assert_array_equal(got, alone)
+            assert find(image, expected, near, closed, got) == isolated.sum()
+            np.testing.assert_array_equal(got, isolated)
 
 
 def rain(image, share, seed=1, nearest=500):
