@@ -74,7 +74,7 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 8)] = 8
+    rules: Annotated[int, Bounds(1, 9)] = 9
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -169,3 +169,8 @@ class BehaviourConfig:
     def drops_false_returns(self) -> bool:
         """Whether single returns before all around them are no evidence, where there are many."""
         return self.rules >= 8
+
+    @property
+    def confirms_holes(self) -> bool:
+        """Whether floor is missing only where many sweeps in a row find none, under `forbid`."""
+        return self.rules >= 9

@@ -122,31 +122,6 @@ def level(
     return LevelSweep(level_origins, level_directions, level_mm, on_floor)
 
 
-def lost_echoes(
-    origins: NDArray[np.float64],
-    moments: NDArray[np.int32],
-    directions: NDArray[np.float64],
-    ranges_mm: Ranges,
-    range_limit: float,
-) -> NDArray[np.bool_]:
-    """Find the beams without return that head for floor z = 0 and are no evidence of a hole.
-
-    Args:
-        origins: (m, 3) where beams start, m, world.
-        moments: (n,) origin of each beam.
-        directions: (n, 3) unit vectors, world.
-        ranges_mm: (n,) mm.
-        range_limit: Range up to which no return clears, m.
-
-    Returns:
-        (n,) whether each is one.
-    """
-    lost = np.empty(len(ranges_mm), np.bool_)
-    tiling = TILE, TILES
-    kernels.find_lost(origins, moments, directions, range_limit, tiling, ranges_mm, lost)
-    return lost
-
-
 def fit_ground(
     origins: NDArray[np.float64],
     moments: NDArray[np.int32],
@@ -207,4 +182,3 @@ def warm_up() -> None:
     ranges_mm = np.array([500, 65535], np.uint16)
     fit_ground(*beams, ranges_mm)
     level(*beams, ranges_mm, GroundPlane(np.zeros(5), 0.0, 0.0, 1))
-    lost_echoes(*beams, ranges_mm, 1.0)

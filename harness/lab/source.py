@@ -14,7 +14,7 @@ from wayproof.harness.shadow.batches import batches
 from wayproof.harness.shadow.inputs import InputWriter
 from wayproof.harness.shadow.perturb import RecordedPerturbation
 from wayproof.harness.shadow.prepare import Prepared
-from wayproof.harness.stack.ground import on_level_ground
+from wayproof.harness.stack.ground import missing_floor_of, on_level_ground
 from wayproof.maps import MapConfig
 
 Corner = tuple[float, float, float]
@@ -63,12 +63,13 @@ def of_log(path: Path, most: int) -> Source:
     log = open_log(path)
 
     def placed() -> Iterator[PlacedSweep]:
+        missing = missing_floor_of(log.config, log.mission)
         for record in log.records():
             inputs = record.inputs
             for sweep in inputs.sweeps:
                 beams = log.beams[sweep.sensor]
                 world = beams.place(sweep, inputs.pose, inputs.sequence)
-                world = on_level_ground(world, beams.range, log.config, log.mission)
+                world = on_level_ground(world, beams.range, log.config, log.mission, missing)
                 yield PlacedSweep(inputs.time_ns, world, beams.range)
 
     return Source(
@@ -91,13 +92,14 @@ def of_recording(recording: Recording, prepared: Prepared, most: int) -> Source:
     writer = InputWriter(prepared, RecordedPerturbation(prepared.config, prepared.infos))
 
     def placed() -> Iterator[PlacedSweep]:
+        missing = missing_floor_of(prepared.config, mission)
         for sequence, batch in enumerate(batches(recording.sweeps(), 0)):
             given = writer.write(batch, sequence)
             inputs = inputs_from_messages(given.pose, given.sweeps, goal=given.goal)
             for sweep in inputs.sweeps:
                 own = beams[sweep.sensor]
                 world = own.place(sweep, inputs.pose, sequence)
-                world = on_level_ground(world, own.range, prepared.config, mission)
+                world = on_level_ground(world, own.range, prepared.config, mission, missing)
                 yield PlacedSweep(inputs.time_ns, world, own.range)
 
     sweeps = first(placed(), most)

@@ -5,12 +5,27 @@ from __future__ import annotations
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import WorldSweep
 from wayproof.harness.mission import Mission
-from wayproof.maps.ground_fit import GroundPlane, fit_ground, level, lost_echoes
+from wayproof.maps.ground_fit import GroundPlane, fit_ground, level
+from wayproof.maps.missing_floor import MissingFloor, lost_echoes_of_one
 from wayproof.models.sensors.beams import NO_RETURN
 
 
+def missing_floor_of(config: Config, mission: Mission) -> MissingFloor | None:
+    """Return the evidence of missing floor before the first sweep; None where none is kept.
+
+    Where unknown floor may be entered, one sweep that misses floor must keep the robot from it.
+    """
+    forbidden = config.costmap.unknown_policy == "forbid"
+    kept = _is_fitted(config, mission) and config.behaviour.confirms_holes and forbidden
+    return MissingFloor() if kept else None
+
+
 def on_level_ground(
-    placed: WorldSweep, range_m: float, config: Config, mission: Mission
+    placed: WorldSweep,
+    range_m: float,
+    config: Config,
+    mission: Mission,
+    missing: MissingFloor | None,
 ) -> WorldSweep:
     """Return a sweep levelled by its own floor, where that is not as expected: `map.ground_fit`.
 
@@ -19,6 +34,8 @@ def on_level_ground(
         range_m: Range up to which its beams without return clear, m.
         config: Settings.
         mission: Mission of a robot that walks or flies; only the sweeps of the first are levelled.
+        missing: Evidence of missing floor in the sweeps before, which takes in this one; None where
+            each sweep is judged alone.
     """
     if not _is_fitted(config, mission):
         return placed
@@ -35,6 +52,7 @@ def on_level_ground(
         placed = WorldSweep(found.origins, found.directions, found.ranges_mm, placed.moments)
     if not (placed.ranges_mm == NO_RETURN).any():
         return placed
+    lost_echoes = lost_echoes_of_one if missing is None else missing.lost_echoes
     lost = lost_echoes(placed.origins, placed.moments, placed.directions, placed.ranges_mm, range_m)
     return placed.without(lost)
 

@@ -6,42 +6,20 @@ from the map. A keyframe is a claim of the log until a replay arrives at it.
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
 
 import numpy as np
-import zstandard
 from numpy.typing import NDArray
 
 from wayproof.harness.config import BUILTIN, PLUGIN, Config
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, message_differences
+from wayproof.harness.stack.map_content import read_bricks, read_floor, write_bricks, write_floor
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.planner_state_messages import read_state, state_message
 from wayproof.maps import VoxelMap
-from wayproof.maps.voxel.brick_index import BRICK_SHAPE
+from wayproof.maps.missing_floor import MissingFloor
 from wayproof.maps.voxel.storage import VoxelContent
-
-LEVEL = 1
-"""Level of zstd: higher ones save a tenth of the bytes and take several times as long."""
-
-GREATEST_RATIO = 4096
-"""Maximum ratio of the bricks to their compressed bytes, beyond `LEAST_BYTES`."""
-
-LEAST_BYTES = 2**20
-
-COLUMNS = BRICK_SHAPE[0] * BRICK_SHAPE[1]
-
-FIELDS: tuple[tuple[str, tuple[int, ...]], ...] = (
-    ("<i4", (3,)),
-    ("<i8", ()),
-    ("<i8", ()),
-    ("<i8", ()),
-    ("<u8", (COLUMNS,)),
-    ("|i1", (BRICK_SHAPE[2], COLUMNS)),
-)
-"""Type and shape of each field of a brick, in the order of `VoxelContent`."""
-
-BRICK_BYTES = np.dtype([(f"field {n}", *field) for n, field in enumerate(FIELDS)]).itemsize
 
 FARTHEST = 1 << 24
 """Farthest cell of an operating area along an axis: 1e4 m at 1 cm, and to spare."""
@@ -119,10 +97,10 @@ def keyframe_of(navigator: Navigator, decision: pb.Decision, with_map: bool) -> 
         state=state_message(navigator.state),
     )
     if with_map:
-        content = _voxel_map(navigator).content()
-        keyframe.map.ticks, keyframe.map.bricks = content.ticks, len(content.keys)
-        keyframe.map.records = zstandard.compress(_bytes_of(content), LEVEL)
+        write_bricks(_voxel_map(navigator).content(), keyframe.map)
         keyframe.map.window.extend(_window_centre(navigator))
+        if (missing := navigator.mapper.missing_floor) is not None:
+            write_floor(missing, keyframe.map)
     return keyframe
 
 
@@ -142,12 +120,14 @@ def restore_map(navigator: Navigator, keyframe: pb.Keyframe) -> None:
         ValueError: It is none of such a stack.
     """
     voxel_map = _voxel_map(navigator)
-    content = _read_content(keyframe.map, voxel_map.most_bricks)
+    content = read_bricks(keyframe.map, voxel_map.most_bricks)
     centre = tuple(keyframe.map.window)
     needed = len(_window_centre(navigator))
     if len(centre) not in (2, needed) or max(map(abs, centre), default=0) > FARTHEST:
         raise ValueError(f"a rolling window centred on {centre}")
     voxel_map.check(content, keyframe.timestamp.ToNanoseconds())
+    if (missing := navigator.mapper.missing_floor) is not None:
+        missing.restore(*read_floor(keyframe.map))
     voxel_map.restore(content)
     if len(centre) == 2:  # a stack whose costmap holds the whole area does not need it
         navigator.mapper.move_window(centre)
@@ -165,7 +145,8 @@ def keyframe_differences(
         return found
     try:
         voxel_map = _voxel_map(navigator)
-        other = _read_content(recorded.map, voxel_map.most_bricks)
+        other = read_bricks(recorded.map, voxel_map.most_bricks)
+        found += _floor_differences(recorded.map, navigator.mapper.missing_floor)
     except ValueError as error:
         return [*found, Difference("map", str(error), "that of the inputs")]
     if (centre := list(recorded.map.window)) != (own := list(_window_centre(navigator))):
@@ -178,6 +159,21 @@ def keyframe_differences(
             if not np.array_equal(one, own)
         ),
     ]
+
+
+def _floor_differences(
+    recorded: pb.MapContent, missing: MissingFloor | None
+) -> Iterator[Difference]:
+    """Yield what differs of the floor of a keyframe from that of a stack.
+
+    Raises:
+        ValueError: It holds none, and the stack does.
+    """
+    if missing is None:
+        return
+    silent_sweeps, tile = read_floor(recorded)
+    if tile != missing.tile or not np.array_equal(silent_sweeps, missing.silent_sweeps):
+        yield Difference("map.silent_sweeps", "others", "those of the inputs")
 
 
 def _arrays(content: VoxelContent, voxel_map: VoxelMap) -> list[list[NDArray[np.generic]]]:
@@ -200,37 +196,3 @@ def _voxel_map(navigator: Navigator) -> VoxelMap:
     if type(navigator.map) is not VoxelMap:
         raise ValueError(f"a map of bricks, but map.kind is {navigator.map.config.kind!r}")
     return navigator.map
-
-
-def _bytes_of(content: VoxelContent) -> bytes:
-    """Encode field by field; cells layer by layer, as neighbours in a layer are more alike."""
-    numbers = content.keys, content.observed_ns, content.seen, content.dues, content.fresh
-    layers = np.ascontiguousarray(content.cells.transpose(0, 2, 1))
-    return b"".join([*(array.tobytes() for array in numbers), layers.tobytes()])
-
-
-def _read_content(message: pb.MapContent, most_bricks: int) -> VoxelContent:
-    """Unpack the bricks of a keyframe.
-
-    Raises:
-        ValueError: They are more than `most_bricks`, or the bytes are not theirs.
-    """
-    count, packed = message.bricks, message.records
-    size = count * BRICK_BYTES
-    if count > most_bricks or size > LEAST_BYTES + GREATEST_RATIO * len(packed):
-        raise ValueError(f"{count} bricks in {len(packed)} bytes")
-    try:
-        declared = zstandard.get_frame_parameters(packed).content_size
-        if declared != size:
-            raise ValueError(f"{declared} bytes of bricks, expected {size}")
-        data = zstandard.ZstdDecompressor().decompress(packed)
-    except zstandard.ZstdError as error:
-        raise ValueError(f"bricks cannot be unpacked: {error}") from None
-    arrays: list[NDArray[np.generic]] = []
-    place = 0
-    for kind, shape in FIELDS:
-        array = np.frombuffer(data, kind, count * math.prod(shape), place)
-        arrays.append(array.reshape(count, *shape))
-        place += array.nbytes
-    arrays[-1] = arrays[-1].transpose(0, 2, 1)
-    return VoxelContent(message.ticks, *arrays)  # type: ignore[arg-type]

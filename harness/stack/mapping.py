@@ -18,7 +18,7 @@ from wayproof.harness.stack.decision import MOST_WIDENING
 from wayproof.harness.stack.field_of_view import is_omnidirectional
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
 from wayproof.harness.stack.footprint_clearing import clear_footprint
-from wayproof.harness.stack.ground import on_level_ground
+from wayproof.harness.stack.ground import missing_floor_of, on_level_ground
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.harness.stack.provenance import layers_of, stages_of
 from wayproof.harness.stack.range_errors import (
@@ -55,6 +55,7 @@ class Mapper:
         costmap: Inflated for the mission's body: what the stack may enter.
         stages: The evidence by provenance, each with a costmap; the measured one first.
         guide: Costmap of all evidence, for the search of a global path; None if `costmap` is it.
+        missing_floor: Evidence of missing floor; None where each sweep is judged alone.
         newest: Inputs of the newest decision that the map holds; None before the first.
         range_sigma: Standard deviation of the ranges of the newest sweeps, of the worst sensor, m;
             0 where it is not estimated.
@@ -98,6 +99,7 @@ class Mapper:
                 threads=config.threads,
             )
 
+        self.missing_floor = missing_floor_of(config, mission)
         self.measured = with_class_margins(self.map, self.labels, config.costmap.class_margins)
         self._layers = layers_of(config, mission)
         self.stages, self.costmap, self.guide = stages_of(self.measured, self._layers, costmap_of)
@@ -188,7 +190,9 @@ class Mapper:
             self.range_sigma = max(self.range_sigma, deviation)
             if self._config.behaviour.drops_false_returns:
                 placed = without_false_returns(placed, beams, deviation)
-        placed = on_level_ground(placed, beams.range, self._config, self._mission)
+        placed = on_level_ground(
+            placed, beams.range, self._config, self._mission, self.missing_floor
+        )
         if self._config.behaviour.judges_ranges:
             placed = without_lost_echoes(placed, beams)
         self.map.integrate(

@@ -296,12 +296,12 @@ def beams_of(
 
 @kernel
 def silent_about(silent: NDArray[np.int64], i: int, j: int) -> int:
-    """Count the silent beams of a tile and those beside it; 0 if any came back there."""
+    """Count the silent beams of a tile and those beside it; `ANSWERED` if any came back there."""
     total = int(np.int64(0))
     for p in range(max(i - 1, 0), min(i + 2, silent.shape[0])):
         for q in range(max(j - 1, 0), min(j + 2, silent.shape[1])):
             if silent[p, q] < 0:
-                return 0
+                return ANSWERED
             total += silent[p, q]
     return total
 
@@ -312,17 +312,19 @@ def find_lost(
     moments: NDArray[np.int32],  # (n,)
     directions: NDArray[np.float64],  # (n, 3)
     range_m: float,  # of the sensor
-    tiling: tuple[float, int],  # edge of a tile, m, and tiles along an axis
+    centre: tuple[float, float],  # least corner of the middle tile, m
+    edge: float,  # of a tile, m
+    least_sweeps: int,  # in which floor is silent, in a row, where it is missing
     ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
+    silent_sweeps: NDArray[np.uint8],  # (tiles, tiles) in, out; up to `least_sweeps`
     lost: NDArray[np.bool_],  # (n,) out
 ) -> None:
     """Find the beams without return that head for floor z = 0 and are no evidence of a hole.
 
     Of those that head for a hole none comes back, from the floor or from what stands before it, and
-    they are many.
+    they are many. Where floor is missing, that is so in one sweep after the other.
     """
-    edge, size = tiling
-    centre = origins[0, 0], origins[0, 1]
+    size = silent_sweeps.shape[0]
     silent = np.zeros((size, size), np.int64)  # beams; ANSWERED where one came back
     tiles = np.empty(ranges_mm.shape[0], np.int64)
     for i in range(ranges_mm.shape[0]):
@@ -344,7 +346,16 @@ def find_lost(
                 silent[p, q] = ANSWERED
         elif silent[p, q] != ANSWERED:
             silent[p, q] += 1
+    for p in range(size):
+        for q in range(size):
+            if silent[p, q] == 0:
+                continue  # no beam went there
+            about = silent_about(silent, p, q)
+            if about < 0:
+                silent_sweeps[p, q] = 0
+            elif about >= HOLE_BEAMS:
+                silent_sweeps[p, q] = min(silent_sweeps[p, q] + 1, least_sweeps)
     for i in range(ranges_mm.shape[0]):
         lost[i] = False
         if ranges_mm[i] == NO_RETURN_MM and tiles[i] >= 0:
-            lost[i] = silent_about(silent, tiles[i] // size, tiles[i] % size) < HOLE_BEAMS
+            lost[i] = silent_sweeps[tiles[i] // size, tiles[i] % size] < least_sweeps

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from wayproof.maps.ground_fit import TILE, fit_ground, level, lost_echoes
+from wayproof.maps.ground_fit import TILE, fit_ground, level
 from wayproof.maps.kernels import ground_fit as kernels
+from wayproof.maps.missing_floor import lost_echoes_of_one
 
 SENSOR = np.array([[0.4, -0.3, 0.5]])
 LOW_SENSOR = np.array([[0.4, -0.3, 0.42]])
@@ -200,7 +201,7 @@ def test_a_lost_echo_of_the_floor_is_told_from_a_hole():
     ranges_mm[hole | lost] = NO_RETURN
     plane = fit_ground(SENSOR, moments_of(ranges_mm), directions, ranges_mm)
     assert plane.as_expected
-    found = lost_echoes(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M)
+    found = lost_echoes_of_one(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M)
     near = lost & (np.hypot(*(down - SENSOR[0])[:, :2].T) < 10.0)
     assert near.sum() > 500
     assert found[near].mean() > 0.99
@@ -217,7 +218,7 @@ def test_an_echo_lost_behind_an_obstacle_is_no_hole():
     wall = (ranges_mm != NO_RETURN) & (SENSOR[0, 0] + ranges_mm * 1e-3 * directions[:, 0] > 3.99)
     lost = wall & (np.random.default_rng(3).random(len(wall)) < 0.3) & (directions[:, 2] < -0.1)
     ranges_mm[lost] = NO_RETURN
-    found = lost_echoes(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M)
+    found = lost_echoes_of_one(SENSOR, moments_of(ranges_mm), directions, ranges_mm, RANGE_M)
     assert lost.sum() > 50
     assert found[lost].mean() > 0.98
 
@@ -263,16 +264,16 @@ def test_kernels_compiled_and_interpreted_agree_bit_by_bit():
         run(kernels.tilt_back)(origins, moments, directions, ranges_mm, plane, levelled, ends)
         on_floor, lost = np.zeros((2, len(ranges_mm)), np.bool_)
         deviations, tiling = (float(figures[2]), 0.01, 0.1), (0.25, 97)
+        centre, silent_sweeps = (0.25, -0.5), np.zeros((97, 97), np.uint8)
         run(kernels.put_on_floor)(
             levelled, moments, ranges_mm, deviations, True, tiling, ends, on_floor
         )
         new, new_mm = np.zeros_like(directions), np.zeros_like(ranges_mm)
         run(kernels.beams_of)(ends, ranges_mm, new, new_mm)
-        arguments = levelled, moments, new, RANGE_M, tiling, new_mm, lost
-        run(kernels.find_lost)(*arguments)
-        runs.append(
-            (count, used, at_zero, near, plane, figures, levelled, new, new_mm, on_floor, lost)
-        )
+        beams_down = levelled, moments, new, RANGE_M, centre, tiling[0], 2, new_mm
+        run(kernels.find_lost)(*beams_down, silent_sweeps, lost)
+        found = count, used, at_zero, near, plane, figures, levelled, new, new_mm, on_floor
+        runs.append((*found, silent_sweeps, lost))
     assert runs[0][1] > 100
     assert runs[0][-1].any()
     for one, other in zip(*runs, strict=True):

@@ -13,6 +13,7 @@ from wayproof.harness.config_document import override
 from wayproof.harness.input_messages import beams_from_info, decode_ranges
 from wayproof.harness.inputs import Pose, SweepInput
 from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.streams import compare
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
 from wayproof.harness.perturbations.pose_jump import jump_time_ns
@@ -20,6 +21,7 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.map_content import read_floor
 from wayproof.models.sensors.beams import DROPPED
 
 JUMPS_AT_2_S = next(seed for seed in range(1000) if jump_time_ns(seed) < 2.5e9)
@@ -261,3 +263,20 @@ def test_where_silence_says_nothing_lost_echoes_make_no_holes_in_the_floor(tmp_p
     config = override(Config("empty", "quadruped", 0), settings)
     lossy = replace(config, perturbation=perturbation_from("depth_dropout:3"))
     assert run_episode(build(lossy), tmp_path / "lossy.mcap").outcome == "success"
+
+
+def test_echoes_lost_in_patches_stop_the_quadruped_by_older_rules_alone(tmp_path):
+    """A tenth of each sweep is lost in one rectangle, of which the lower ones look like holes."""
+    for rules in (8, 9):
+        settings = [f"behaviour.rules={rules}", "keyframe_period=1"]
+        config = override(Config("warehouse", "quadruped", 0), settings)
+        lossy = replace(config, perturbation=perturbation_from("depth_dropout:3:patch"))
+        path = tmp_path / f"{rules}.mcap"
+        result = run_episode(build(lossy), path)
+        assert (result.outcome == "success") == (rules == 9), result.reason
+        maps = [one.map for one in open_log(path).keyframes() if one.HasField("map")]
+        assert maps
+        assert all(bool(one.silent_sweeps) == (rules == 9) for one in maps)
+        if rules == 9:
+            assert any(read_floor(one)[0].any() for one in maps)
+            assert replay(path, jobs=2).identical

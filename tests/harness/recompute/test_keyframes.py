@@ -5,6 +5,7 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import pytest
+import zstandard
 
 from tests.harness.replay.episodes import altered
 from wayproof.harness.attribution import read_case
@@ -18,6 +19,7 @@ from wayproof.harness.replay.fork import fork
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.map_content import read_floor
 from wayproof.harness.stack.types import Exploration, PathLoss, PlannerState
 from wayproof.planners import Trajectory
 from wayproof.planners.jerk_limited import Profile
@@ -73,6 +75,16 @@ def move_a_wall(keyframe):
     keyframe.map.ticks += 1
 
 
+def dig_a_hole(keyframe):
+    silent_sweeps = read_floor(keyframe.map)[0].copy()
+    silent_sweeps[80, 80] += 1
+    keyframe.map.silent_sweeps = zstandard.compress(silent_sweeps.tobytes())
+
+
+def walk_off(keyframe):
+    keyframe.map.floor_tile[0] += 1
+
+
 def hurry(keyframe):
     keyframe.state.trajectory.start_ns += 1
 
@@ -86,7 +98,7 @@ def rename(keyframe):
 
 
 @pytest.mark.parametrize("jobs", [1, 3])
-@pytest.mark.parametrize("change", [move_a_wall, hurry, forget, rename])
+@pytest.mark.parametrize("change", [move_a_wall, dig_a_hole, walk_off, hurry, forget, rename])
 def test_a_false_keyframe_is_found_and_no_decision_is_blamed(recorded, tmp_path, change, jobs):
     log = open_log(Path(recorded(*EPISODES["quadruped"]).log))
     number = next(one.sequence for one in log.keyframes() if one.HasField("map"))
@@ -113,6 +125,14 @@ def garble(keyframe):
     keyframe.map.records = bytes(reversed(keyframe.map.records))
 
 
+def forget_the_floor(keyframe):
+    keyframe.map.ClearField("silent_sweeps")
+
+
+def lose_a_tile(keyframe):
+    del keyframe.map.floor_tile[1:]
+
+
 def lose(keyframe):
     keyframe.state.trajectory.path[:] = keyframe.state.trajectory.path[:-1]
 
@@ -121,8 +141,11 @@ def leave(keyframe):
     keyframe.state.trajectory.path[0] = float("nan")
 
 
+BROKEN = [cut, inflate, garble, forget_the_floor, lose_a_tile, lose, leave]
+
+
 @pytest.mark.parametrize("jobs", [1, 3])
-@pytest.mark.parametrize("change", [cut, inflate, garble, lose, leave])
+@pytest.mark.parametrize("change", BROKEN)
 def test_a_broken_keyframe_is_a_difference_of_the_log(recorded, tmp_path, capsys, change, jobs):
     log = open_log(Path(recorded(*EPISODES["quadruped"]).log))
 
