@@ -110,7 +110,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
     """Measure the facts for the tests."""
     last = _last_before(case, time_s)
     place = np.array(contact.position)
-    number = _last_chance(case, place, time_s)
+    number = last_chance(case, place, time_s)
     commands = commands_to(case, time_s)
     if commands:
         number = max(number, commands[0])  # before that one the referee admitted all
@@ -154,6 +154,17 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
     )
 
 
+def last_chance(case: Case, place: Array, time_s: float) -> int:
+    """Return the number of the last decision after which the body could stop before a place."""
+    expected = case.config.latency.expected
+    latest = _decision_before(case, time_s - expected - LEAST_NOTICE)
+    for number in range(latest, -1, -1):
+        moment = case.moments[number]
+        if _room(case, moment, place) >= stopping_room(case, moment, expected):
+            return number
+    return 0
+
+
 def _stretch(case: Case, number: int, time_s: float) -> range:
     """Return the decisions from one second before a decision up to a time."""
     begin_s = case.moments[number].time_ns * 1e-9 - 1.0
@@ -195,17 +206,6 @@ def _room(case: Case, moment: Moment, place: Array) -> float:
     """Return the distance from the body to a place, m."""
     gap = float(np.linalg.norm((place - moment.true_position)[: case.axes]))
     return max(gap - case.mission.radius, 0.0)
-
-
-def _last_chance(case: Case, place: Array, time_s: float) -> int:
-    """Return the number of the last decision after which the body could stop before a place."""
-    expected = case.config.latency.expected
-    latest = _decision_before(case, time_s - expected - LEAST_NOTICE)
-    for number in range(latest, -1, -1):
-        moment = case.moments[number]
-        if _room(case, moment, place) >= stopping_room(case, moment, expected):
-            return number
-    return 0
 
 
 def _last_before(case: Case, time_s: float) -> Moment:

@@ -11,6 +11,7 @@ import numpy as np
 from wayproof.harness.attribution.case import Case, Moment, off_path
 from wayproof.harness.attribution.commanded import answer_s, commands_to, on_trial
 from wayproof.harness.attribution.contact_facts import LATE
+from wayproof.harness.attribution.floor_edge import FloorEdge, floor_edge
 from wayproof.harness.attribution.pose import PoseFacts, pose_facts
 from wayproof.harness.attribution.ranges import RangeFacts, range_facts
 from wayproof.harness.attribution.ways import NO_PATH, MapWays, TrueWays, map_ways, true_ways
@@ -64,6 +65,7 @@ class StandstillFacts:
             referee did not admit and the body followed at the end; None without one.
         claimed_at: Distance of the estimated position from a goal that a stack on trial claimed
             from beyond the tolerance, m; 0 otherwise.
+        edge: End of the floor that the robot walked over; None if it did not fall there.
     """
 
     outcome: str
@@ -95,6 +97,7 @@ class StandstillFacts:
     cut_blocked: int = 0
     beyond_area: int | None = None
     claimed_at: float = 0.0
+    edge: FloorEdge | None = None
 
     @property
     def on_its_way(self) -> bool:
@@ -135,6 +138,7 @@ def standstill_facts(case: Case) -> StandstillFacts:
         cut_blocked=cut.count("blocked"),
         beyond_area=_beyond_area(case),
         claimed_at=_claimed_at(case),
+        edge=floor_edge(case),
         late=float(np.mean([_is_late(case, one) for one in case.moments[-10:]])),
         deadline=case.config.latency.deadline,
         delay=float(np.median([one.latency.delay_s for one in recent])),

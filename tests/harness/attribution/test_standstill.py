@@ -4,6 +4,7 @@ import pytest
 
 from tests.harness.attribution.facts import BAD, LIED, cause_of, changed
 from wayproof.harness.attribution import standstill as standstills
+from wayproof.harness.attribution.floor_edge import FloorEdge
 from wayproof.harness.attribution.pose import PoseFacts
 from wayproof.harness.attribution.ranges import RangeFacts
 from wayproof.harness.attribution.standstill_facts import StandstillFacts
@@ -36,6 +37,10 @@ STILL = StandstillFacts(
 )  # fmt: skip
 
 
+def edge(verdict, *commands):
+    return FloorEdge((1.0, 2.0, 0.0), 5, verdict, commands)
+
+
 CLOSED = {"map.passable": 0.0, "map.ghosts": 7}
 NARROW = {"map.roomy": 0.0, "map.ghosts": 7}
 IN_VAIN = {"map.in_vain": 0.4, "map.not_found": 0.8}
@@ -60,6 +65,11 @@ IN_VAIN = {"map.in_vain": 0.4, "map.not_found": 0.8}
         ({"on_trial": True, "map.passable": 0.0}, "unexplained"),
         ({"on_trial": True, "truth.exists": False}, "impossible"),
         ({"on_trial": True, "outcome": "fall"}, "tracking"),
+        ({"outcome": "fall", "edge": edge("blocked")}, "disregarded_obstacle"),
+        ({"outcome": "fall", "edge": edge("unknown", 7)}, "unseen_obstacle"),
+        ({"outcome": "fall", "edge": edge("admitted")}, "missed_obstacle"),
+        ({"outcome": "fall", "edge": edge("unknown"), "pose": LIED}, "localization"),
+        ({"outcome": "fall", "edge": edge("unknown"), "late": 0.6}, "latency"),
         ({"map.in_vain": 0.4, "map.not_found": 0.8}, "planner"),
         ({"map.in_vain": 0.4, "map.not_found": 0.2}, "unexplained"),
         ({**NARROW, **IN_VAIN}, "ghost_obstacle"),

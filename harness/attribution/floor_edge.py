@@ -1,0 +1,86 @@
+"""Falls over the end of the floor: where it ends, and what the map held there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.attribution.case import Case
+from wayproof.harness.attribution.commanded import commands_to
+from wayproof.harness.attribution.contact_facts import last_chance
+from wayproof.harness.log.paths import densely
+from wayproof.harness.stack.decision import path_of
+from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
+
+Array = NDArray[np.float64]
+
+STRIDE = 0.5
+"""Length of the path beyond the end of the floor in which the map is looked at, m."""
+
+SPACING = 0.02
+"""Distance of the points of a path at which floor is looked for, m."""
+
+STATES = ((OCCUPIED, "blocked"), (UNKNOWN, "unknown"), (FREE, "admitted"))
+"""States of the map, and the verdict of a referee on each."""
+
+
+@dataclass(frozen=True)
+class FloorEdge:
+    """The end of the floor on the path of a robot that fell.
+
+    Attributes:
+        place: (x, y, z) on the true path, the first point without floor below it, m.
+        decision: Number of the last decision after which the body could have stopped before it.
+        verdict: What the map held beyond: `blocked`, `unknown` or `admitted`; of a stack on trial
+            that the referee did not admit, its verdict.
+        commands: Numbers of the commands not admitted that a stack on trial was followed in.
+    """
+
+    place: tuple[float, float, float]
+    decision: int
+    verdict: str
+    commands: tuple[int, ...]
+
+
+def floor_edge(case: Case) -> FloorEdge | None:
+    """Return the end of the floor that a robot walked over; None if it did not fall there.
+
+    Its path led over it: a robot that leaves a path over floor, and falls, did not track it.
+    """
+    last = case.moments[-1]
+    trajectory = case.followed(last.time_ns)
+    if case.outcome != "fall" or not case.mission.planar or trajectory is None:
+        return None
+    path = densely(path_of(trajectory.path), SPACING) - last.error
+    path[:, 2] = 0.0
+    if case.space.terrain(path[:1, :2]) is not None:
+        return None  # on hills the floor is not at one height
+    gone = np.flatnonzero(~case.space.borne(path))
+    if not len(gone):
+        return None
+    place = path[gone[0]]
+    if np.linalg.norm((place - last.true_position)[:2]) > case.mission.radius + STRIDE:
+        return None
+    number = last_chance(case, place, case.end_s)
+    commands = commands_to(case, case.end_s)
+    if commands:
+        number = max(number, commands[0])
+    x, y, z = place.tolist()
+    verdict = case.moments[number].decision.verdict.verdict
+    if verdict not in ("blocked", "unknown"):
+        beyond = path[gone[0] :][np.linalg.norm(path[gone[0] :] - place, axis=1) <= STRIDE]
+        verdict = _held(case.navigator_at(number), beyond + case.moments[number].error)
+    return FloorEdge((x, y, z), number, verdict, commands)
+
+
+def _held(navigator: Navigator, believed: Array) -> str:
+    """Return what most of a costmap's cells at places (n, 3) are, as a verdict."""
+    costmap = navigator.costmap
+    cells = np.floor((believed - costmap.origin) / costmap.resolution).astype(int)[:, :2]
+    cells = np.unique(np.clip(cells, 0, np.array(costmap.shape[:2]) - 1), axis=0)
+    states = costmap.state[cells[:, 0], cells[:, 1], 0]
+    counts = [int((states == state).sum()) for state, _ in STATES]
+    return STATES[int(np.argmax(counts))][1]
