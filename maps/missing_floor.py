@@ -6,6 +6,8 @@ or a sensor that loses its echoes in a part of its view.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -64,6 +66,7 @@ class MissingFloor:
             ranges_mm,
             range_limit=range_limit,
             centre=(self.tile[0] * TILE, self.tile[1] * TILE),
+            within=math.inf,  # from below a crest too: what returns there shows how low it is
             least_sweeps=HOLE_SWEEPS,
             silent_sweeps=self.silent_sweeps,
         )
@@ -124,6 +127,7 @@ def lost_echoes_of_one(
         ranges_mm,
         range_limit=range_limit,
         centre=(float(origins[0, 0]), float(origins[0, 1])),
+        within=TILE,
         least_sweeps=1,
         silent_sweeps=np.zeros((TILES, TILES), np.uint8),
     )
@@ -137,6 +141,7 @@ def _lost_echoes(
     *,
     range_limit: float,
     centre: tuple[float, float],
+    within: float,
     least_sweeps: int,
     silent_sweeps: NDArray[np.uint8],
 ) -> NDArray[np.bool_]:
@@ -148,6 +153,7 @@ def _lost_echoes(
         range_limit,
         centre,
         TILE,
+        within,
         least_sweeps,
         ranges_mm,
         silent_sweeps,

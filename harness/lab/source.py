@@ -14,7 +14,7 @@ from wayproof.harness.shadow.batches import batches
 from wayproof.harness.shadow.inputs import InputWriter
 from wayproof.harness.shadow.perturb import RecordedPerturbation
 from wayproof.harness.shadow.prepare import Prepared
-from wayproof.harness.stack.ground import missing_floor_of, on_level_ground
+from wayproof.harness.stack.ground import missing_floor_of, on_level_ground, without_lost_floor
 from wayproof.maps import MapConfig
 
 Corner = tuple[float, float, float]
@@ -69,7 +69,15 @@ def of_log(path: Path, most: int) -> Source:
             for sweep in inputs.sweeps:
                 beams = log.beams[sweep.sensor]
                 world = beams.place(sweep, inputs.pose, inputs.sequence)
-                world = on_level_ground(world, beams.range, log.config, log.mission, missing)
+                world = on_level_ground(world, log.config, log.mission)
+                world = without_lost_floor(
+                    world,
+                    beams.range,
+                    pose=inputs.pose,
+                    config=log.config,
+                    mission=log.mission,
+                    missing=missing,
+                )
                 yield PlacedSweep(inputs.time_ns, world, beams.range)
 
     return Source(
@@ -99,7 +107,15 @@ def of_recording(recording: Recording, prepared: Prepared, most: int) -> Source:
             for sweep in inputs.sweeps:
                 own = beams[sweep.sensor]
                 world = own.place(sweep, inputs.pose, sequence)
-                world = on_level_ground(world, own.range, prepared.config, mission, missing)
+                world = on_level_ground(world, prepared.config, mission)
+                world = without_lost_floor(
+                    world,
+                    own.range,
+                    pose=inputs.pose,
+                    config=prepared.config,
+                    mission=mission,
+                    missing=missing,
+                )
                 yield PlacedSweep(inputs.time_ns, world, own.range)
 
     sweeps = first(placed(), most)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from wayproof.harness.config import Config
-from wayproof.harness.inputs import WorldSweep
+from wayproof.harness.inputs import Pose, WorldSweep
 from wayproof.harness.mission import Mission
 from wayproof.maps.ground_fit import GroundPlane, fit_ground, level
 from wayproof.maps.missing_floor import MissingFloor, lost_echoes_of_one
@@ -15,45 +17,68 @@ def missing_floor_of(config: Config, mission: Mission) -> MissingFloor | None:
 
     Where unknown floor may be entered, one sweep that misses floor must keep the robot from it.
     """
-    forbidden = config.costmap.unknown_policy == "forbid"
-    kept = _is_fitted(config, mission) and config.behaviour.confirms_holes and forbidden
-    return MissingFloor() if kept else None
+    kept = config.map.ground_fit and mission.planar and config.behaviour.confirms_holes
+    return MissingFloor() if kept and config.costmap.unknown_policy == "forbid" else None
 
 
-def on_level_ground(
-    placed: WorldSweep,
-    range_m: float,
-    config: Config,
-    mission: Mission,
-    missing: MissingFloor | None,
-) -> WorldSweep:
+def on_level_ground(placed: WorldSweep, config: Config, mission: Mission) -> WorldSweep:
     """Return a sweep levelled by its own floor, where that is not as expected: `map.ground_fit`.
 
     Args:
         placed: The sweep in the world frame; the floor is expected at z = 0.
-        range_m: Range up to which its beams without return clear, m.
         config: Settings.
         mission: Mission of a robot that walks or flies; only the sweeps of the first are levelled.
+    """
+    plane = fitted_ground(placed, config, mission)
+    if plane is None:
+        return placed
+    found = level(
+        placed.origins,
+        placed.moments,
+        placed.directions,
+        placed.ranges_mm,
+        plane,
+        two_sided=config.behaviour.floor_stands_noise,
+    )
+    return WorldSweep(found.origins, found.directions, found.ranges_mm, placed.moments)
+
+
+def without_lost_floor(
+    placed: WorldSweep,
+    range_m: float,
+    pose: Pose,
+    config: Config,
+    mission: Mission,
+    missing: MissingFloor | None,
+) -> WorldSweep:
+    """Return a sweep without the beams that lost their echo from the floor: `map.ground_fit`.
+
+    Where the ground slopes it is looked for at the height of the feet.
+
+    Args:
+        placed: The sweep in the world frame, on level ground.
+        range_m: Range up to which its beams without return clear, m.
+        pose: Pose of the body, estimated.
+        config: Settings.
+        mission: Mission of a robot that walks or flies; only the sweeps of the first are looked at.
         missing: Evidence of missing floor in the sweeps before, which takes in this one; None where
             each sweep is judged alone.
     """
-    if not _is_fitted(config, mission):
+    if not (config.map.ground_fit and mission.planar and (placed.ranges_mm == NO_RETURN).any()):
         return placed
-    plane = fitted_ground(placed, config, mission)
-    if plane is not None:
-        found = level(
-            placed.origins,
-            placed.moments,
-            placed.directions,
-            placed.ranges_mm,
-            plane,
-            two_sided=config.behaviour.floor_stands_noise,
-        )
-        placed = WorldSweep(found.origins, found.directions, found.ranges_mm, placed.moments)
-    if not (placed.ranges_mm == NO_RETURN).any():
-        return placed
+    origins = placed.origins
+    if config.costmap.max_slope > 0.0:
+        if not (config.behaviour.confirms_holes and mission.rest_height > 0.0):
+            return placed
+        origins = origins - np.array([0.0, 0.0, pose.position[2] - mission.rest_height])
     lost_echoes = lost_echoes_of_one if missing is None else missing.lost_echoes
-    lost = lost_echoes(placed.origins, placed.moments, placed.directions, placed.ranges_mm, range_m)
+    lost = lost_echoes(
+        origins,
+        placed.moments,
+        placed.directions,
+        placed.ranges_mm,
+        range_m,
+    )
     return placed.without(lost)
 
 

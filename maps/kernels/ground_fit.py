@@ -314,6 +314,7 @@ def find_lost(
     range_m: float,  # of the sensor
     centre: tuple[float, float],  # least corner of the middle tile, m
     edge: float,  # of a tile, m
+    within: float,  # beyond the floor, in which a return is one of what lies there, m
     least_sweeps: int,  # in which floor is silent, in a row, where it is missing
     ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
     silent_sweeps: NDArray[np.uint8],  # (tiles, tiles) in, out; up to `least_sweeps`
@@ -342,7 +343,7 @@ def find_lost(
             continue
         p, q = tile // size, tile % size
         if ranges_mm[i] != NO_RETURN_MM:
-            if ranges_mm[i] * 1e-3 <= r + edge:
+            if ranges_mm[i] * 1e-3 <= r + within:
                 silent[p, q] = ANSWERED
         elif silent[p, q] != ANSWERED:
             silent[p, q] += 1

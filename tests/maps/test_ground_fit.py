@@ -270,7 +270,7 @@ def test_kernels_compiled_and_interpreted_agree_bit_by_bit():
         )
         new, new_mm = np.zeros_like(directions), np.zeros_like(ranges_mm)
         run(kernels.beams_of)(ends, ranges_mm, new, new_mm)
-        beams_down = levelled, moments, new, RANGE_M, centre, tiling[0], 2, new_mm
+        beams_down = levelled, moments, new, RANGE_M, centre, tiling[0], 0.25, 2, new_mm
         run(kernels.find_lost)(*beams_down, silent_sweeps, lost)
         found = count, used, at_zero, near, plane, figures, levelled, new, new_mm, on_floor
         runs.append((*found, silent_sweeps, lost))

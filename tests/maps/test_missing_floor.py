@@ -93,8 +93,7 @@ def naive(history):
             r = -origins[0, 2] / direction[2]
             tile = tuple(math.floor((origins[0, k] + r * direction[k]) / TILE) for k in range(2))
             if range_mm != NO_RETURN:
-                if range_mm * 1e-3 <= r + TILE:
-                    answered.add(tile)
+                answered.add(tile)
             else:
                 silent[tile] += 1
         for tile in {*silent, *answered}:
