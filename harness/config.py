@@ -89,15 +89,16 @@ class MotionConfig:
 
     Attributes:
         limits: Speed, acceleration and turning of a built-in robot: `full` is what it follows in
-            trials; `cautious` is what it had before; `auto` is what the robot's registry says,
-            `full` for both, but `cautious` in a world with things that are known to move or
-            appear, on slopes and on recordings. A log says which.
+            trials; `cautious` is what it had before; `sloping` is slower on slopes; `auto` is what
+            the robot's registry says, `full` for both, but `sloping` with `costmap.max_slope`, else
+            `cautious` in a world with things that are known to move or appear, and on recordings. A
+            log says which.
         speed_fraction: Share of the body's greatest speed that navigation commands.
         altitude_low: Lowest altitude that any part of a flying robot may take, m.
         altitude_high: Highest, m.
     """
 
-    limits: Literal["auto", "full", "cautious"] = "auto"
+    limits: Literal["auto", "full", "cautious", "sloping"] = "auto"
     speed_fraction: Annotated[float, Bounds(0.05, 1.0)] = 1.0
     altitude_low: Annotated[float, Bounds(-1e4, 1e4, "m")] = 0.2
     altitude_high: Annotated[float, Bounds(-1e4, 1e4, "m")] = 2.8

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 from wayproof.harness.config import HASH_SEPARATOR, Config
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.scenario.named import find_named
-from wayproof.models.robots import FAST_ROBOTS, LIMITS_IN_STATIC_WORLDS, ROBOTS, Robot, custom
+from wayproof.models.robots import LIMITS_IN_STATIC_WORLDS, ROBOTS, ROBOTS_BY_LIMITS, Robot, custom
 from wayproof.models.robots.custom import (
     CONTROLLERS,
     CustomRobot,
@@ -51,7 +52,7 @@ def find_robot(config: Config) -> Robot:
 
 def built_in(config: Config) -> Mapping[str, Robot]:
     """Return the built-in robots by name, with the limits that a config sets."""
-    return FAST_ROBOTS if config.motion.limits == "full" else ROBOTS
+    return ROBOTS_BY_LIMITS.get(config.motion.limits, ROBOTS)
 
 
 def resolve_limits(config: Config, world: World) -> Config:
@@ -59,15 +60,19 @@ def resolve_limits(config: Config, world: World) -> Config:
 
     A robot stops within the space that is admitted. What moves or appears can come into it
     meanwhile, so where the operator knows of such things, the robot goes more slowly. So it does
-    where it is to walk on slopes, where it was not measured at speed. Elsewhere the registry of
-    robots decides.
+    where it is to walk on slopes. Elsewhere the registry of robots decides.
     """
     if config.motion.limits != "auto":
         return config
-    limits = LIMITS_IN_STATIC_WORLDS.get(config.robot, "full")  # no other robot has two
-    if world.movers or config.costmap.max_slope > 0.0:
-        limits = "cautious"
-    return replace(config, motion=replace(config.motion, limits=limits))
+    return replace(config, motion=replace(config.motion, limits=_limits_in(config, world)))
+
+
+def _limits_in(config: Config, world: World) -> Literal["full", "cautious", "sloping"]:
+    if config.costmap.max_slope > 0.0:
+        return "sloping"
+    if world.movers:
+        return "cautious"
+    return LIMITS_IN_STATIC_WORLDS.get(config.robot, "full")  # no other robot has two
 
 
 UNUSED: dict[str, tuple[str, ...]] = {

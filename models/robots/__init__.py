@@ -5,7 +5,7 @@ from typing import Literal
 from wayproof.models.robots.quadrotor import Quadrotor
 from wayproof.models.robots.quadrotor.robot import FAST_QUADROTOR
 from wayproof.models.robots.quadruped import Quadruped
-from wayproof.models.robots.quadruped.robot import FAST_QUADRUPED
+from wayproof.models.robots.quadruped.robot import FAST_QUADRUPED, SLOPING_QUADRUPED
 from wayproof.models.robots.robot import Controller, Robot, RobotSpec, Setpoint
 
 ROBOTS: dict[str, Robot] = {
@@ -19,6 +19,13 @@ FAST_ROBOTS: dict[str, Robot] = {
 }
 """Built-in robots at the speed that they were measured to bear."""
 
+ROBOTS_BY_LIMITS: dict[str, dict[str, Robot]] = {
+    "full": FAST_ROBOTS,
+    "cautious": ROBOTS,
+    "sloping": {**ROBOTS, "quadruped": SLOPING_QUADRUPED},
+}
+"""Built-in robots by `motion.limits`."""
+
 LIMITS_IN_STATIC_WORLDS: dict[str, Literal["full", "cautious"]] = {
     "drone": "full",
     "quadruped": "full",
@@ -30,6 +37,7 @@ __all__ = [
     "FAST_ROBOTS",
     "LIMITS_IN_STATIC_WORLDS",
     "ROBOTS",
+    "ROBOTS_BY_LIMITS",
     "Controller",
     "Robot",
     "RobotSpec",

@@ -280,3 +280,13 @@ def test_echoes_lost_in_patches_stop_the_quadruped_by_older_rules_alone(tmp_path
         if rules == 9:
             assert any(read_floor(one)[0].any() for one in maps)
             assert replay(path, jobs=2).identical
+
+
+def test_lost_echoes_stop_the_quadruped_on_slopes_by_older_rules_alone(tmp_path):
+    for rules in (8, 9):
+        settings = [f"behaviour.rules={rules}", "costmap.max_slope=0.2"]
+        config = override(Config("warehouse", "quadruped", 1), settings)
+        lossy = replace(config, perturbation=perturbation_from("depth_dropout:1"))
+        result = run_episode(build(lossy), tmp_path / f"{rules}.mcap")
+        assert (result.outcome == "success") == (rules == 9), result.reason
+    assert replay(tmp_path / "9.mcap").identical

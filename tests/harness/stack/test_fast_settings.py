@@ -7,7 +7,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.config_document import document_of, from_json, override, to_json
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.stack.planner_input import motion_limits
-from wayproof.models.robots import FAST_ROBOTS, LIMITS_IN_STATIC_WORLDS, ROBOTS
+from wayproof.models.robots import LIMITS_IN_STATIC_WORLDS, ROBOTS, ROBOTS_BY_LIMITS
 
 FORMER = (
     "motion.limits=cautious",
@@ -54,5 +54,15 @@ def test_both_robots_are_fast_by_themselves_but_where_something_is_known_to_move
             assert from_json(to_json(config)) == config
 
 
+def test_on_slopes_the_quadruped_is_slower_by_itself():
+    for world, limits in (("empty", "sloping"), ("crossing", "sloping")):
+        built = build(override(Config(world, "quadruped", 0), ["costmap.max_slope=0.2"]))
+        assert (built.config.motion.limits, built.mission.max_speed) == (limits, 0.7)
+        assert from_json(to_json(built.config)) == built.config
+    chosen = ["costmap.max_slope=0.2", "motion.limits=full"]
+    assert build(override(Config("empty", "quadruped", 0), chosen)).mission.max_speed == 1.5
+
+
 def test_the_registry_says_of_every_robot_what_auto_stands_for():
-    assert set(LIMITS_IN_STATIC_WORLDS) == set(FAST_ROBOTS) == set(ROBOTS)
+    assert set(LIMITS_IN_STATIC_WORLDS) == set(ROBOTS)
+    assert all(set(robots) == set(ROBOTS) for robots in ROBOTS_BY_LIMITS.values())
