@@ -185,7 +185,8 @@ class Case:
 
 
 def update_as_decided(navigator: Navigator, decision: pb.Decision) -> None:
-    """Update a costmap with the margin that a decision had."""
+    """Update a costmap with the place and the margin that a decision had."""
+    navigator.mapper.stand_at(np.array(decision.position))
     margin, widening = decision.localization_margin_m, widening_of(decision)
     navigator.costmap.update(margin, widening=widening)
 

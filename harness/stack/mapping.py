@@ -134,13 +134,22 @@ class Mapper:
         for layer in self._layers:
             if layer.follow is not None:
                 layer.follow(self.map, inputs)
-        feet = np.subtract(inputs.pose.position, (0.0, 0.0, self._mission.rest_height))
+        self.stand_at(inputs.pose.position)
         # Computing all distances of a plane is faster than tracking which are read.
         whole = self._mission.planar
         for stage in self.stages:
-            if self._climbs:
-                stage.costmap.stand_at(feet)
             stage.costmap.update(margin.least, whole=whole, widening=margin.widening)
+
+    def stand_at(self, position: Array) -> None:
+        """Find the ground from the feet of a body that climbs, too, from the next update on.
+
+        Args:
+            position: (3,) of the body, m, world.
+        """
+        if self._climbs:
+            feet = np.subtract(position, (0.0, 0.0, self._mission.rest_height))
+            for stage in self.stages:
+                stage.costmap.stand_at(feet)
 
     def update(self, inputs: Inputs) -> None:
         """Integrate the inputs and update the costmap, as before a decision."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wayproof.harness.log.paths import Array, length, rest_of, runs_along, speed_at
+from wayproof.harness.log.paths import Array, arc_lengths, length, rest_of, runs_along, speed_at
 from wayproof.harness.replay.audit.body import Discs, track_of
 from wayproof.harness.replay.audit.moment import Moment, Violation
 from wayproof.harness.stack.decision import path_of
@@ -116,7 +116,7 @@ def _is_last_resort(moment: Moment) -> bool:
     It follows a path that was free in an earlier map; or it leaves that path, which is blocked in
     this map as well, and comes no nearer to the cells in the way.
     """
-    body, poses, path, margin = moment.body, moment.poses, moment.path, moment.margin
+    poses, path = moment.poses, moment.path
     ways = [path_of(earlier.path) for earlier in moment.before]
     if any(runs_along(path, way) for way in ways):
         return True
@@ -124,7 +124,18 @@ def _is_last_resort(moment: Moment) -> bool:
     if len(ahead) < 2:
         return False
     steps = np.vstack((np.diff(ahead, axis=0), ahead[-1:] - ahead[-2:-1]))
-    straight_on = np.column_stack((ahead, np.arctan2(steps[:, 1], steps[:, 0])))
+    along = np.arctan2(steps[:, 1], steps[:, 0])
+    arcs = arc_lengths(poses[:, :3]), np.unwrap(poses[:, 3])
+    as_driven = np.interp(arc_lengths(ahead), *arcs)  # a body turns no faster on the way before
+    return any(
+        _keeps_distance(moment, np.column_stack((ahead, headings)))
+        for headings in (along, as_driven)
+    )
+
+
+def _keeps_distance(moment: Moment, straight_on: Array) -> bool:
+    """Return whether a path comes no nearer to cells than another one (n, 4), which is blocked."""
+    body, poses, margin = moment.body, moment.poses, moment.margin
     if body.first_blocked(moment.map, straight_on, margin) is None:
         return False
     for nearer in np.arange(0.0, margin + moment.mission.radius, 0.5 * moment.map.resolution):

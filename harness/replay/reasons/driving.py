@@ -82,7 +82,8 @@ def driving_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     full = stop_from(limits.max_speed * scene.config.motion.speed_fraction, limits)
     yield from same("full_speed_stop_m", reason.full_speed_stop_m, full, 0.01)
     slow = reason.free_m < reason.full_speed_stop_m or _costs_speed(reason)
-    if (scene.decision.action == "slow") != slow:
+    rounded = reason.free_m == reason.full_speed_stop_m  # which may have been the less
+    if (scene.decision.action == "slow") != slow and not rounded:
         yield f"action {scene.decision.action}, with {reason.free_m:.2f} m admitted"
 
 

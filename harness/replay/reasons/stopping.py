@@ -42,7 +42,7 @@ def _kept_short(scene: Scene) -> float:
 def path_too_short(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """Check that the rest of the last way is shorter than the robot needs to stop."""
     yield from stops(scene, reason)
-    if not reason.path_m < reason.stop_m:
+    if reason.path_m > reason.stop_m:
         yield f"{reason.path_m:.2f} m are left, and {reason.stop_m:.2f} m enough to stop"
     yield from same_arc("path_m", reason.path_m, left_of(past.way, scene.path[0]))
 

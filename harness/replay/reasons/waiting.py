@@ -25,7 +25,7 @@ def waiting_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     way = scene.global_path if len(scene.global_path) > 1 else past.way
     yield from obstructed(scene, reason, way, scene.unknown_blocks)
     yield from same("limit_m", reason.limit_m, scene.config.behaviour.min_advance)
-    if not reason.free_m < reason.limit_m:
+    if reason.free_m > reason.limit_m:  # both are rounded: equal ones may have differed
         yield f"{reason.free_m:.2f} m are free"
     yield from _waited(scene, past, reason)
 

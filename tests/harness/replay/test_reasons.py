@@ -269,6 +269,32 @@ def test_a_stop_before_an_obstacle_is_one_that_was_needed(log, discs, spare, is_
     assert any("m enough to stop" in text for text in texts) == is_enough, texts
 
 
+@pytest.mark.parametrize(
+    ("kind", "action", "figures", "complaint"),
+    [
+        ("unknown_ahead", "slow", ("free_m", "full_speed_stop_m"), "action slow"),
+        ("unknown_ahead", "follow", ("free_m", "full_speed_stop_m"), "action follow"),
+        ("waiting_before_unknown", "stop_and_wait", ("free_m", "limit_m"), "m are free"),
+        ("path_too_short", "stop_and_wait", ("path_m", "stop_m"), "m enough to stop"),
+    ],
+)
+def test_figures_that_are_equal_as_rounded_may_have_been_in_order(
+    log, kind, action, figures, complaint
+):
+    moment, spot = next(moments(log)), (1.0, 1.0, 1.0)
+    moment.decision.action = action
+    found = []
+    for values in ((0.3, 0.3), (0.3, 0.1), (0.1, 0.3)):
+        places = {name: spot for name in POINTS if _needs(kind, name)}
+        known = {"cell_state": "unknown"} if places else {}
+        reason = Reason(kind, **dict(zip(figures, values, strict=True)), **places, **known)
+        moment.decision.predicate.CopyFrom(reason_message(reason))
+        given = moment.decision, moment.map, moment.config, moment.mission
+        found.append(any(complaint in text for text in ReasonCheck().check(*given)))
+    assert not found[0]
+    assert any(found[1:])
+
+
 def test_a_decision_without_figures_is_found_but_not_in_an_old_log(log):
     moment = next(moments(log))
     moment.decision.ClearField("predicate")

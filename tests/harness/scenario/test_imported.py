@@ -12,6 +12,7 @@ from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute.rebuild import rebuild
+from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.recompute.side_by_side import changed_mission
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.replay import replay
@@ -19,6 +20,7 @@ from wayproof.harness.replay.verify import verify
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.scenario.scene_text import safe_scene
+from wayproof.maps import UNKNOWN
 from wayproof.models.world_files import ImportOptions, import_world
 
 
@@ -47,10 +49,10 @@ def test_a_walk_on_terrain_begins_and_ends_on_the_ground(tmp_path, robot):
     assert on_top.config.goal[2] == pytest.approx(on_top.spec.rest_height + 0.3, abs=0.01)
 
 
-def ridge(folder, width=6.0):
-    """Return a world with a ridge of 0.3 m across its middle, up to a width from y = 0 on."""
+def ridge(folder, width=6.0, height=0.3):
+    """Return a world with a ridge across its middle, up to a width from y = 0 on."""
     x, y = np.meshgrid(np.linspace(0.0, 12.0, 121), np.linspace(0.0, 6.0, 61))
-    np.save(folder / "ridge.npy", 0.3 * np.exp(-((x - 6.0) ** 2)) * (y <= width))
+    np.save(folder / "ridge.npy", height * np.exp(-((x - 6.0) ** 2)) * (y <= width))
     ends = (1.5, 3.0, 0.0), (10.5, 3.0, 0.0)
     return import_world(folder / "ridge.npy", ImportOptions(resolution=0.1), *ends)[0]
 
@@ -88,6 +90,25 @@ def test_a_ridge_is_walked_over_and_the_walk_runs_again_from_its_log(tmp_path, s
     assert replay(log.path).identical
     assert run_episode(rebuild(log), tmp_path / "again.mcap").chain == first.chain
     assert audit(log.path).violations == ()
+
+
+@pytest.mark.parametrize(("height", "y"), [(0.34, 3.0), (0.3, 2.0)])
+def test_audit_and_attribution_see_the_ground_that_a_ridge_was_walked_on(tmp_path, height, y):
+    ends = {"start": (3.0, y), "goal": (9.0, 3.0)}
+    steep = saved(tmp_path, ridge(tmp_path, height=height))
+    config = override(replace(Config(steep, "quadruped", 0), **ends), ["costmap.max_slope=0.35"])
+    assert run_episode(build(config), tmp_path / "a.mcap").outcome == "success"
+    assert audit(tmp_path / "a.mcap").violations == ()
+    log = open_log(tmp_path / "a.mcap")
+    case, stack = read_case(log), SegmentedStack(segments_of(log))
+    hidden = 0
+    for record, number in zip(log.records(), range(100), strict=False):
+        stack.step(record)
+        if number % 20 == 9:
+            costmap = case.navigator_at(number).costmap
+            np.testing.assert_array_equal(costmap.state, stack.navigator.costmap.state)
+            hidden += (costmap.state == UNKNOWN).sum()
+    assert hidden > 1000  # behind the crest, where no hole is
 
 
 def test_a_log_of_a_flat_floor_that_is_changed_to_slopes_knows_the_height_at_rest():
