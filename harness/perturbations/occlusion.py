@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,16 @@ from wayproof.models.sensors.beams import DROPPED
 
 
 class Occlusion(Perturbation, frozen=True, tag="occlusion"):
-    """A sector of azimuth about a seeded beam of the first sensor gives no information.
+    """A sector of azimuth about a seeded beam of the first sensor gives no information, or no echo.
 
     Attributes:
+        mode: `blind` beams give no information, as behind a mast; `silent` ones lose their echo, as
+            behind dirt or glass, and the device reports that as it reports a lost echo.
         direction: Azimuth of its middle in the sensor's frame, about z from x, degrees; by the seed
             if none.
     """
 
+    mode: Literal["blind", "silent"] = "blind"
     direction: float | None = None
     changes: ClassVar[Changes] = "ranges"
     measured_in: ClassVar[str] = "degrees"
@@ -32,9 +35,11 @@ class Occlusion(Perturbation, frozen=True, tag="occlusion"):
         return tuple(sensors[:1])
 
     def report(self, report: Report) -> Ranges:
-        """Return the sweep with its blocked beams blinded."""
+        """Return the sweep with its blocked beams blinded, or without their echoes."""
         cosine = _planar(report.directions) @ self._centre(report)
         blocked = cosine >= math.cos(math.radians(0.5 * self.amount))
+        if self.mode == "silent":
+            return np.where(blocked & report.echoes, report.silence, report.ranges_mm)
         return np.where(blocked, DROPPED, report.ranges_mm)
 
     def _centre(self, report: Report) -> NDArray[np.float64]:  # (2,)

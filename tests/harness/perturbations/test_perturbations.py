@@ -193,6 +193,18 @@ def test_a_sector_is_blinded_the_same_in_each_sweep(severity, degrees):
     assert (blocked == again).all()
 
 
+def test_a_silent_sector_is_the_blind_one_and_loses_the_echoes_alone():
+    given = report()
+    blind = perturbation_from("occlusion:3").report(given) == DROPPED
+    silent = perturbation_from("occlusion:3:silent").report(given)
+    np.testing.assert_array_equal(silent[~blind], given.ranges_mm[~blind])
+    np.testing.assert_array_equal(silent[blind & given.echoes], given.silence)
+    np.testing.assert_array_equal(
+        silent[blind & ~given.echoes], given.ranges_mm[blind & ~given.echoes]
+    )
+    assert (blind & given.echoes).any()
+
+
 def quaternion(axis, angle):
     axis = np.array(axis) / np.linalg.norm(axis)
     return np.array([math.cos(angle / 2), *(math.sin(angle / 2) * axis)])
