@@ -220,7 +220,8 @@ def test_time_and_memory_are_bounded(tmp_path: Path) -> None:
         run_in_processes, workers=1, bounds=Bounds(wall_s=0.3, memory_mib=4096)
     )
     text = SHORT.replace("seeds = 2", "seeds = 1").replace('"episode.time_limit" = 1\n', "")
-    result = run(tmp_path, text, engine=bounded)
+    text = text.replace('"empty"', '"warehouse"').replace('"map.resolution" = 0.2\n', "")
+    result = run(tmp_path, text, engine=bounded)  # each takes several times as long
     assert result.errors == 2
     assert all(arm.outcomes == {"error": 1} for arm in result.arms)
 
