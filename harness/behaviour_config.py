@@ -174,3 +174,8 @@ class BehaviourConfig:
     def confirms_holes(self) -> bool:
         """Whether floor is missing only where many sweeps in a row find none, under `forbid`."""
         return self.rules >= 9
+
+    @property
+    def holds_seen_floor(self) -> bool:
+        """Whether floor that was seen is no hole, though beams went below it."""
+        return self.rules >= 9

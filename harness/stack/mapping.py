@@ -97,6 +97,7 @@ class Mapper:
                 floor=floor,
                 ceiling=ceiling,
                 threads=config.threads,
+                seen_floor_holds=config.behaviour.holds_seen_floor,
             )
 
         self.missing_floor = missing_floor_of(config, mission)

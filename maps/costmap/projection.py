@@ -56,6 +56,7 @@ class Projection:
         if box is None:
             return None
         voxel_map.rewrite_columns(self._window.first, boxes, self._held[0], self._held[1])
+        box = self._affected(*box)
         return self._take(voxel_map.keep_out(*self._part(*box)), *box)
 
     def read_whole(self, voxel_map: ColumnMap) -> None:
@@ -66,6 +67,10 @@ class Projection:
         box = slice(0, nx), slice(0, ny)
         voxel_map.rewrite_columns(first, whole, self._held[0], self._held[1])
         self._take(voxel_map.keep_out(*self._part(*box)), *box)
+
+    def _affected(self, x: slice, y: slice) -> Columns:
+        """Return the columns whose projection may change with a box of columns of the map."""
+        return x, y
 
     def _part(self, x: slice, y: slice) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Return the least cell and size (nx, ny, words) of a box of columns."""
@@ -120,21 +125,28 @@ class Ground(Projection):
     A column is occupied if something stands between the step height and the body's height, or if a
     beam went through where the floor should be; it is free if all of that band is free and a floor
     was seen below; else unknown. Obstacles above the body do not count.
+
+    Floor that was seen can hold where beams went below it, since lost echoes look so. It does not
+    beside a column without floor, as at the edge of a dock.
     """
 
-    def __init__(self, window: Window, height: float, step_height: float) -> None:
+    def __init__(
+        self, window: Window, height: float, step_height: float, seen_floor_holds: bool
+    ) -> None:
         """Choose the layers: under the floor, to stand on, and to pass through.
 
         Args:
             window: The cells of the map that count.
             height: Height of the body's back above the floor, m.
             step_height: Greatest height that the body can step on, m above the floor.
+            seen_floor_holds: Whether floor that was seen is none of a hole.
 
         Raises:
             ValueError: The body does not fit the window.
         """
         floor_layer, first, end = walking_layers(window, height, step_height)
         nx, ny, _ = window.shape
+        self._seen_floor_holds = seen_floor_holds
         self.shape, self.rows = (nx, ny, 1), (nx, 1, ny)
         self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
         self._first, self._layers = first, end - first
@@ -145,11 +157,21 @@ class Ground(Projection):
         )
         super().__init__(window.layers(0, end))
 
+    def _affected(self, x: slice, y: slice) -> Columns:
+        if not self._seen_floor_holds:
+            return x, y
+        nx, ny, _ = self.shape  # a column may be the edge of the hole beside it
+        return (
+            slice(max(x.start - 1, 0), min(x.stop + 1, nx)),
+            slice(max(y.start - 1, 0), min(y.stop + 1, ny)),
+        )
+
     def _take(self, blocked: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         kernels.project_columns(
             self._held[0],
             self._held[1],
             self._flat_layers,
+            self._seen_floor_holds,
             (x.start, x.stop),
             (y.start, y.stop),
             self.occupied[:, 0],

@@ -56,10 +56,43 @@ def touch(
 
 
 @kernel
+def is_hole(
+    occupied: NDArray[np.uint64],  # (nx, ny, words) along z
+    free: NDArray[np.uint64],  # (nx, ny, words)
+    layers: FlatLayers,
+    x: int,
+    y: int,
+) -> bool:
+    """Return whether a beam went below the floor of a column, and no floor was seen there."""
+    through = standing = np.uint64(0)
+    for w in range(occupied.shape[2]):
+        through |= free[x, y, w] & layers.below[w]
+        standing |= occupied[x, y, w] & layers.footing[w]
+    return bool(through != 0 and standing == 0)
+
+
+@kernel
+def is_edge(
+    occupied: NDArray[np.uint64],  # (nx, ny, words) along z
+    free: NDArray[np.uint64],  # (nx, ny, words)
+    layers: FlatLayers,
+    x: int,
+    y: int,
+) -> bool:
+    """Return whether a column or one beside it, corners too, is a hole."""
+    for i in range(max(x - 1, 0), min(x + 2, occupied.shape[0])):
+        for j in range(max(y - 1, 0), min(y + 2, occupied.shape[1])):
+            if is_hole(occupied, free, layers, i, j):
+                return True
+    return False
+
+
+@kernel
 def project_columns(
     occupied: NDArray[np.uint64],  # (nx, ny, words) along z
     free: NDArray[np.uint64],  # (nx, ny, words)
     layers: FlatLayers,
+    seen_floor_holds: bool,  # where beams went below it; but at the edge of a hole
     part_x: tuple[int, int],  # first and one past the last of the columns to project
     part_y: tuple[int, int],
     occupied_columns: NDArray[np.uint64],  # (nx, words) along y, in, out
@@ -78,13 +111,18 @@ def project_columns(
             read_blocks = held = clear = nothing  # a bit for each column
             bit = one << np.uint64(first % WORD_BITS)
             for y in range(first, end):
-                blocking = standing = closed = nothing
+                blocking = standing = closed = through = nothing
                 for w in range(words):
-                    # A beam that went through where the floor should be found a hole.
-                    blocking |= (occupied[x, y, w] & band[w]) | (free[x, y, w] & below[w])
+                    blocking |= occupied[x, y, w] & band[w]
+                    through |= free[x, y, w] & below[w]
                     standing |= occupied[x, y, w] & footing[w]
                     closed |= band[w] & ~free[x, y, w]
                 read_blocks |= bit
+                # A beam that went through where the floor should be found a hole.
+                if through != nothing and (
+                    not seen_floor_holds or is_edge(occupied, free, layers, x, y)
+                ):
+                    blocking = through
                 if blocking != nothing:
                     held |= bit
                 elif standing != nothing and closed == nothing:

@@ -27,8 +27,26 @@ def test_a_column_by_hand():
         "not all seen": ([*clear[:5], unknown, unknown], unknown),
     }
     states = np.array([[column for column, _ in cases.values()]], np.uint8)
-    found = columns(states, -0.175, 0.1, mission)
+    found = columns(states, -0.175, 0.1, mission, holds=False)
     assert found[0].tolist() == [expected for _, expected in cases.values()]
+    held = columns(states, -0.175, 0.1, mission, holds=True)
+    expected = {**cases, "a beam through the floor": (clear, free)}
+    assert held[0].tolist() == [one for _, one in expected.values()]
+
+
+def test_floor_that_was_seen_holds_but_beside_a_column_without_floor():
+    mission = Mission(
+        "ground", 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
+        (0.0, 0.0, -0.2), (1.0, 1.0, 2.0), (0.5, 0.5, 0.3), 0.0, (0.5, 0.5, 0.3),
+    )  # fmt: skip
+    unknown, free, occupied = 0, 1, 2
+    below_floor = [free, occupied, free, free, free, free, unknown]
+    states = np.tile(np.array(below_floor, np.uint8), (6, 5, 1))
+    states[4, 2, 1] = unknown
+    found = columns(states, -0.175, 0.1, mission, holds=True)
+    expected = np.full((6, 5), free)
+    expected[3:6, 1:4] = occupied
+    assert found.tolist() == expected.tolist()
 
 
 @pytest.mark.parametrize("size", [0.05, 0.1])

@@ -359,17 +359,21 @@ def test_compiled_kernels_equal_their_python(voxel_map, monkeypatch):
     draw = np.random.default_rng(8).random(voxel_map.states.shape)
     voxel_map.set(np.s_[draw < 0.1], UNKNOWN)
     voxel_map.set(np.s_[draw < 0.01], OCCUPIED)
+    voxel_map.set(np.s_[draw > 0.98], FREE)
     points = np.random.default_rng(9).uniform(-0.2, 2.2, (60, 3))
 
     def everything():
         answers = []
-        for costmap in (ground(voxel_map), air(voxel_map)):
+        held = Costmap(
+            CostmapConfig(), voxel_map, LOW, HIGH, "ground", 0.2, 0.4, 0.15, seen_floor_holds=True
+        )
+        for costmap in (ground(voxel_map), held, air(voxel_map)):
             answers += [costmap.state, costmap.clearance_at(points)]
             answers.append(costmap.gradient_at(points))
         return answers
 
     compiled = everything()
-    for name in ("project_columns", "interpolate", "neighbours"):
+    for name in ("project_columns", "is_hole", "is_edge", "interpolate", "neighbours"):
         monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
     for ours, theirs in zip(compiled, everything(), strict=True):
         np.testing.assert_array_equal(ours, theirs)
@@ -419,6 +423,31 @@ def test_columns_across_words_are_projected_one_by_one():
         clear = stands & (band == FREE).all(axis=2) & ~blocked
         expected = np.where(blocked, OCCUPIED, np.where(clear, FREE, UNKNOWN))
         np.testing.assert_array_equal(costmap.state[:, :, 0], expected)
+
+
+def test_floor_that_was_seen_can_hold_where_beams_went_below_it(voxel_map):
+    """But at the edge of a hole, corners too; the costmap follows what the neighbours change."""
+    config, body = CostmapConfig(), (LOW, HIGH, "ground", 0.2, 0.4, 0.15)
+    following = Costmap(config, voxel_map, *body, seen_floor_holds=True)
+    rng = np.random.default_rng(12)
+    for _ in range(30):
+        x, y = rng.integers((0, 0), (29, 19))
+        part = np.s_[x : x + 2, y : y + 2, rng.choice([FLOOR - 1, FLOOR])]
+        voxel_map.set(part, rng.choice([FREE, OCCUPIED, UNKNOWN], p=[0.6, 0.2, 0.2]))
+        following.update(following.margin)
+        states = voxel_map.states
+        through = (states[:, :, :FLOOR] == FREE).any(axis=2)
+        seen = (states[:, :, FLOOR : BODY.start] == OCCUPIED).any(axis=2)
+        holes = np.argwhere(through & ~seen)
+        apart = np.abs(np.argwhere(np.ones_like(seen))[:, None] - holes[None]).max(axis=2)
+        edge = (apart.min(axis=1, initial=9) <= 1).reshape(seen.shape)
+        expected = np.where(through & edge, OCCUPIED, np.where(seen, FREE, UNKNOWN))
+        np.testing.assert_array_equal(following.state[:, :, 0], expected)
+        whole = Costmap(config, voxel_map, *body, seen_floor_holds=True)
+        np.testing.assert_array_equal(following.clearance, whole.clearance)
+    assert (through & seen & ~edge).any()
+    assert (through & seen & edge).any()
+    assert (ground(voxel_map).state[:, :, 0] == OCCUPIED)[through].all()
 
 
 @pytest.mark.parametrize("whole", [True, False])
