@@ -156,7 +156,7 @@ class Body:
         """
         if self.mission.discs:
             ((_, radius),) = self.about
-            if self.first_overlap(voxel_map, poses[:, :3], radius + margin) is None:
+            if self.first_overlap(voxel_map, poses[:, :3], radius + margin, ROUNDING) is None:
                 return None
         for offset, radius in self.discs:
             track = track_of(poses, offset)

@@ -9,6 +9,7 @@ from wayproof.harness.attribution.floor_edge import floor_edge
 from wayproof.harness.cli.main import main
 from wayproof.harness.counterfactual.check import check
 from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.audit import audit
 
 EDGE_X = 4.0
 DOCK = """<mujoco><worldbody>
@@ -67,3 +68,4 @@ def test_the_built_in_stack_stays_on_the_floor_and_finds_the_bridge(dock, tmp_pa
         walk(dock, path, f"set=costmap.unknown_policy={policy}")
         reached = open_log(path).result["outcome"]
         assert reached in ("success", "aborted")
+        assert audit(path).violations == ()  # its ways end on faces of cells
