@@ -249,6 +249,7 @@ def test_a_fitted_floor_bears_what_the_floor_of_each_beam_does_not(
     tmp_path, perturbation, ground_fit
 ):
     settings = [f"map.ground_fit={ground_fit}", "episode.stuck_after=6", "episode.time_limit=20"]
+    settings.append("behaviour.rules=8")  # by newer ones floor that was seen is no hole
     config = override(Config("empty", "quadruped", 0), settings)
     off = replace(config, perturbation=perturbation_from(perturbation))
     result = run_episode(build(off), tmp_path / "off.mcap")
@@ -261,6 +262,12 @@ def test_a_fitted_floor_bears_what_the_floor_of_each_beam_does_not(
 def test_where_silence_says_nothing_lost_echoes_make_no_holes_in_the_floor(tmp_path):
     settings = ["map.ground_fit=false", "map.no_return=ignored"]
     config = override(Config("empty", "quadruped", 0), settings)
+    lossy = replace(config, perturbation=perturbation_from("depth_dropout:3"))
+    assert run_episode(build(lossy), tmp_path / "lossy.mcap").outcome == "success"
+
+
+def test_floor_that_was_seen_is_no_hole_where_nothing_is_fitted(tmp_path):
+    config = override(Config("empty", "quadruped", 0), ["map.ground_fit=false"])
     lossy = replace(config, perturbation=perturbation_from("depth_dropout:3"))
     assert run_episode(build(lossy), tmp_path / "lossy.mcap").outcome == "success"
 
