@@ -62,8 +62,8 @@ def floor_edge(case: Case) -> FloorEdge | None:
     if not len(gone):
         return None
     place = path[gone[0]]
-    if np.linalg.norm((place - last.true_position)[:2]) > case.mission.radius + STRIDE:
-        return None
+    if np.linalg.norm((place - last.true_position)[:2]) > case.mission.radius + _gone_on(case):
+        return None  # it fell before
     number = last_chance(case, place, case.end_s)
     commands = commands_to(case, case.end_s)
     if commands:
@@ -74,6 +74,13 @@ def floor_edge(case: Case) -> FloorEdge | None:
         beyond = path[gone[0] :][np.linalg.norm(path[gone[0] :] - place, axis=1) <= STRIDE]
         verdict = _held(case.navigator_at(number), beyond + case.moments[number].error)
     return FloorEdge((x, y, z), number, verdict, commands)
+
+
+def _gone_on(case: Case) -> float:
+    """Return the way of the body from the last decision to the end, m."""
+    last = case.moments[-1]
+    speed = float(np.linalg.norm(np.array(last.truth.velocity)[:2]))
+    return speed * (case.end_s - last.time_ns * 1e-9)
 
 
 def _held(navigator: Navigator, believed: Array) -> str:

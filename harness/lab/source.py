@@ -14,7 +14,7 @@ from wayproof.harness.shadow.batches import batches
 from wayproof.harness.shadow.inputs import InputWriter
 from wayproof.harness.shadow.perturb import RecordedPerturbation
 from wayproof.harness.shadow.prepare import Prepared
-from wayproof.harness.stack.ground import missing_floor_of, on_level_ground, without_lost_floor
+from wayproof.harness.stack.ground import floor_evidence, missing_floor_of
 from wayproof.maps import MapConfig
 
 Corner = tuple[float, float, float]
@@ -69,8 +69,7 @@ def of_log(path: Path, most: int) -> Source:
             for sweep in inputs.sweeps:
                 beams = log.beams[sweep.sensor]
                 world = beams.place(sweep, inputs.pose, inputs.sequence)
-                world = on_level_ground(world, log.config, log.mission)
-                world = without_lost_floor(
+                world = floor_evidence(
                     world,
                     beams.range,
                     pose=inputs.pose,
@@ -107,8 +106,7 @@ def of_recording(recording: Recording, prepared: Prepared, most: int) -> Source:
             for sweep in inputs.sweeps:
                 own = beams[sweep.sensor]
                 world = own.place(sweep, inputs.pose, sequence)
-                world = on_level_ground(world, prepared.config, mission)
-                world = without_lost_floor(
+                world = floor_evidence(
                     world,
                     own.range,
                     pose=inputs.pose,

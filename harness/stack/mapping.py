@@ -18,7 +18,7 @@ from wayproof.harness.stack.decision import MOST_WIDENING
 from wayproof.harness.stack.field_of_view import is_omnidirectional
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
 from wayproof.harness.stack.footprint_clearing import clear_footprint
-from wayproof.harness.stack.ground import missing_floor_of, on_level_ground, without_lost_floor
+from wayproof.harness.stack.ground import floor_evidence, missing_floor_of
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.harness.stack.provenance import layers_of, stages_of
 from wayproof.harness.stack.range_errors import (
@@ -200,8 +200,7 @@ class Mapper:
             self.range_sigma = max(self.range_sigma, deviation)
             if self._config.behaviour.drops_false_returns:
                 placed = without_false_returns(placed, beams, deviation)
-        placed = on_level_ground(placed, self._config, self._mission)
-        placed = without_lost_floor(
+        placed = floor_evidence(
             placed,
             beams.range,
             pose=inputs.pose,

@@ -9,13 +9,14 @@ from wayproof.harness.replay.cells import cells_around, columns
 from wayproof.maps import MapConfig, VoxelMap
 from wayproof.maps.grid import cells_at
 
+WALKER = Mission(
+    "ground", 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
+    (0.0, 0.0, -0.2), (1.0, 1.0, 2.0), (0.5, 0.5, 0.3), 0.0, (0.5, 0.5, 0.3),
+)  # fmt: skip
+
 
 def test_a_column_by_hand():
     """Ten-centimetre layers from 17.5 cm below the floor: what a walker of 0.4 m meets."""
-    mission = Mission(
-        "ground", 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
-        (0.0, 0.0, -0.2), (1.0, 1.0, 2.0), (0.5, 0.5, 0.3), 0.0, (0.5, 0.5, 0.3),
-    )  # fmt: skip
     unknown, free, occupied = 0, 1, 2
     clear = [unknown, occupied, free, free, free, free, unknown]
     cases = {
@@ -27,23 +28,19 @@ def test_a_column_by_hand():
         "not all seen": ([*clear[:5], unknown, unknown], unknown),
     }
     states = np.array([[column for column, _ in cases.values()]], np.uint8)
-    found = columns(states, -0.175, 0.1, mission, holds=False)
+    found = columns(states, -0.175, 0.1, WALKER, holds=False)
     assert found[0].tolist() == [expected for _, expected in cases.values()]
-    held = columns(states, -0.175, 0.1, mission, holds=True)
+    held = columns(states, -0.175, 0.1, WALKER, holds=True)
     expected = {**cases, "a beam through the floor": (clear, free)}
     assert held[0].tolist() == [one for _, one in expected.values()]
 
 
 def test_floor_that_was_seen_holds_but_beside_a_column_without_floor():
-    mission = Mission(
-        "ground", 0.3, 0.4, 0.03, 1.0, 1.0, 10.0, 1.0,
-        (0.0, 0.0, -0.2), (1.0, 1.0, 2.0), (0.5, 0.5, 0.3), 0.0, (0.5, 0.5, 0.3),
-    )  # fmt: skip
     unknown, free, occupied = 0, 1, 2
     below_floor = [free, occupied, free, free, free, free, unknown]
     states = np.tile(np.array(below_floor, np.uint8), (6, 5, 1))
     states[4, 2, 1] = unknown
-    found = columns(states, -0.175, 0.1, mission, holds=True)
+    found = columns(states, -0.175, 0.1, WALKER, holds=True)
     expected = np.full((6, 5), free)
     expected[3:6, 1:4] = occupied
     assert found.tolist() == expected.tolist()
