@@ -191,6 +191,7 @@ class ChildProcess(FileDescriptors):
         """Return its exit code or signal, once it has ended."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             code = self._child.wait(CLOSING_S)
+            self._drain.join(CLOSING_S)  # its last words may still be in the pipe
             return f"exit code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"
         return "closed its output, and still runs"
 
