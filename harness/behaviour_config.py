@@ -74,7 +74,7 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 9)] = 9
+    rules: Annotated[int, Bounds(1, 10)] = 10
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -179,3 +179,8 @@ class BehaviourConfig:
     def holds_seen_floor(self) -> bool:
         """Whether floor that was seen is no hole, though beams went below it."""
         return self.rules >= 9
+
+    @property
+    def judges_silence(self) -> bool:
+        """Whether silence that the map contradicts counts after some sweeps in a row alone."""
+        return self.rules >= 10

@@ -17,7 +17,7 @@ from wayproof import maps, planners
 from wayproof.harness.config import Config
 from wayproof.harness.estimators import line_map, surface_map
 from wayproof.harness.scenario.robots import find_robot, warm_up_robot
-from wayproof.maps import ground_fit, missing_floor, range_image
+from wayproof.maps import echo_history, ground_fit, missing_floor, range_image
 from wayproof.models import rays, step_kernels, truth
 from wayproof.models.robots import ROBOTS
 from wayproof.models.sensors import measure, range_codec
@@ -42,6 +42,7 @@ def compile_perception(config: Config) -> None:
     maps.warm_up(config.map.kind, config.costmap.max_slope, config.sensors.semantics)
     ground_fit.warm_up()
     missing_floor.warm_up()
+    echo_history.warm_up()
     range_image.warm_up()
     measure.warm_up()
     range_codec.warm_up()

@@ -578,20 +578,30 @@ class PlannerState(_message.Message):
     def __init__(self, trajectory: _Optional[_Union[CommittedTrajectory, _Mapping]] = ..., earlier: _Optional[_Iterable[_Union[CommittedTrajectory, _Mapping]]] = ..., global_path: _Optional[_Union[Points, _Mapping]] = ..., exploration: _Optional[_Union[Exploration, _Mapping]] = ..., path_loss: _Optional[_Union[PathLoss, _Mapping]] = ..., rest_since_ns: _Optional[int] = ..., improved_ns: _Optional[int] = ..., viewpoints: _Optional[_Union[Points, _Mapping]] = ..., breadcrumbs: _Optional[_Union[Points, _Mapping]] = ..., backtracks: _Optional[int] = ..., oriented: _Optional[bool] = ..., unheld_trail: _Optional[_Union[Points, _Mapping]] = ..., returns: _Optional[int] = ...) -> None: ...
 
 class MapContent(_message.Message):
-    __slots__ = ("ticks", "bricks", "records", "window", "silent_sweeps", "floor_tile")
+    __slots__ = ("ticks", "bricks", "records", "window", "silent_sweeps", "floor_tile", "echoes")
     TICKS_FIELD_NUMBER: _ClassVar[int]
     BRICKS_FIELD_NUMBER: _ClassVar[int]
     RECORDS_FIELD_NUMBER: _ClassVar[int]
     WINDOW_FIELD_NUMBER: _ClassVar[int]
     SILENT_SWEEPS_FIELD_NUMBER: _ClassVar[int]
     FLOOR_TILE_FIELD_NUMBER: _ClassVar[int]
+    ECHOES_FIELD_NUMBER: _ClassVar[int]
     ticks: int
     bricks: int
     records: bytes
     window: _containers.RepeatedScalarFieldContainer[int]
     silent_sweeps: bytes
     floor_tile: _containers.RepeatedScalarFieldContainer[int]
-    def __init__(self, ticks: _Optional[int] = ..., bricks: _Optional[int] = ..., records: _Optional[bytes] = ..., window: _Optional[_Iterable[int]] = ..., silent_sweeps: _Optional[bytes] = ..., floor_tile: _Optional[_Iterable[int]] = ...) -> None: ...
+    echoes: _containers.RepeatedCompositeFieldContainer[EchoHistory]
+    def __init__(self, ticks: _Optional[int] = ..., bricks: _Optional[int] = ..., records: _Optional[bytes] = ..., window: _Optional[_Iterable[int]] = ..., silent_sweeps: _Optional[bytes] = ..., floor_tile: _Optional[_Iterable[int]] = ..., echoes: _Optional[_Iterable[_Union[EchoHistory, _Mapping]]] = ...) -> None: ...
+
+class EchoHistory(_message.Message):
+    __slots__ = ("sensor", "silent_sweeps")
+    SENSOR_FIELD_NUMBER: _ClassVar[int]
+    SILENT_SWEEPS_FIELD_NUMBER: _ClassVar[int]
+    sensor: str
+    silent_sweeps: bytes
+    def __init__(self, sensor: _Optional[str] = ..., silent_sweeps: _Optional[bytes] = ...) -> None: ...
 
 class Keyframe(_message.Message):
     __slots__ = ("timestamp", "sequence", "chain", "state", "map")

@@ -6,7 +6,7 @@ from the map. A keyframe is a claim of the log until a replay arrives at it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,18 @@ from numpy.typing import NDArray
 from wayproof.harness.config import BUILTIN, PLUGIN, Config
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import Difference, message_differences
-from wayproof.harness.stack.map_content import read_bricks, read_floor, write_bricks, write_floor
+from wayproof.harness.stack.map_content import (
+    read_bricks,
+    read_echoes,
+    read_floor,
+    write_bricks,
+    write_echoes,
+    write_floor,
+)
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.planner_state_messages import read_state, state_message
 from wayproof.maps import VoxelMap
+from wayproof.maps.echo_history import EchoHistory
 from wayproof.maps.missing_floor import MissingFloor
 from wayproof.maps.voxel.storage import VoxelContent
 
@@ -101,6 +109,7 @@ def keyframe_of(navigator: Navigator, decision: pb.Decision, with_map: bool) -> 
         keyframe.map.window.extend(_window_centre(navigator))
         if (missing := navigator.mapper.missing_floor) is not None:
             write_floor(missing, keyframe.map)
+        write_echoes(navigator.mapper.echoes, keyframe.map)
     return keyframe
 
 
@@ -128,6 +137,7 @@ def restore_map(navigator: Navigator, keyframe: pb.Keyframe) -> None:
     voxel_map.check(content, keyframe.timestamp.ToNanoseconds())
     if (missing := navigator.mapper.missing_floor) is not None:
         missing.restore(*read_floor(keyframe.map))
+    _restore_echoes(navigator.mapper.echoes, keyframe.map)
     voxel_map.restore(content)
     if len(centre) == 2:  # a stack whose costmap holds the whole area does not need it
         navigator.mapper.move_window(centre)
@@ -147,6 +157,7 @@ def keyframe_differences(
         voxel_map = _voxel_map(navigator)
         other = read_bricks(recorded.map, voxel_map.most_bricks)
         found += _floor_differences(recorded.map, navigator.mapper.missing_floor)
+        found += _echo_differences(recorded.map, navigator.mapper.echoes)
     except ValueError as error:
         return [*found, Difference("map", str(error), "that of the inputs")]
     if (centre := list(recorded.map.window)) != (own := list(_window_centre(navigator))):
@@ -174,6 +185,34 @@ def _floor_differences(
     silent_sweeps, tile = read_floor(recorded)
     if tile != missing.tile or not np.array_equal(silent_sweeps, missing.silent_sweeps):
         yield Difference("map.silent_sweeps", "others", "those of the inputs")
+
+
+def _restore_echoes(echoes: Mapping[str, EchoHistory], message: pb.MapContent) -> None:
+    """Take over the echoes of each sensor of a keyframe.
+
+    Raises:
+        ValueError: They are of other sensors, or none.
+    """
+    recorded = read_echoes(message)
+    if recorded.keys() != echoes.keys():
+        raise ValueError(f"echoes of sensors {[*recorded]}, expected {[*echoes]}")
+    for sensor, silent_sweeps in recorded.items():
+        echoes[sensor].restore(silent_sweeps)
+
+
+def _echo_differences(
+    message: pb.MapContent, echoes: Mapping[str, EchoHistory]
+) -> Iterator[Difference]:
+    """Yield what differs of the echoes of a keyframe from those of a stack.
+
+    Raises:
+        ValueError: The bytes are not theirs.
+    """
+    own = {sensor: history.silent_sweeps for sensor, history in echoes.items()}
+    recorded = read_echoes(message)
+    for sensor in {**own, **recorded}:
+        if not np.array_equal(own.get(sensor, ()), recorded.get(sensor, ())):
+            yield Difference(f"map.echoes of {sensor}", "others", "those of the inputs")
 
 
 def _arrays(content: VoxelContent, voxel_map: VoxelMap) -> list[list[NDArray[np.generic]]]:

@@ -1,14 +1,16 @@
-"""The map of a keyframe: bricks and silent floor as compressed bytes."""
+"""The map of a keyframe: bricks, silent floor and echoes as compressed bytes."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.maps.echo_history import DIRECTIONS, EchoHistory
 from wayproof.maps.ground_fit import TILES
 from wayproof.maps.missing_floor import MissingFloor
 from wayproof.maps.voxel.brick_index import BRICK_SHAPE
@@ -49,6 +51,13 @@ def write_floor(missing: MissingFloor, message: pb.MapContent) -> None:
     message.floor_tile.extend(missing.tile)
 
 
+def write_echoes(echoes: Mapping[str, EchoHistory], message: pb.MapContent) -> None:
+    """Write the echoes of each sensor into a message."""
+    for sensor, history in echoes.items():
+        packed = zstandard.compress(history.silent_sweeps.tobytes(), LEVEL)
+        message.echoes.add(sensor=sensor, silent_sweeps=packed)
+
+
 def read_bricks(message: pb.MapContent, most_bricks: int) -> VoxelContent:
     """Unpack the bricks of a keyframe.
 
@@ -81,6 +90,18 @@ def read_floor(message: pb.MapContent) -> tuple[NDArray[np.uint8], tuple[int, in
     data = _unpacked(message.silent_sweeps, "floor", TILES * TILES)
     silent_sweeps = np.frombuffer(data, np.uint8).reshape(TILES, TILES)
     return silent_sweeps, (message.floor_tile[0], message.floor_tile[1])
+
+
+def read_echoes(message: pb.MapContent) -> dict[str, NDArray[np.uint8]]:
+    """Unpack the silent sweeps by direction of each sensor.
+
+    Raises:
+        ValueError: The bytes are not theirs.
+    """
+    return {
+        one.sensor: np.frombuffer(_unpacked(one.silent_sweeps, "echoes", DIRECTIONS), np.uint8)
+        for one in message.echoes
+    }
 
 
 def _bytes_of(content: VoxelContent) -> bytes:

@@ -22,8 +22,10 @@ from wayproof.harness.stack.ground import floor_evidence, missing_floor_of
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.harness.stack.provenance import layers_of, stages_of
 from wayproof.harness.stack.range_errors import (
+    echo_histories,
     range_deviation,
     without_false_returns,
+    without_lost_patches,
     without_lost_echoes,
 )
 from wayproof.harness.stack.rolling_window import Cell, RollingWindow, rolls
@@ -56,6 +58,7 @@ class Mapper:
         stages: The evidence by provenance, each with a costmap; the measured one first.
         guide: Costmap of all evidence, for the search of a global path; None if `costmap` is it.
         missing_floor: Evidence of missing floor; None where each sweep is judged alone.
+        echoes: Echoes by direction of each sensor; empty where each sweep is judged alone.
         newest: Inputs of the newest decision that the map holds; None before the first.
         range_sigma: Standard deviation of the ranges of the newest sweeps, of the worst sensor, m;
             0 where it is not estimated.
@@ -101,6 +104,7 @@ class Mapper:
             )
 
         self.missing_floor = missing_floor_of(config, mission)
+        self.echoes = echo_histories(beams, config)
         self.measured = with_class_margins(self.map, self.labels, config.costmap.class_margins)
         self._layers = layers_of(config, mission)
         self.stages, self.costmap, self.guide = stages_of(self.measured, self._layers, costmap_of)
@@ -113,6 +117,7 @@ class Mapper:
     def set_sensors(self, beams: Mapping[str, Beams]) -> None:
         """Replace the sensors, by name, whose sweeps are integrated."""
         self._beams = dict(beams)
+        self.echoes = echo_histories(self._beams, self._config, self.echoes)
 
     def version(self) -> str:
         """Return the hash of the map's content and of its labels."""
@@ -200,6 +205,8 @@ class Mapper:
             self.range_sigma = max(self.range_sigma, deviation)
             if self._config.behaviour.drops_false_returns:
                 placed = without_false_returns(placed, beams, deviation)
+        if (history := self.echoes.get(sweep.sensor)) is not None:
+            placed = without_lost_patches(placed, beams.range, history, self.map)
         placed = floor_evidence(
             placed,
             beams.range,

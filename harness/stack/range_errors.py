@@ -1,9 +1,15 @@
-"""Errors of the ranges of a sweep, as the sweep itself shows them."""
+"""Errors of the ranges of a sweep, as the sweep itself shows them, those before it or the map."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+from wayproof.harness.config import Config
 from wayproof.harness.inputs import Beams, WorldSweep
 from wayproof.maps import range_image
+from wayproof.maps.echo_history import MOST_CONTRADICTED, EchoHistory, are_contradicted
+from wayproof.maps.representation import Representation
 from wayproof.maps.sweep import Ranges
 from wayproof.models.sensors.beams import NO_RETURN
 
@@ -13,6 +19,18 @@ which beams are as far apart, one of them may meet a thing alone."""
 
 LEAST_STEP = 1e-4
 """Least distance of neighbouring beams at 1 m that is looked at, m; a table may repeat a column."""
+
+
+NO_HISTORY: Mapping[str, EchoHistory] = MappingProxyType({})
+
+
+def echo_histories(
+    sensors: Iterable[str], config: Config, before: Mapping[str, EchoHistory] = NO_HISTORY
+) -> dict[str, EchoHistory]:
+    """Return the echoes of each sensor by name, as before or of none; empty if none are judged."""
+    if not config.behaviour.judges_silence or config.map.no_return != "free":
+        return {}
+    return {name: before.get(name) or EchoHistory() for name in sensors}
 
 
 def without_lost_echoes(placed: WorldSweep, beams: Beams) -> WorldSweep:
@@ -28,6 +46,32 @@ def without_lost_echoes(placed: WorldSweep, beams: Beams) -> WorldSweep:
         return placed
     lost = range_image.lost_echoes(_image(placed.ranges_mm, beams), beams.table.closed)
     return placed.without(lost.ravel())
+
+
+def without_lost_patches(
+    placed: WorldSweep, range_m: float, history: EchoHistory, voxel_map: Representation
+) -> WorldSweep:
+    """Return a sweep without the beams that fell silent lately, where the map contradicts them.
+
+    Args:
+        placed: The sweep in the world frame.
+        range_m: Range up to which its beams without return clear, m.
+        history: Echoes of its sensor in the sweeps before, which takes in this one.
+        voxel_map: Map of the sweeps before.
+    """
+    beams = len(placed.ranges_mm)
+    count = history.take_in(placed.directions, placed.ranges_mm)
+    if 100 * count <= MOST_CONTRADICTED * beams:  # spares most sweeps the look at the map
+        return placed
+    recent = history.recently_silent(placed.directions, placed.ranges_mm)
+    contradicted = are_contradicted(
+        voxel_map,
+        placed.origins[placed.moments[recent]],
+        placed.directions[recent],
+        range_m,
+        beams,
+    )
+    return placed.without(recent) if contradicted else placed
 
 
 def without_false_returns(placed: WorldSweep, beams: Beams, deviation: float) -> WorldSweep:
