@@ -96,12 +96,15 @@ def read_echoes(message: pb.MapContent) -> dict[str, NDArray[np.uint8]]:
     """Unpack the silent sweeps by direction of each sensor.
 
     Raises:
-        ValueError: The bytes are not theirs.
+        ValueError: The bytes are not theirs, or a sensor comes twice.
     """
-    return {
+    echoes = {
         one.sensor: np.frombuffer(_unpacked(one.silent_sweeps, "echoes", DIRECTIONS), np.uint8)
         for one in message.echoes
     }
+    if len(echoes) != len(message.echoes):
+        raise ValueError(f"echoes of sensors {[one.sensor for one in message.echoes]}")
+    return echoes
 
 
 def _bytes_of(content: VoxelContent) -> bytes:

@@ -25,8 +25,8 @@ from wayproof.harness.stack.range_errors import (
     echo_histories,
     range_deviation,
     without_false_returns,
-    without_lost_patches,
     without_lost_echoes,
+    without_lost_patches,
 )
 from wayproof.harness.stack.rolling_window import Cell, RollingWindow, rolls
 from wayproof.maps import MAPS, Costmap

@@ -21,8 +21,11 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.map_content import read_floor
+from wayproof.harness.stack.map_content import read_echoes, read_floor
 from wayproof.models.sensors.beams import DROPPED
+
+SHELF_CLEARED = 5
+"""Seed of a flight into a shelf that silent sweeps had cleared."""
 
 JUMPS_AT_2_S = next(seed for seed in range(1000) if jump_time_ns(seed) < 2.5e9)
 
@@ -287,6 +290,32 @@ def test_echoes_lost_in_patches_stop_the_quadruped_by_older_rules_alone(tmp_path
         if rules == 9:
             assert any(read_floor(one)[0].any() for one in maps)
             assert replay(path, jobs=2).identical
+
+
+def test_sweeps_that_are_lost_whole_clear_a_shelf_by_older_rules_alone(tmp_path):
+    """Six of ten sweeps are silent, so that walls are cleared more often than they are seen."""
+    for rules in (9, 10):
+        settings = [f"behaviour.rules={rules}", "keyframe_period=1"]
+        config = override(Config("warehouse", "drone", SHELF_CLEARED), settings)
+        lossy = replace(config, perturbation=perturbation_from("depth_dropout:5:sweep"))
+        path = tmp_path / f"{rules}.mcap"
+        result = run_episode(build(lossy), path)
+        assert result.outcome == ("success" if rules == 10 else "collision"), result.reason
+        maps = [one.map for one in open_log(path).keyframes() if one.HasField("map")]
+        assert all(bool(one.echoes) == (rules == 10) for one in maps)
+    assert maps
+    assert any(read_echoes(one)["lidar"].any() for one in maps)
+    assert replay(path, jobs=2).identical
+
+
+def test_clean_sweeps_are_taken_in_alike_by_rules_that_judge_silence(tmp_path):
+    chains = []
+    for rules in (9, 10):
+        config = override(Config("office", "drone", 0), [f"behaviour.rules={rules}"])
+        path = tmp_path / f"{rules}.mcap"
+        run_episode(build(config), path)
+        chains.append([record.decision.map_version for record in open_log(path).records()])
+    assert chains[0] == chains[1]
 
 
 def test_lost_echoes_stop_the_quadruped_on_slopes_by_older_rules_alone(tmp_path):

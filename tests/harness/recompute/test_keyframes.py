@@ -19,7 +19,7 @@ from wayproof.harness.replay.fork import fork
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.map_content import read_floor
+from wayproof.harness.stack.map_content import read_echoes, read_floor
 from wayproof.harness.stack.types import Exploration, PathLoss, PlannerState
 from wayproof.planners import Trajectory
 from wayproof.planners.jerk_limited import Profile
@@ -85,6 +85,17 @@ def walk_off(keyframe):
     keyframe.map.floor_tile[0] += 1
 
 
+def hear_nothing(keyframe):
+    (history,) = keyframe.map.echoes
+    silent_sweeps = read_echoes(keyframe.map)[history.sensor].copy()
+    silent_sweeps[7] = 10 - silent_sweeps[7]
+    history.silent_sweeps = zstandard.compress(silent_sweeps.tobytes())
+
+
+def hear_another_sensor(keyframe):
+    keyframe.map.echoes[0].sensor = "another"
+
+
 def hurry(keyframe):
     keyframe.state.trajectory.start_ns += 1
 
@@ -97,8 +108,20 @@ def rename(keyframe):
     keyframe.chain = "0" * 32
 
 
+FALSE = [
+    move_a_wall,
+    dig_a_hole,
+    walk_off,
+    hear_nothing,
+    hear_another_sensor,
+    hurry,
+    forget,
+    rename,
+]
+
+
 @pytest.mark.parametrize("jobs", [1, 3])
-@pytest.mark.parametrize("change", [move_a_wall, dig_a_hole, walk_off, hurry, forget, rename])
+@pytest.mark.parametrize("change", FALSE)
 def test_a_false_keyframe_is_found_and_no_decision_is_blamed(recorded, tmp_path, change, jobs):
     log = open_log(Path(recorded(*EPISODES["quadruped"]).log))
     number = next(one.sequence for one in log.keyframes() if one.HasField("map"))
@@ -133,6 +156,14 @@ def lose_a_tile(keyframe):
     del keyframe.map.floor_tile[1:]
 
 
+def lose_the_echoes(keyframe):
+    keyframe.map.ClearField("echoes")
+
+
+def repeat_the_echoes(keyframe):
+    keyframe.map.echoes.append(keyframe.map.echoes[0])
+
+
 def lose(keyframe):
     keyframe.state.trajectory.path[:] = keyframe.state.trajectory.path[:-1]
 
@@ -141,7 +172,17 @@ def leave(keyframe):
     keyframe.state.trajectory.path[0] = float("nan")
 
 
-BROKEN = [cut, inflate, garble, forget_the_floor, lose_a_tile, lose, leave]
+BROKEN = [
+    cut,
+    inflate,
+    garble,
+    forget_the_floor,
+    lose_a_tile,
+    lose_the_echoes,
+    repeat_the_echoes,
+    lose,
+    leave,
+]
 
 
 @pytest.mark.parametrize("jobs", [1, 3])

@@ -61,6 +61,16 @@ def test_lost_echoes_clear_little_of_what_they_met(tmp_path):
     assert free[7] < 0.5 * free[6]
 
 
+@pytest.mark.parametrize("perturbation", ["depth_dropout:5:patch", "depth_dropout:5:sweep"])
+def test_echoes_lost_side_by_side_clear_less_of_what_they_met(tmp_path, perturbation):
+    free = {
+        rules: free_within(*fly(tmp_path / f"{rules}.mcap", perturbation, rules))
+        for rules in (9, 10)
+    }
+    assert free[9] > 0.4
+    assert free[10] < 0.5 * free[9]
+
+
 @pytest.mark.parametrize(("severity", "slow"), [(2, False), (4, True)])
 def test_noise_costs_speed_and_the_log_says_so(tmp_path, severity, slow):
     path = tmp_path / "noisy.mcap"
