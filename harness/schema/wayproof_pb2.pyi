@@ -596,12 +596,14 @@ class MapContent(_message.Message):
     def __init__(self, ticks: _Optional[int] = ..., bricks: _Optional[int] = ..., records: _Optional[bytes] = ..., window: _Optional[_Iterable[int]] = ..., silent_sweeps: _Optional[bytes] = ..., floor_tile: _Optional[_Iterable[int]] = ..., echoes: _Optional[_Iterable[_Union[EchoHistory, _Mapping]]] = ...) -> None: ...
 
 class EchoHistory(_message.Message):
-    __slots__ = ("sensor", "silent_sweeps")
+    __slots__ = ("sensor", "silent_sweeps", "steady_sweeps")
     SENSOR_FIELD_NUMBER: _ClassVar[int]
     SILENT_SWEEPS_FIELD_NUMBER: _ClassVar[int]
+    STEADY_SWEEPS_FIELD_NUMBER: _ClassVar[int]
     sensor: str
     silent_sweeps: bytes
-    def __init__(self, sensor: _Optional[str] = ..., silent_sweeps: _Optional[bytes] = ...) -> None: ...
+    steady_sweeps: int
+    def __init__(self, sensor: _Optional[str] = ..., silent_sweeps: _Optional[bytes] = ..., steady_sweeps: _Optional[int] = ...) -> None: ...
 
 class Keyframe(_message.Message):
     __slots__ = ("timestamp", "sequence", "chain", "state", "map")

@@ -187,7 +187,7 @@ def _floor_differences(
         yield Difference("map.silent_sweeps", "others", "those of the inputs")
 
 
-def _restore_echoes(echoes: Mapping[str, EchoHistory], message: pb.MapContent) -> None:
+def _restore_echoes(echoes: dict[str, EchoHistory], message: pb.MapContent) -> None:
     """Take over the echoes of each sensor of a keyframe.
 
     Raises:
@@ -196,8 +196,7 @@ def _restore_echoes(echoes: Mapping[str, EchoHistory], message: pb.MapContent) -
     recorded = read_echoes(message)
     if recorded.keys() != echoes.keys():
         raise ValueError(f"echoes of sensors {[*recorded]}, expected {[*echoes]}")
-    for sensor, silent_sweeps in recorded.items():
-        echoes[sensor].restore(silent_sweeps)
+    echoes.update(recorded)
 
 
 def _echo_differences(
@@ -208,10 +207,9 @@ def _echo_differences(
     Raises:
         ValueError: The bytes are not theirs.
     """
-    own = {sensor: history.silent_sweeps for sensor, history in echoes.items()}
     recorded = read_echoes(message)
-    for sensor in {**own, **recorded}:
-        if not np.array_equal(own.get(sensor, ()), recorded.get(sensor, ())):
+    for sensor in {**echoes, **recorded}:
+        if recorded.get(sensor) != echoes.get(sensor):
             yield Difference(f"map.echoes of {sensor}", "others", "those of the inputs")
 
 

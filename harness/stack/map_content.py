@@ -10,8 +10,9 @@ import zstandard
 from numpy.typing import NDArray
 
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.maps.echo_history import DIRECTIONS, EchoHistory
+from wayproof.maps.echo_history import EchoHistory
 from wayproof.maps.ground_fit import TILES
+from wayproof.maps.kernels.echo_history import DIRECTIONS
 from wayproof.maps.missing_floor import MissingFloor
 from wayproof.maps.voxel.brick_index import BRICK_SHAPE
 from wayproof.maps.voxel.storage import VoxelContent
@@ -55,7 +56,7 @@ def write_echoes(echoes: Mapping[str, EchoHistory], message: pb.MapContent) -> N
     """Write the echoes of each sensor into a message."""
     for sensor, history in echoes.items():
         packed = zstandard.compress(history.silent_sweeps.tobytes(), LEVEL)
-        message.echoes.add(sensor=sensor, silent_sweeps=packed)
+        message.echoes.add(sensor=sensor, silent_sweeps=packed, steady_sweeps=history.steady_sweeps)
 
 
 def read_bricks(message: pb.MapContent, most_bricks: int) -> VoxelContent:
@@ -92,16 +93,17 @@ def read_floor(message: pb.MapContent) -> tuple[NDArray[np.uint8], tuple[int, in
     return silent_sweeps, (message.floor_tile[0], message.floor_tile[1])
 
 
-def read_echoes(message: pb.MapContent) -> dict[str, NDArray[np.uint8]]:
-    """Unpack the silent sweeps by direction of each sensor.
+def read_echoes(message: pb.MapContent) -> dict[str, EchoHistory]:
+    """Unpack the echoes of each sensor.
 
     Raises:
         ValueError: The bytes are not theirs, or a sensor comes twice.
     """
-    echoes = {
-        one.sensor: np.frombuffer(_unpacked(one.silent_sweeps, "echoes", DIRECTIONS), np.uint8)
-        for one in message.echoes
-    }
+    echoes = {}
+    for one in message.echoes:
+        data = _unpacked(one.silent_sweeps, "echoes", DIRECTIONS)
+        echoes[one.sensor] = history = EchoHistory()
+        history.restore(np.frombuffer(data, np.uint8), one.steady_sweeps)
     if len(echoes) != len(message.echoes):
         raise ValueError(f"echoes of sensors {[one.sensor for one in message.echoes]}")
     return echoes

@@ -61,7 +61,7 @@ def without_lost_patches(
     """
     beams = len(placed.ranges_mm)
     count = history.take_in(placed.directions, placed.ranges_mm)
-    if 100 * count <= MOST_CONTRADICTED * beams:  # spares most sweeps the look at the map
+    if not history.loses_echoes or 100 * count <= MOST_CONTRADICTED * beams:
         return placed
     recent = history.recently_silent(placed.directions, placed.ranges_mm)
     contradicted = are_contradicted(

@@ -13,7 +13,8 @@ ACROSS = 16
 
 DIRECTIONS = 6 * ACROSS * ACROSS
 
-ECHO = 1 << 32
+ECHO_BITS = 32
+ECHO = 1 << ECHO_BITS
 """More than the beams of a sweep."""
 
 
@@ -41,8 +42,13 @@ def note_echoes(
     most_sweeps: int,
     beams: NDArray[np.int64],  # (DIRECTIONS,) out: silent ones of each, and ECHO added for others
     silent_sweeps: NDArray[np.uint8],  # (DIRECTIONS,) in, out: in a row, up to `most_sweeps`
-) -> int:
-    """Take in the echoes of a sweep; return how many of these beams `find_recent` finds."""
+) -> tuple[int, int]:
+    """Take in the echoes of a sweep.
+
+    Returns:
+        How many of these beams `find_recent` finds, and how many came back after fewer silent
+        sweeps than `most_sweeps`.
+    """
     for k in range(DIRECTIONS):
         beams[k] = 0
     for i in range(0, ranges_mm.shape[0], step):
@@ -51,16 +57,18 @@ def note_echoes(
             beams[k] += 1
         elif ranges_mm[i] != DROPPED_MM:
             beams[k] += ECHO
-    recent = int(np.int64(0))
+    recent = returned = int(np.int64(0))
     for k in range(DIRECTIONS):
-        silent = beams[k] & (ECHO - 1)
-        if beams[k] >= ECHO:
+        silent, echoes = beams[k] & (ECHO - 1), beams[k] >> ECHO_BITS
+        if echoes > 0:
+            if 0 < silent_sweeps[k] < most_sweeps:
+                returned += echoes
             silent_sweeps[k] = 0
         elif silent > 0 and silent_sweeps[k] < most_sweeps:
             silent_sweeps[k] += 1
         if silent_sweeps[k] < most_sweeps:
             recent += silent
-    return recent
+    return recent, returned
 
 
 @kernel

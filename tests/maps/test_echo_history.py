@@ -96,7 +96,7 @@ def test_the_history_is_that_of_dictionaries_compiled_or_not():
         ranges_mm = with_patch(rng, 0.6)
         ranges_mm[rng.random(len(ranges_mm)) < 0.3] = 0
         counted = np.empty(kernels.DIRECTIONS, np.int64)
-        count = kernels.note_echoes.py_func(
+        count, returned = kernels.note_echoes.py_func(
             DIRECTIONS, ranges_mm, 1, SILENT_SWEEPS, counted, interpreted
         )
         assert history.take_in(DIRECTIONS, ranges_mm) == count
@@ -104,6 +104,11 @@ def test_the_history_is_that_of_dictionaries_compiled_or_not():
         for k, value in zip(index, ranges_mm.tolist(), strict=True):
             if value:
                 seen[k].add(value == NO_RETURN)
+        came_back = {k for k in seen if False in seen[k] and 0 < runs[k] < SILENT_SWEEPS}
+        assert returned == sum(
+            value not in (0, NO_RETURN) and k in came_back
+            for k, value in zip(index, ranges_mm.tolist(), strict=True)
+        )
         for k, kinds in seen.items():
             runs[k] = min(runs[k] + 1, SILENT_SWEEPS) if kinds == {True} else 0
         recent = np.array(
@@ -134,12 +139,44 @@ def test_of_many_beams_some_are_looked_at_and_the_count_is_about_right():
 
 
 @pytest.mark.parametrize(
-    "silent_sweeps",
-    [np.zeros(7, np.uint8), np.full(kernels.DIRECTIONS, SILENT_SWEEPS + 1, np.uint8)],
+    ("silent_sweeps", "steady_sweeps"),
+    [
+        (np.zeros(7, np.uint8), 0),
+        (np.full(kernels.DIRECTIONS, SILENT_SWEEPS + 1, np.uint8), 0),
+        (np.zeros(kernels.DIRECTIONS, np.uint8), SILENT_SWEEPS + 1),
+    ],
 )
-def test_a_history_that_is_none_is_refused(silent_sweeps):
+def test_a_history_that_is_none_is_refused(silent_sweeps, steady_sweeps):
     with pytest.raises(ValueError, match="expected"):
-        EchoHistory().restore(silent_sweeps)
+        EchoHistory().restore(silent_sweeps, steady_sweeps)
+
+
+def test_patches_that_move_are_echoes_that_come_and_go_and_others_are_not():
+    rng, history = np.random.default_rng(5), EchoHistory()
+    for _ in range(6):
+        history.take_in(DIRECTIONS, with_patch(rng, 0.3))
+    assert history.loses_echoes
+    history.take_in(DIRECTIONS, all_echoes())  # the last patch comes back
+    for _ in range(SILENT_SWEEPS):
+        assert history.loses_echoes
+        history.take_in(DIRECTIONS, all_echoes())
+    assert not history.loses_echoes
+    still = EchoHistory()
+    for _ in range(30):
+        still.take_in(DIRECTIONS, with_patch(np.random.default_rng(6), 0.6))  # at one place
+        assert not still.loses_echoes
+
+
+def test_histories_are_equal_by_what_they_hold():
+    one, other = EchoHistory(), EchoHistory()
+    assert one == other
+    for changed in ((np.ones(kernels.DIRECTIONS, np.uint8), 10), (one.silent_sweeps, 3)):
+        other.restore(*changed)
+        assert one != other
+    other.restore(one.silent_sweeps, one.steady_sweeps)
+    assert one == other
+    other.silent_sweeps[0] = 1
+    assert one != other
 
 
 @pytest.fixture(scope="module")
@@ -167,8 +204,8 @@ def test_silence_across_walls_is_contradicted_and_others_are_not(room):
     level = np.abs(DIRECTIONS[:, 2]) < 0.2
     assert SAMPLE < level.sum()
     assert contradicted(room, level, int(level.sum()))
-    assert contradicted(room, level, 9 * int(level.sum()))
-    assert not contradicted(room, level, 11 * int(level.sum()))  # less than a tenth of the sweep
+    assert contradicted(room, level, 15 * int(level.sum()))
+    assert not contradicted(room, level, 17 * int(level.sum()))  # less than 6 % of the sweep
     nothing = VoxelMap(MapConfig(), 1, (-6.0, -6.0, -3.0), (6.0, 6.0, 3.0))
     assert not contradicted(nothing, level, int(level.sum()))
     short = are_contradicted(

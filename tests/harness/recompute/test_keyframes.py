@@ -87,9 +87,13 @@ def walk_off(keyframe):
 
 def hear_nothing(keyframe):
     (history,) = keyframe.map.echoes
-    silent_sweeps = read_echoes(keyframe.map)[history.sensor].copy()
+    silent_sweeps = read_echoes(keyframe.map)[history.sensor].silent_sweeps
     silent_sweeps[7] = 10 - silent_sweeps[7]
     history.silent_sweeps = zstandard.compress(silent_sweeps.tobytes())
+
+
+def hear_steadily(keyframe):
+    keyframe.map.echoes[0].steady_sweeps -= 1
 
 
 def hear_another_sensor(keyframe):
@@ -113,6 +117,7 @@ FALSE = [
     dig_a_hole,
     walk_off,
     hear_nothing,
+    hear_steadily,
     hear_another_sensor,
     hurry,
     forget,
@@ -164,6 +169,10 @@ def repeat_the_echoes(keyframe):
     keyframe.map.echoes.append(keyframe.map.echoes[0])
 
 
+def hear_too_long(keyframe):
+    keyframe.map.echoes[0].steady_sweeps = 11
+
+
 def lose(keyframe):
     keyframe.state.trajectory.path[:] = keyframe.state.trajectory.path[:-1]
 
@@ -180,6 +189,7 @@ BROKEN = [
     lose_a_tile,
     lose_the_echoes,
     repeat_the_echoes,
+    hear_too_long,
     lose,
     leave,
 ]
