@@ -64,13 +64,15 @@ def resolve_limits(config: Config, world: World) -> Config:
     """
     if config.motion.limits != "auto":
         return config
-    return replace(config, motion=replace(config.motion, limits=_limits_in(config, world)))
+    limits = limits_of_auto(config, moves=bool(world.movers))
+    return replace(config, motion=replace(config.motion, limits=limits))
 
 
-def _limits_in(config: Config, world: World) -> Literal["full", "cautious", "sloping"]:
+def limits_of_auto(config: Config, moves: bool) -> Literal["full", "cautious", "sloping"]:
+    """Return what `motion.limits=auto` stands for in a world where things move or do not."""
     if config.costmap.max_slope > 0.0:
         return "sloping"
-    if world.movers:
+    if moves:
         return "cautious"
     return LIMITS_IN_STATIC_WORLDS.get(config.robot, "full")  # no other robot has two
 

@@ -20,6 +20,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.scenario.places import Given, goals_of
+from wayproof.harness.scenario.robots import limits_of_auto
 from wayproof.harness.scenario.worlds import generate
 from wayproof.harness.study.contents import class_identity
 from wayproof.harness.study.job import key_of
@@ -86,6 +87,8 @@ def mismatch(log: Log, planned: Planned) -> str:
     )
     if _key_of(open_again, log) != planned.key:
         return _difference(log, open_again, expected)
+    if limits == "auto" and log.config.motion.limits not in (possible := _limits(expected)):
+        return f"motion.limits: got {log.config.motion.limits}, expected {' or '.join(possible)}"
     if log.config.sensors not in (expected.sensors, _sensors(log, expected)):
         return "sensors: others than the robot's with the settings planned"
     start, goals = _points(log, expected)
@@ -117,6 +120,21 @@ def _key_of(config: Config, log: Log) -> str:
 def _identity(name: str, log: Log) -> str:
     """Return the name of a planner or a stack, with the hash of its file if the log has one."""
     return class_identity(name, log.plugins[name]) if name in log.plugins else name
+
+
+def _limits(expected: Config) -> list[str]:
+    """Return what `motion.limits=auto` may stand for: two where only a file says what moves."""
+    if expected.world not in WORLDS:
+        return sorted({limits_of_auto(expected, moves) for moves in (False, True)})
+    moves = _moves(expected.world, expected.seed, expected.difficulty, expected.world_parameters)
+    return [limits_of_auto(expected, moves)]
+
+
+@functools.lru_cache(256)
+def _moves(world: str, seed: int, difficulty: float, parameters: WorldParameters) -> bool:
+    """Return whether things move in a generated world, which the arms of a study share."""
+    config = Config(world, "", seed, difficulty=difficulty, world_parameters=parameters)
+    return bool(generate(config).movers)
 
 
 def _sensors(log: Log, expected: Config) -> object:

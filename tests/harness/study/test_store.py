@@ -8,9 +8,14 @@ from pathlib import Path
 import pytest
 
 from wayproof.harness.cli.main import main
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.file import read_study
-from wayproof.harness.study.plan import plan_episodes
+from wayproof.harness.study.matching import mismatch
+from wayproof.harness.study.plan import CLEAN, Arm, plan_episodes, planned_for
 from wayproof.harness.study.store import Store, merge
 from wayproof.harness.study.study import read_own_rows, read_rows
 from wayproof.models.robots import custom
@@ -144,6 +149,26 @@ def test_a_log_is_of_the_episode_that_its_config_says(finished, recorded, capsys
     assert "episode.time_limit: got 0.5, expected 1" in capsys.readouterr().out
     assert main(["compare", str(store.folder), str(store.folder), "--json"]) == 3
     assert len(json.loads(capsys.readouterr().out)["foreign"]) == 2
+
+
+def test_limits_of_the_robot_are_those_that_its_world_asks_for(finished, recorded):
+    """A plan leaves them to the world, and a log says which they were."""
+    store, planned = finished
+    assert planned[1].config.motion.limits == "auto"
+    store.log(planned[1].key).unlink()
+    slow = recorded("empty", "drone", 2, *SHORT, "motion.limits=cautious").log
+    shutil.copyfile(slow, store.log(planned[1].key))
+    rows, foreign = read_own_rows(planned, store)
+    assert [one.seed for one in rows] == [1]
+    [line] = foreign
+    assert "motion.limits: got cautious, expected full" in line
+    moving = Arm("crossing", "drone", "", CLEAN, 0.0)
+    config = override(Config("crossing", "drone", 0), SHORT)
+    one = planned_for(moving, config, contents_of(named_by(config)))
+    for settings, said in (((), ""), (("motion.limits=full",), "got full, expected cautious")):
+        log = open_log(Path(recorded("crossing", "drone", 0, *SHORT, *settings).log))
+        assert mismatch(log, one).endswith(said)
+        assert bool(mismatch(log, one)) == bool(said)
 
 
 def test_a_study_of_logs_of_other_episodes_alone_has_not_run(finished, recorded, capsys):
