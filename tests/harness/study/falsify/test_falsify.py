@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
-from wayproof.harness.config_document import from_json, override
+from wayproof.harness.config_document import from_json, override, to_json
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.scenario.scenario import build
@@ -25,7 +26,8 @@ MISSION = build(Config("empty", "drone", 0)).mission.to_json()
 def pretended(jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) -> None:
     """An engine whose episodes of 4 s fall if the pose is off by 0.3 m or more at 2 s."""
     for job in jobs:
-        one = from_json(job.config).perturbation
+        config = from_json(job.config)
+        one = config.perturbation
         off = one is not None and one.amount >= 0.3 and one.is_active(2 * 10**9)
         result = {
             "outcome": "fall" if off else "success",
@@ -34,7 +36,8 @@ def pretended(jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) 
             "sim_time_s": "4.0",
             "min_clearance_m": "0.1" if off else "0.5",
         }
-        with LogWriter(job.log, job.config, MISSION, "<mujoco/>") as log:
+        in_its_world = replace(config, motion=replace(config.motion, limits="full"))
+        with LogWriter(job.log, to_json(in_its_world), MISSION, "<mujoco/>") as log:
             log.finish(result)
         finished(Done(job.key))
 
