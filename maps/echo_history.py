@@ -33,7 +33,6 @@ has more of both."""
 SAMPLE = 128
 """Greatest number of beams that are compared with the map."""
 
-
 MOST_BEAMS = 1 << 15
 """Greatest number of beams of a sweep that are looked at, at equal steps."""
 
@@ -73,7 +72,7 @@ class EchoHistory:
             directions: (n, 3) unit vectors, world.
             ranges_mm: (n,) mm.
         """
-        step = -(-len(ranges_mm) // MOST_BEAMS)
+        step = max(1, -(-len(ranges_mm) // MOST_BEAMS))  # a recorded sweep may be empty
         recent, returned = kernels.note_echoes(
             directions,
             ranges_mm,

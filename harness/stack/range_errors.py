@@ -20,7 +20,6 @@ which beams are as far apart, one of them may meet a thing alone."""
 LEAST_STEP = 1e-4
 """Least distance of neighbouring beams at 1 m that is looked at, m; a table may repeat a column."""
 
-
 NO_HISTORY: Mapping[str, EchoHistory] = MappingProxyType({})
 
 

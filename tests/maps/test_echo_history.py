@@ -74,6 +74,15 @@ def test_what_gives_no_information_leaves_a_direction_as_it_was():
     assert before.max() == 4
 
 
+def test_an_empty_sweep_says_nothing():
+    history = EchoHistory()
+    for _ in range(3):
+        history.take_in(DIRECTIONS, np.full(len(DIRECTIONS), NO_RETURN, np.uint16))
+    before = history.silent_sweeps.copy()
+    assert history.take_in(np.empty((0, 3)), np.empty(0, np.uint16)) == 0
+    assert (history.silent_sweeps == before).all()
+
+
 def test_one_echo_of_a_direction_is_enough():
     history, index = EchoHistory(), [naive_index(one) for one in DIRECTIONS]
     silent = np.full(len(DIRECTIONS), NO_RETURN, np.uint16)
