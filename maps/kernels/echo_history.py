@@ -19,6 +19,14 @@ ECHO = 1 << ECHO_BITS
 
 
 @inlined
+def _within_edge(place: float) -> int:
+    """Round a place along an edge down, into it: 0 of NaN too, as the map checks beams later."""
+    if place >= ACROSS - 1:
+        return ACROSS - 1
+    return int(place) if place > 0.0 else 0
+
+
+@inlined
 def direction_index(x: float, y: float, z: float) -> int:
     """Return the index of the square of a cube about the sensor that a beam leaves by."""
     along_x, along_y, along_z = abs(x), abs(y), abs(z)
@@ -29,8 +37,8 @@ def direction_index(x: float, y: float, z: float) -> int:
     else:
         face, depth, u, v = 4 if z > 0.0 else 5, along_z, x, y
     scale = 0.5 * ACROSS / depth
-    row = min(int(u * scale + 0.5 * ACROSS), ACROSS - 1)
-    column = min(int(v * scale + 0.5 * ACROSS), ACROSS - 1)
+    row = _within_edge(u * scale + 0.5 * ACROSS)
+    column = _within_edge(v * scale + 0.5 * ACROSS)
     return (face * ACROSS + row) * ACROSS + column
 
 

@@ -50,6 +50,13 @@ def test_directions_are_squares_of_a_cube():
     assert indices == set(range(kernels.DIRECTIONS))
 
 
+def test_directions_that_are_none_stay_within_the_cube():
+    """The map refuses such beams, but only after the history has taken them in."""
+    for one in ((np.nan,) * 3, (1.0, np.nan, 0.0), (0.0, np.nan, 1e-300), (np.inf, np.inf, 0.0)):
+        assert 0 <= kernels.direction_index(*one) < kernels.DIRECTIONS
+    assert 0 <= kernels.direction_index(0.0, 0.0, 0.0) < kernels.DIRECTIONS
+
+
 def test_silence_counts_after_so_many_sweeps_in_a_row():
     history = EchoHistory()
     silent = np.full(len(DIRECTIONS), NO_RETURN, np.uint16)
