@@ -257,7 +257,8 @@ def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> F
 
 
 def _pose(point: Floats, heading: float) -> Pose:
-    return float(point[0]), float(point[1]), float(point[2]), float(angles.wrap(heading))
+    yaw = float(angles.wrap(heading))  # can be beyond -pi by a rounding, which OMPL refuses
+    return float(point[0]), float(point[1]), float(point[2]), min(max(yaw, -math.pi), math.pi)
 
 
 def _fits(space: FreeSpace, kind: StateSpace, pose: Pose) -> bool:

@@ -12,7 +12,7 @@ from ompl import base as ob
 from ompl import geometric as og
 
 from tests.planners.worlds import make_space, point
-from wayproof.planners import PLANNERS, PlannerConfig, plan
+from wayproof.planners import PLANNERS, PlannerConfig, kernels, plan
 
 ITERATIONS = 2000
 
@@ -217,3 +217,12 @@ def test_what_ompl_finds_is_rounded_to_the_grain(maze, boxes):
         assert not np.array_equal(inner, np.rint(inner))
     with pytest.raises(ValueError, match=r"planner\.grain: got 0\.1, expected 0 to 0\.001 m"):
         PlannerConfig(grain=0.1)
+
+
+def test_a_start_heading_that_is_wrapped_beyond_half_a_turn_by_a_rounding_is_planned_from(bend):
+    heading = 19.0 * math.pi
+    assert kernels.angles.wrap(heading) < -math.pi
+    start, goal = point(bend, 12.0, 14.5), point(bend, 25.0, 14.5)
+    found = plan(bend, start, goal, PlannerConfig(), 1, heading=heading)
+    assert found.label == "none"
+    assert found.headings[0] == -math.pi
