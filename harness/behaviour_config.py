@@ -74,7 +74,7 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 10)] = 10
+    rules: Annotated[int, Bounds(1, 11)] = 11
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -184,3 +184,38 @@ class BehaviourConfig:
     def judges_silence(self) -> bool:
         """Whether silence that the map contradicts counts after some sweeps in a row alone."""
         return self.rules >= 10
+
+    @property
+    def remembers_gaps(self) -> bool:
+        """Whether ways through narrow gaps that closed before an elongated body cost more."""
+        return self.rules >= 11
+
+    @property
+    def turns_early(self) -> bool:
+        """Whether an elongated body turns as it drives where it can finish the turn on the way."""
+        return self.rules >= 11
+
+    @property
+    def drops_hooks(self) -> bool:
+        """Whether short steps back are left out of the path of a robot that walks."""
+        return self.rules >= 11
+
+    @property
+    def steps_to_poses(self) -> bool:
+        """Whether an elongated body steps to the next pose of its way where its path is blocked."""
+        return self.rules >= 11
+
+    @property
+    def turns_by_direction(self) -> bool:
+        """Whether a robot that walks and turns into its path keeps to a speed by its direction."""
+        return self.rules >= 11
+
+    @property
+    def stops_at_heading(self) -> bool:
+        """Whether an elongated body stops at its heading where it does not fit as it turns."""
+        return self.rules >= 11
+
+    @property
+    def goes_on_shortened(self) -> bool:
+        """Whether an elongated body drives its last path as far as it fits before it brakes."""
+        return self.rules >= 11

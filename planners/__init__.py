@@ -27,6 +27,7 @@ from wayproof.planners.path import (
     speed_limits,
     tangent_at,
     truncate,
+    without_hooks,
 )
 from wayproof.planners.problem import Plan, PlanLabel, PlannerConfig, plan
 from wayproof.planners.registry import (
@@ -90,6 +91,7 @@ __all__ = [
     "truncate",
     "turn_in_place",
     "warm_up",
+    "without_hooks",
 ]
 
 

@@ -26,6 +26,12 @@ SHARP_ANGLE = math.radians(50.0)
 SHARP_WINDOW = 0.3
 """Length of path within which that turn counts, m."""
 
+HOOK_LENGTH = 0.2
+"""Length below which an edge before or after a turn about is a hook, m."""
+
+HOOK_COSINE = -0.5
+"""Cosine of the turn beyond which a path turns about, 120 degrees."""
+
 
 def edge_lengths(path: Floats) -> Floats:
     """Return the length of each edge, m, shape (n - 1,)."""
@@ -102,6 +108,37 @@ def poses_along(points: Floats, start: Pose, goal: Pose | None) -> Floats:
             heading = float(yaw_of_direction(b[0] - a[0], b[1] - a[1]))
         poses += [(*a, heading), (*b, heading)]
     return np.array(poses if goal is None else [*poses, goal], dtype=np.float64)
+
+
+def without_hooks(space: FreeSpace, waypoints: Floats) -> Floats:
+    """Return waypoints without those at which the path turns about after a short edge.
+
+    A short step back while the body turns can cost less than a turn on the spot, but a robot in
+    motion has to stop for it.
+
+    Args:
+        space: Free space.
+        waypoints: Shape (n, 3), m, no two in a row the same.
+
+    Returns:
+        Shape (m, 3), m, with the ends of `waypoints`; free if they are, edge by edge.
+    """
+    n = 1
+    while n < len(waypoints) - 1:
+        edges = waypoints[n : n + 2] - waypoints[n - 1 : n + 1]
+        before, after = edge_lengths(waypoints[n - 1 : n + 2]).tolist()
+        turns_about = float(_dot(edges[0], edges[1])) < HOOK_COSINE * before * after
+        shorter = np.delete(waypoints, n, axis=0)
+        around = shorter[max(n - 2, 0) : n + 2]
+        if (
+            turns_about
+            and min(before, after) < HOOK_LENGTH
+            and path_free(space.grid, space.shape, bool(space.discs), around)
+        ):
+            waypoints, n = shorter, max(n - 1, 1)
+        else:
+            n += 1
+    return waypoints
 
 
 def blend_corners(

@@ -17,6 +17,10 @@ from wayproof.planners.trajectory import MotionLimits
 TURNING = 0.25
 """Heading error from which on a body that moves still turns into its path, rad."""
 
+OBLIQUE = ((1.05, 1.0), (0.79, 1.15), (0.52, 1.4), (0.35, 2.0), (TURNING, 2.9))
+"""Turns left, rad, and the speed above each in sideways speeds: the inverse of the sine of the
+turn at which it begins, so that the part across the body keeps to the sideways speed."""
+
 TURN_LAG = 0.3
 """Time that a body takes to begin and to end a turn while it moves, s."""
 
@@ -99,7 +103,11 @@ def slow_while_behind(
 
 
 def slow_while_turning(
-    zones: list[SpeedZone], turn: float, yaw_rate: float, sideways_speed: float
+    zones: list[SpeedZone],
+    turn: float,
+    yaw_rate: float,
+    sideways_speed: float,
+    by_direction: bool = False,
 ) -> list[SpeedZone]:
     """Limit the speed until the body has turned into the path, by a turn of more than `TURNING`.
 
@@ -108,10 +116,34 @@ def slow_while_turning(
         turn: Turn that is left, rad, not negative.
         yaw_rate: rad/s.
         sideways_speed: Speed until then, m/s.
+        by_direction: Whether only the part of the speed across the body is limited to that.
     """
     if turn <= TURNING:
         return zones
-    return slow_at_first(zones, sideways_speed * (turn / yaw_rate + TURN_LAG), sideways_speed)
+    if not by_direction:
+        return slow_at_first(zones, sideways_speed * (turn / yaw_rate + TURN_LAG), sideways_speed)
+    slowed, lag = [], TURN_LAG
+    for above, share in OBLIQUE:
+        if turn > above:
+            speed = share * sideways_speed
+            length = speed * ((turn - above) / yaw_rate + lag)
+            first, zones = _split(zones, length)
+            slowed += slow_at_first(first, length, speed)
+            turn, lag = above, 0.0
+    return slowed + zones
+
+
+def _split(zones: list[SpeedZone], length: float) -> tuple[list[SpeedZone], list[SpeedZone]]:
+    """Split zones at a length from their beginning, m; without pieces that are no length."""
+    first, rest = [], []
+    for zone in zones:
+        before = min(zone.length, max(length, 0.0))
+        length -= zone.length
+        if before > LEAST_ZONE:
+            first.append(SpeedZone(before, zone.speed))
+        if zone.length - before > LEAST_ZONE:
+            rest.append(SpeedZone(zone.length - before, zone.speed))
+    return first, rest
 
 
 def slow_at_first(zones: list[SpeedZone], length: float, speed: float) -> list[SpeedZone]:

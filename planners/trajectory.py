@@ -35,6 +35,8 @@ class MotionLimits:
         lateral_acceleration: Speed squared times curvature, m/s^2.
         yaw_rate: Change of heading, rad/s.
         yaw_acceleration: Change of the yaw rate while it moves, rad/s^2; infinite for no limit.
+        by_direction: Whether a body that has not turned into its path yet is limited in the part of
+            its speed across itself alone; else in the whole of it.
 
     Raises:
         ValueError: If a limit is not above 0, or another one than the last is not finite.
@@ -46,9 +48,12 @@ class MotionLimits:
     lateral_acceleration: float
     yaw_rate: float
     yaw_acceleration: float = math.inf
+    by_direction: bool = False
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
+            if name == "by_direction":
+                continue
             if not 0.0 < value < math.inf and (name, value) != ("yaw_acceleration", math.inf):
                 raise ValueError(f"limits.{name}: got {value}, expected above 0, finite")
 

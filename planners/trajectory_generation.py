@@ -170,7 +170,9 @@ def _zones(
         speed = max(state.velocity, settled_velocity(state, limits.along))
     zones = speed_zones(path, state.position, cap, limits, sideways_speed, speed)
     if sideways_speed > 0.0:
-        zones = slow_while_turning(zones, turn, limits.yaw_rate, sideways_speed)
+        zones = slow_while_turning(
+            zones, turn, limits.yaw_rate, sideways_speed, limits.by_direction
+        )
     return zones
 
 

@@ -548,7 +548,7 @@ class PathLoss(_message.Message):
     def __init__(self, sequence: _Optional[int] = ..., kind: _Optional[str] = ..., label: _Optional[str] = ...) -> None: ...
 
 class PlannerState(_message.Message):
-    __slots__ = ("trajectory", "earlier", "global_path", "exploration", "path_loss", "rest_since_ns", "improved_ns", "viewpoints", "breadcrumbs", "backtracks", "oriented", "unheld_trail", "returns")
+    __slots__ = ("trajectory", "earlier", "global_path", "exploration", "path_loss", "rest_since_ns", "improved_ns", "viewpoints", "breadcrumbs", "backtracks", "oriented", "unheld_trail", "returns", "closed_gaps", "lost_way")
     TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
     EARLIER_FIELD_NUMBER: _ClassVar[int]
     GLOBAL_PATH_FIELD_NUMBER: _ClassVar[int]
@@ -562,6 +562,8 @@ class PlannerState(_message.Message):
     ORIENTED_FIELD_NUMBER: _ClassVar[int]
     UNHELD_TRAIL_FIELD_NUMBER: _ClassVar[int]
     RETURNS_FIELD_NUMBER: _ClassVar[int]
+    CLOSED_GAPS_FIELD_NUMBER: _ClassVar[int]
+    LOST_WAY_FIELD_NUMBER: _ClassVar[int]
     trajectory: CommittedTrajectory
     earlier: _containers.RepeatedCompositeFieldContainer[CommittedTrajectory]
     global_path: Points
@@ -575,7 +577,27 @@ class PlannerState(_message.Message):
     oriented: bool
     unheld_trail: Points
     returns: int
-    def __init__(self, trajectory: _Optional[_Union[CommittedTrajectory, _Mapping]] = ..., earlier: _Optional[_Iterable[_Union[CommittedTrajectory, _Mapping]]] = ..., global_path: _Optional[_Union[Points, _Mapping]] = ..., exploration: _Optional[_Union[Exploration, _Mapping]] = ..., path_loss: _Optional[_Union[PathLoss, _Mapping]] = ..., rest_since_ns: _Optional[int] = ..., improved_ns: _Optional[int] = ..., viewpoints: _Optional[_Union[Points, _Mapping]] = ..., breadcrumbs: _Optional[_Union[Points, _Mapping]] = ..., backtracks: _Optional[int] = ..., oriented: _Optional[bool] = ..., unheld_trail: _Optional[_Union[Points, _Mapping]] = ..., returns: _Optional[int] = ...) -> None: ...
+    closed_gaps: _containers.RepeatedCompositeFieldContainer[ClosedGap]
+    lost_way: LostWay
+    def __init__(self, trajectory: _Optional[_Union[CommittedTrajectory, _Mapping]] = ..., earlier: _Optional[_Iterable[_Union[CommittedTrajectory, _Mapping]]] = ..., global_path: _Optional[_Union[Points, _Mapping]] = ..., exploration: _Optional[_Union[Exploration, _Mapping]] = ..., path_loss: _Optional[_Union[PathLoss, _Mapping]] = ..., rest_since_ns: _Optional[int] = ..., improved_ns: _Optional[int] = ..., viewpoints: _Optional[_Union[Points, _Mapping]] = ..., breadcrumbs: _Optional[_Union[Points, _Mapping]] = ..., backtracks: _Optional[int] = ..., oriented: _Optional[bool] = ..., unheld_trail: _Optional[_Union[Points, _Mapping]] = ..., returns: _Optional[int] = ..., closed_gaps: _Optional[_Iterable[_Union[ClosedGap, _Mapping]]] = ..., lost_way: _Optional[_Union[LostWay, _Mapping]] = ...) -> None: ...
+
+class ClosedGap(_message.Message):
+    __slots__ = ("place", "tries")
+    PLACE_FIELD_NUMBER: _ClassVar[int]
+    TRIES_FIELD_NUMBER: _ClassVar[int]
+    place: _containers.RepeatedScalarFieldContainer[float]
+    tries: int
+    def __init__(self, place: _Optional[_Iterable[float]] = ..., tries: _Optional[int] = ...) -> None: ...
+
+class LostWay(_message.Message):
+    __slots__ = ("place", "length_m", "time_ns")
+    PLACE_FIELD_NUMBER: _ClassVar[int]
+    LENGTH_M_FIELD_NUMBER: _ClassVar[int]
+    TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    place: _containers.RepeatedScalarFieldContainer[float]
+    length_m: float
+    time_ns: int
+    def __init__(self, place: _Optional[_Iterable[float]] = ..., length_m: _Optional[float] = ..., time_ns: _Optional[int] = ...) -> None: ...
 
 class MapContent(_message.Message):
     __slots__ = ("ticks", "bricks", "records", "window", "silent_sweeps", "floor_tile", "echoes")

@@ -30,6 +30,7 @@ from wayproof.harness.stack.maneuvers import (
     wait_at_blocked_goal,
 )
 from wayproof.harness.stack.path_following import follow_global_path
+from wayproof.harness.stack.pose_step import continue_step, is_stepping
 from wayproof.harness.stack.recovery import (
     continue_escape,
     escape_inflation,
@@ -114,6 +115,10 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
         escaping = continue_escape(input, state, start)
         if escaping is not None:
             return escaping
+    if is_stepping(input, state, start):
+        stepping = continue_step(input, state, start)
+        if stepping is not None:
+            return stepping
     goal = _planning_goal(input, state, start)
     beside_goal = goal.projected and distance(start.position, goal.position) < ARRIVED
     if setpoint.at_rest and (beside_goal or at_path_end(state, start)) and cannot_claim_goal(input):

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
+from wayproof.harness.stack.closed_gaps import note_lost_way, record_closed_gap, with_closed_gaps
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import heading_at
 from wayproof.harness.stack.reasons import STUCK_INSIDE
@@ -68,8 +69,19 @@ def decide_with_footprint(
         make_oriented: Makes the input for the discs at their heading; seldom called.
         state: Planner state before the decision.
     """
+    decided = _decide(circumscribed, make_oriented, state)
+    return decided._replace(state=record_closed_gap(decided.input, decided.state))
+
+
+def _decide(
+    circumscribed: PlannerInput, make_oriented: Callable[[], PlannerInput], state: PlannerState
+) -> FootprintDecision:
+    """Decide for one of the footprints; arguments as of `decide_with_footprint`."""
     if state.oriented and not _can_widen(circumscribed, state):
         oriented = make_oriented()
+        if oriented.behaviour.remembers_gaps:
+            state = note_lost_way(oriented, state)
+        oriented = with_closed_gaps(oriented, state)
         return FootprintDecision(*decide(oriented, state), oriented)
     wide = decide(circumscribed, replace(state, oriented=False))
     keeps_moving = circumscribed.behaviour.keep_moving
@@ -77,7 +89,7 @@ def decide_with_footprint(
     wide_leads = _makes_progress(wide) and not (keeps_moving and _brakes(wide))
     if wide_leads and _path_length(wide.state) <= limit:
         return FootprintDecision(*wide, circumscribed)
-    oriented = make_oriented()
+    oriented = with_closed_gaps(make_oriented(), state)
     narrow = decide(oriented, replace(state, oriented=True))
     narrow_leads = _makes_progress(narrow) and not (keeps_moving and _brakes(narrow))
     if narrow_leads and (not wide_leads or _path_length(narrow.state) <= limit):

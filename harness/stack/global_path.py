@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -34,6 +35,7 @@ from wayproof.planners import (
     stopping_distance,
     tangent_at,
     truncate,
+    without_hooks,
 )
 
 ARRIVED = 0.05
@@ -41,6 +43,9 @@ ARRIVED = 0.05
 
 STOP_SLACK = 1e-3
 """Length by which the rest of a stop may be shorter than a stop from there, by rounding, m."""
+
+LEAST_STOP = 0.1
+"""Length of a stop below which a walking robot needs no straight piece to bend off its path, m."""
 
 GOAL_MOVED = 3.0
 """Distance beyond which a projected goal counts as another one, cells."""
@@ -195,15 +200,25 @@ def _replan(
         path = joined(search, space)
         if path is not None and enough_admitted(input, path):
             return search, path
-    space = input.known_free
-    search = plan_in(space)
-    if search.waypoints is None and not only_known and input.guided is not None:
-        space = replace(input.guided(), few_reads=not exhaustive)
+    for space in _spaces(input, only_known=only_known, exhaustive=exhaustive):
         search = plan_in(space)
-    if search.waypoints is None and not only_known:
-        space = replace(input.optimistic, few_reads=not exhaustive)
-        search = plan_in(space)
+        if search.waypoints is not None:
+            break
     return search, joined(search, space)
+
+
+def _spaces(input: PlannerInput, *, only_known: bool, exhaustive: bool) -> Iterator[FreeSpace]:
+    """Yield the spaces that are searched, until a way is found; arguments as of `_replan`.
+
+    Beyond known space at once where gaps closed: the way that the robot knows may lead through one.
+    """
+    if only_known or not input.avoids_gaps:
+        yield input.known_free
+    if only_known:
+        return
+    if input.guided is not None:
+        yield replace(input.guided(), few_reads=not exhaustive)
+    yield replace(input.optimistic, few_reads=not exhaustive)
 
 
 def _joined(
@@ -216,6 +231,8 @@ def _joined(
     if search.waypoints is None:
         return None
     waypoints = drop_duplicates(np.concatenate([straight[:-1], search.waypoints]))
+    if input.behaviour.drops_hooks and input.turns_in_place:
+        waypoints = without_hooks(space, waypoints)
     blended = blend_corners(space, waypoints, blend_length(input))
     return np.concatenate([prefix[:-1], blended])
 
@@ -228,6 +245,8 @@ def _straight_on(input: PlannerInput, prefix: Array) -> Array:
     with the straight piece has room to be blended.
     """
     end = prefix[-1]
+    if input.behaviour.drops_hooks and input.turns_in_place and arc_length(prefix) < LEAST_STOP:
+        return prefix[-1:]
     tangent = tangent_at(prefix, arc_length(prefix))
     for share in (1.0, 0.5, 0.25):
         beyond = end + share * blend_length(input) * tangent

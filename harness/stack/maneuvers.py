@@ -12,7 +12,7 @@ from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.decision import Action, Label
 from wayproof.harness.stack.diagnosis import diagnose_lost_path, diagnose_no_path, inflation_reason
 from wayproof.harness.stack.evasive_stop import clearest_stop
-from wayproof.harness.stack.footprint_checks import moves_tail_first
+from wayproof.harness.stack.footprint_checks import first_misfit, moves_tail_first
 from wayproof.harness.stack.global_path import HEADINGS, GlobalPlan
 from wayproof.harness.stack.path_timing import at_begin
 from wayproof.harness.stack.reasons import Reason
@@ -27,6 +27,7 @@ from wayproof.harness.stack.types import (
     is_stationary,
 )
 from wayproof.planners import (
+    Trajectory,
     TrajectorySample,
     hold,
     remaining,
@@ -110,10 +111,22 @@ def brake(
         input.limits,
         moves_tail_first(input, start, path),
     )
+    if input.behaviour.stops_at_heading:
+        trajectory = _without_turn(input, start, trajectory)
     command = Command("stop_and_wait", reason, label, trajectory)
     return Decided(
         command, replace(state, trajectory=trajectory, global_path=None, exploration=None)
     )
+
+
+def _without_turn(input: PlannerInput, start: TrajectorySample, stop: Trajectory) -> Trajectory:
+    """Return a stop at the heading that the body has, if it fits so, and not as it turns."""
+    corners = input.behaviour.checks_corners
+    if first_misfit(input.traversable, stop, corners=corners) is None:
+        return stop
+    still = stop.facing(start.heading)
+    fits = first_misfit(input.traversable, still, corners=corners) is None
+    return still if fits else stop
 
 
 def stop_without_path(

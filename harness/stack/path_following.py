@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -31,6 +32,7 @@ from wayproof.harness.stack.footprint_checks import (
 from wayproof.harness.stack.global_path import STOP_SLACK, heading_at
 from wayproof.harness.stack.maneuvers import brake, wait
 from wayproof.harness.stack.path_timing import plan_trajectory
+from wayproof.harness.stack.pose_step import step_to_pose
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.types import (
     Array,
@@ -53,6 +55,9 @@ from wayproof.planners import (
 
 ALIGNED = 0.05
 """Maximum heading error at which the robot sets out without turning first, rad."""
+
+TURN_CHECK_STEP = 0.1
+"""Time between the checked headings of a turn while driving, s."""
 
 MAX_SHORTENINGS = 4
 """Number of times that a path is shortened to make the footprint fit along it."""
@@ -98,7 +103,7 @@ def follow_global_path(
         kept = keep_admitted_trajectory(input, state, start, previous)
         return kept or brake_on_path(input, state, start, part)
     if is_stationary(start) and part.blocked and part.length < input.behaviour.min_advance:
-        stepped = step_aside(input, state, start)
+        stepped = step_aside(input, state, start) or step_to_pose(input, state, start)
         return stepped or wait_on_path(input, state, start, part)
     if is_stationary(start) and input.traversable.discs:
         return set_out(input, state, start, part)
@@ -225,9 +230,26 @@ def turn_while_driving(
     if driven is None:
         return None
     trajectory = driven.command.trajectory
+    if input.behaviour.turns_early:
+        return driven if _turns_into_path(trajectory, tail_first) else None
     reached = heading_at(trajectory.path, arc_length(trajectory.path))
     left = wrap_angle(reached + (np.pi if tail_first else 0.0) - _final_heading(trajectory))
     return driven if abs(left) <= ALIGNED else None
+
+
+def _turns_into_path(trajectory: Trajectory, tail_first: bool) -> bool:
+    """Return whether the heading is that of the path anywhere along a trajectory.
+
+    At its end it may lag in a bend.
+    """
+    begin, steps = trajectory.start_ns, math.ceil(trajectory.duration_s / TURN_CHECK_STEP)
+    step_ns = round(TURN_CHECK_STEP * 1e9)
+    for n in range(steps + 1):
+        sample = trajectory.at(begin + n * step_ns)
+        course = heading_at(trajectory.path, sample.arc_length) + (np.pi if tail_first else 0.0)
+        if abs(wrap_angle(course - sample.heading)) <= ALIGNED:
+            return True
+    return False
 
 
 def turn_into_path(
@@ -294,6 +316,10 @@ def keep_course(
     trajectory = previous.trajectory
     if _fits(input, trajectory):
         return _kept(state, previous)
+    if input.behaviour.goes_on_shortened:
+        driven = _drive_last_path(input, state, start, previous)
+        if driven is not None:
+            return driven
     elapsed = (input.effect_ns - trajectory.start_ns) * 1e-9
     corners = input.behaviour.checks_corners
     poses = poses_from(trajectory, elapsed, corners=corners)
@@ -302,6 +328,21 @@ def keep_course(
     stop = stopping_distance(start.speed, start.acceleration, input.limits)
     reason, label = way_ahead_reason(BRAKES, found, stop_m=stop)
     return brake(input, state, start, path, reason, label)
+
+
+def _drive_last_path(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, previous: PlannerState
+) -> Decided | None:
+    """Drive the last global path as far as it still fits; None if that is too short to stop."""
+    if previous.global_path is None:
+        return None
+    path = remaining(previous.global_path, start.arc_length)
+    part = drivable_part(input, path, start)
+    if part.too_short:
+        return None
+    state = replace(previous, global_path=path, improved_ns=state.improved_ns)
+    tail_first = moves_tail_first(input, start, path)
+    return drive_along(input, state, start, part, tail_first)
 
 
 def drive_along(

@@ -316,4 +316,5 @@ def motion_limits(config: Config, mission: Mission) -> MotionLimits:
         lateral_acceleration=mission.max_acceleration,
         yaw_rate=mission.max_yaw_rate,
         yaw_acceleration=mission.max_yaw_acceleration or math.inf,
+        by_direction=config.behaviour.turns_by_direction and mission.planar,
     )

@@ -10,9 +10,17 @@ from numpy.typing import NDArray
 from wayproof.harness.geometry import polyline_length
 from wayproof.harness.input_messages import MAX_COORDINATE
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.closed_gaps import MOST_GAPS
 from wayproof.harness.stack.decision import Label
 from wayproof.harness.stack.reasons import Kind
-from wayproof.harness.stack.types import Exploration, PathLoss, PlannerState
+from wayproof.harness.stack.types import (
+    ClosedGap,
+    Exploration,
+    LostWay,
+    PathLoss,
+    Place,
+    PlannerState,
+)
 from wayproof.planners import Trajectory
 from wayproof.planners.jerk_limited import Profile
 
@@ -47,6 +55,7 @@ def state_message(state: PlannerState) -> pb.PlannerState:
         oriented=state.oriented,
         unheld_trail=_points_message(state.unheld_trail),
         returns=state.returns,
+        closed_gaps=[pb.ClosedGap(place=gap.place, tries=gap.tries) for gap in state.closed_gaps],
     )
     if state.global_path is not None:
         message.global_path.CopyFrom(_points_message(state.global_path))
@@ -59,6 +68,10 @@ def state_message(state: PlannerState) -> pb.PlannerState:
     if (loss := state.path_loss) is not None:
         message.path_loss.CopyFrom(
             pb.PathLoss(sequence=loss.sequence, kind=loss.kind, label=loss.label)
+        )
+    if (lost := state.lost_way) is not None:
+        message.lost_way.CopyFrom(
+            pb.LostWay(place=lost.place, length_m=lost.length_m, time_ns=lost.time_ns)
         )
     return message
 
@@ -88,6 +101,8 @@ def read_state(message: pb.PlannerState) -> PlannerState:
         oriented=message.oriented,
         unheld_trail=_points(message.unheld_trail),
         returns=message.returns,
+        lost_way=_lost_way(message.lost_way) if message.HasField("lost_way") else None,
+        closed_gaps=_closed_gaps(message),
     )
 
 
@@ -176,3 +191,23 @@ def _path_loss(message: pb.PathLoss) -> PathLoss:
     if message.kind not in get_args(Kind) or message.label not in get_args(Label):
         raise ValueError(f"path_loss: {message.kind[:40]!r}, {message.label[:40]!r}")
     return PathLoss(message.sequence, message.kind, message.label)  # type: ignore[arg-type]
+
+
+def _lost_way(message: pb.LostWay) -> LostWay:
+    length = float(_finite(np.array([message.length_m]), "lost_way")[0])
+    return LostWay(_place(message.place), length, _time(message.time_ns))
+
+
+def _closed_gaps(message: pb.PlannerState) -> tuple[ClosedGap, ...]:
+    gaps = message.closed_gaps
+    if len(gaps) > MOST_GAPS or any(gap.tries == 0 for gap in gaps):
+        raise ValueError(f"closed_gaps: {len(gaps)} of at most {MOST_GAPS}, or one never tried")
+    return tuple(ClosedGap(_place(gap.place), gap.tries) for gap in gaps)
+
+
+def _place(numbers: object) -> Place:
+    rows = _rows(numbers, 3, "place")
+    if len(rows) != 1:
+        raise ValueError(f"place: {len(rows)} points, expected 1")
+    x, y, z = rows[0].tolist()
+    return x, y, z

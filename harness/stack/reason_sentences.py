@@ -60,6 +60,11 @@ MEANINGS: dict[Kind, Meaning] = {
         "stepping {distance_m:.2f} m along the path at its own heading: no room at the path's",
         ("follow",),
     ),
+    "stepping_to_pose": Meaning(
+        "stepping {distance_m:.2f} m to the next pose of its way, turning "
+        "{turn_degrees:.0f} degrees: no room along its path",
+        ("follow",),
+    ),
     "keeping_course": Meaning(
         "no room to take the new path in motion: following the last trajectory", ("follow",)
     ),

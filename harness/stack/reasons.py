@@ -23,6 +23,7 @@ Kind = Literal[
     "through_unknown",
     "turning_into_path",
     "stepping_aside",
+    "stepping_to_pose",
     "keeping_course",
     "looking_elsewhere",
     "at_viewpoint",

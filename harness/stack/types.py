@@ -113,8 +113,9 @@ class PlannerInput:
         localization: Uncertainty of the pose; None if no covariance is stated.
         range_sigma: Standard deviation of the ranges of the sweeps, m; 0 where it is not estimated.
         guided: Makes the optimistic space with what was not measured laid under the map: its
-            occupied cells block, and its free ones cost less than unknown ones; none without such
-            evidence.
+            occupied cells block, and its free ones cost less than unknown ones; and with the cost
+            of closed gaps. None without either.
+        avoids_gaps: Whether closed gaps cost more in it.
         evidence: Space known to be free by each stage of the evidence, the measured one first;
             empty without any other.
         horizon: Part of a large operating area that the spaces hold; None if they hold all of it.
@@ -146,6 +147,7 @@ class PlannerInput:
     localization: Localization | None = None
     range_sigma: float = 0.0
     guided: Callable[[], FreeSpace] | None = None
+    avoids_gaps: bool = False
     evidence: tuple[EvidenceSpace, ...] = ()
     horizon: Horizon | None = None
 
@@ -191,6 +193,36 @@ class PathLoss:
     label: Label
 
 
+Place = tuple[float, float, float]
+"""Position, m."""
+
+
+class LostWay(NamedTuple):
+    """The global path that last closed right before an elongated body.
+
+    Attributes:
+        place: Place on it at which it closed, m.
+        length_m: Length that was left of it, m.
+        time_ns: Time of the sweep.
+    """
+
+    place: Place
+    length_m: float
+    time_ns: int
+
+
+class ClosedGap(NamedTuple):
+    """A narrow gap that closed before the robot, which then took a detour.
+
+    Attributes:
+        place: Place on the global path at which it did, m.
+        tries: Number of times that it did.
+    """
+
+    place: Place
+    tries: int
+
+
 @dataclass(frozen=True)
 class PlannerState:
     """All that one decision carries over to the next.
@@ -212,6 +244,8 @@ class PlannerState:
             for the circumscribed one.
         unheld_trail: (n, 3) positions from the last one at which the sweeps held the pose, m.
         returns: Number of times that the robot has gone back to where they did.
+        closed_gaps: Narrow gaps that closed before an elongated body, the latest last.
+        lost_way: The path that last closed before an elongated body, until it takes another.
     """
 
     trajectory: Trajectory
@@ -227,6 +261,8 @@ class PlannerState:
     oriented: bool = False
     unheld_trail: Array = field(default_factory=lambda: np.empty((0, 3)))
     returns: int = 0
+    closed_gaps: tuple[ClosedGap, ...] = ()
+    lost_way: LostWay | None = None
 
     @property
     def returning(self) -> bool:
@@ -247,7 +283,15 @@ class PlannerState:
 
 def for_next_goal(state: PlannerState) -> PlannerState:
     """Return the state after a goal was reached: all counts of tries begin anew."""
-    return replace(state, rest_since_ns=-1, viewpoints=np.empty((0, 3)), backtracks=0, returns=0)
+    return replace(
+        state,
+        rest_since_ns=-1,
+        viewpoints=np.empty((0, 3)),
+        backtracks=0,
+        returns=0,
+        lost_way=None,
+        closed_gaps=(),
+    )
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from wayproof.planners import (
     speed_limits,
     tangent_at,
     truncate,
+    without_hooks,
 )
 from wayproof.planners.kernels import angles, blend, curvature, headed, polyline
 from wayproof.planners.path import edge_lengths, edge_tangents
@@ -234,3 +235,15 @@ def test_first_stops_are_what_numpy_makes_of_them(compiled_or_not):
                     break
             assert first_stop(path, float(s), angle=0.9, window=0.3) == expected
     assert found > 100
+
+
+def test_a_short_step_back_is_left_out_and_a_long_one_is_not(room):
+    """A hook of 3 cm costs a stop; a turn about after 1.5 m is a way."""
+    x, y, z = point(room, 100.0, 100.0)
+    hooked = np.array([(x, y, z), (x + 0.5, y, z), (x + 0.47, y, z), (x + 1.5, y + 0.1, z)])
+    kept = without_hooks(room, hooked)
+    assert len(kept) < len(hooked)
+    assert np.array_equal(kept[[0, -1]], hooked[[0, -1]])
+    assert ((kept[1:] - kept[:-1])[:, 0] > 0.0).all()
+    back = np.array([(x, y, z), (x + 1.5, y, z), (x + 0.2, y + 0.4, z)])
+    assert np.array_equal(without_hooks(room, back), back)

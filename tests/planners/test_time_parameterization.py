@@ -145,3 +145,23 @@ def test_a_target_out_of_reach_is_refused_with_the_limit_that_was_given():
     start, target = State(0.0, 1.0, 0.0), State(0.1, 5.0, 0.0)
     with pytest.raises(RuntimeError, match=r"within velocity 1\.0, acceleration"):
         jerk_limited.solve(start, target, 1.0, AxisLimits(4.0, 20.0))
+
+
+@pytest.mark.parametrize("turn", [0.3, 0.5, 0.9, 2.0, 3.1])
+def test_a_body_that_turns_into_its_path_keeps_to_the_sideways_speed_across_itself(turn):
+    zones = [speed_zones.SpeedZone(5.0, 1.5)]
+    whole = speed_zones.slow_while_turning(zones, turn, 1.5, 0.35)
+    parts = speed_zones.slow_while_turning(zones, turn, 1.5, 0.35, by_direction=True)
+    for found in (whole, parts):
+        assert sum(zone.length for zone in found) == pytest.approx(5.0)
+    assert [zone.speed for zone in parts] == sorted(zone.speed for zone in parts)
+    whole_s, parts_s = (sum(zone.length / zone.speed for zone in found) for found in (whole, parts))
+    assert parts_s <= whole_s + 1e-9
+    assert speed_zones.slow_while_turning(zones, 0.2, 1.5, 0.35, by_direction=True) == zones
+
+
+def test_no_speed_of_a_turn_is_more_than_the_sideways_speed_across_the_body():
+    begin = 0.5 * math.pi
+    for above, share in speed_zones.OBLIQUE:
+        assert 0.98 < share * math.sin(begin) <= 1.0
+        begin = above

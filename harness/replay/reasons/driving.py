@@ -128,6 +128,21 @@ def stepping_aside(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
         yield "the trajectory does not begin on the path"
 
 
+def stepping_to_pose(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+    """Check that the body moves and turns as far as stated, and follows no path meanwhile."""
+    last = past.trajectories[-1] if past.trajectories else None
+    if last is None or last.path != scene.decision.trajectory.path:  # a step begins
+        yield from same("distance_m", reason.distance_m, length(scene.path))
+    elif reason.distance_m > length(scene.path) + NEAR:
+        yield f"{reason.distance_m:.3f} m are left of a step of {length(scene.path):.3f} m"
+    towards = heading_of_body(scene.decision) + reason.turn_rad
+    off = abs(wrap_angle(scene.decision.trajectory.heading[-1] - towards))
+    if off > TURNED_INTO:
+        yield f"the trajectory ends {off:.2f} rad off where it turns to"
+    if len(scene.global_path):
+        yield "it follows a path"
+
+
 def keeping_course(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """Check that the trajectory is the last one."""
     last = past.trajectories[-1] if past.trajectories else None

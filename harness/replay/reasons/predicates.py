@@ -32,6 +32,7 @@ PREDICATES: dict[str, Claim] = {
     "through_unknown": driving.through_unknown,
     "turning_into_path": driving.turning_into_path,
     "stepping_aside": driving.stepping_aside,
+    "stepping_to_pose": driving.stepping_to_pose,
     "keeping_course": driving.keeping_course,
     "looking_elsewhere": elsewhere.looking_elsewhere,
     "at_viewpoint": elsewhere.at_viewpoint,

@@ -1,9 +1,11 @@
 """Keyframes: where a replay can start, and what it finds of those that are false."""
 
 import json
+import math
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import zstandard
 
@@ -20,8 +22,15 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.map_content import read_echoes, read_floor
-from wayproof.harness.stack.types import Exploration, PathLoss, PlannerState
-from wayproof.planners import Trajectory
+from wayproof.harness.stack.planner_state_messages import read_state, state_message
+from wayproof.harness.stack.types import (
+    ClosedGap,
+    Exploration,
+    LostWay,
+    PathLoss,
+    PlannerState,
+)
+from wayproof.planners import Trajectory, hold
 from wayproof.planners.jerk_limited import Profile
 
 OFTEN = ("episode.time_limit=3", "keyframe_period=1")
@@ -280,3 +289,27 @@ def test_pieces_take_about_the_same_time():
 )
 def test_a_keyframe_holds_every_field_of_the_state(kind, message):
     assert [one.name for one in fields(kind)] == [one.name for one in message.DESCRIPTOR.fields]
+
+
+@pytest.mark.parametrize(("kind", "message"), [(ClosedGap, pb.ClosedGap), (LostWay, pb.LostWay)])
+def test_a_keyframe_holds_every_field_of_what_closed(kind, message):
+    assert list(kind._fields) == [one.name for one in message.DESCRIPTOR.fields]
+
+
+def test_closed_gaps_come_back_as_they_were_and_damaged_ones_are_refused():
+    gaps = (ClosedGap((1.0, 0.1, 0.3), 1), ClosedGap((-2.0, 7.0, 0.3), 3))
+    lost = LostWay((0.1, 0.2, 0.3), 4.5, 1_700_000_000)
+    state = PlannerState(hold(np.zeros(3), 0, 0.0), closed_gaps=gaps, lost_way=lost)
+    message = state_message(state)
+    back = read_state(message)
+    assert (back.closed_gaps, back.lost_way) == (gaps, lost)
+    for change in (
+        lambda one: one.closed_gaps[0].place.append(1.0),
+        lambda one: setattr(one.closed_gaps[1], "tries", 0),
+        lambda one: setattr(one.lost_way, "length_m", math.nan),
+        lambda one: one.closed_gaps.extend([one.closed_gaps[0]] * 40),
+    ):
+        damaged = pb.PlannerState.FromString(message.SerializeToString())
+        change(damaged)
+        with pytest.raises(ValueError, match=r"place|closed_gaps|lost_way"):
+            read_state(damaged)

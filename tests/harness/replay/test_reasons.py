@@ -136,6 +136,7 @@ PLANTED = {
     "path_to_corner": {"free_m": 1.0, "path_m": 3.0},
     "turning_into_path": {"turn_rad": 1.0},
     "stepping_aside": {"distance_m": 0.5},
+    "stepping_to_pose": {"distance_m": 0.5, "turn_rad": 0.2},
     "looking_elsewhere": {"path_m": 2.0, "since": 0, "places": 1},
     "at_viewpoint": {"path_m": 0.1},
     "backing_up": {"path_m": 1.0, "since": 0},

@@ -193,10 +193,23 @@ def test_a_long_body_keeps_its_course_where_that_is_free_and_else_stops_on_it():
     assert command.trajectory is state.trajectory
     assert after.improved_ns == 123
     walled = next_input(state, 8, body=LONG, states=make_states(occupied=[(4.0, 4.3, 0.0, 4.0)]))
-    command, after = keep_course(walled, fresh, start, previous=state)
+    former = replace(walled, behaviour=BehaviourConfig(rules=10))
+    command, after = keep_course(former, fresh, start, previous=state)
     assert (command.action, command.label) == ("stop_and_wait", "path_blocked")
     assert command.reason.cell[0] == pytest.approx(4.05)
     assert after.global_path is None
+
+
+def test_a_long_body_drives_its_last_path_as_far_as_it_fits_before_it_brakes():
+    state = drive(8, body=LONG)
+    walled = next_input(state, 8, body=LONG, states=make_states(occupied=[(4.0, 4.3, 0.0, 4.0)]))
+    start = state.trajectory.at(walled.effect_ns)
+    command, _ = keep_course(walled, state, start, previous=state)
+    assert (command.action, command.label) == ("follow", "path_blocked")
+    assert command.trajectory.stop_point[0] < 4.0 - 0.3
+    assert first_misfit(walled.traversable, command.trajectory, corners=True) is None
+    near = next_input(state, 8, body=LONG, states=make_states(occupied=[(2.0, 2.3, 0.0, 4.0)]))
+    assert keep_course(near, state, start, previous=state).command.action == "stop_and_wait"
 
 
 def test_a_path_through_the_unknown_is_driven_at_the_fraction_of_the_speed():

@@ -1,0 +1,148 @@
+"""Narrow gaps that closed before the robot: a way through one costs more from then on.
+
+What bounds a gap looks otherwise from afar than from near: a cell that a surface cuts is occupied
+by beams that end in it, and free by those that graze it. Without a memory a robot whose gap closed
+before it turns away, sees the gap open from there, and comes back.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from wayproof.harness.stack.types import (
+    ClosedGap,
+    LostWay,
+    Place,
+    PlannerInput,
+    PlannerState,
+    arc_length,
+    distance,
+    is_free_along,
+)
+from wayproof.planners import FreeSpace, point_at, remaining
+
+SEEN_WITHIN = 1.0
+"""Length of the path before a gap from which the robot judges it, m; from afar it is not sure."""
+
+DETOUR = 1.5
+"""Extra length of a path that leads around what closed, m; a shorter one evades a cell or two."""
+
+GIVEN_UP_NS = 10_000_000_000
+"""Time after which a way that closed is no longer compared with what the robot follows, ns."""
+
+SAME_GAP = 0.5
+"""Distance within which two places are the same gap, m."""
+
+GAP_RADIUS = 0.4
+"""Radius about a gap within which space costs more, m."""
+
+TRY_COSTS = (4.0, 12.0)
+"""Cost of the way through a gap that closed once, and more often, m of length."""
+
+MOST_GAPS = 32
+"""Number of gaps that are remembered, the latest ones."""
+
+
+def note_lost_way(input: PlannerInput, state: PlannerState) -> PlannerState:
+    """Note where the global path closed right before an elongated body, if it did.
+
+    Args:
+        input: Planner input of the oriented footprint.
+        state: Planner state before the decision; not written to.
+    """
+    if state.global_path is None or state.exploring:
+        return state
+    start = state.trajectory.at(input.effect_ns)
+    path = remaining(state.global_path, start.arc_length)
+    if is_free_along(input.optimistic, path):
+        return state
+    free, length = input.optimistic.free_length(path), arc_length(path)
+    if free > SEEN_WITHIN:
+        return state
+    x, y, z = point_at(path, min(free + input.optimistic.resolution, length)).tolist()
+    return replace(state, lost_way=LostWay((x, y, z), length, input.time_ns))
+
+
+def record_closed_gap(input: PlannerInput, state: PlannerState) -> PlannerState:
+    """Record a gap that closed once the robot takes a detour around it.
+
+    Args:
+        input: Planner input of the decision.
+        state: Planner state after the decision; not written to.
+    """
+    lost = state.lost_way
+    if lost is None:
+        return state
+    if input.time_ns - lost.time_ns > GIVEN_UP_NS:
+        return replace(state, lost_way=None)
+    path = state.global_path
+    if path is None or state.exploring or arc_length(path) < lost.length_m + DETOUR:
+        return state
+    return replace(state, lost_way=None, closed_gaps=_with_try(state.closed_gaps, lost.place))
+
+
+def _with_try(gaps: tuple[ClosedGap, ...], place: Place) -> tuple[ClosedGap, ...]:
+    """Return the gaps with one more try of that at a place, as the latest."""
+    others = [gap for gap in gaps if distance(np.array(gap.place), np.array(place)) >= SAME_GAP]
+    tries = 1 + max((gap.tries for gap in gaps if gap not in others), default=0)
+    return (*others, ClosedGap(place, tries))[-MOST_GAPS:]
+
+
+def with_closed_gaps(input: PlannerInput, state: PlannerState) -> PlannerInput:
+    """Return the planner input by which ways through closed gaps cost more."""
+    if not state.closed_gaps:
+        return input
+    guided = input.guided or (lambda: input.optimistic)
+    weight, gaps = input.planner.clearance_weight, state.closed_gaps
+    costly = functools.cache(lambda: costly_gaps(guided(), gaps, weight))
+    return replace(input, guided=costly, avoids_gaps=True)
+
+
+def costly_gaps(space: FreeSpace, gaps: tuple[ClosedGap, ...], weight: float) -> FreeSpace:
+    """Return a flat space in which the way through a gap costs `TRY_COSTS` more.
+
+    No cell becomes free or blocked.
+
+    Args:
+        space: Not written to.
+        gaps: Gaps that closed.
+        weight: Weight of the cell cost against length.
+    """
+    field, table = space.field.copy(), space.cost_by_distance.copy()
+    markers = cost_markers(space)
+    if not markers:
+        return space
+    for marker, cost in zip(markers, TRY_COSTS, strict=False):
+        table[marker] = cost / (2.0 * GAP_RADIUS * max(weight, 1.0))
+    nx, ny, _ = field.shape
+    low = space.origin[:2] + 0.5 * space.resolution
+    x, y = (low[k] + space.resolution * np.arange(n) for k, n in enumerate((nx, ny)))
+    for gap in sorted(gaps, key=lambda gap: gap.tries):
+        apart = np.square(x - gap.place[0])[:, None] + np.square(y - gap.place[1])  # (nx, ny)
+        inside = (apart <= GAP_RADIUS * GAP_RADIUS) & (field[:, :, 0] > _threshold(space))
+        field[inside, 0] = markers[min(gap.tries, len(markers)) - 1]
+    return replace(space, distances=field, cost_by_distance=table)
+
+
+def cost_markers(space: FreeSpace) -> list[int]:
+    """Return squared distances that no cell has, and that stand for costs of tries, two at most.
+
+    No sum of two squares leaves 3 when divided by 4. They are so small that they promise no free
+    cell beside theirs.
+    """
+    threshold = _threshold(space)
+    first = threshold + 2 + (1 - threshold) % 4
+    above = first - threshold - 1
+    if above * above >= 4 * threshold:  # the root is greater by a cell
+        return []
+    beside = math.isqrt(threshold) + 1
+    return [first, *(n for n in (first + 4,) if n < beside * beside)]
+
+
+def _threshold(space: FreeSpace) -> int:
+    """Return the largest squared distance at which any disc of the body collides, cells^2."""
+    return int(space.shape.thresholds.max())

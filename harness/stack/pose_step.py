@@ -1,0 +1,148 @@
+"""A step to the first pose of a way planned with headings, from a rest in a narrow place."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.stack.footprint_checks import first_misfit
+from wayproof.harness.stack.path_timing import plan_trajectory
+from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.types import (
+    Array,
+    Command,
+    Decided,
+    PlannerInput,
+    PlannerState,
+    distance,
+)
+from wayproof.planners import Trajectory, TrajectorySample, plan_seed, turn_in_place
+
+STANDS = 1e-6
+"""Distance below which a pose is a turn on the spot, m."""
+
+LEAST_TURN = 0.02
+"""Smallest turn on the spot that is made for itself, rad."""
+
+LONGEST_STEP = 0.5
+"""Longest step, m."""
+
+SPEED_SHARES = (1.0, 0.5, 0.25)
+"""Shares of the sideways speed that are tried, so that the turn keeps pace with the step."""
+
+
+def step_to_pose(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample
+) -> Decided | None:
+    """Leave rest by the first motion of a way planned with headings: a turn, or a turning step.
+
+    For an elongated body that fits at the heading of its path neither there nor a step on: it has
+    to move off its heading, and to turn meanwhile.
+
+    Args:
+        input: Planner input of the oriented footprint.
+        state: Planner state before the decision; not written to.
+        start: Start of the new trajectory, at rest.
+
+    Returns:
+        None if the body cannot move sideways, if there is no such way, or if it does not fit.
+    """
+    if not (input.behaviour.steps_to_poses and input.traversable.discs and input.sideways_speed):
+        return None
+    seed = plan_seed(input.seed, "guide", input.sequence)
+    space, goal, planner = input.optimistic, input.goal, input.planner
+    found = input.plan(space, start.position, goal, planner, seed, start.heading)
+    if found.waypoints is None or found.headings is None:
+        return None
+    trajectory = _first_motion(input, start, found.waypoints, found.headings)
+    if trajectory is None:
+        return None
+    command = _stepping(start, trajectory)
+    state = replace(state, trajectory=trajectory, global_path=None, rest_since_ns=-1)
+    return Decided(command, state)
+
+
+def is_stepping(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> bool:
+    """Return whether a body is on its way to such a pose."""
+    return (
+        input.behaviour.steps_to_poses
+        and not start.at_rest
+        and state.global_path is None
+        and state.path_loss is not None
+        and state.path_loss.kind == "stepping_to_pose"
+    )
+
+
+def continue_step(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample
+) -> Decided | None:
+    """Go on with a step that is under way; None if the body does not fit along the rest of it."""
+    elapsed = (input.effect_ns - state.trajectory.start_ns) * 1e-9
+    corners = input.behaviour.checks_corners
+    if first_misfit(input.traversable, state.trajectory, elapsed, corners=corners) is not None:
+        return None
+    return Decided(_stepping(start, state.trajectory), state)
+
+
+def _stepping(start: TrajectorySample, trajectory: Trajectory) -> Command:
+    """Return the command to take a step, whose reason states what is left of it."""
+    end = trajectory.at(trajectory.start_ns + math.ceil(trajectory.duration_s * 1e9))
+    reason = Reason(
+        "stepping_to_pose",
+        distance_m=distance(start.position, end.position),
+        turn_rad=wrap_angle(end.heading - start.heading),
+    )
+    return Command("follow", reason, label="none", trajectory=trajectory)
+
+
+def _first_motion(
+    input: PlannerInput, start: TrajectorySample, waypoints: Array, headings: Array
+) -> Trajectory | None:
+    """Return the turn or step to the first pose that differs; None if the body does not fit."""
+    step = _first_step(start, waypoints, headings)
+    turning = turn_in_place(
+        start.position, input.effect_ns, start.heading, step.heading, input.limits
+    )
+    if distance(start.position, step.position) <= STANDS:
+        motions = [turning]
+    else:
+        path = np.stack([start.position, step.position])
+        sideways = input.sideways_speed / input.limits.speed
+        motions = [
+            dataclasses.replace(
+                plan_trajectory(input, start, path, share * sideways), turning=turning.turning
+            )
+            for share in SPEED_SHARES
+        ]
+    corners = input.behaviour.checks_corners
+    for motion in motions:
+        fits = first_misfit(input.traversable, motion, corners=corners) is None
+        if fits and motion.duration_s > 0.0:
+            return motion
+    return None
+
+
+class _Step(NamedTuple):
+    """The pose that a motion ends at: (3,) m, and rad."""
+
+    position: Array
+    heading: float
+
+
+def _first_step(start: TrajectorySample, waypoints: Array, headings: Array) -> _Step:
+    """Return the first pose that is not the start, or one a longest step towards it."""
+    for position, heading in zip(waypoints, headings.tolist(), strict=True):
+        away = distance(start.position, position)
+        if away > STANDS:
+            share = min(1.0, LONGEST_STEP / away)
+            turn = wrap_angle(heading - start.heading)
+            reached = start.position + share * (position - start.position)
+            return _Step(reached, start.heading + share * turn)
+        if abs(wrap_angle(heading - start.heading)) > LEAST_TURN:
+            return _Step(start.position, heading)
+    return _Step(start.position, start.heading)

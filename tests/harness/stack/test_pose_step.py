@@ -1,0 +1,73 @@
+"""A step to the first pose of a planned way, where the path has no room."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.harness.stack.make_input import LONG, at_rest, final_sample, make_input, make_states
+from wayproof.harness.behaviour_config import BehaviourConfig
+from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.footprint_checks import first_misfit
+from wayproof.harness.stack.pose_step import continue_step, is_stepping, step_to_pose
+
+LANE = make_states(occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0)])  # 0.7 m wide
+ACROSS = 0.15  # heading off the lane, rad
+
+
+def in_lane(**others):
+    return make_input(LANE, LONG, heading=ACROSS, turns_in_place=True, sideways_speed=0.4, **others)
+
+
+def test_the_step_ends_at_a_pose_where_the_body_fits():
+    input, state = in_lane(), at_rest(heading=ACROSS)
+    start = state.trajectory.at(input.effect_ns)
+    stepped = step_to_pose(input, state, start)
+    trajectory, reason = stepped.command.trajectory, stepped.command.reason
+    end = final_sample(trajectory)
+    assert first_misfit(input.traversable, trajectory, corners=True) is None
+    assert reason.kind == "stepping_to_pose"
+    assert reason.turn_rad == pytest.approx(end.heading - ACROSS, abs=1e-5)
+    assert abs(reason.turn_rad) + reason.distance_m > 0.05
+    assert stepped.state.global_path is None
+
+
+def test_a_step_under_way_goes_on_as_long_as_the_body_fits():
+    input, state = in_lane(), at_rest(heading=ACROSS)
+    stepped = step_to_pose(input, state, state.trajectory.at(input.effect_ns))
+    loss = decide(input, replace(stepped.state, path_loss=None)).state.path_loss
+    assert loss is None or loss.kind != "stepping_to_pose"  # not by a decision of another kind
+    later = in_lane(sequence=2)
+    start = stepped.state.trajectory.at(later.effect_ns)
+    assert not is_stepping(later, stepped.state, start)
+    blocked = make_input(
+        make_states(occupied=[(0.0, 8.0, 0.0, 4.0)]),
+        LONG,
+        heading=ACROSS,
+        sequence=2,
+        turns_in_place=True,
+        sideways_speed=0.4,
+    )
+    assert continue_step(blocked, stepped.state, start) is None
+    going = continue_step(later, stepped.state, start)
+    assert going.command.trajectory is stepped.state.trajectory
+
+
+def test_older_rules_and_bodies_that_only_move_ahead_take_no_such_step():
+    state = at_rest(heading=ACROSS)
+    for input in (
+        in_lane(behaviour=BehaviourConfig(rules=10)),
+        replace(in_lane(), sideways_speed=0.0),
+        make_input(turns_in_place=True, sideways_speed=0.4),
+    ):
+        assert step_to_pose(input, state, state.trajectory.at(input.effect_ns)) is None
+
+
+def test_a_way_that_there_is_not_takes_no_step():
+    closed = make_states(
+        occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0), (3.0, 3.5, 0.0, 4.0)]
+    )
+    input = make_input(closed, LONG, turns_in_place=True, sideways_speed=0.4)
+    state = at_rest()
+    assert step_to_pose(input, state, state.trajectory.at(input.effect_ns)) is None
+    assert np.array_equal(state.trajectory.path[0], input.position)
