@@ -39,7 +39,7 @@ class MotionLimits:
             its speed across itself alone; else in the whole of it.
 
     Raises:
-        ValueError: If a limit is not above 0, or another one than the last is not finite.
+        ValueError: If a limit is not above 0, or not finite, but that of the yaw acceleration.
     """
 
     speed: float

@@ -10,6 +10,7 @@ from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.footprint_checks import first_misfit
 from wayproof.harness.stack.pose_step import continue_step, is_stepping, step_to_pose
+from wayproof.harness.stack.types import PathLoss
 
 LANE = make_states(occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0)])  # 0.7 m wide
 ACROSS = 0.15  # heading off the lane, rad
@@ -40,6 +41,10 @@ def test_a_step_under_way_goes_on_as_long_as_the_body_fits():
     later = in_lane(sequence=2)
     start = stepped.state.trajectory.at(later.effect_ns)
     assert not is_stepping(later, stepped.state, start)
+    soon = in_lane(sequence=1)
+    loss = PathLoss(1, stepped.command.reason.kind, "none")
+    under_way = replace(stepped.state, path_loss=loss)
+    assert is_stepping(soon, under_way, under_way.trajectory.at(soon.effect_ns))
     blocked = make_input(
         make_states(occupied=[(0.0, 8.0, 0.0, 4.0)]),
         LONG,
