@@ -16,6 +16,7 @@ from tests.harness.stack.make_input import (
     next_input,
     place,
 )
+from wayproof.harness.stack.driving import drivable_part
 from wayproof.harness.stack.early_bends import (
     bends_early,
     blend_length,
@@ -23,7 +24,6 @@ from wayproof.harness.stack.early_bends import (
     replan_period,
 )
 from wayproof.harness.stack.global_path import keep_or_replan
-from wayproof.harness.stack.path_following import drivable_part
 from wayproof.harness.stack.types import BehaviourConfig, arc_length, is_free_along
 from wayproof.planners import PathState, follow_path, stopping_distance
 

@@ -20,20 +20,13 @@ from tests.harness.stack.make_input import (
     place,
     top_speed,
 )
+from wayproof.harness.stack.course_keeping import keep_course
 from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.driving import DrivablePart, drive_along, fit_trajectory
 from wayproof.harness.stack.footprint_checks import first_misfit
-from wayproof.harness.stack.path_following import (
-    DrivablePart,
-    brake_on_path,
-    drive_along,
-    fit_trajectory,
-    follow_global_path,
-    keep_course,
-    set_out,
-    step_aside,
-    turn_into_path,
-)
+from wayproof.harness.stack.path_following import brake_on_path, follow_global_path
 from wayproof.harness.stack.path_timing import plan_trajectory
+from wayproof.harness.stack.setting_out import set_out, step_aside, turn_into_path
 from wayproof.harness.stack.types import BehaviourConfig, Exploration
 from wayproof.planners import stopping_distance
 

@@ -1,0 +1,88 @@
+"""Keeping the course of an elongated body in motion that does not fit along the new path."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wayproof.harness.stack import obstruction
+from wayproof.harness.stack.diagnosis import BRAKES, way_ahead_reason
+from wayproof.harness.stack.driving import drivable_part, drive_along
+from wayproof.harness.stack.footprint_checks import first_misfit, moves_tail_first, poses_from
+from wayproof.harness.stack.maneuvers import brake
+from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.types import Command, Decided, PlannerInput, PlannerState, is_stationary
+from wayproof.planners import Trajectory, TrajectorySample, remaining, stopping_distance
+
+
+def keep_admitted_trajectory(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, previous: PlannerState
+) -> Decided | None:
+    """Keep the last trajectory of an elongated body in motion that need not brake for the path.
+
+    As where it steps aside, at a heading that is not that of its path.
+
+    Returns:
+        None if the footprint does not fit along the trajectory to its rest.
+    """
+    keeps = input.behaviour.keeps_admitted_trajectories and input.traversable.discs
+    if not keeps or is_stationary(start) or not _fits(input, previous.trajectory):
+        return None
+    return _kept(state, previous)
+
+
+def keep_course(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, previous: PlannerState
+) -> Decided:
+    """Keep the last trajectory if the footprint fits along it, else stop on it.
+
+    For an elongated body in motion that does not fit along the new path.
+    """
+    trajectory = previous.trajectory
+    if _fits(input, trajectory):
+        return _kept(state, previous)
+    if input.behaviour.goes_on_shortened:
+        driven = _drive_last_path(input, state, start, previous)
+        if driven is not None:
+            return driven
+    elapsed = (input.effect_ns - trajectory.start_ns) * 1e-9
+    corners = input.behaviour.checks_corners
+    poses = poses_from(trajectory, elapsed, corners=corners)
+    found = obstruction.on_poses(input, poses, input.unknown_blocks)
+    path = remaining(trajectory.path, start.arc_length)
+    stop = stopping_distance(start.speed, start.acceleration, input.limits)
+    reason, label = way_ahead_reason(BRAKES, found, stop_m=stop)
+    return brake(input, state, start, path, reason, label)
+
+
+def _fits(input: PlannerInput, trajectory: Trajectory) -> bool:
+    """Return whether the footprint fits along the rest of a trajectory."""
+    elapsed = (input.effect_ns - trajectory.start_ns) * 1e-9
+    corners = input.behaviour.checks_corners
+    return first_misfit(input.traversable, trajectory, elapsed, corners=corners) is None
+
+
+def _kept(state: PlannerState, previous: PlannerState) -> Decided:
+    """Return the decision to follow the last trajectory."""
+    command = Command(
+        "follow",
+        Reason("keeping_course"),
+        label="none",
+        trajectory=previous.trajectory,
+        global_path=previous.global_path,
+    )
+    return Decided(command, replace(previous, improved_ns=state.improved_ns))
+
+
+def _drive_last_path(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, previous: PlannerState
+) -> Decided | None:
+    """Drive the last global path as far as it still fits; None if that is too short to stop."""
+    if previous.global_path is None:
+        return None
+    path = remaining(previous.global_path, start.arc_length)
+    part = drivable_part(input, path, start)
+    if part.too_short:
+        return None
+    state = replace(previous, global_path=path, improved_ns=state.improved_ns)
+    tail_first = moves_tail_first(input, start, path)
+    return drive_along(input, state, start, part, tail_first)

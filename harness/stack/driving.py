@@ -1,0 +1,141 @@
+"""Driving a part of the global path: how far, how fast, and where the footprint fits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+from wayproof.harness.stack.diagnosis import diagnose_driving
+from wayproof.harness.stack.early_bends import bends_early
+from wayproof.harness.stack.footprint_checks import MIN_PATH, first_misfit, truncate_where_turnable
+from wayproof.harness.stack.global_path import STOP_SLACK
+from wayproof.harness.stack.path_timing import plan_trajectory
+from wayproof.harness.stack.types import (
+    Array,
+    Command,
+    Decided,
+    PlannerInput,
+    PlannerState,
+    arc_length,
+)
+from wayproof.planners import Trajectory, TrajectorySample, first_stop, stopping_distance, truncate
+
+MAX_SHORTENINGS = 4
+"""Number of times that a path is shortened to make the footprint fit along it."""
+
+MISFIT_MARGIN = 0.02
+"""Distance kept before the first place where the footprint does not fit, m."""
+
+CORNER_OVERRUN = 0.03
+"""Distance beyond a corner within which an elongated body that stops still turns into it, m."""
+
+
+class DrivablePart(NamedTuple):
+    """The part of the global path, from its beginning on, that the robot may drive now.
+
+    Attributes:
+        length: Up to what is not traversable, a corner too sharp to drive, or the end, m.
+        blocked: Whether what is not traversable ends it.
+        too_short: Whether the robot needs more to stop.
+    """
+
+    length: float
+    blocked: bool
+    too_short: bool = False
+
+
+def drivable_part(input: PlannerInput, path: Array, start: TrajectorySample) -> DrivablePart:
+    """Return the part of a path (n, 3) that is traversable and without a corner to stop at."""
+    whole = arc_length(path)
+    traversable = input.traversable.free_length(path)
+    corner = whole
+    rounds_corners = bends_early(input) or (input.sideways_speed and input.turns_in_place)
+    if not rounds_corners:
+        corner = first_stop(path, 0.0, input.behaviour.max_corner_angle)
+    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    overrun = CORNER_OVERRUN if input.traversable.discs else 0.0
+    if corner < braking - overrun:  # too late to stop there: the profile slows down for it
+        corner = whole
+    length = min(traversable, corner, whole)
+    return DrivablePart(
+        length,
+        blocked=length == traversable and traversable < whole,
+        too_short=length < braking - STOP_SLACK - (overrun if length == corner else 0.0),
+    )
+
+
+def drive_along(
+    input: PlannerInput,
+    state: PlannerState,
+    start: TrajectorySample,
+    part: DrivablePart,
+    tail_first: bool,
+) -> Decided | None:
+    """Drive a part of the global path.
+
+    Args:
+        input: Planner input of the decision.
+        state: Planner state with the global path.
+        start: Start of the new trajectory.
+        part: Part of that path.
+        tail_first: Whether an elongated body moves backwards.
+
+    Returns:
+        None if the footprint does not fit, or along too little of it.
+    """
+    path = truncate(state.path, part.length)
+    if tail_first:
+        braking = stopping_distance(start.speed, start.acceleration, input.limits)
+        path = truncate_where_turnable(input.traversable, path, braking)
+    unknown_ahead = input.penalize_unknown and input.known_free.free_length(path) < arc_length(path)
+    share = input.behaviour.unknown_speed_fraction if unknown_ahead else 1.0
+    if input.uncertain or input.noisy:
+        share = min(share, input.behaviour.uncertain_speed_fraction)
+    trajectory = fit_trajectory(input, start, path, share, tail_first)
+    if trajectory is None:
+        return None
+    action, reason, label = diagnose_driving(
+        input, state, start, part.length, blocked=part.blocked, slowed=unknown_ahead
+    )
+    command = Command(action, reason, label, trajectory, state.path)
+    return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
+
+
+def fit_trajectory(
+    input: PlannerInput, start: TrajectorySample, path: Array, speed_share: float, tail_first: bool
+) -> Trajectory | None:
+    """Plan a trajectory along a path, shortened to where the footprint fits at each heading.
+
+    Returns:
+        None if that leaves less than the robot needs to stop.
+    """
+    if tail_first:
+        speed_share = min(speed_share, input.behaviour.reverse_speed_fraction)
+    if input.traversable.discs:
+        speed_share = min(speed_share, input.behaviour.narrow_speed_fraction)
+    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    return shortened_to_fit(
+        input,
+        path,
+        max(braking, MIN_PATH),
+        lambda way: plan_trajectory(
+            input, start, path=way, speed_share=speed_share, tail_first=tail_first
+        ),
+    )
+
+
+def shortened_to_fit(
+    input: PlannerInput, path: Array, least: float, plan: Callable[[Array], Trajectory]
+) -> Trajectory | None:
+    """Plan along a path (n, 3), shortened until the footprint fits; None below `least`, m."""
+    for _ in range(MAX_SHORTENINGS):
+        trajectory = plan(path)
+        misfit = first_misfit(input.traversable, trajectory, corners=input.behaviour.checks_corners)
+        if misfit is None:
+            return trajectory
+        end = misfit - MISFIT_MARGIN
+        if end < least:
+            return None
+        path = truncate(path, end)
+    return None

@@ -1,0 +1,140 @@
+"""Leaving rest along the global path: step aside, turn into it, or turn while driving."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.stack.decision import Action, Label
+from wayproof.harness.stack.diagnosis import diagnose_no_room, exploration_reason
+from wayproof.harness.stack.driving import DrivablePart, drive_along, shortened_to_fit
+from wayproof.harness.stack.footprint_checks import MIN_PATH, headings_to_start_at
+from wayproof.harness.stack.global_path import heading_at
+from wayproof.harness.stack.maneuvers import wait
+from wayproof.harness.stack.path_timing import plan_trajectory
+from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.types import Command, Decided, PlannerInput, PlannerState, arc_length
+from wayproof.planners import Trajectory, TrajectorySample, truncate, turn_in_place
+
+ALIGNED = 0.05
+"""Maximum heading error at which the robot sets out without turning first, rad."""
+
+TURN_CHECK_STEP = 0.1
+"""Time between the checked headings of a turn while driving, s."""
+
+MAX_STEP = 0.5
+"""Maximum length of a step aside, m."""
+
+
+def set_out(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, part: DrivablePart
+) -> Decided:
+    """Leave rest with an elongated body: nose first, or tail first where it cannot turn about."""
+    path = state.path
+    nose_first = heading_at(path, min(0.1, 0.5 * arc_length(path)))
+    for target, backwards in headings_to_start_at(input.traversable, start, nose_first):
+        error = abs(wrap_angle(target - start.heading))
+        if error <= input.behaviour.rotate_in_place_angle:
+            driven = drive_along(input, state, start, part, tail_first=backwards)
+            if driven is not None:
+                return driven
+        elif input.sideways_speed:
+            driven = turn_while_driving(input, state, start, part, tail_first=backwards)
+            if driven is not None:
+                return driven
+        if error > ALIGNED:
+            return turn_into_path(input, state, start, target)
+    along = plan_trajectory(input, start, truncate(path, part.length), speed_share=1.0)
+    reason = diagnose_no_room(input, start, along, nose_first)
+    return wait(
+        input, state=replace(state, global_path=None), start=start, label="no_path", reason=reason
+    )
+
+
+def step_aside(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided | None:
+    """Leave rest along the global path at the heading that an elongated body has.
+
+    For a body that has room at its heading, and not at that of its path.
+
+    Returns:
+        None if it has no room so either, or cannot move sideways.
+    """
+    if not input.traversable.discs or not input.sideways_speed:
+        return None
+    share = input.sideways_speed / input.limits.speed
+    path = truncate(state.path, min(MAX_STEP, arc_length(state.path)))
+    trajectory = shortened_to_fit(
+        input,
+        path,
+        MIN_PATH,
+        lambda way: plan_trajectory(input, start, way, share).facing(start.heading),
+    )
+    if trajectory is None:
+        return None
+    reason = Reason("stepping_aside", distance_m=arc_length(trajectory.path))
+    command = Command("follow", reason, label="none", trajectory=trajectory, global_path=state.path)
+    return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
+
+
+def turn_while_driving(
+    input: PlannerInput,
+    state: PlannerState,
+    start: TrajectorySample,
+    part: DrivablePart,
+    tail_first: bool,
+) -> Decided | None:
+    """Drive the global path and turn into it meanwhile, with a body that can move sideways.
+
+    Returns:
+        None if the footprint does not fit until it has turned; else as of `drive_along`.
+    """
+    driven = drive_along(input, state, start, part, tail_first)
+    if driven is None:
+        return None
+    trajectory = driven.command.trajectory
+    if input.behaviour.turns_early:
+        return driven if _turns_into_path(trajectory, tail_first) else None
+    reached = heading_at(trajectory.path, arc_length(trajectory.path))
+    left = wrap_angle(reached + (np.pi if tail_first else 0.0) - _final_heading(trajectory))
+    return driven if abs(left) <= ALIGNED else None
+
+
+def _turns_into_path(trajectory: Trajectory, tail_first: bool) -> bool:
+    """Return whether the heading is that of the path anywhere along a trajectory.
+
+    At its end it may lag in a bend.
+    """
+    begin, steps = trajectory.start_ns, math.ceil(trajectory.duration_s / TURN_CHECK_STEP)
+    step_ns = round(TURN_CHECK_STEP * 1e9)
+    for n in range(steps + 1):
+        sample = trajectory.at(begin + n * step_ns)
+        course = heading_at(trajectory.path, sample.arc_length) + (np.pi if tail_first else 0.0)
+        if abs(wrap_angle(course - sample.heading)) <= ALIGNED:
+            return True
+    return False
+
+
+def turn_into_path(
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, target: float
+) -> Decided:
+    """Turn in place to a heading, rad; a turn that leads there already goes on."""
+    path = state.path
+    trajectory = state.trajectory
+    if start.at_rest or abs(wrap_angle(target - _final_heading(trajectory))) > 0.2:
+        trajectory = turn_in_place(
+            start.position, input.effect_ns, start.heading, target, input.limits
+        )
+    action: Action = "follow"
+    reason = Reason("turning_into_path", turn_rad=wrap_angle(target - start.heading))
+    if state.exploration is not None:
+        action, reason = exploration_reason(state, path, input)
+    label: Label = "localization_lost" if state.returning else "none"
+    command = Command(action, reason, label, trajectory, path)
+    return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
+
+
+def _final_heading(trajectory: Trajectory) -> float:
+    return trajectory.at(trajectory.start_ns + round(trajectory.duration_s * 1e9)).heading
