@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 
 from wayproof.harness.geometry import wrap_angle
-from wayproof.harness.log.paths import length
+from wayproof.harness.log.paths import arc_at, length
 from wayproof.harness.replay.reasons.along import (
     NEAR,
     directions_near,
+    effect_ns,
     heading_of_body,
     nearest,
     same,
@@ -36,6 +37,9 @@ TURNED_INTO = 0.5
 TURNED = 0.35
 """Tolerance of the direction of a thinned path, and of the heading of a body, rad.
 """
+
+STEP_LEFT = 0.01
+"""Tolerance of what is left of a step, m: a trajectory is logged every 0.1 s."""
 
 
 def path_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
@@ -129,14 +133,13 @@ def stepping_aside(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 
 
 def stepping_to_pose(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """Check that the body moves and turns as far as stated, and follows no path meanwhile."""
-    last = past.trajectories[-1] if past.trajectories else None
-    if last is None or last.path != scene.decision.trajectory.path:  # a step begins
-        yield from same("distance_m", reason.distance_m, length(scene.path))
-    elif reason.distance_m > length(scene.path) + NEAR:
-        yield f"{reason.distance_m:.3f} m are left of a step of {length(scene.path):.3f} m"
+    """Check that so much of the step and of its turn is left, and that it follows no path."""
+    trajectory = scene.decision.trajectory
+    if len(trajectory.arc_length):
+        left = length(scene.path) - arc_at(trajectory, effect_ns(scene))
+        yield from same("distance_m", reason.distance_m, left, STEP_LEFT)
     towards = heading_of_body(scene.decision) + reason.turn_rad
-    off = abs(wrap_angle(scene.decision.trajectory.heading[-1] - towards))
+    off = abs(wrap_angle(trajectory.heading[-1] - towards))
     if off > TURNED_INTO:
         yield f"the trajectory ends {off:.2f} rad off where it turns to"
     if len(scene.global_path):

@@ -238,6 +238,26 @@ def test_a_turn_leads_into_the_path_where_it_is_read(log, discs, turn, is_true):
     assert (texts == []) == is_true, texts
 
 
+@pytest.mark.parametrize(("left", "is_true"), [(0.25, True), (0.1, False), (0.5, False)])
+def test_what_is_left_of_a_step_under_way_is_what_its_trajectory_has_left(log, left, is_true):
+    moment = next(moments(log))
+    decision, reason = moment.decision, Reason("stepping_to_pose", distance_m=left, turn_rad=0.0)
+    decision.predicate.CopyFrom(reason_message(reason))
+    decision.reason, decision.action, decision.label = sentence(reason), "follow", "none"
+    decision.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
+    begun_ns = decision.timestamp.ToNanoseconds() + round(moment.config.latency.expected * 1e9)
+    begun_ns -= 100_000_000
+    step = pb.Trajectory(duration_s=0.2, sample_period_s=0.1, heading=[0.0, 0.0, 0.0])
+    step.start.FromNanoseconds(begun_ns)
+    step.path.add(x=0.0)
+    step.path.add(x=0.5)
+    step.arc_length[:] = [0.0, 0.25, 0.5]
+    decision.trajectory.CopyFrom(step)
+    del decision.global_path[:]
+    texts = ReasonCheck().check(decision, moment.map, moment.config, moment.mission)
+    assert any("distance_m" in text for text in texts) != is_true, texts
+
+
 LONG = ((-0.2, 0.2), (0.2, 0.2))
 """Discs of a long body: offset and radius, m."""
 
