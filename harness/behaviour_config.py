@@ -219,3 +219,13 @@ class BehaviourConfig:
     def goes_on_shortened(self) -> bool:
         """Whether an elongated body drives its last path as far as it fits before it brakes."""
         return self.rules >= 11
+
+    @property
+    def turns_in_place_alone(self) -> bool:
+        """Whether a robot that turns into its path goes on with no motion but a turn in place."""
+        return self.rules >= 11
+
+    @property
+    def shortens_often(self) -> bool:
+        """Whether an elongated body looks longer for the part of a path along which it fits."""
+        return self.rules >= 11

@@ -60,6 +60,11 @@ class LatencyConfig:
         """Time ahead for which a decision is made, s: the delay if modelled, else the deadline."""
         return self.deadline if self.mode == "measured" else self.sense + self.map + self.plan
 
+    @property
+    def expected_ns(self) -> int:
+        """Time ahead for which a decision is made, ns."""
+        return round(self.expected * 1e9)
+
 
 @dataclass(frozen=True)
 class EpisodeConfig:

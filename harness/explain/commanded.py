@@ -110,7 +110,7 @@ def _path_of_motion(
     mission: Mission,
 ) -> Array:
     """Return the path (n, 3) of a command's motion, m; its start alone without a motion."""
-    effect_ns = decision.timestamp.ToNanoseconds() + round(config.latency.expected * 1e9)
+    effect_ns = decision.timestamp.ToNanoseconds() + config.latency.expected_ns
     reference, acceleration = _reference(decision, followed, effect_ns, mission)
     motion = motion_of(message)
     if motion is None:

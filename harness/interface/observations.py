@@ -96,7 +96,7 @@ class ObservationBuilder:
             followed: The trajectory that the robot follows.
             last: Fate of the previous command.
         """
-        effect_ns = inputs.time_ns + round(self._config.latency.expected * 1e9)
+        effect_ns = inputs.time_ns + self._config.latency.expected_ns
         velocity, yaw_rate = self._twist(inputs)
         covariance = inputs.pose.covariance
         height = float(inputs.pose.position[2]) if self._mission.motion == "ground" else None

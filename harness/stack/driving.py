@@ -21,8 +21,14 @@ from wayproof.harness.stack.types import (
 )
 from wayproof.planners import Trajectory, TrajectorySample, first_stop, stopping_distance, truncate
 
-MAX_SHORTENINGS = 4
-"""Number of times that a path is shortened to make the footprint fit along it."""
+MAX_SHORTENINGS = 8
+"""Number of times that a path is shortened to make the footprint fit along it.
+
+Each time it ends earlier, the body turns later on it, and may not fit there, either.
+"""
+
+FEW_SHORTENINGS = 4
+"""The same before `behaviour.rules=11`."""
 
 MISFIT_MARGIN = 0.02
 """Distance kept before the first place where the footprint does not fit, m."""
@@ -129,7 +135,8 @@ def shortened_to_fit(
     input: PlannerInput, path: Array, least: float, plan: Callable[[Array], Trajectory]
 ) -> Trajectory | None:
     """Plan along a path (n, 3), shortened until the footprint fits; None below `least`, m."""
-    for _ in range(MAX_SHORTENINGS):
+    often = input.behaviour.shortens_often
+    for _ in range(MAX_SHORTENINGS if often else FEW_SHORTENINGS):
         trajectory = plan(path)
         misfit = first_misfit(input.traversable, trajectory, corners=input.behaviour.checks_corners)
         if misfit is None:

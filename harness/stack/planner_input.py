@@ -204,7 +204,7 @@ class PlannerInputBuilder:
         spaces = self._spaces.circumscribed()
         return PlannerInput(
             time_ns=inputs.time_ns,
-            effect_ns=inputs.time_ns + round(config.latency.expected * 1e9),
+            effect_ns=inputs.time_ns + config.latency.expected_ns,
             sequence=inputs.sequence,
             seed=config.seed,
             position=self._mapper.planning_point(inputs.pose.position),

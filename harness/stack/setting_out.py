@@ -123,7 +123,7 @@ def turn_into_path(
     """Turn in place to a heading, rad; a turn that leads there already goes on."""
     path = state.path
     trajectory = state.trajectory
-    if start.at_rest or abs(wrap_angle(target - _final_heading(trajectory))) > 0.2:
+    if not _goes_on_turning(input, trajectory, start, target):
         trajectory = turn_in_place(
             start.position, input.effect_ns, start.heading, target, input.limits
         )
@@ -134,6 +134,15 @@ def turn_into_path(
     label: Label = "localization_lost" if state.returning else "none"
     command = Command(action, reason, label, trajectory, path)
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
+
+
+def _goes_on_turning(
+    input: PlannerInput, trajectory: Trajectory, start: TrajectorySample, target: float
+) -> bool:
+    """Return whether a trajectory under way turns to a heading, rad, and does not lead away."""
+    if start.at_rest or abs(wrap_angle(target - _final_heading(trajectory))) > 0.2:
+        return False
+    return not input.behaviour.turns_in_place_alone or arc_length(trajectory.path) == 0.0
 
 
 def _final_heading(trajectory: Trajectory) -> float:

@@ -90,5 +90,4 @@ def heading_of_body(decision: pb.Decision) -> float:
 
 def effect_ns(scene: Scene) -> int:
     """Return the simulated time from which a decision is made, when it takes effect, ns."""
-    expected_ns = round(scene.config.latency.expected * 1e9)
-    return scene.decision.timestamp.ToNanoseconds() + expected_ns
+    return scene.decision.timestamp.ToNanoseconds() + scene.config.latency.expected_ns

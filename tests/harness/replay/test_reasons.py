@@ -245,7 +245,7 @@ def test_what_is_left_of_a_step_under_way_is_what_its_trajectory_has_left(log, l
     decision.predicate.CopyFrom(reason_message(reason))
     decision.reason, decision.action, decision.label = sentence(reason), "follow", "none"
     decision.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
-    begun_ns = decision.timestamp.ToNanoseconds() + round(moment.config.latency.expected * 1e9)
+    begun_ns = decision.timestamp.ToNanoseconds() + moment.config.latency.expected_ns
     begun_ns -= 100_000_000
     step = pb.Trajectory(duration_s=0.2, sample_period_s=0.1, heading=[0.0, 0.0, 0.0])
     step.start.FromNanoseconds(begun_ns)

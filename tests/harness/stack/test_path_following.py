@@ -22,12 +22,17 @@ from tests.harness.stack.make_input import (
 )
 from wayproof.harness.stack.course_keeping import keep_course
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.driving import DrivablePart, drive_along, fit_trajectory
+from wayproof.harness.stack.driving import (
+    DrivablePart,
+    drive_along,
+    fit_trajectory,
+    shortened_to_fit,
+)
 from wayproof.harness.stack.footprint_checks import first_misfit
 from wayproof.harness.stack.path_following import brake_on_path, follow_global_path
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.setting_out import set_out, step_aside, turn_into_path
-from wayproof.harness.stack.types import BehaviourConfig, Exploration
+from wayproof.harness.stack.types import BehaviourConfig, Exploration, arc_length
 from wayproof.planners import stopping_distance
 
 PATH = np.array([place(*START), place(*GOAL)])
@@ -139,6 +144,45 @@ def test_a_turn_that_leads_to_the_heading_already_goes_on():
     assert again.trajectory is command.trajectory
     other, _ = turn_into_path(later, state, start, 1.8)
     assert other.trajectory is not command.trajectory
+
+
+@pytest.mark.parametrize(("rules", "most"), [(10, 4), (11, 8)])
+def test_a_path_is_shortened_only_so_often(rules, most):
+    closed = make_states(occupied=[(4.0, 8.0, 0.0, 4.0)])
+    input = make_input(closed, LONG, behaviour=BehaviourConfig(rules=rules))
+    start = at_rest().trajectory.at(input.effect_ns)
+    whole = plan_trajectory(input, start, PATH, 1.0)
+    lengths = []
+
+    def plan_whole(path):
+        lengths.append(arc_length(path))
+        return whole
+
+    assert shortened_to_fit(input, PATH, 0.1, plan_whole) is None
+    assert len(lengths) == most
+    assert lengths[1] < lengths[0]
+    driven = shortened_to_fit(input, PATH, 0.1, lambda way: plan_trajectory(input, start, way, 1.0))
+    assert 1.0 < arc_length(driven.path) < 3.0
+
+
+@pytest.mark.parametrize(("rules", "is_kept"), [(10, True), (11, False)])
+def test_a_turn_into_the_path_is_no_drive_that_ends_at_its_heading(rules, is_kept):
+    input = make_input(
+        LANE,
+        LONG,
+        turns_in_place=True,
+        sideways_speed=0.4,
+        behaviour=BehaviourConfig(rules=rules),
+    )
+    creeping = plan_trajectory(input, at_rest().trajectory.at(input.effect_ns), PATH, 1.0)
+    state = replace(at_rest(global_path=PATH), trajectory=creeping)
+    start = creeping.at(input.effect_ns)._replace(at_rest=False)
+    command, after = turn_into_path(input, state, start, target=0.1)
+    assert (command.trajectory is creeping) == is_kept
+    assert after.trajectory is command.trajectory
+    if not is_kept:
+        assert final_sample(command.trajectory).heading == pytest.approx(0.1, abs=1e-3)
+        assert np.ptp(command.trajectory.path, axis=0).max() == 0.0
 
 
 def test_a_robot_that_turns_while_exploring_says_that_it_explores():
