@@ -118,14 +118,27 @@ def costly_gaps(space: FreeSpace, gaps: tuple[ClosedGap, ...], weight: float) ->
         return space
     for marker, cost in zip(markers, TRY_COSTS, strict=False):
         table[marker] = cost / (2.0 * GAP_RADIUS * max(weight, 1.0))
-    nx, ny, _ = field.shape
-    low = space.origin[:2] + 0.5 * space.resolution
-    x, y = (low[k] + space.resolution * np.arange(n) for k, n in enumerate((nx, ny)))
+    middle = space.origin[:2] + 0.5 * space.resolution  # of the first cell
     for gap in sorted(gaps, key=lambda gap: gap.tries):
-        apart = np.square(x - gap.place[0])[:, None] + np.square(y - gap.place[1])  # (nx, ny)
-        inside = (apart <= GAP_RADIUS * GAP_RADIUS) & (field[:, :, 0] > _threshold(space))
-        field[inside, 0] = markers[min(gap.tries, len(markers)) - 1]
+        columns, rows = _cells_about(space, gap)
+        near = field[columns, rows, 0]
+        x = middle[0] + space.resolution * np.arange(columns.start, columns.stop)
+        y = middle[1] + space.resolution * np.arange(rows.start, rows.stop)
+        apart = np.square(x - gap.place[0])[:, None] + np.square(y - gap.place[1])
+        inside = (apart <= GAP_RADIUS * GAP_RADIUS) & (near > _threshold(space))
+        near[inside] = markers[min(gap.tries, len(markers)) - 1]
     return replace(space, distances=field, cost_by_distance=table)
+
+
+def _cells_about(space: FreeSpace, gap: ClosedGap) -> list[slice]:
+    """Return the cells along x and y that hold all of a gap's surroundings within the space."""
+    reach = math.ceil(GAP_RADIUS / space.resolution) + 1
+    cells = np.floor((np.array(gap.place) - space.origin) / space.resolution).astype(np.int64)
+    counts = space.field.shape[:2]
+    return [
+        slice(min(max(cell - reach, 0), n), min(max(cell + reach + 1, 0), n))
+        for cell, n in zip(cells.tolist(), counts, strict=False)
+    ]
 
 
 def cost_markers(space: FreeSpace) -> list[int]:

@@ -17,6 +17,7 @@ from tests.harness.stack.make_input import (
 )
 from wayproof.harness.stack.closed_gaps import (
     DETOUR,
+    GAP_RADIUS,
     GIVEN_UP_NS,
     cost_markers,
     costly_gaps,
@@ -110,3 +111,19 @@ def test_without_closed_gaps_the_input_is_the_same():
     avoiding = with_closed_gaps(input, at_rest(closed_gaps=(ClosedGap(LOW, 1),)))
     assert avoiding.avoids_gaps
     assert avoiding.guided() is avoiding.guided()
+
+
+def test_only_cells_within_the_radius_of_a_gap_cost_more():
+    space = make_input(body=LONG).optimistic
+    nx, ny, _ = space.field.shape
+    x = space.origin[0] + space.resolution * (np.arange(nx) + 0.5)
+    y = space.origin[1] + space.resolution * (np.arange(ny) + 0.5)
+    spots = [(1.0, 1.0), (0.0, 2.013), (7.9, 3.97), (-0.2, -0.1), (50.0, 2.0), (-60.0, 1.0)]
+    for spot in spots:
+        costly = costly_gaps(space, (ClosedGap((*spot, 0.0), 1),), 1.0)
+        apart = np.square(x - spot[0])[:, None] + np.square(y - spot[1])
+        near = apart <= GAP_RADIUS * GAP_RADIUS
+        free = space.field[:, :, 0] > int(space.shape.thresholds.max())
+        changed = costly.field[:, :, 0] == cost_markers(space)[0]
+        assert np.array_equal(changed, near & free), spot
+        assert np.array_equal(costly.field[~changed], space.field[~changed])
