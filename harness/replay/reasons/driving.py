@@ -38,6 +38,9 @@ TURNED = 0.35
 """Tolerance of the direction of a thinned path, and of the heading of a body, rad.
 """
 
+PAST_CORNER = 0.03
+"""Distance beyond a corner within which a long body that stops still turns into it, m."""
+
 STEP_LEFT = 0.01
 """Tolerance of what is left of a step, m: a trajectory is logged every 0.1 s."""
 
@@ -63,7 +66,7 @@ def braking_to_goal(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str
 def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """Check that the committed part ends at a corner too sharp to take in motion."""
     yield from _path_ends(scene, reason)
-    yield from _committed(scene, reason.free_m)
+    yield from _committed(scene, reason.free_m, PAST_CORNER)
     if not reason.free_m < reason.path_m or not len(scene.global_path):
         yield "the corner is not on the path"
         return
@@ -166,11 +169,17 @@ def _path_ends(scene: Scene, reason: pb.Reason) -> Iterator[str]:
     yield from same("short_m", reason.short_m, beside, 0.011)
 
 
-def _committed(scene: Scene, free: float) -> Iterator[str]:
-    """Check that the committed part is that long; a long body may fit along less of it."""
+def _committed(scene: Scene, free: float, beyond: float = 0.0) -> Iterator[str]:
+    """Check that the committed part is that long; a long body may fit along less of it.
+
+    Args:
+        scene: Decision and map.
+        free: Length stated, m.
+        beyond: Length that a long body may take more to stop, m.
+    """
     committed = length(scene.path)
     if scene.mission.discs:
-        if committed > free + NEAR:
+        if committed > free + beyond + NEAR:
             yield f"{free:.3f} m are free, {committed:.3f} m committed"
         return
     yield from same("free_m", free, committed)

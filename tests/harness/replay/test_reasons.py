@@ -291,6 +291,24 @@ def test_a_stop_before_an_obstacle_is_one_that_was_needed(log, discs, spare, is_
 
 
 @pytest.mark.parametrize(
+    ("discs", "committed", "is_true"),
+    [(LONG, 0.98, True), (LONG, 1.02, True), (LONG, 1.05, False), ((), 1.02, False)],
+)
+def test_a_long_body_may_take_a_little_more_than_leads_to_a_corner(log, discs, committed, is_true):
+    moment = next(moments(log))
+    decision, reason = moment.decision, Reason("path_to_corner", free_m=1.0, path_m=3.0)
+    decision.predicate.CopyFrom(reason_message(reason))
+    del decision.trajectory.path[:], decision.global_path[:]
+    for x, y in ((0.0, 0.0), (committed, 0.0)):
+        decision.trajectory.path.add(x=x, y=y)
+    for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0, 2.0)):
+        decision.global_path.add(x=x, y=y)
+    mission = replace(moment.mission, discs=discs)
+    texts = ReasonCheck().check(decision, moment.map, moment.config, mission)
+    assert any("committed" in text or "free_m" in text for text in texts) != is_true, texts
+
+
+@pytest.mark.parametrize(
     ("kind", "action", "figures", "complaint"),
     [
         ("unknown_ahead", "slow", ("free_m", "full_speed_stop_m"), "action slow"),
