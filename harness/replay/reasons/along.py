@@ -86,8 +86,3 @@ def heading_of_body(decision: pb.Decision) -> float:
     """Return the heading of a decision's pose, rad."""
     w, x, y, z = decision.quaternion
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-
-
-def effect_ns(scene: Scene) -> int:
-    """Return the simulated time from which a decision is made, when it takes effect, ns."""
-    return scene.decision.timestamp.ToNanoseconds() + scene.config.latency.expected_ns

@@ -10,7 +10,6 @@ from wayproof.harness.log.paths import arc_at, length
 from wayproof.harness.replay.reasons.along import (
     NEAR,
     directions_near,
-    effect_ns,
     heading_of_body,
     nearest,
     same,
@@ -138,9 +137,8 @@ def stepping_aside(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
 def stepping_to_pose(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """Check that so much of the step and of its turn is left, and that it follows no path."""
     trajectory = scene.decision.trajectory
-    if len(trajectory.arc_length):
-        left = length(scene.path) - arc_at(trajectory, effect_ns(scene))
-        yield from same("distance_m", reason.distance_m, left, STEP_LEFT)
+    left = length(scene.path) - arc_at(trajectory, scene.effect_ns)
+    yield from same("distance_m", reason.distance_m, left, STEP_LEFT)
     towards = heading_of_body(scene.decision) + reason.turn_rad
     off = abs(wrap_angle(trajectory.heading[-1] - towards))
     if off > TURNED_INTO:

@@ -46,6 +46,11 @@ class Scene:
         return self.map.resolution
 
     @property
+    def effect_ns(self) -> int:
+        """Simulated time for which the decision is made, ns."""
+        return self.decision.timestamp.ToNanoseconds() + self.config.latency.expected_ns
+
+    @property
     def comparable(self) -> bool:
         """Whether only cells of the map block: slopes and class margins add others."""
         config = self.config.costmap
