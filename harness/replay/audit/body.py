@@ -90,20 +90,17 @@ class Body:
             return way > 0.0 or turn > 0.0
         return way >= SAME_PLACE or turn > STILL
 
-    def poses(self, decision: pb.Decision) -> Array:
+    def poses(self, trajectory: pb.Trajectory, from_ns: int) -> Array:
         """Return the poses of a trajectory: x, y, z, m, and heading, rad, (n, 4).
 
-        Those of a body of discs are the logged samples from where the decision takes effect, as
-        what it goes on with is committed until then, and the corners of the path. Those of a round
-        body are all points of the path.
+        Those of a body of discs are the logged samples from a simulated time on, and the corners of
+        the path. Those of a round body are all points of the path.
         """
-        trajectory = decision.trajectory
         path = path_of(trajectory.path)
         if not self.mission.discs:
             return np.column_stack((path, np.zeros(len(path))))
         arcs, headings = np.array(trajectory.arc_length), np.array(trajectory.heading)
-        effect_ns = decision.timestamp.ToNanoseconds() + self.config.latency.expected_ns
-        late_ns = effect_ns - trajectory.start.ToNanoseconds()
+        late_ns = from_ns - trajectory.start.ToNanoseconds()
         first = max(late_ns // round(trajectory.sample_period_s * 1e9), 0)
         first = min(first, len(arcs) - 1)
         lengths = arc_lengths(path)

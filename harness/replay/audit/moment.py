@@ -20,6 +20,9 @@ from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import Representation
 from wayproof.maps.columns import ColumnMap
 
+SAME = 2.0**-20
+"""Grain of logged samples, m and rad: values that differ by no more are equal."""
+
 SIGMAS = 2.0
 """Standard deviations of the estimated position that the margin covers."""
 
@@ -99,8 +102,27 @@ class Moment:
 
     @cached_property
     def poses(self) -> Array:
-        """Poses of its trajectory: x, y, z, m, and heading, rad, (n, 4)."""
-        return self.body.poses(self.decision)
+        """Poses of its trajectory: x, y, z, m, and heading, rad, (n, 4).
+
+        Of one that goes on, from where the decision takes effect: it is committed until then.
+        """
+        now_ns = self.decision.timestamp.ToNanoseconds()
+        delay_ns = self.config.latency.expected_ns if self.keeps_trajectory else 0
+        return self.body.poses(self.decision.trajectory, now_ns + delay_ns)
+
+    @cached_property
+    def keeps_trajectory(self) -> bool:
+        """Whether its trajectory is the one before; a fork may shift its height."""
+        trajectory, before, axes = self.decision.trajectory, self.before[-1], self.mission.axes
+        pairs = [
+            (np.array(trajectory.arc_length), np.array(before.arc_length)),
+            (np.array(trajectory.heading), np.array(before.heading)),
+            (self.path[:, :axes], path_of(before.path)[:, :axes]),
+        ]
+        return trajectory.start == before.start and all(
+            one.shape == other.shape and bool(np.abs(one - other).max(initial=0.0) <= SAME)
+            for one, other in pairs
+        )
 
     @property
     def moves(self) -> bool:

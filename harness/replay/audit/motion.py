@@ -8,8 +8,6 @@ import numpy as np
 
 from wayproof.harness.log.paths import SAME_PLACE, length, place_at, speed_at
 from wayproof.harness.replay.audit.moment import MOST_MORE, Moment, Violation, apart
-from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of
 
 LIMIT_SLACK = 1.05
 """Tolerance factor of speed and acceleration, read from samples 0.1 s apart."""
@@ -22,9 +20,6 @@ FARTHEST = 20.0
 
 LONGEST = 1000.0
 """Greatest length of a path, m."""
-
-SAME = 2.0**-20
-"""Grain of logged samples, m and rad: values that differ by no more are equal."""
 
 
 def is_malformed(moment: Moment) -> str:
@@ -122,20 +117,6 @@ def check_deadline(moment: Moment) -> list[Violation]:
         return found
     if decision.action not in ("stop_and_wait", "follow"):  # the reason decides which
         found.append(moment.broken("deadline", f"late, but its action is {decision.action}"))
-    if not _is_kept(moment, decision.trajectory, moment.before[-1]):
+    if not moment.keeps_trajectory:
         found.append(moment.broken("deadline", "late, but another trajectory than the last one"))
     return found
-
-
-def _is_kept(moment: Moment, trajectory: pb.Trajectory, before: pb.Trajectory) -> bool:
-    """Return whether a trajectory is the one before; a fork may shift its height."""
-    axes = moment.mission.axes
-    pairs = [
-        (np.array(trajectory.arc_length), np.array(before.arc_length)),
-        (np.array(trajectory.heading), np.array(before.heading)),
-        (moment.path[:, :axes], path_of(before.path)[:, :axes]),
-    ]
-    return trajectory.start == before.start and all(
-        one.shape == other.shape and bool(np.abs(one - other).max(initial=0.0) <= SAME)
-        for one, other in pairs
-    )

@@ -13,7 +13,7 @@ from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.audit.body import Body
-from wayproof.harness.replay.audit.moment import Moment
+from wayproof.harness.replay.audit.moment import Moment, standing_at_start
 from wayproof.harness.replay.audit.volumes import (
     Volumes,
     measure,
@@ -80,7 +80,8 @@ def on_its_way(motion, radius, free, way):
     decision = pb.Decision(action="follow", trajectory=trajectory)
     record = Record(Inputs(0, 1, pose, (), ""), pb.Latency(), decision)
     body = Body(config, mission, "forbid")
-    return Moment(record, config, mission, voxel_map, voxel_map, "", body, ())
+    before = (standing_at_start(mission),)
+    return Moment(record, config, mission, voxel_map, voxel_map, "", body, before)
 
 
 def test_past_a_wall_in_the_air():
