@@ -16,6 +16,7 @@ from rich.console import Console
 
 from wayproof.harness.cli import RENAMED, VERBS, Document
 from wayproof.harness.cli.arguments import check_options
+from wayproof.harness.cli.fast_exit import FastExit, runs_only_our_code
 from wayproof.harness.cli.parent_process import fork_child, names_user_code
 from wayproof.harness.cli.stdout import CheckedStdout, OutputError
 from wayproof.harness.errors import InputError, Interrupted, unknown_name
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: Words of the command; None for those of this process, which may be forked.
     """
-    own_process = arguments is None
+    exit_handler = FastExit() if arguments is None else None
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     as_json = "--json" in arguments
     stdout = CheckedStdout(sys.stdout)
@@ -41,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     document: Document
     try:
         try:
-            code, document = _run(arguments, console, own_process)
+            code, document = _run(arguments, console, exit_handler)
         except InputError as error:
             code, document = 2, {"error": str(error)}
             print(f"wayproof: {error}", file=sys.stderr)
@@ -56,11 +57,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.give_up()
     finally:
         ended()
+    if exit_handler is not None and exit_handler.allowed:
+        exit_handler.code = code
     return code
 
 
-def _run(arguments: Sequence[str], console: Console, own_process: bool) -> tuple[int, Document]:
-    """Run one command; return its exit code and the document of `--json`, which may be empty."""
+def _run(
+    arguments: Sequence[str], console: Console, exit_handler: FastExit | None
+) -> tuple[int, Document]:
+    """Run one command; return its exit code and the document of `--json`, which may be empty.
+
+    Args:
+        arguments: Words of the command.
+        console: Where it prints.
+        exit_handler: That of its own process, which may be forked; None without one.
+    """
     if not arguments:
         parsers(())[0].print_help(sys.stderr)
         return 2, {}
@@ -72,10 +83,12 @@ def _run(arguments: Sequence[str], console: Console, own_process: bool) -> tuple
     if arguments[0] in VERBS:
         check_options(verbs[arguments[0]], arguments[1:])
     options = parser.parse_args(arguments)
-    if own_process and options.verb == "run" and names_user_code(options):
+    if exit_handler is not None and options.verb == "run" and names_user_code(options):
         exit_code = fork_child()
         if exit_code is not None:
             return exit_code, {}
+    if exit_handler is not None:
+        exit_handler.allowed = runs_only_our_code(options)
     return VERBS[options.verb].run(options, console)
 
 
