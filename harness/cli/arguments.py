@@ -1,15 +1,24 @@
-"""Checks of options that argparse lacks: repeated options, and unknown ones before missing ones."""
+"""Checks that argparse lacks: options given twice or unknown, and paths that cannot be used."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import errno
 import re
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from wayproof.harness.errors import InputError, near_name
 
 NEGATIVE = re.compile(r"-[.\d]")
 """Beginning of a value that argparse takes for an option unless it is a plain number."""
+
+UNUSABLE_PATH = (
+    *(errno.EACCES, errno.EPERM, errno.EROFS),
+    *(errno.EISDIR, errno.ENAMETOOLONG, errno.ENOTDIR, errno.ENOENT),
+)
+"""Errors of the system that are due to the path of a file."""
 
 
 def check_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
@@ -37,6 +46,31 @@ def check_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> 
             if once in values:
                 raise InputError(f"{_twice(once)}: given twice, {values[once]} and {value}")
             values[once] = str(value)
+
+
+@contextlib.contextmanager
+def refusing_unusable_paths(arguments: Sequence[str]) -> Iterator[None]:
+    """Raise `InputError` where the system refuses a path that the words of a command name.
+
+    Such are a file that may not be read and a name that is too long, wherever it is opened.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno in UNUSABLE_PATH and _is_named(error.filename, arguments):
+            raise InputError(f"'{error.filename}': {error.strerror}") from None
+        raise
+
+
+def _is_named(path: object, arguments: Sequence[str]) -> bool:
+    """Return whether a word of the command names a path, one that holds it, or one in it."""
+    if not isinstance(path, str):
+        return False
+    named = [Path(word.rpartition("=")[2]) for word in arguments]
+    if any(Path(path) in one.parents for one in named):
+        return True
+    parts = {name for part in Path(path).parts for name in (part, Path(part).stem)}
+    return not parts.isdisjoint(one.name for one in named)
 
 
 def _twice(name: str) -> str:

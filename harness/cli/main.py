@@ -15,7 +15,7 @@ import msgspec
 from rich.console import Console
 
 from wayproof.harness.cli import RENAMED, VERBS, Document
-from wayproof.harness.cli.arguments import check_options
+from wayproof.harness.cli.arguments import check_options, refusing_unusable_paths
 from wayproof.harness.cli.fast_exit import FastExit, runs_only_our_code
 from wayproof.harness.cli.parent_process import fork_child, names_user_code
 from wayproof.harness.cli.stdout import CheckedStdout, OutputError
@@ -42,7 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     document: Document
     try:
         try:
-            code, document = _run(arguments, console, exit_handler)
+            with refusing_unusable_paths(arguments):
+                code, document = _run(arguments, console, exit_handler)
         except InputError as error:
             code, document = 2, {"error": str(error)}
             print(f"wayproof: {error}", file=sys.stderr)

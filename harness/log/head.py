@@ -162,14 +162,28 @@ def _unpack_scene(attachments: dict[str, bytes], path: Path) -> None:
         raise InputError(f"log '{path}': damaged ({PACKED_SCENE}: {error})") from None
 
 
+def check_readable(path: Path) -> None:
+    """Check that a log is a file which this process may read.
+
+    Raises:
+        InputError: It is none.
+    """
+    try:
+        if not path.is_file():
+            raise InputError(f"log '{path}': no such file")
+        with path.open("rb"):
+            pass
+    except OSError as error:
+        raise InputError(f"log '{path}': {error.strerror}") from None
+
+
 def check_file(path: Path) -> None:
     """Check that a file begins and ends as an MCAP file does.
 
     Raises:
-        InputError: There is none, or it is another file, or it breaks off.
+        InputError: There is none, it may not be read, it is another file, or it breaks off.
     """
-    if not path.is_file():
-        raise InputError(f"log '{path}': no such file")
+    check_readable(path)
     size = path.stat().st_size
     if size == 0:
         raise InputError(f"log '{path}': empty, expected an MCAP file")

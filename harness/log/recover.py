@@ -15,7 +15,7 @@ from wayproof.harness.goals import distance_left, goals_before_last
 from wayproof.harness.log.codec.container import Attachment, Metadata, Packet, walk
 from wayproof.harness.log.codec.messages import decode, is_ours
 from wayproof.harness.log.copy import write_copy
-from wayproof.harness.log.head import read_head
+from wayproof.harness.log.head import check_readable, read_head
 from wayproof.harness.log.writer import TRACEBACK
 from wayproof.harness.mission import Mission
 from wayproof.harness.outputs import ENDING
@@ -58,10 +58,10 @@ def recover(path: Path, target: Path | None = None, allow_plugins: bool = False)
         allow_plugins: Whether code that its config names may be imported.
 
     Raises:
-        InputError: No such file, no whole decision in it, or the folder cannot be written to.
+        InputError: No such file, or it may not be read; no whole decision in it, or the folder
+            cannot be written to.
     """
-    if not path.is_file():
-        raise InputError(f"log '{path}': no such file")
+    check_readable(path)
     target = target or recovered_name(path)
     if target.resolve() == path.resolve():
         raise InputError(f"--out {target}: the log itself, expected another name")

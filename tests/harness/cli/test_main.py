@@ -1,3 +1,4 @@
+import errno
 import json
 import os
 import subprocess
@@ -6,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from wayproof.harness.cli.arguments import refusing_unusable_paths
 from wayproof.harness.cli.main import main
+from wayproof.harness.errors import InputError
 
 RUN = ["run", "empty", "--robot", "drone", "--seed", "1"]
 
@@ -299,3 +302,41 @@ def test_a_name_apart_in_case_or_part_of_one_is_near():
     assert near_name("e", names) is None
     assert near_name("own", ["brownfield", "downtown-street"]) is None  # of two
     assert near_name("wharehouse", names) == "warehouse"
+
+
+TOO_LONG = "x" * 300
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *([verb, TOO_LONG] for verb in ("explain", "audit", "replay", "score", "verify")),
+        *([verb, TOO_LONG] for verb in ("recover", "lab", "view", "report", "study", "threshold")),
+        ["run", "empty", "--robot", TOO_LONG, "--seed", "1"],
+        ["run", f"{TOO_LONG}.xml", "--robot", "drone", "--seed", "1"],
+        ["explain", "x.mcap", "--png", f"{TOO_LONG}/x.png"],
+        ["sign", "--new-key", TOO_LONG],
+    ],
+)
+def test_a_path_that_the_system_refuses_is_one_line(capsys, arguments):
+    assert bad_input(capsys, arguments).endswith("': File name too long\n")
+
+
+def test_an_error_of_another_path_is_a_fault_of_ours(tmp_path):
+    with pytest.raises(PermissionError), refusing_unusable_paths(["explain", "a.mcap", "3"]):
+        raise PermissionError(errno.EACCES, "Permission denied", "/etc/shadow")
+    with pytest.raises(OSError, match="space"), refusing_unusable_paths(["explain", "a.mcap"]):
+        raise OSError(errno.ENOSPC, "No space left on device", "a.mcap")
+    for path in ("a.mcap", "/logs/a.mcap", "/logs/a.mcap.partial", "a.mcap/x"):
+        with pytest.raises(InputError, match="Permission denied"):
+            with refusing_unusable_paths(["explain", "logs/a.mcap"]):
+                raise PermissionError(errno.EACCES, "Permission denied", path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read any file")
+def test_a_log_that_may_not_be_read_is_one_line(capsys, tmp_path):
+    log = tmp_path / "a.mcap"
+    log.write_bytes(b"secret")
+    log.chmod(0)
+    for verb in ("explain", "audit", "replay", "recover", "view"):
+        assert "a.mcap': Permission denied" in bad_input(capsys, [verb, str(log)])
