@@ -317,7 +317,7 @@ def _search_once(
     query: Query, config: PlannerConfig, iterations: int, seed: int
 ) -> tuple[Floats | None, int]:
     """Search once and shorten: the path if there is one, and the iterations used."""
-    if query.start == query.goal:
+    if query.start == query.goal or not _can_plan(query, config.name):
         return np.array([query.start, query.goal], dtype=np.float64), 1
     budget = Budget(iterations, config.clearance_weight, seed)
     poses, used = search(query, config.name, budget, seed, simplifications=config.shortcuts)
@@ -326,6 +326,12 @@ def _search_once(
     if poses is None or math.isinf(_cost(query, poses, config.clearance_weight)):
         return None, used
     return smoothed(query, poses, config, seed), used
+
+
+def _can_plan(query: Query, name: str) -> bool:
+    """Return whether a planner takes these ends: poses of one position are one state of R2 or R3."""
+    turn_alone = not query.kind.oriented and query.start[:3] == query.goal[:3]
+    return not turn_alone or planner_traits(name).coincident_ends
 
 
 @functools.lru_cache(maxsize=4)

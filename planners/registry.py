@@ -46,6 +46,10 @@ class PlannerTraits(NamedTuple):
     poses_in_space: bool = True
     """Whether OMPL supports it in R3 x SO(2), by informed samples or a projection."""
 
+    coincident_ends: bool = True
+    """Whether it plans from a state to the same one: the ellipsoid that Informed RRT* samples has
+    no size then, which ends the search in an error in OMPL 2.0.1."""
+
     asymmetric: bool = True
     """Whether the way back may be of another length, as on Dubins curves: there AORRTC ends the
     process in OMPL 2.0.1, in 3 of 4 episodes."""
@@ -87,7 +91,7 @@ PLANNERS: dict[str, PlannerEntry] = {
     ),
     "informed_rrtstar": PlannerEntry(
         lambda information, _: og.InformedRRTstar(information),
-        PlannerTraits(poses_in_space=False),
+        PlannerTraits(poses_in_space=False, coincident_ends=False),
         "OMPL's Informed RRT* (Gammell, Srinivasa and Barfoot 2014).",
     ),
     "bitstar": PlannerEntry(

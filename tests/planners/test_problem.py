@@ -136,10 +136,13 @@ def test_blocked_ends_have_labels_of_their_own(maze):
     assert plan(maze, free, far_above, PlannerConfig(), seed=1).label == "goal_blocked"
 
 
-def test_a_start_at_the_goal_is_a_plan(maze):
-    here = point(maze, 5.5, 5.5)
-    found = plan(maze, here, here, PlannerConfig(), seed=1)
-    assert (found.label, found.length, found.cost) == ("none", 0.0, 0.0)
+@pytest.mark.parametrize("heading", [0.0, 1.2])
+@pytest.mark.parametrize("name", PLANNERS)
+def test_a_start_at_the_goal_is_a_plan(name, heading, maze, boxes):
+    for space, start, _ in queries(maze, boxes):
+        found = plan(space, start, start, config(name), seed=1, heading=heading)
+        assert (found.label, found.length, found.cost) == ("none", 0.0, 0.0)
+        assert np.array_equal(found.waypoints, [start, start])
 
 
 def test_the_clearance_weight_buys_distance_with_length(maze):
