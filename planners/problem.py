@@ -329,7 +329,7 @@ def _search_once(
 
 
 def _can_plan(query: Query, name: str) -> bool:
-    """Return whether a planner takes these ends: poses of one position are one state of R2 or R3."""
+    """Return whether a planner takes these ends: poses of one place are one state of R2 or R3."""
     turn_alone = not query.kind.oriented and query.start[:3] == query.goal[:3]
     return not turn_alone or planner_traits(name).coincident_ends
 

@@ -110,9 +110,10 @@ def prior_of(config: Config) -> PriorCells | None:
 
 
 def rests_of(moment: Moment) -> Rests:
-    """Count the cells that the path of a decision needs, and the unmeasured ones among them."""
-    if moment.body.policy != "forbid":
-        return Rests()
+    """Count the cells that the path of a decision needs, and the unmeasured ones among them.
+
+    The policy is `forbid`: the others admit unmeasured cells by themselves.
+    """
     count = unmeasured = 0
     body, size = moment.body, moment.measured.resolution
     offsets = body.discs
@@ -158,7 +159,8 @@ def check_evidence(moment: Moment) -> list[Violation]:
     committed = decision.committed_evidence
     found = _differences(moment, "committed_evidence", committed, moment.path)
     unmeasured = committed.prior_m + committed.predicted_m
-    if config.prior.policy == "guide" and decision.action in SETS_OUT and unmeasured > 0.0:
+    strict = config.prior.policy == "guide" and moment.body.policy == "forbid"
+    if strict and decision.action in SETS_OUT and unmeasured > 0.0:
         text = f"{unmeasured:.2f} m of the committed path rest on what was not measured"
         found.append(moment.broken("evidence", text))
     return found

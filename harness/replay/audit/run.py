@@ -83,7 +83,8 @@ class Audit:
         rules: Number of violations by rule.
         reasons: Number of reasons that were checked; 0 for a log of a format before 5.
         volumes: Distances of the swept paths from the volumes of cells; None if not measured.
-        rests: Cells of the swept paths by what they rest on; None without other evidence.
+        rests: Cells of the swept paths by what they rest on; None without a prior map or
+            prediction, and where the policy admits unknown cells.
     """
 
     log: str
@@ -131,7 +132,7 @@ def audit(
         found += _check_reason(moment, reasons)
         violations += found
         counts[kind] += 1
-        if moment.config.has_layers and kind == "swept":
+        if moment.config.has_layers and kind == "swept" and moment.body.policy == "forbid":
             cells.append(rests_of(moment))
         if volumes and kind == "swept" and not any(one.rule == "swept" for one in found):
             measured.append(measure(moment))
@@ -153,7 +154,7 @@ def audit(
         rules=dict(Counter(violation.rule for violation in violations)),
         reasons=reasons.checked,
         volumes=together(measured) if volumes else None,
-        rests=all_rests(cells) if log.config.has_layers else None,
+        rests=all_rests(cells) if cells else None,
     )
 
 

@@ -57,7 +57,7 @@ def goal_blocked(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     yield from same("limit_m", reason.limit_m, scene.config.behaviour.goal_search_radius)
     if has_room(scene, scene.goal, reason.limit_m, None, unknown_blocks=False):
         yield f"there is a free place within {reason.limit_m:.2f} m"
-    yield from _waited(scene, past, reason)
+    yield from _waits_or_brakes(scene, past, reason)
 
 
 def goal_inside_inflation(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
@@ -111,6 +111,11 @@ def _searched(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
         yield "no search was made"
     if reason.iterations != scene.decision.planner_iterations:
         yield f"{reason.iterations} iterations, {scene.decision.planner_iterations} were made"
+    yield from _waits_or_brakes(scene, past, reason)
+
+
+def _waits_or_brakes(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
+    """Check that the robot without a path is at rest as stated, or comes to rest."""
     if reason.HasField("stop_m"):
         yield from stops(scene, reason)
     else:

@@ -258,6 +258,22 @@ def test_what_is_left_of_a_step_under_way_is_what_its_trajectory_has_left(log, l
     assert any("distance_m" in text for text in texts) != is_true, texts
 
 
+@pytest.mark.parametrize("more", [None, 0.0, 0.1])
+def test_a_robot_in_motion_brakes_before_a_blocked_goal(log, more):
+    *_, moment = itertools.islice(moments(log), 13)
+    path = [(one.x, one.y, one.z) for one in moment.decision.trajectory.path]
+    stop = sum(itertools.starmap(math.dist, itertools.pairwise(path)))
+    stop_m = None if more is None else stop + more
+    spot = moment.mission.goal
+    reason = Reason(
+        "goal_blocked", limit_m=1.0, stop_m=stop_m, cell=spot, place=spot, cell_state="occupied"
+    )
+    moment.decision.predicate.CopyFrom(reason_message(reason))
+    texts = ReasonCheck().check(moment.decision, moment.map, moment.config, moment.mission)
+    assert ("goal_blocked: it moves" in texts) == (more is None)
+    assert any("stop_m" in text for text in texts) == (more == 0.1)
+
+
 LONG = ((-0.2, 0.2), (0.2, 0.2))
 """Discs of a long body: offset and radius, m."""
 

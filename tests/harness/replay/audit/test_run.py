@@ -39,6 +39,16 @@ def test_unknown_space_entered_by_leave_would_break_forbid(recorded):
     assert all("unknown" in violation.text for violation in broken)
 
 
+@pytest.mark.parametrize("policy", ["allow", "penalize", "forbid"])
+def test_what_was_not_measured_may_be_entered_where_the_policy_admits_it(recorded, policy):
+    settings = ("prior.source=truth", f"costmap.unknown_policy={policy}")
+    log = Path(recorded("empty", "drone", 1, *settings).log)
+    found = audit(log)
+    assert found.violations == ()
+    assert (found.rests is None) == (policy != "forbid")
+    assert ("evidence" in audit(log, "forbid").rules) == (policy != "forbid")
+
+
 def test_the_command_prints_the_broken_rules(recorded, capsys):
     log = recorded("warehouse", "drone", 1, SHORT, "costmap.unknown_policy=allow").log
     assert main(["audit", log]) == 0
