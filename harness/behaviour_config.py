@@ -74,7 +74,7 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 11)] = 11
+    rules: Annotated[int, Bounds(1, 12)] = 12
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -229,3 +229,13 @@ class BehaviourConfig:
     def shortens_often(self) -> bool:
         """Whether an elongated body looks longer for the part of a path along which it fits."""
         return self.rules >= 11
+
+    @property
+    def steps_oriented(self) -> bool:
+        """Whether a step to a pose goes on by the oriented footprint, which alone is checked."""
+        return self.rules >= 12
+
+    @property
+    def escapes_at_heading(self) -> bool:
+        """Whether a body that walks keeps its heading out of the inflation, as it is checked."""
+        return self.rules >= 12

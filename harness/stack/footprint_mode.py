@@ -15,6 +15,7 @@ from typing import NamedTuple
 from wayproof.harness.stack.closed_gaps import note_lost_way, record_closed_gap, with_closed_gaps
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import heading_at
+from wayproof.harness.stack.pose_step import is_stepping
 from wayproof.harness.stack.reasons import STUCK_INSIDE
 from wayproof.harness.stack.types import (
     Command,
@@ -103,9 +104,11 @@ def _decide(
 
 def _can_widen(circumscribed: PlannerInput, state: PlannerState) -> bool:
     """Return whether an oriented footprint's path ahead has room for the circumscribed one."""
+    start = state.trajectory.at(circumscribed.effect_ns)
+    if circumscribed.behaviour.steps_oriented and is_stepping(circumscribed, state, start):
+        return False
     if state.global_path is None:
         return True
-    start = state.trajectory.at(circumscribed.effect_ns)
     path = remaining(state.global_path, start.arc_length)
     if not is_free_along(circumscribed.optimistic, path):
         return False

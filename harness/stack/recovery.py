@@ -137,12 +137,11 @@ def _leads_out(input: PlannerInput, start: TrajectorySample, target: Array, head
 
 def _sidestep(input: PlannerInput, start: TrajectorySample, path: Array) -> Trajectory:
     """Return a slow motion along a path (n, 3); a ground body keeps its heading."""
-    if not input.behaviour.keep_moving:
-        trajectory = plan_trajectory(input, start, path, ESCAPE_SPEED_SHARE)
-        return trajectory.facing(start.heading) if input.traversable.discs else trajectory
-    trajectory = plan_trajectory(input, start, path, SIDESTEP_SPEED_SHARE)
-    still = input.traversable.discs or input.sideways_speed
-    return trajectory.facing(start.heading) if still else trajectory
+    keeps_moving = input.behaviour.keep_moving
+    share = SIDESTEP_SPEED_SHARE if keeps_moving else ESCAPE_SPEED_SHARE
+    trajectory = plan_trajectory(input, start, path, share)
+    walks = input.sideways_speed and (keeps_moving or input.behaviour.escapes_at_heading)
+    return trajectory.facing(start.heading) if input.traversable.discs or walks else trajectory
 
 
 class _Pose(NamedTuple):

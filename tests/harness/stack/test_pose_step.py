@@ -5,12 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.harness.stack.make_input import LONG, at_rest, final_sample, make_input, make_states
+from tests.harness.stack.make_input import (
+    CELL,
+    LONG,
+    at_rest,
+    final_sample,
+    make_input,
+    make_states,
+)
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.footprint_checks import first_misfit
+from wayproof.harness.stack.footprint_mode import decide_with_footprint
 from wayproof.harness.stack.pose_step import continue_step, is_stepping, step_to_pose
 from wayproof.harness.stack.types import PathLoss
+from wayproof.maps import OCCUPIED
+from wayproof.planners import Body
 
 LANE = make_states(occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0)])  # 0.7 m wide
 ACROSS = 0.15  # heading off the lane, rad
@@ -76,3 +86,25 @@ def test_a_way_that_there_is_not_takes_no_step():
     state = at_rest()
     assert step_to_pose(input, state, state.trajectory.at(input.effect_ns)) is None
     assert np.array_equal(state.trajectory.path[0], input.position)
+
+
+@pytest.mark.parametrize(("rules", "goes_on"), [(11, True), (12, False)])
+def test_a_step_under_way_is_checked_by_the_footprint_that_takes_it(rules, goes_on):
+    """The circumscribed footprint has no headings to check it by."""
+    behaviour = BehaviourConfig(rules=rules)
+    state = at_rest(heading=ACROSS)
+    first = in_lane(behaviour=behaviour)
+    step = step_to_pose(first, state, state.trajectory.at(first.effect_ns)).state
+    step = replace(step, oriented=True, path_loss=PathLoss(0, "stepping_to_pose", "none"))
+    x, y, _ = (final_sample(step.trajectory).position / CELL).astype(int)
+    seen = LANE.copy()
+    seen[x - 1 : x + 2, y - 1 : y + 2] = OCCUPIED  # where it leads
+    room = {"heading": ACROSS, "turns_in_place": True, "sideways_speed": 0.4, "sequence": 1}
+    wide, narrow = (
+        make_input(seen, body, behaviour=behaviour, **room)
+        for body in (Body((0.0,), (LONG.circumscribed_radius,)), LONG)
+    )
+    assert first_misfit(narrow.traversable, step.trajectory, 0.2, corners=True) is not None
+    decided = decide_with_footprint(wide, lambda: narrow, step)
+    assert (decided.command.trajectory is step.trajectory) == goes_on
+    assert (decided.command.reason.kind == "stepping_to_pose") == goes_on
