@@ -237,5 +237,5 @@ class BehaviourConfig:
 
     @property
     def escapes_at_heading(self) -> bool:
-        """Whether a body that walks keeps its heading out of the inflation, as it is checked."""
+        """Whether an elongated body leaves the inflation at the heading that it is checked at."""
         return self.rules >= 12

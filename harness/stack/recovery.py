@@ -140,8 +140,11 @@ def _sidestep(input: PlannerInput, start: TrajectorySample, path: Array) -> Traj
     keeps_moving = input.behaviour.keep_moving
     share = SIDESTEP_SPEED_SHARE if keeps_moving else ESCAPE_SPEED_SHARE
     trajectory = plan_trajectory(input, start, path, share)
-    walks = input.sideways_speed and (keeps_moving or input.behaviour.escapes_at_heading)
-    return trajectory.facing(start.heading) if input.traversable.discs or walks else trajectory
+    if input.behaviour.escapes_at_heading:  # that at which the bare discs are checked
+        still = len(input.bare_discs) > 1 or bool(input.sideways_speed)
+    else:
+        still = bool(input.traversable.discs) or (keeps_moving and bool(input.sideways_speed))
+    return trajectory.facing(start.heading) if still else trajectory
 
 
 class _Pose(NamedTuple):

@@ -91,19 +91,28 @@ def test_an_escape_leads_straight_and_slowly_to_the_nearest_traversable_position
     assert (after.global_path, after.exploration, after.rest_since_ns) == (None, None, -1)
 
 
+@pytest.mark.parametrize("sideways", [0.0, 0.4])
 @pytest.mark.parametrize("keep_moving", [False, True])
 @pytest.mark.parametrize("rules", [11, 12])
-def test_a_body_that_walks_leaves_the_inflation_at_its_heading(rules, keep_moving):
+def test_a_long_body_leaves_the_inflation_at_its_heading(rules, keep_moving, sideways):
     """Its discs are checked at that heading; the disc about them has none of its own."""
     states = make_states(occupied=[(0.0, 0.6, 0.0, 4.0)])
     behaviour = BehaviourConfig(rules=rules, keep_moving=keep_moving)
     about = Body((0.0,), (0.5,))
-    walks = {"turns_in_place": True, "sideways_speed": 0.4, "heading": 1.2}
-    input = make_input(states, about, behaviour=behaviour, **walks)
+    discs = tuple(zip(LONG.offsets, LONG.radii, strict=True))
+    input = make_input(
+        states,
+        about,
+        heading=1.2,
+        bare_discs=discs,
+        behaviour=behaviour,
+        turns_in_place=True,
+        sideways_speed=sideways,
+    )
     command, _ = escape(input, at_rest(heading=1.2))
     assert command.reason.kind == "escaping_inflation"
     turned = abs(final_sample(command.trajectory).heading - 1.2)
-    assert (turned > 0.1) == (rules == 11 and not keep_moving)
+    assert (turned > 0.1) == (rules == 11 and not (keep_moving and sideways))
 
 
 def test_a_body_with_no_traversable_position_within_reach_waits():
