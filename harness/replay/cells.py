@@ -153,6 +153,14 @@ def ball(axes: int, reach: float) -> tuple[Integers, Integers]:
     return offsets[order], squares[order]
 
 
+def reach_to(square: int) -> float:
+    """Return the reach, cells, of all cells of up to a squared distance, which is whole.
+
+    The root of that itself may be rounded down, so that it leaves the farthest cells out.
+    """
+    return math.sqrt(square + 0.5)
+
+
 def cells_around(
     voxel_map: ColumnMap,
     path: Array,

@@ -19,7 +19,7 @@ from wayproof.harness.log.paths import Array, densely, length
 from wayproof.harness.prior.cells import PriorCells, logged_cells
 from wayproof.harness.replay.audit.body import track_of
 from wayproof.harness.replay.audit.moment import Moment, Violation
-from wayproof.harness.replay.cells import SPACING, Cells
+from wayproof.harness.replay.cells import SPACING, Cells, reach_to
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Representation
 from wayproof.maps.columns import WORD_BITS, ColumnMap, pack, unpack
@@ -186,7 +186,7 @@ def _differences(moment: Moment, name: str, stated: pb.Evidence, path: Array) ->
 def _free_length(moment: Moment, path: Array, total: float) -> float:
     """Return the length of a path at which the disc or ball of the decision is measured free, m."""
     size = moment.measured.resolution
-    reach = math.sqrt(moment.decision.collision_distance_sq)
+    reach = reach_to(moment.decision.collision_distance_sq)
     cells = moment.body.cells(moment.measured, path, reach * size)
     points = densely(path, 0.5 * size)
     middles = 0.5 * (points[1:] + points[:-1])

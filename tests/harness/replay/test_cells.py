@@ -5,7 +5,7 @@ import pytest
 
 from wayproof.harness.config import Config
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.cells import cells_around, columns
+from wayproof.harness.replay.cells import ball, cells_around, columns, reach_to
 from wayproof.maps import MapConfig, VoxelMap
 from wayproof.maps.grid import cells_at
 
@@ -68,3 +68,11 @@ def test_a_point_on_a_face_lies_in_the_cell_that_the_map_puts_it_into(motion, si
         plain = np.floor((points[:, : cells.axes] - cells.corner) / size)
         rounded_down += int((plain != expected).sum())
     assert rounded_down > 0  # measured from the corner some lie in another cell
+
+
+@pytest.mark.parametrize("axes", [2, 3])
+def test_a_reach_holds_the_cells_at_its_distance_and_none_beyond(axes):
+    _, far = ball(axes, 20.5)
+    for square in range(1, 400):
+        _, squares = ball(axes, reach_to(square))
+        assert np.array_equal(squares, far[far <= square])
