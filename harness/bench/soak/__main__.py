@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 
 from wayproof.harness.bench.soak.cases import Fuzzed
-from wayproof.harness.bench.soak.episodes import Tally, soak_episodes
+from wayproof.harness.bench.soak.episodes import TIME_LIMIT_S, Tally, soak_episodes
 from wayproof.harness.bench.soak.estimators import Repeated, soak_estimators
 from wayproof.harness.bench.soak.fuzz import soak_fuzz
 from wayproof.harness.bench.soak.hostile import Refused, soak_hostile
@@ -74,6 +74,9 @@ def main() -> int:
     parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first")
     parser.add_argument("--jobs", type=int, default=2, help="episodes at once")
     parser.add_argument(
+        "--time-limit", type=float, default=TIME_LIMIT_S, help="for episodes: simulated time, s"
+    )
+    parser.add_argument(
         "--python",
         action="append",
         default=[],
@@ -101,6 +104,8 @@ def main() -> int:
     more: dict[str, Any] = {}
     if chosen in (soak_episodes, soak_processors):
         more["jobs"] = options.jobs
+    if chosen is soak_episodes:
+        more["time_limit_s"] = options.time_limit
     if chosen is soak_processors:
         more |= {"pythons": options.python, "given": options.log, "compiled": options.compiled}
     findings = chosen(options.count, options.seed, progress, options.first, **more)

@@ -1,7 +1,11 @@
-"""Soak of random episodes: each must replay identically in a fresh process, on any threads."""
+"""Soak of random episodes: each must replay identically in a fresh process, on any threads.
+
+And its audit must find no violation.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 import time
 from collections import Counter
@@ -20,6 +24,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS, AnyPerturbation, perturbation_from
+from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork
 from wayproof.harness.result import Result
@@ -36,6 +41,25 @@ from wayproof.planners import PLANNERS
 TIME_LIMIT_S = 3.0
 THREADS = (1, 2)
 CLOSED_LOOP_EVERY, FORK_EVERY, COMMAND_EVERY = 10, 20, 25
+FURTHER = (
+    "behaviour.keep_moving=false",
+    "costmap.max_slope=0.4",
+    "costmap.window=8",
+    "estimate.kind=lidar",
+    "latency.mode=modelled",
+    "map.half_life=0",
+    "map.resolution=0.06",
+    "map.resolution=0.15",
+    "motion.limits=cautious",
+    "motion.speed_fraction=0.5",
+    "pose_model.bias_sigma=0.04",
+    "prior.source=truth",
+    "sensors.lidar=velodyne-vlp16",
+)
+"""Settings of which each episode has up to `MOST_FURTHER`, where they go with the others."""
+
+MOST_FURTHER = 3
+
 MOST_DRAWS = 50
 """Maximum number of random settings for one trial; some are invalid, as a start in a shelf."""
 
@@ -55,7 +79,7 @@ class Trial:
         closed_loop: Whether it was simulated again as well.
         forked: Decision at which it was forked without a change; None if it was not.
         wall_s: Wall time of all of it, s.
-        failures: Differences; empty if all is identical.
+        failures: Differences and violations; empty if all is identical and admitted.
     """
 
     trial: int
@@ -84,7 +108,7 @@ class Tally:
         refused: Number of invalid random settings.
         outcomes: Outcome -> number of episodes.
         wall_s_each: Wall time of an episode with its replays, over all jobs, s.
-        failures: Differences; empty if all is identical.
+        failures: Differences and violations; empty if all is identical and admitted.
     """
 
     count: int = 0
@@ -99,7 +123,12 @@ class Tally:
 
 
 def soak_episodes(
-    count: int, seed: int, progress: Progress, first: int = 0, jobs: int = 2
+    count: int,
+    seed: int,
+    progress: Progress,
+    first: int = 0,
+    jobs: int = 2,
+    time_limit_s: float = TIME_LIMIT_S,
 ) -> Tally:
     """Run random episodes, their replays, repeated simulations and forks.
 
@@ -109,10 +138,11 @@ def soak_episodes(
         progress: Called with each trial as a line of JSON.
         first: Number of the first trial, to continue a soak.
         jobs: Number of processes.
+        time_limit_s: Simulated time of an episode, s.
     """
     began = time.perf_counter()
     tally, outcomes = Tally(count, first), Counter[str]()
-    for trial in _trials(range(first, first + count), seed, jobs):
+    for trial in _trials(range(first, first + count), seed, jobs, time_limit_s):
         progress(msgspec.json.encode(asdict(trial)).decode())
         outcomes[trial.outcome] += 1
         tally.replayed += trial.replays
@@ -125,10 +155,10 @@ def soak_episodes(
     return tally
 
 
-def _trials(numbers: range, seed: int, jobs: int) -> Iterator[Trial]:
+def _trials(numbers: range, seed: int, jobs: int, time_limit_s: float) -> Iterator[Trial]:
     """Run all trials in order; each worker keeps its server of fresh replays."""
     with WorkerPool(jobs, initializer=_begin) as pool:
-        yield from pool.run_in_order(run_trial, [(number, seed) for number in numbers])
+        yield from pool.run_in_order(run_trial, [(n, seed, time_limit_s) for n in numbers])
 
 
 def _begin() -> None:
@@ -144,18 +174,18 @@ def _plain(robot: str, planner: str) -> Config:
     return override(Config("empty", robot, 0), [f"planner.name={planner}"])
 
 
-def run_trial(number: int, seed: int) -> Trial:
+def run_trial(number: int, seed: int, time_limit_s: float) -> Trial:
     """Run one random episode with its replays, repeated simulation and fork."""
     began = time.perf_counter()
     rng = np.random.default_rng((seed, number))
-    scenario, refused = _draw(rng)
+    scenario, refused = _draw(rng, time_limit_s)
     config = scenario.config
     failures: list[str] = []
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         path = Path(name) / f"{number}.mcap"
         warm_up(config)
         result = run_episode(scenario, path)
-        failures += _replays(path, number)
+        failures += _replays(path, number) + _audited(path)
         again = number % CLOSED_LOOP_EVERY == 0
         if again and not simulate_again(path).identical:
             failures.append("simulated anew, it differs")
@@ -177,7 +207,7 @@ def run_trial(number: int, seed: int) -> Trial:
     )
 
 
-def random_config(rng: np.random.Generator) -> Config:
+def random_config(rng: np.random.Generator, time_limit_s: float = TIME_LIMIT_S) -> Config:
     """Return a random config; every fourth is unperturbed."""
     world, robot = (str(rng.choice(sorted(names))) for names in (WORLDS, ROBOTS))
     kind = str(rng.choice(sorted(MAPS))) if rng.integers(2) else MapConfig().kind
@@ -187,13 +217,18 @@ def random_config(rng: np.random.Generator) -> Config:
         f"costmap.unknown_policy={rng.choice(get_args(UnknownPolicy))}",
         f"planner.name={rng.choice(sorted(PLANNERS))}",
         f"costmap.localization_margin={rng.uniform(0.02, 0.15):.3f}",
-        f"episode.time_limit={TIME_LIMIT_S}",
+        f"episode.time_limit={time_limit_s}",
     )
     config = override(Config(world, robot, int(rng.integers(2**31))), settings)
     perturbation = perturbation_from(f"{rng.choice(sorted(PERTURBATIONS))}:{rng.integers(1, 6)}")
-    if rng.integers(4) == 0:
-        return config
-    return replace(override(config, needed_by(perturbation)), perturbation=perturbation)
+    if rng.integers(4) != 0:
+        needed = override(config, needed_by(perturbation))
+        config = replace(needed, perturbation=perturbation)
+    further = rng.choice(FURTHER, size=int(rng.integers(MOST_FURTHER + 1)), replace=False)
+    for setting in further.tolist():
+        with contextlib.suppress(InputError):  # one of the same name, or one that cannot be
+            config = override(config, [setting])
+    return config
 
 
 def needed_by(perturbation: AnyPerturbation) -> tuple[str, ...]:
@@ -201,11 +236,11 @@ def needed_by(perturbation: AnyPerturbation) -> tuple[str, ...]:
     return ("estimate.kind=lidar",) if perturbation.changes == "motion_sensors" else ()
 
 
-def _draw(rng: np.random.Generator) -> tuple[Scenario, int]:
+def _draw(rng: np.random.Generator, time_limit_s: float) -> tuple[Scenario, int]:
     """Return the first valid random scenario, and the number of invalid ones before it."""
     for refused in range(MOST_DRAWS):
         try:
-            scenario = build(random_config(rng))
+            scenario = build(random_config(rng, time_limit_s))
             build_navigator(scenario.config, scenario.mission, {})
             return scenario, refused
         except InputError:
@@ -233,6 +268,12 @@ def _replays(path: Path, number: int) -> list[str]:
         if found:
             failures.append(f"replay on {threads} threads: {found}")
     return failures
+
+
+def _audited(path: Path) -> list[str]:
+    """Return the violations of a log, but those that a jump of the pose estimate causes."""
+    found = [one for one in audit(path).violations if one.rule != "joined"]
+    return [f"decision {one.sequence}: {one.rule}: {one.text}" for one in found]
 
 
 def _fork(path: Path, at: int, result: Result) -> list[str]:
