@@ -178,6 +178,7 @@ class Episode:
             if verdict is None:
                 with self._watchdog.watching():
                     verdict = self._follow()
+            self._write_keyframe(decision, is_last=verdict is not None)
         if verdict is not None:
             self.result = self._result(*verdict)
         elif self.result is None:
@@ -239,7 +240,6 @@ class Episode:
         if (answer := self._navigator.answer) is not None:
             messages.append((answer, serialized(answer)))
         truth = self._recorder.record(messages, decision, time_ns)
-        self._write_keyframe(decision, time_ns)
         if self._observe is not None:
             self._observe(decision, truth)
         self._sequence += 1
@@ -248,15 +248,21 @@ class Episode:
         if self._watchdog.names:  # whatever the user's code does next, this decision is kept
             self._log.flush()
 
-    def _write_keyframe(self, decision: pb.Decision, time_ns: int) -> None:
+    def _write_keyframe(self, decision: pb.Decision, is_last: bool) -> None:
         """Log the state of the stack where it is due; a counterfactual's follows from no log."""
+        time_ns, schedule = self.inputs.time_ns, self._keyframes
         sensed = sum(len(data) for _, data in self._sensed.messages)
-        if not self._keyframes.is_due(time_ns, sensed) or type(self._navigator) is not Navigator:
+        due = schedule.is_due(time_ns, sensed, is_last)
+        if not due or type(self._navigator) is not Navigator:
             return
-        keyframe = keyframe_of(self._navigator, decision, self._keyframes.holds_map(time_ns))
+        with_map = schedule.holds_map(time_ns, is_last)
+        keyframe = keyframe_of(self._navigator, decision, with_map)
+        map_bytes = len(keyframe.map.records)
+        if with_map and is_last and not schedule.has_room(map_bytes, self._log.size()):
+            keyframe.ClearField("map")
         self._log.write("/keyframe", keyframe, time_ns)
         if keyframe.HasField("map"):
-            self._keyframes.wrote_map(time_ns, len(keyframe.map.records))
+            schedule.wrote_map(time_ns, map_bytes)
 
     def _follow(self) -> Verdict | None:
         """Simulate up to the next decision, or to a verdict."""

@@ -147,6 +147,10 @@ class LogWriter:
         self._writer.hand_on()
         self._writer.settle()
 
+    def size(self) -> int:
+        """Pass everything written to the operating system and return the log's size, bytes."""
+        return self._writer.size()
+
     def keeps(self, topic: str) -> bool:
         """Return whether messages of a topic are kept; `decisions` excludes sweeps and states."""
         return self.record != "decisions" or not is_regenerated(topic)

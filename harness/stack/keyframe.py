@@ -41,6 +41,9 @@ MAP_SHARE = 0.02
 """Maximum size of a map in units of that of the sweeps since the one before, uncompressed. Sweeps
 compress to 0.14 (100,000 beams) to 0.36 of it, so that maps take at most a seventh of a log."""
 
+LAST_SHARE = 1.0 / 7.0
+"""Maximum size of all maps in units of that of the log, with one after the last decision."""
+
 
 def has_keyframes(config: Config) -> bool:
     """Return whether the stack of these settings writes keyframes.
@@ -69,27 +72,38 @@ class Schedule:
         self._writes, self._with_maps = has_keyframes(config), has_maps(config)
         self._period_ns = round(config.keyframe_period * 1e9)
         self._newest = self._map_quarter = self._quarter(begun_ns)
-        self._sensed_bytes = self._map_bytes = 0
+        self._sensed_bytes = self._map_bytes = self._all_map_bytes = 0
 
-    def is_due(self, now_ns: int, sensed_bytes: int) -> bool:
+    def is_due(self, now_ns: int, sensed_bytes: int, is_last: bool) -> bool:
         """Return whether a keyframe is due after a decision.
 
         Args:
             now_ns: Time of the decision, ns.
             sensed_bytes: Size of its sweeps as messages.
+            is_last: Whether it is the last one of the episode.
         """
         self._sensed_bytes += sensed_bytes
         before, self._newest = self._newest, self._quarter(now_ns)
-        return self._writes and self._newest > before
+        return self._writes and (is_last or self._newest > before)
 
-    def holds_map(self, now_ns: int) -> bool:
-        """Return whether a keyframe that is due holds the map."""
+    def holds_map(self, now_ns: int, is_last: bool) -> bool:
+        """Return whether a keyframe that is due holds the map.
+
+        The last one does where it `has_room`: no decision is explained more often.
+        """
         passed = self._quarter(now_ns) - self._map_quarter >= STATES_IN_PERIOD
-        return self._with_maps and passed and self._map_bytes <= MAP_SHARE * self._sensed_bytes
+        fits = self._map_bytes <= MAP_SHARE * self._sensed_bytes
+        return self._with_maps and (is_last or (passed and fits))
+
+    def has_room(self, map_bytes: int, log_bytes: int) -> bool:
+        """Return whether a log has room for one more map, by the sizes of both without it."""
+        maps = self._all_map_bytes + map_bytes
+        return maps <= LAST_SHARE * (log_bytes + map_bytes)
 
     def wrote_map(self, now_ns: int, map_bytes: int) -> None:
         """Note that a map was written: after the decision of a time, ns, and its size."""
         self._sensed_bytes, self._map_bytes = 0, map_bytes
+        self._all_map_bytes += map_bytes
         self._map_quarter = self._quarter(now_ns)
 
     def _quarter(self, time_ns: int) -> int:

@@ -97,6 +97,12 @@ class McapFile:
             in_hand, self._in_hand = self._in_hand, None
             in_hand.result()
 
+    def size(self) -> int:
+        """Write everything so far and return the size of the file, bytes."""
+        self.hand_on()
+        self.settle()
+        return self._file.tell()
+
     def finish(self) -> None:
         """Write the rest and the index."""
         self.hand_on()
