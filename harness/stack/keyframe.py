@@ -89,11 +89,12 @@ class Schedule:
     def holds_map(self, now_ns: int, is_last: bool) -> bool:
         """Return whether a keyframe that is due holds the map.
 
-        The last one does where it `has_room`: no decision is explained more often.
+        The last one does where it `has_room`, unless there is one shortly before: no decision is
+        explained more often.
         """
-        passed = self._quarter(now_ns) - self._map_quarter >= STATES_IN_PERIOD
-        fits = self._map_bytes <= MAP_SHARE * self._sensed_bytes
-        return self._with_maps and (is_last or (passed and fits))
+        passed = self._quarter(now_ns) - self._map_quarter
+        due = passed >= STATES_IN_PERIOD and self._map_bytes <= MAP_SHARE * self._sensed_bytes
+        return self._with_maps and (due or (is_last and passed > 0))
 
     def has_room(self, map_bytes: int, log_bytes: int) -> bool:
         """Return whether a log has room for one more map, by the sizes of both without it."""

@@ -21,6 +21,7 @@ from wayproof.harness.replay.fork import fork
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack import keyframe as schedule
 from wayproof.harness.stack.map_content import read_echoes, read_floor
 from wayproof.harness.stack.planner_state_messages import read_state, state_message
 from wayproof.harness.stack.types import (
@@ -264,6 +265,33 @@ def test_no_keyframes_are_written_without_a_period_or_with_decisions_alone(recor
         path = Path(recorded("empty", "drone", 1, "episode.time_limit=1", setting).log)
         messages = open_log(path).messages()
         assert not any(isinstance(message, pb.Keyframe) for message in messages)
+
+
+def test_the_last_decision_is_explained_from_its_own_map(recorded):
+    log = open_log(Path(recorded("empty", "drone", 1).log))
+    case = read_case(log)
+    last = len(case.moments) - 1
+    assert [one.sequence for one in log.keyframes() if one.HasField("map")] == [last]
+    keyframe = case.keyframe_at(last)
+    assert keyframe is not None
+    assert keyframe.sequence == last
+    card = make_card(case, last, case.navigator_at(last, keyframe))
+    assert card == make_card(case, last)
+    assert case.keyframe_at(last - 1) is None
+
+
+@pytest.mark.parametrize("time_limit", [2.5, 3.0])  # a keyframe is due after decision 25 as well
+def test_a_log_without_room_ends_with_a_state_alone(monkeypatch, tmp_path, time_limit):
+    monkeypatch.setattr(schedule, "LAST_SHARE", 0.001)
+    settings = (f"episode.time_limit={time_limit}", "keyframe_period=10")
+    path = tmp_path / "log.mcap"
+    run = ["run", "empty", "--robot", "drone", "--seed", "1", "--log", str(path)]
+    main([*run, *(word for one in settings for word in ("--set", one))])
+    log = open_log(path)
+    keyframes = log.keyframes()
+    assert keyframes[-1].sequence == int(log.result["decisions"]) - 1
+    assert not any(one.HasField("map") for one in keyframes)
+    assert replay(path).identical
 
 
 def test_pieces_take_about_the_same_time():
