@@ -99,14 +99,17 @@ def _costs_speed(reason: pb.Reason) -> bool:
 
 
 def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
-    """Check that the committed part leads through unknown space, as the policy allows, slowly."""
+    """Check that the way leads through unknown space, as the policy allows, slowly.
+
+    A long body that fits along less of it may come to rest before.
+    """
     yield from obstructed(scene, reason, scene.way_ahead, unknown_blocks=True)
     if scene.config.costmap.unknown_policy != "penalize":
         yield f"unknown policy {scene.config.costmap.unknown_policy}"
     yield from same(
         "speed_share", reason.speed_share, scene.config.behaviour.unknown_speed_fraction
     )
-    if reason.free_m > length(scene.path) + NEAR:
+    if not scene.mission.discs and reason.free_m > length(scene.path) + NEAR:
         yield "what is unknown lies beyond the committed part"
 
 

@@ -324,6 +324,25 @@ def test_a_long_body_may_take_a_little_more_than_leads_to_a_corner(log, discs, c
     assert any("committed" in text or "free_m" in text for text in texts) != is_true, texts
 
 
+@pytest.mark.parametrize(("discs", "is_true"), [(LONG, True), ((), False)])
+def test_a_long_body_may_come_to_rest_before_the_unknown_on_its_way(log, discs, is_true):
+    *_, moment = itertools.islice(moments(log), 13)
+    committed = len(moment.decision.trajectory.path) * 0.1 + 5.0
+    spot = (1.0, 1.0, 1.0)
+    reason = Reason(
+        "through_unknown",
+        free_m=committed,
+        speed_share=0.4,
+        cell=spot,
+        cell_state="unknown",
+        place=spot,
+    )
+    moment.decision.predicate.CopyFrom(reason_message(reason))
+    mission = replace(moment.mission, discs=discs)
+    texts = ReasonCheck().check(moment.decision, moment.map, moment.config, mission)
+    assert any("lies beyond the committed part" in text for text in texts) != is_true, texts
+
+
 @pytest.mark.parametrize(
     ("kind", "action", "figures", "complaint"),
     [
