@@ -123,6 +123,7 @@ def _is_last_resort(moment: Moment) -> bool:
     ahead = rest_of(ways[-1], path[0], length(path))
     if len(ahead) < 2:
         return False
+    ahead = np.concatenate((path[:1], ahead))  # the cell that it stands in may be the blocked one
     steps = np.vstack((np.diff(ahead, axis=0), ahead[-1:] - ahead[-2:-1]))
     along = np.arctan2(steps[:, 1], steps[:, 0])
     arcs = arc_lengths(poses[:, :3]), np.unwrap(poses[:, 3])

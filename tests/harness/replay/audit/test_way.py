@@ -65,6 +65,15 @@ def test_a_stop_leaves_the_way_only_where_that_is_blocked_and_comes_no_nearer():
     assert is_last_resort(short, aside) == "swept"
 
 
+def test_a_stop_leaves_the_way_where_only_the_cell_that_it_begins_in_is_blocked():
+    """Blocked is x > 0.7; of the way before that is sampled, the nearest point lies 3 mm on."""
+    before = [(0.718, 0.0, 1.0), (0.0, 0.0, 1.0)]
+    aside = [(0.7015, 0.0, 1.0), (0.5, 0.1, 1.0), (0.4, 0.3, 1.0)]
+    earlier = trajectory(before, at_speed(before, 1.0))
+    way = judge_way(in_the_air(aside, at_speed(aside, 1.0), "stop_and_wait", earlier))
+    assert way.kind == "stop"
+
+
 def test_a_stop_on_a_way_that_has_closed_brakes_at_once():
     """From 1.6 m/s with 2 m/s^2 it is 0.64 m; the way leads 0.9 m on, into the unknown."""
     way = [(0.05, 0.0, 1.0), (0.95, 0.0, 1.0)]
