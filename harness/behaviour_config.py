@@ -74,7 +74,7 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 12)] = 12
+    rules: Annotated[int, Bounds(1, 13)] = 13
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -239,3 +239,8 @@ class BehaviourConfig:
     def escapes_at_heading(self) -> bool:
         """Whether an elongated body leaves the inflation at the heading that it is checked at."""
         return self.rules >= 12
+
+    @property
+    def slows_at_unknown(self) -> bool:
+        """Whether unknown space under `penalize` limits the speed in it, not on the way to it."""
+        return self.rules >= 13

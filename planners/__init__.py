@@ -38,6 +38,7 @@ from wayproof.planners.registry import (
     state_space_for,
 )
 from wayproof.planners.seeds import plan_seed
+from wayproof.planners.speed_zones import SlowEnd
 from wayproof.planners.stopping import stopping_distance, stopping_speeds
 from wayproof.planners.trajectory import MotionLimits, Setpoints, Trajectory, TrajectorySample
 from wayproof.planners.trajectory_generation import (
@@ -65,6 +66,7 @@ __all__ = [
     "PlanLabel",
     "PlannerConfig",
     "Setpoints",
+    "SlowEnd",
     "Trajectory",
     "TrajectorySample",
     "arc_lengths",
@@ -142,7 +144,8 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
     trajectory = follow_path(path, at_rest, limits, speed_cap=1.0)
     trajectory.setpoints(np.zeros(1, np.int64))
     turning = replace(limits, yaw_acceleration=4.0)
-    follow_path(path, at_rest, turning, speed_cap=1.0, sideways_speed=0.5)
+    slow_end = SlowEnd(0.5, speed=0.4)
+    follow_path(path, at_rest, turning, speed_cap=1.0, sideways_speed=0.5, slow_end=slow_end)
     point_at(path, 0.1)
     yaw_of_direction(1.0, 0.0)
     turn_in_place(start, start_ns=0, heading=0.0, target_heading=1.0, limits=limits)

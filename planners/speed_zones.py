@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,13 @@ TURN_LAG = 0.3
 
 LEAST_SPEED = 0.02
 """Smallest speed limit, m/s: below it a profile would take hours."""
+
+
+class SlowEnd(NamedTuple):
+    """A speed limit from an arc length of a path on, such as where space is unknown."""
+
+    begin: float  # m
+    speed: float  # m/s; at least LEAST_SPEED counts
 
 
 def speed_zones(
@@ -144,6 +152,14 @@ def _split(zones: list[SpeedZone], length: float) -> tuple[list[SpeedZone], list
         if zone.length - before > LEAST_ZONE:
             rest.append(SpeedZone(zone.length - before, zone.speed))
     return first, rest
+
+
+def slow_at_end(zones: list[SpeedZone], length: float, speed: float) -> list[SpeedZone]:
+    """Limit the speed beyond a length, m, to a speed, m/s."""
+    first, rest = _split(zones, length)
+    return first + [
+        SpeedZone(zone.length, min(zone.speed, max(speed, LEAST_SPEED))) for zone in rest
+    ]
 
 
 def slow_at_first(zones: list[SpeedZone], length: float, speed: float) -> list[SpeedZone]:

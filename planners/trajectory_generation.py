@@ -24,7 +24,13 @@ from wayproof.planners.speed_profile import (
     settled_velocity,
     time_parameterize,
 )
-from wayproof.planners.speed_zones import LEAST_SPEED, slow_while_turning, speed_zones
+from wayproof.planners.speed_zones import (
+    LEAST_SPEED,
+    SlowEnd,
+    slow_at_end,
+    slow_while_turning,
+    speed_zones,
+)
 from wayproof.planners.stopping import feasible_state
 from wayproof.planners.trajectory import MotionLimits, Trajectory
 
@@ -51,6 +57,7 @@ def follow_path(
     reverse: bool = False,
     sideways_speed: float = 0.0,
     whole_bends: bool = False,
+    slow_end: SlowEnd | None = None,
 ) -> Trajectory:
     """Return the fastest trajectory from a state on a path to rest at the path's end.
 
@@ -67,6 +74,7 @@ def follow_path(
         sideways_speed: Speed until the heading has turned into the path, m/s; 0 for no such limit.
         whole_bends: Whether a bend that begins or ends the path limits the speed from that end on;
             else from the middle of its edge, where the acceleration is 0.
+        slow_end: A speed limit from an arc length of the path on.
 
     Returns:
         A trajectory whose arc lengths are those of `path`.
@@ -82,6 +90,7 @@ def follow_path(
         reverse=reverse,
         sideways_speed=sideways_speed,
         whole_bends=whole_bends,
+        slow_end=slow_end,
     )
     return _along(path, start, motion, limits, reverse)
 
@@ -118,6 +127,7 @@ def _motion_along(
     reverse: bool,
     sideways_speed: float,
     whole_bends: bool,
+    slow_end: SlowEnd | None = None,
 ) -> Profile:
     """Return the motion along a path from a state to rest; arguments as of `follow_path`."""
     state = _start_state(path, start, limits)
@@ -127,6 +137,8 @@ def _motion_along(
     if cap > LEAST_SPEED and length > LEAST_ZONE:
         turn = _turn_into(path, state.position, start.heading, math.pi if reverse else 0.0)
         zones = _zones(path, state, turn, cap, limits, sideways_speed, whole_bends)
+        if slow_end is not None:
+            zones = slow_at_end(zones, slow_end.begin - state.position, slow_end.speed)
         motion = time_parameterize(state, zones, limits.along)
     return jerk_limited.stop(state, limits.along) if motion is None else motion
 

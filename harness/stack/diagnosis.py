@@ -92,7 +92,8 @@ def diagnose_driving(
         found = obstruction.on_path(input, driven, free, unknown_blocks=True)
         share = input.behaviour.unknown_speed_fraction
         reason = _reason("through_unknown", found, free_m=found.free_m, speed_share=share)
-        action: Action = "slow"
+        near = found.free_m < stopping_distance(input.limits.speed, 0.0, input.limits)
+        action: Action = "slow" if near or not input.behaviour.slows_at_unknown else "follow"
         label: Label = "unknown_ahead"
     elif blocked:
         found = obstruction.on_path(input, path, end, input.unknown_blocks)

@@ -19,7 +19,14 @@ from wayproof.harness.stack.types import (
     PlannerState,
     arc_length,
 )
-from wayproof.planners import Trajectory, TrajectorySample, first_stop, stopping_distance, truncate
+from wayproof.planners import (
+    SlowEnd,
+    Trajectory,
+    TrajectorySample,
+    first_stop,
+    stopping_distance,
+    truncate,
+)
 
 MAX_SHORTENINGS = 8
 """Number of times that a path is shortened to make the footprint fit along it.
@@ -94,24 +101,49 @@ def drive_along(
     if tail_first:
         braking = stopping_distance(start.speed, start.acceleration, input.limits)
         path = truncate_where_turnable(input.traversable, path, braking)
-    unknown_ahead = input.penalize_unknown and input.known_free.free_length(path) < arc_length(path)
-    share = input.behaviour.unknown_speed_fraction if unknown_ahead else 1.0
+    slow_end = _unknown_end(input, path)
+    slowed, share = slow_end is not None, 1.0
+    if slowed and not input.behaviour.slows_at_unknown:
+        share, slow_end = input.behaviour.unknown_speed_fraction, None
     if input.uncertain or input.noisy:
         share = min(share, input.behaviour.uncertain_speed_fraction)
-    trajectory = fit_trajectory(input, start, path, share, tail_first)
+    trajectory = fit_trajectory(input, start, path, share, tail_first, slow_end)
     if trajectory is None:
         return None
     action, reason, label = diagnose_driving(
-        input, state, start, part.length, blocked=part.blocked, slowed=unknown_ahead
+        input, state, start, part.length, blocked=part.blocked, slowed=slowed
     )
     command = Command(action, reason, label, trajectory, state.path)
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
 
 
+def _unknown_end(input: PlannerInput, path: Array) -> SlowEnd | None:
+    """Return where unknown space begins to cost speed on a path (n, 3); None if it nowhere does."""
+    if not input.penalize_unknown:
+        return None
+    known = input.known_free.free_length(path)
+    if known >= arc_length(path):
+        return None
+    return SlowEnd(known, input.behaviour.unknown_speed_fraction * input.limits.speed)
+
+
 def fit_trajectory(
-    input: PlannerInput, start: TrajectorySample, path: Array, speed_share: float, tail_first: bool
+    input: PlannerInput,
+    start: TrajectorySample,
+    path: Array,
+    speed_share: float,
+    tail_first: bool,
+    slow_end: SlowEnd | None = None,
 ) -> Trajectory | None:
     """Plan a trajectory along a path, shortened to where the footprint fits at each heading.
+
+    Args:
+        input: Planner input of the decision.
+        start: Start of the new trajectory.
+        path: (n, 3), m.
+        speed_share: Share of full speed.
+        tail_first: Whether an elongated body moves backwards.
+        slow_end: A further speed limit towards the end of the path.
 
     Returns:
         None if that leaves less than the robot needs to stop.
@@ -126,7 +158,12 @@ def fit_trajectory(
         path,
         max(braking, MIN_PATH),
         lambda way: plan_trajectory(
-            input, start, path=way, speed_share=speed_share, tail_first=tail_first
+            input,
+            start,
+            path=way,
+            speed_share=speed_share,
+            tail_first=tail_first,
+            slow_end=slow_end,
         ),
     )
 

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from wayproof.harness.stack.types import Array, PlannerInput
-from wayproof.planners import PathState, Trajectory, TrajectorySample, follow_path, time_along
+from wayproof.planners import (
+    PathState,
+    SlowEnd,
+    Trajectory,
+    TrajectorySample,
+    follow_path,
+    time_along,
+)
 
 
 def at_begin(input: PlannerInput, start: TrajectorySample) -> PathState:
@@ -29,8 +36,18 @@ def plan_trajectory(
     path: Array,
     speed_share: float,
     tail_first: bool = False,
+    slow_end: SlowEnd | None = None,
 ) -> Trajectory:
-    """Time-parameterize a path (n, 3) at a share of full speed, ending at rest."""
+    """Time-parameterize a path (n, 3) at a share of full speed, ending at rest.
+
+    Args:
+        input: Planner input of the decision.
+        start: Sample of the present trajectory at the time of effect.
+        path: (n, 3), m.
+        speed_share: Share of full speed.
+        tail_first: Whether an elongated body moves backwards.
+        slow_end: A further speed limit towards the end of the path.
+    """
     return follow_path(
         path,
         start=at_begin(input, start),
@@ -39,6 +56,7 @@ def plan_trajectory(
         reverse=tail_first,
         sideways_speed=input.sideways_speed,
         whole_bends=input.behaviour.whole_bends,
+        slow_end=slow_end,
     )
 
 

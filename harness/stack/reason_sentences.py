@@ -52,7 +52,7 @@ MEANINGS: dict[Kind, Meaning] = {
     "through_unknown": Meaning(
         "{free_m:.2f} m known, then unknown at {cell}, entered at {speed_percent:.0f} % of full "
         "speed",
-        ("slow",),
+        DRIVING,
         ("unknown_ahead",),
     ),
     "turning_into_path": Meaning("turning {turn_degrees:.0f} degrees into the path", ("follow",)),

@@ -116,6 +116,15 @@ def test_the_first_length_of_zones_is_slowed():
     assert speed_zones.slow_at_first(zones, 0.0, 0.3) == zones
 
 
+def test_what_is_beyond_a_length_of_zones_is_slowed():
+    zones = [speed_zones.SpeedZone(1.0, 0.8), speed_zones.SpeedZone(2.0, 0.2)]
+    slowed = speed_zones.slow_at_end(zones, 0.4, 0.3)
+    assert slowed == [(0.4, 0.8), (0.6, 0.3), (2.0, 0.2)]
+    assert speed_zones.slow_at_end(zones, 3.0, 0.1) == zones
+    assert speed_zones.slow_at_end(zones, -1.0, 0.5) == [(1.0, 0.5), (2.0, 0.2)]
+    assert speed_zones.slow_at_end(zones, 1.0, 0.0) == [(1.0, 0.8), (2.0, 0.02)]
+
+
 def test_a_motion_goes_on_from_where_rounding_leaves_a_speed_below_zero():
     limits = MotionLimits(2.0, 4.0, 20.0, 2.5, 2.0)
     slowing = PathState(0, 0.0, 0.1000000000000001, -1.9999999999999996, 0.0)

@@ -12,6 +12,7 @@ from tests.planners.worlds import point
 from wayproof.planners import (
     MotionLimits,
     PathState,
+    SlowEnd,
     arc_lengths,
     blend_corners,
     follow_path,
@@ -88,6 +89,21 @@ def test_limits_hold_on_dense_samples(room, seed):
         nearest = np.searchsorted(0.5 * (arcs[1:] + arcs[:-1]), samples["arc_length"])
         allowed = np.maximum(np.minimum(allowed, min(cap, limits.speed)), 0.02)
         assert (samples["speed"] <= allowed[nearest] + 1e-6).all()
+
+
+@pytest.mark.parametrize("seed", range(1, 40, 2))
+def test_a_slow_end_limits_the_speed_there_alone(room, seed):
+    path, limits, cap, state = random_case(room, seed)
+    length = arc_lengths(path)[-1]
+    begin, slow = 0.6 * length, 0.4 * min(cap, limits.speed)
+    start = PathState(0, *state, 0.3)
+    ends_slowly = follow_path(path, start, limits, cap, slow_end=SlowEnd(begin, slow))
+    samples = sampled(ends_slowly)
+    beyond = samples["arc_length"] > begin + 1e-6
+    assert samples["speed"][beyond].max() <= slow + 1e-6
+    assert samples["speed"][~beyond].max() > slow + 1e-3
+    assert samples["arc_length"][-1] == pytest.approx(length, abs=1e-5)
+    assert ends_slowly.duration_s > follow_path(path, start, limits, cap).duration_s
 
 
 @pytest.mark.parametrize("seed", range(0, 40, 4))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.log.paths import arc_at, length
 from wayproof.harness.replay.reasons.along import (
@@ -39,6 +41,9 @@ TURNED = 0.35
 
 PAST_CORNER = 0.03
 """Distance beyond a corner within which a long body that stops still turns into it, m."""
+
+SPEED_SLACK = 1.05
+"""Tolerance factor of speeds, read from samples 0.1 s apart."""
 
 STEP_LEFT = 0.01
 """Tolerance of what is left of a step, m: a trajectory is logged every 0.1 s."""
@@ -106,11 +111,31 @@ def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str
     yield from obstructed(scene, reason, scene.way_ahead, unknown_blocks=True)
     if scene.config.costmap.unknown_policy != "penalize":
         yield f"unknown policy {scene.config.costmap.unknown_policy}"
-    yield from same(
-        "speed_share", reason.speed_share, scene.config.behaviour.unknown_speed_fraction
-    )
+    share = scene.config.behaviour.unknown_speed_fraction
+    yield from same("speed_share", reason.speed_share, share)
     if not scene.mission.discs and reason.free_m > length(scene.path) + NEAR:
         yield "what is unknown lies beyond the committed part"
+    yield from _slowed_at(scene, reason.free_m, share)
+
+
+def _slowed_at(scene: Scene, free: float, share: float) -> Iterator[str]:
+    """Check that the body is slow from an arc length on, m, unless it could not stop before.
+
+    Older rules made it slow from its start.
+    """
+    limits, decision = scene.mission, scene.decision
+    full = limits.max_speed * scene.config.motion.speed_fraction
+    spare = free - stop_from(full, limits)
+    slow = spare < 0.0 or _costs_speed(decision.predicate)
+    slow = slow or not scene.config.behaviour.slows_at_unknown
+    if (decision.action == "slow") != slow and abs(spare) > NEAR:
+        yield f"action {decision.action}, with {free:.2f} m known"
+    arcs = np.array(decision.trajectory.arc_length)
+    speeds = np.diff(arcs) / decision.trajectory.sample_period_s
+    beyond = speeds[arcs[:-1] >= free].max(initial=0.0)
+    could = len(speeds) and stop_from(float(speeds[0]) * SPEED_SLACK, limits) <= free
+    if could and beyond > share * full * SPEED_SLACK:
+        yield f"{beyond:.2f} m/s where space is unknown"
 
 
 def turning_into_path(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:

@@ -344,6 +344,37 @@ def test_a_long_body_may_come_to_rest_before_the_unknown_on_its_way(log, discs, 
 
 
 @pytest.mark.parametrize(
+    ("rules", "action", "speeds", "complaint"),
+    [
+        (13, "follow", (1.0, 0.5), ""),
+        (13, "slow", (1.0, 0.5), "action slow"),
+        (13, "follow", (1.0, 1.0), "where space is unknown"),
+        (12, "slow", (0.5, 0.5), ""),
+        (12, "follow", (0.5, 0.5), "action follow"),
+    ],
+)
+def test_a_body_is_slow_where_space_is_unknown(log, rules, action, speeds, complaint):
+    *_, moment = itertools.islice(moments(log), 13)
+    mission = replace(moment.mission, discs=LONG, max_speed=1.25, sideways_speed=1.0)
+    behaviour = replace(moment.config.behaviour, rules=rules)
+    config = replace(moment.config, behaviour=behaviour)
+    spot = (1.0, 1.0, 1.0)
+    reason = Reason(
+        "through_unknown", free_m=3.0, speed_share=0.4,
+        cell=spot, cell_state="unknown", place=spot,
+    )  # fmt: skip
+    decision = moment.decision
+    decision.predicate.CopyFrom(reason_message(reason))
+    decision.action = action
+    steps = [0.1 * speed for speed in speeds for _ in range(30)]
+    decision.trajectory.arc_length[:] = itertools.accumulate(steps)
+    texts = ReasonCheck().check(decision, moment.map, config, mission)
+    found = [text for text in texts if "action" in text or "where space" in text]
+    assert all(complaint in text for text in found) if complaint else not found, texts
+    assert bool(found) == bool(complaint), texts
+
+
+@pytest.mark.parametrize(
     ("kind", "action", "figures", "complaint"),
     [
         ("unknown_ahead", "slow", ("free_m", "full_speed_stop_m"), "action slow"),

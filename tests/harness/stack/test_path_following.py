@@ -249,9 +249,9 @@ def test_a_long_body_drives_its_last_path_as_far_as_it_fits_before_it_brakes():
     assert keep_course(near, state, start, previous=state).command.action == "stop_and_wait"
 
 
-def test_a_path_through_the_unknown_is_driven_at_the_fraction_of_the_speed():
+def test_a_path_through_the_unknown_was_driven_at_the_fraction_of_the_speed():
     states = make_states(unknown=[(2.2, 8.0, 0.0, 4.0)])
-    input = make_input(states, policy="penalize")
+    input = make_input(states, policy="penalize", behaviour=BehaviourConfig(rules=12))
     state = at_rest(global_path=PATH)
     start = state.trajectory.at(input.effect_ns)
     command, _ = drive_along(
