@@ -74,8 +74,9 @@ def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
     if not reason.free_m < reason.path_m or not len(scene.global_path):
         yield "the corner is not on the path"
         return
-    # Near its begin a thinned path has no corner, but the one before it has.
-    ways = [way for way in (scene.global_path, past.way) if len(way) > 1]
+    # A thinned path may leave a corner out: of the committed part, where that ends, or near its own
+    # begin, where the one before it has it.
+    ways = [way for way in (scene.way_ahead, past.way) if len(way) > 1]
     ends = [nearest(way, scene.path[-1], scene)[0] for way in ways]
     if scene.mission.discs:  # which may fit along less than what leads to the corner
         begins = [nearest(way, scene.path[0], scene)[0] for way in ways]

@@ -374,6 +374,23 @@ def test_a_body_is_slow_where_space_is_unknown(log, rules, action, speeds, compl
     assert bool(found) == bool(complaint), texts
 
 
+def test_a_corner_that_the_thinned_path_leaves_out_is_where_the_committed_part_ends(log):
+    """A kink to the right, of one step of 5 cm, of a path of which every fifth point is logged."""
+    moment = next(moments(log))
+    decision, reason = moment.decision, Reason("path_to_corner", free_m=0.72, path_m=0.85)
+    decision.predicate.CopyFrom(reason_message(reason))
+    del decision.trajectory.path[:], decision.global_path[:]
+    for x, y in ((8.27, 7.3), (8.05, 7.54), (7.87, 7.71), (7.76, 7.81)):
+        decision.trajectory.path.add(x=x, y=y)
+    for x, y in ((8.27, 7.3), (8.05, 7.54), (7.87, 7.71), (7.77, 7.87), (7.64, 8.07)):
+        decision.global_path.add(x=x, y=y)
+    texts = ReasonCheck().check(decision, moment.map, moment.config, moment.mission)
+    assert not any("which is no corner" in text for text in texts), texts
+    decision.global_path[3].x = 7.71  # it goes straight on
+    texts = ReasonCheck().check(decision, moment.map, moment.config, moment.mission)
+    assert any("which is no corner" in text for text in texts), texts
+
+
 @pytest.mark.parametrize(
     ("kind", "action", "figures", "complaint"),
     [
