@@ -72,7 +72,7 @@ class ArmRow:
         speed_m_s: Mean distance over mean time of these.
         looks: Mean number of explorations that the robot started.
         edge_share: Share of decisions that drive up to the edge of known space: that explore, or
-            follow with the label `unknown_ahead`.
+            follow with the reason `unknown_ahead`.
         least_clearance_m: Least true distance to an obstacle in all episodes.
         unknown_share: Share of decisions whose committed path leads through space not known to be
             free.
@@ -154,9 +154,9 @@ def _run(arm: Arm, seed: int, path: Path) -> Trial:
     def note(decision: pb.Decision, _: pb.Truth) -> None:
         nearest = (decision.least_clearance_m / decision.resolution_m) ** 2
         unknown = round(nearest) <= decision.collision_distance_sq
-        predicate, label = decision.predicate, decision.label
+        predicate = decision.predicate
         explores = decision.action == "explore" and predicate.since == decision.sequence
-        at_edge = decision.action == "follow" and label == "unknown_ahead"
+        at_edge = decision.action == "follow" and predicate.kind == "unknown_ahead"
         at_edge = at_edge or decision.action == "explore"
         decisions.append(DecisionRecord(explores, at_edge, unknown, decision.stages.plan_ms))
 
