@@ -45,6 +45,9 @@ PAST_CORNER = 0.03
 SPEED_SLACK = 1.05
 """Tolerance factor of speeds, read from samples 0.1 s apart."""
 
+LEAST_SPEED = 0.02
+"""Speed below which nothing slows a body down, m/s."""
+
 STEP_LEFT = 0.01
 """Tolerance of what is left of a step, m: a trajectory is logged every 0.1 s."""
 
@@ -135,7 +138,7 @@ def _slowed_at(scene: Scene, free: float, share: float) -> Iterator[str]:
     speeds = np.diff(arcs) / decision.trajectory.sample_period_s
     beyond = speeds[arcs[:-1] >= free].max(initial=0.0)
     could = len(speeds) and stop_from(float(speeds[0]) * SPEED_SLACK, limits) <= free
-    if could and beyond > share * full * SPEED_SLACK:
+    if could and beyond > max(share * full, LEAST_SPEED) * SPEED_SLACK:
         yield f"{beyond:.2f} m/s where space is unknown"
 
 
