@@ -252,13 +252,15 @@ class Episode:
         """Log the state of the stack where it is due; a counterfactual's follows from no log."""
         time_ns, schedule = self.inputs.time_ns, self._keyframes
         sensed = sum(len(data) for _, data in self._sensed.messages)
-        due = schedule.is_due(time_ns, sensed, is_last)
-        if not due or type(self._navigator) is not Navigator:
+        due = schedule.is_due(time_ns, sensed)
+        with_map = (due or is_last) and schedule.holds_map(time_ns, is_last)
+        if type(self._navigator) is not Navigator or not (due or with_map):
             return
-        with_map = schedule.holds_map(time_ns, is_last)
         keyframe = keyframe_of(self._navigator, decision, with_map)
         map_bytes = len(keyframe.map.records)
         if with_map and is_last and not schedule.has_room(map_bytes, self._log.size()):
+            if not due:
+                return
             keyframe.ClearField("map")
         self._log.write("/keyframe", keyframe, time_ns)
         if keyframe.HasField("map"):

@@ -74,23 +74,22 @@ class Schedule:
         self._newest = self._map_quarter = self._quarter(begun_ns)
         self._sensed_bytes = self._map_bytes = self._all_map_bytes = 0
 
-    def is_due(self, now_ns: int, sensed_bytes: int, is_last: bool) -> bool:
+    def is_due(self, now_ns: int, sensed_bytes: int) -> bool:
         """Return whether a keyframe is due after a decision.
 
         Args:
             now_ns: Time of the decision, ns.
             sensed_bytes: Size of its sweeps as messages.
-            is_last: Whether it is the last one of the episode.
         """
         self._sensed_bytes += sensed_bytes
         before, self._newest = self._newest, self._quarter(now_ns)
-        return self._writes and (is_last or self._newest > before)
+        return self._writes and self._newest > before
 
     def holds_map(self, now_ns: int, is_last: bool) -> bool:
         """Return whether a keyframe that is due holds the map.
 
-        The last one does where it `has_room`, unless there is one shortly before: no decision is
-        explained more often.
+        That of the last decision, due or not, does where it `has_room`, unless there is one shortly
+        before: no decision is explained more often.
         """
         passed = self._quarter(now_ns) - self._map_quarter
         due = passed >= STATES_IN_PERIOD and self._map_bytes <= MAP_SHARE * self._sensed_bytes

@@ -144,8 +144,11 @@ class Forgery:
 
     def _seal(self) -> str:
         chain = ""
+        chains: dict[int, str] = {}
         for decision in self.each(pb.Decision):
-            chain = decision.chain = chain_hash(decision, chain)
+            chain = decision.chain = chains[decision.sequence] = chain_hash(decision, chain)
+        for keyframe in self.each(pb.Keyframe):
+            keyframe.chain = chains.get(keyframe.sequence, keyframe.chain)
         return chain
 
 
