@@ -179,10 +179,12 @@ class Episode:
                 with self._watchdog.watching():
                     verdict = self._follow()
             self._write_keyframe(decision, is_last=verdict is not None)
-        if verdict is not None:
-            self.result = self._result(*verdict)
-        elif self.result is None:
+        if self.result is not None:  # it failed
+            return
+        if verdict is None:
             self.sense()
+        else:
+            self.result = self._result(*verdict)
 
     def abandon(self, reason: str) -> None:
         """End the episode as an `error` before its verdict."""
