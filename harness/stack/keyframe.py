@@ -42,7 +42,7 @@ MAP_SHARE = 0.02
 compress to 0.14 (100,000 beams) to 0.36 of it, so that maps take at most a seventh of a log."""
 
 LAST_SHARE = 1.0 / 7.0
-"""Maximum size of all maps in units of that of the log, with one after the last decision."""
+"""Maximum size of all maps in units of that of the log, where the last decision has one."""
 
 
 def has_keyframes(config: Config) -> bool:

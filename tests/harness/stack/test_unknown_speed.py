@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.harness.stack.make_input import START, at_rest, make_input, make_states
+from tests.harness.stack.make_input import at_rest, make_input, make_states
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.types import BehaviourConfig
 from wayproof.planners import stopping_distance
@@ -20,7 +20,7 @@ def decided(unknown_from, rules=RULES, **behaviour):
     return input, decide(input, at_rest())[0]
 
 
-def speeds_of(input, trajectory, known):
+def speeds_of(trajectory, known):
     """Speeds up to a length of the way and beyond it, m/s, to the end of a trajectory."""
     times = trajectory.start_ns + np.arange(0.0, trajectory.duration_s, 0.002) * 1e9
     samples = [trajectory.at(int(time)) for time in times]
@@ -33,7 +33,7 @@ def test_a_robot_slows_down_where_the_unknown_begins(unknown_from, action):
     input, command = decided(unknown_from)
     known = command.reason.free_m
     assert (command.action, command.reason.kind) == (action, "through_unknown")
-    before, beyond = speeds_of(input, command.trajectory, known)
+    before, beyond = speeds_of(command.trajectory, known)
     assert beyond.max() <= SHARE * input.limits.speed + 1e-6
     assert beyond.max() > 0.95 * SHARE * input.limits.speed
     assert command.trajectory.stop_point == pytest.approx(input.goal)
@@ -45,7 +45,7 @@ def test_a_robot_slows_down_where_the_unknown_begins(unknown_from, action):
 def test_older_rules_are_slow_from_the_start():
     input, command = decided(4.0, rules=12)
     assert (command.action, command.reason.kind) == ("slow", "through_unknown")
-    speeds = np.concatenate(speeds_of(input, command.trajectory, command.reason.free_m))
+    speeds = np.concatenate(speeds_of(command.trajectory, command.reason.free_m))
     assert speeds.max() <= SHARE * input.limits.speed + 1e-6
     assert command.trajectory.duration_s > decided(4.0)[1].trajectory.duration_s + 0.5
 
@@ -53,7 +53,7 @@ def test_older_rules_are_slow_from_the_start():
 def test_a_tiny_share_still_ends_at_the_goal():
     input, command = decided(4.0, unknown_speed_fraction=1e-6)
     known = command.reason.free_m
-    _, beyond = speeds_of(input, command.trajectory, known)
+    _, beyond = speeds_of(command.trajectory, known)
     assert beyond.max() == pytest.approx(0.02, rel=0.01)
     assert command.trajectory.stop_point == pytest.approx(input.goal)
 
@@ -61,6 +61,5 @@ def test_a_tiny_share_still_ends_at_the_goal():
 def test_a_way_that_is_known_costs_no_speed():
     input, command = decided(7.9)
     assert (command.action, command.reason.kind) == ("follow", "path_to_goal")
-    before, _ = speeds_of(input, command.trajectory, 1e9)
+    before, _ = speeds_of(command.trajectory, 1e9)
     assert before.max() == pytest.approx(input.limits.speed)
-    assert START[0] < input.goal[0]
