@@ -77,6 +77,9 @@ def main() -> int:
         "--time-limit", type=float, default=TIME_LIMIT_S, help="for episodes: simulated time, s"
     )
     parser.add_argument(
+        "--wide", action="store_true", help="for episodes: vary settings of any section"
+    )
+    parser.add_argument(
         "--python",
         action="append",
         default=[],
@@ -105,7 +108,7 @@ def main() -> int:
     if chosen in (soak_episodes, soak_processors):
         more["jobs"] = options.jobs
     if chosen is soak_episodes:
-        more["time_limit_s"] = options.time_limit
+        more |= {"time_limit_s": options.time_limit, "wide": options.wide}
     if chosen is soak_processors:
         more |= {"pythons": options.python, "given": options.log, "compiled": options.compiled}
     findings = chosen(options.count, options.seed, progress, options.first, **more)

@@ -1,30 +1,32 @@
 """Soak of random episodes: each must replay identically in a fresh process, on any threads.
 
-And its audit must find no violation.
+Its audit must find no violation, a decision's card must be the same from a keyframe as from the
+start, and a failure must have a cause.
 """
 
 from __future__ import annotations
 
-import contextlib
 import tempfile
 import time
+import traceback
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import get_args
 
 import msgspec
 import numpy as np
 
+from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.bench.soak.child import scratch
 from wayproof.harness.bench.soak.fresh import FreshReplays, replay_by_command
+from wayproof.harness.bench.soak.random_settings import changed_settings, random_config
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
+from wayproof.harness.explain import make_card
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.perturbations import PERTURBATIONS, AnyPerturbation, perturbation_from
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork
@@ -34,35 +36,16 @@ from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.warm_up import warm_up
 from wayproof.harness.worker_pool import WorkerPool
-from wayproof.maps import MAPS, MapConfig, UnknownPolicy
 from wayproof.models.robots import ROBOTS
-from wayproof.models.worlds import WORLDS
 from wayproof.planners import PLANNERS
 
 TIME_LIMIT_S = 3.0
 THREADS = (1, 2)
 CLOSED_LOOP_EVERY, FORK_EVERY, COMMAND_EVERY = 10, 20, 25
-FURTHER = (
-    "behaviour.keep_moving=false",
-    "costmap.max_slope=0.4",
-    "costmap.window=8",
-    "estimate.kind=lidar",
-    "latency.mode=modelled",
-    "map.half_life=0",
-    "map.resolution=0.06",
-    "map.resolution=0.15",
-    "motion.limits=cautious",
-    "motion.speed_fraction=0.5",
-    "pose_model.bias_sigma=0.04",
-    "prior.source=truth",
-    "sensors.lidar=velodyne-vlp16",
-)
-"""Settings of which each episode has up to `MOST_FURTHER`, where they go with the others."""
-
-MOST_FURTHER = 3
-
 MOST_DRAWS = 50
 """Maximum number of random settings for one trial; some are invalid, as a start in a shelf."""
+
+MOST_TRACEBACK = 1500  # last characters of a traceback
 
 
 @dataclass(frozen=True)
@@ -72,6 +55,7 @@ class Trial:
     Attributes:
         trial: Number of the trial.
         episode: World, robot, seed, map, policy, planner and perturbation.
+        settings: Settings that are not the defaults.
         refused: Number of invalid random settings before it.
         outcome: Outcome of the episode.
         decisions: Number of decisions.
@@ -85,6 +69,7 @@ class Trial:
 
     trial: int
     episode: str
+    settings: tuple[str, ...]
     refused: int
     outcome: str
     decisions: int
@@ -130,6 +115,8 @@ def soak_episodes(
     first: int = 0,
     jobs: int = 2,
     time_limit_s: float = TIME_LIMIT_S,
+    *,
+    wide: bool = False,
 ) -> Tally:
     """Run random episodes, their replays, repeated simulations and forks.
 
@@ -140,10 +127,11 @@ def soak_episodes(
         first: Number of the first trial, to continue a soak.
         jobs: Number of processes.
         time_limit_s: Simulated time of an episode, s.
+        wide: Whether settings of any section are varied, as `random_settings.vary`.
     """
     began = time.perf_counter()
     tally, outcomes = Tally(count, first), Counter[str]()
-    for trial in _trials(range(first, first + count), seed, jobs, time_limit_s):
+    for trial in _trials(range(first, first + count), seed, jobs, time_limit_s, wide):
         progress(msgspec.json.encode(asdict(trial)).decode())
         outcomes[trial.outcome] += 1
         tally.replayed += trial.replays
@@ -156,10 +144,13 @@ def soak_episodes(
     return tally
 
 
-def _trials(numbers: range, seed: int, jobs: int, time_limit_s: float) -> Iterator[Trial]:
+def _trials(
+    numbers: range, seed: int, jobs: int, time_limit_s: float, wide: bool
+) -> Iterator[Trial]:
     """Run all trials in order; each worker keeps its server of fresh replays."""
     with WorkerPool(jobs, initializer=_begin) as pool:
-        yield from pool.run_in_order(run_trial, [(n, seed, time_limit_s) for n in numbers])
+        trials = [(n, seed, time_limit_s, wide) for n in numbers]
+        yield from pool.run_in_order(run_trial, trials)
 
 
 def _begin() -> None:
@@ -175,75 +166,84 @@ def _plain(robot: str, planner: str) -> Config:
     return override(Config("empty", robot, 0), [f"planner.name={planner}"])
 
 
-def run_trial(number: int, seed: int, time_limit_s: float) -> Trial:
-    """Run one random episode with its replays, repeated simulation and fork."""
+def run_trial(number: int, seed: int, time_limit_s: float, wide: bool) -> Trial:
+    """Run one random episode with its replays, repeated simulation and fork.
+
+    What raises, other than a refusal of the settings, is a failure of the trial.
+    """
     began = time.perf_counter()
     rng = np.random.default_rng((seed, number))
-    scenario, refused = _draw(rng, time_limit_s)
-    config = scenario.config
-    failures: list[str] = []
+    drawn, scenario, refused = _draw(rng, time_limit_s, wide)
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         path = Path(name) / f"{number}.mcap"
-        warm_up(config)
-        result = run_episode(scenario, path)
-        failures += _replays(path, number) + _audited(path)
-        again = number % CLOSED_LOOP_EVERY == 0
-        if again and not simulate_again(path).identical:
-            failures.append("simulated anew, it differs")
-        at = int(rng.integers(result.decisions)) if number % FORK_EVERY == 1 else None
-        if at is not None:
-            failures += _fork(path, at, result)
+        checked = Checked(failures=[])
+        try:
+            warm_up(drawn)
+            checked.result = run_episode(scenario, path)
+            _check(checked, path, number, rng)
+        except Exception:  # whatever an episode or a check of it raises is a finding
+            checked.failures.append(traceback.format_exc()[-MOST_TRACEBACK:])
+    result = checked.result
     return Trial(
         trial=number,
-        episode=_summary(config),
+        episode=_summary(scenario.config),
+        settings=changed_settings(scenario.config),
         refused=refused,
-        outcome=result.outcome,
-        decisions=result.decisions,
-        chain=result.chain,
-        replays=len(THREADS),
-        closed_loop=again,
-        forked=at,
+        outcome=result.outcome if result else "raised",
+        decisions=result.decisions if result else 0,
+        chain=result.chain if result else "",
+        replays=checked.replays,
+        closed_loop=checked.closed_loop,
+        forked=checked.forked,
         wall_s=round(time.perf_counter() - began, 3),
-        failures=tuple(failures),
+        failures=tuple(checked.failures),
     )
 
 
-def random_config(rng: np.random.Generator, time_limit_s: float = TIME_LIMIT_S) -> Config:
-    """Return a random config; every fourth is unperturbed."""
-    world, robot = (str(rng.choice(sorted(names))) for names in (WORLDS, ROBOTS))
-    kind = str(rng.choice(sorted(MAPS))) if rng.integers(2) else MapConfig().kind
-    settings = (
-        f"map.kind={kind}",
-        *(["map.half_life=0"] if kind == "octomap" else []),  # it does not fade
-        f"costmap.unknown_policy={rng.choice(get_args(UnknownPolicy))}",
-        f"planner.name={rng.choice(sorted(PLANNERS))}",
-        f"costmap.localization_margin={rng.uniform(0.02, 0.15):.3f}",
-        f"episode.time_limit={time_limit_s}",
-    )
-    config = override(Config(world, robot, int(rng.integers(2**31))), settings)
-    perturbation = perturbation_from(f"{rng.choice(sorted(PERTURBATIONS))}:{rng.integers(1, 6)}")
-    if rng.integers(4) != 0:
-        needed = override(config, needed_by(perturbation))
-        config = replace(needed, perturbation=perturbation)
-    further = rng.choice(FURTHER, size=int(rng.integers(MOST_FURTHER + 1)), replace=False)
-    for setting in further.tolist():
-        with contextlib.suppress(InputError):  # it does not go with the others
-            config = override(config, [setting])
-    return config
+@dataclass
+class Checked:
+    """Checks that were made of one episode; the fields are as of `Trial`.
+
+    Attributes:
+        failures: Differences and violations so far.
+        result: Result of the episode; None if it raised.
+        replays: Number of replays.
+        closed_loop: Whether it was simulated again.
+        forked: Decision at which it was forked; None if it was not.
+    """
+
+    failures: list[str]
+    result: Result | None = None
+    replays: int = 0
+    closed_loop: bool = False
+    forked: int | None = None
 
 
-def needed_by(perturbation: AnyPerturbation) -> tuple[str, ...]:
-    """Return the settings without which a perturbation has nothing to act on."""
-    return ("estimate.kind=lidar",) if perturbation.changes == "motion_sensors" else ()
+def _check(checked: Checked, path: Path, number: int, rng: np.random.Generator) -> None:
+    """Replay, audit and explain a log; simulate it again or fork it by turns."""
+    result = checked.result
+    assert result is not None
+    checked.failures += _replays(path, number)
+    checked.replays = len(THREADS)
+    checked.failures += _audited(path) + _explained(path, rng)
+    checked.closed_loop = number % CLOSED_LOOP_EVERY == 0
+    if checked.closed_loop and not simulate_again(path).identical:
+        checked.failures.append("simulated anew, it differs")
+    if number % FORK_EVERY == 1:
+        checked.forked = int(rng.integers(result.decisions))
+        checked.failures += _fork(path, checked.forked, result)
 
 
-def _draw(rng: np.random.Generator, time_limit_s: float) -> tuple[Scenario, int]:
-    """Return the first valid random scenario, and the number of invalid ones before it."""
+def _draw(
+    rng: np.random.Generator, time_limit_s: float, wide: bool
+) -> tuple[Config, Scenario, int]:
+    """Return the first valid random config, its scenario, and the number of invalid ones before."""
     for refused in range(MOST_DRAWS):
         try:
-            scenario = build(random_config(rng, time_limit_s))
+            config = random_config(rng, time_limit_s, wide=wide)
+            scenario = build(config)
             build_navigator(scenario.config, scenario.mission, {})
-            return scenario, refused
+            return config, scenario, refused
         except InputError:
             continue
     raise RuntimeError(f"{MOST_DRAWS} random settings refused")
@@ -280,6 +280,24 @@ def _audited(path: Path) -> list[str]:
         for one in audit(path).violations
         if not (one.rule == "joined" and one.sequence in jumped)
     ]
+
+
+def _explained(path: Path, rng: np.random.Generator) -> list[str]:
+    """Return the differences of a card from a keyframe, and whether a failure has no cause."""
+    case = read_case(open_log(path))
+    at = int(rng.integers(len(case.moments)))
+    near, whole = (
+        make_card(case, at, case.navigator_at(at, keyframe))
+        for keyframe in (case.as_of(at).keyframe_at(at), None)
+    )
+    failures = []
+    if replace(near, keyframe=None) != replace(whole, keyframe=None):
+        failures.append(f"decision {at}: another card from the keyframe than from the start")
+    if case.outcome != "success":
+        finding = find_cause(case)
+        if finding is None or finding.cause == "unexplained":
+            failures.append(f"{case.outcome} without a cause: {finding}")
+    return failures
 
 
 def _fork(path: Path, at: int, result: Result) -> list[str]:

@@ -8,7 +8,7 @@ from typing import get_args
 
 import numpy as np
 
-from wayproof.harness.bench.soak.episodes import needed_by, random_config
+from wayproof.harness.bench.soak.random_settings import needed_by, random_config
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
