@@ -20,6 +20,9 @@ SPEED_SLACK = 1.05
 NEARER = 1.0
 """Distance that a body leaving the inflation may come nearer to forbidden cells, cells."""
 
+NO_ROOM = -np.inf
+"""Margin of poses whose centre lies in a forbidden cell."""
+
 ROUNDING = 1e-6
 """Tolerance of a distance, cells."""
 
@@ -135,16 +138,28 @@ def _is_last_resort(moment: Moment) -> bool:
 
 
 def _keeps_distance(moment: Moment, straight_on: Array) -> bool:
-    """Return whether a path comes no nearer to cells than another one (n, 4), which is blocked."""
-    body, poses, margin = moment.body, moment.poses, moment.margin
-    if body.first_blocked(moment.map, straight_on, margin) is None:
+    """Return whether a path comes no nearer to cells than another one (n, 4), which is blocked.
+
+    Where the centre of the body enters a forbidden cell on both, its end decides.
+    """
+    if moment.body.first_blocked(moment.map, straight_on, moment.margin) is None:
         return False
-    for nearer in np.arange(0.0, margin + moment.mission.radius, 0.5 * moment.map.resolution):
-        if body.first_blocked(moment.map, poses, margin - nearer) is None:
+    for poses, way in ((moment.poses, straight_on), (moment.poses[-1:], straight_on[-1:])):
+        kept = _admitted_margin(moment, poses)
+        if kept != _admitted_margin(moment, way):
+            return kept > _admitted_margin(moment, way)
+        if kept > NO_ROOM:
             return True
-        if body.first_blocked(moment.map, straight_on, margin - nearer) is None:
-            return False
-    return False  # its centre enters a forbidden cell, which nothing excuses
+    return False  # both end within forbidden cells, and straight on is the way that was chosen
+
+
+def _admitted_margin(moment: Moment, poses: Array) -> float:
+    """Return the widest margin at which poses are free, in halves of a cell; or `NO_ROOM`."""
+    step = 0.5 * moment.map.resolution
+    for narrower in np.arange(0.0, moment.margin + moment.mission.radius, step):
+        if moment.body.first_blocked(moment.map, poses, moment.margin - narrower) is None:
+            return float(moment.margin - narrower)
+    return NO_ROOM
 
 
 def _check_stop(moment: Moment) -> list[Violation]:

@@ -65,6 +65,19 @@ def test_a_stop_leaves_the_way_only_where_that_is_blocked_and_comes_no_nearer():
     assert is_last_resort(short, aside) == "swept"
 
 
+def test_a_stop_that_cannot_but_enter_a_blocked_cell_ends_farther_from_it():
+    """Free is x < 1; the centre of the ball enters what is beyond either way."""
+    before = [(0.8, 0.0, 1.0), (1.4, 0.0, 1.0)]
+    earlier = trajectory(before, at_speed(before, 1.0))
+
+    def kind(*points):
+        stop = [(0.8, 0.0, 1.0), (1.05, 0.1, 1.0), *points]
+        return judge_way(in_the_air(stop, at_speed(stop, 1.0), "stop_and_wait", earlier)).kind
+
+    assert kind((0.85, 0.35, 1.0)) == "stop"
+    assert kind((1.2, 0.3, 1.0)) == "swept"  # within it as well
+
+
 def test_a_stop_leaves_the_way_where_only_the_cell_that_it_begins_in_is_blocked():
     """Blocked is x > 0.7; of the way before that is sampled, the nearest point lies 3 mm on."""
     before = [(0.718, 0.0, 1.0), (0.0, 0.0, 1.0)]
