@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wayproof.harness.config import BUILTIN
 from wayproof.harness.log.paths import Array, arc_lengths, length, rest_of, runs_along, speed_at
 from wayproof.harness.replay.audit.body import Discs, track_of
 from wayproof.harness.replay.audit.moment import Moment, Violation
 from wayproof.harness.stack.decision import path_of
+from wayproof.harness.stack.global_path import STOP_SLACK
 
 SLOWLY = 0.3
 """Fraction of its maximum speed at which a body may leave the inflation."""
@@ -56,7 +58,7 @@ def judge_way(moment: Moment) -> Way:
     action = moment.decision.action
     if action == "recover":
         return Way("recovery", tuple(_check_recovery(moment)))
-    if action == "stop_and_wait" and _is_last_resort(moment):
+    if (action == "stop_and_wait" or _comes_to_rest(moment)) and _is_last_resort(moment):
         return Way("stop", tuple(_check_stop(moment)))
     place, state = blocked
     at = ", ".join(f"{value:.2f}" for value in place)
@@ -111,6 +113,11 @@ def _distance(moment: Moment, track: Array, reach: float, unknown: bool) -> floa
     cells = moment.body.cells(moment.map, track, reach * moment.map.resolution)
     wrong = cells.not_free if unknown else cells.occupied
     return cells.least_distance(cells.touched(track), wrong, reach)
+
+
+def _comes_to_rest(moment: Moment) -> bool:
+    """Return whether all that the built-in stack drives is the end of a stop, by whatever name."""
+    return moment.config.stack.name == BUILTIN and length(moment.path) <= STOP_SLACK
 
 
 def _is_last_resort(moment: Moment) -> bool:

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from wayproof.harness.config import Config
+from wayproof.harness.config import Config, StackConfig
 from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
@@ -98,6 +98,25 @@ def test_a_stop_on_a_way_that_has_closed_brakes_at_once():
     assert [one.rule for one in rode_on.violations] == ["stop"]
     sped_up = judge_way(in_the_air(way, at_speed(way, 3.0), "stop_and_wait", before))
     assert [one.rule for one in sped_up.violations] == ["stop"]
+
+
+def test_the_last_millimetre_of_a_stop_may_go_by_another_name():
+    """The body rests in what has become unknown, and ends the turn that it was in."""
+    begin, end = (0.95, 0.0, 1.0), (0.9505, 0.0, 1.0)
+    earlier = trajectory([(0.2, 0.0, 1.0), end], at_speed([(0.2, 0.0, 1.0), end], 0.1))
+    long = dataclasses.replace(AIR, discs=((-0.2, 0.15), (0.2, 0.15)))
+
+    def kind(way, turn, stack="builtin"):
+        moment = in_the_air(way, at_speed(way, 0.01), "slow", earlier, mission=long)
+        moment.decision.trajectory.heading[:] = np.linspace(
+            0.0, turn, len(moment.decision.trajectory.heading)
+        )
+        on_trial = dataclasses.replace(moment.config, stack=StackConfig(stack))
+        return judge_way(dataclasses.replace(moment, config=on_trial)).kind
+
+    assert kind([begin, end], 0.03) == "stop"
+    assert kind([begin, (0.96, 0.0, 1.0)], 0.03) == "swept"
+    assert kind([begin, end], 0.03, stack="dwa") == "swept"
 
 
 def test_a_recovery_is_held_against_its_rules_along_its_whole_way():
