@@ -74,7 +74,7 @@ class BehaviourConfig:
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
     keep_moving: bool = True
-    rules: Annotated[int, Bounds(1, 13)] = 13
+    rules: Annotated[int, Bounds(1, 14)] = 14
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -244,3 +244,8 @@ class BehaviourConfig:
     def slows_at_unknown(self) -> bool:
         """Whether unknown space under `penalize` limits the speed in it, not on the way to it."""
         return self.rules >= 13
+
+    @property
+    def limits_course(self) -> bool:
+        """Whether commands of a stack on trial are limited in corners and first heading, too."""
+        return self.rules >= 14

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.interface.types import Array, Reference, Velocity
 from wayproof.maps.elementary import norm
 from wayproof.planners import MotionLimits, Setpoints, Trajectory
@@ -31,6 +32,14 @@ velocity holds at most."""
 
 GAIN = 2.0
 """Feedback of the distance from the reference, 1/s: 0.1 m off adds 0.2 m/s."""
+
+COURSE_FACTOR = 1.5
+"""Factor of the acceleration up to which a velocity may change in any direction: as much along the
+path as across it is the root of 2."""
+
+COURSE_M = 0.1
+"""Distance by which a body may leave a course whose corners are sharper, m: the default of
+`costmap.localization_margin`. Corners of the built-in stack, at 0.5 m/s, take 0.08 m."""
 
 
 @dataclass(frozen=True)
@@ -79,12 +88,61 @@ def exceeds(
     )
 
 
+def heading_jumps(
+    trajectory: Trajectory, reference: Reference, effect_ns: int, limits: MotionLimits
+) -> bool:
+    """Return whether a trajectory begins at another heading than the body can have by then."""
+    jump = wrap_angle(trajectory.at(effect_ns).heading - reference.heading)
+    return abs(jump) > limits.yaw_rate * PERIOD_S * SLACK + STILL_MPS
+
+
+def leaves_course(
+    trajectory: Trajectory,
+    reference: Reference,
+    effect_ns: int,
+    limits: MotionLimits,
+    step_s: float,
+) -> bool:
+    """Return whether a trajectory turns so sharply that the body cannot but leave it.
+
+    Velocities are compared as vectors, from that of the reference on: a body that moves ahead and
+    is commanded back at once first goes on ahead. Where they change by more than it can, it is the
+    distance between the commanded motion and the one that the body can follow that counts.
+
+    Args:
+        trajectory: Commanded trajectory, whose speeds and rates are within the limits.
+        reference: Commanded state at the time of effect.
+        effect_ns: That time, ns.
+        limits: Limits of the body.
+        step_s: Time between two samples of the motion that it can follow, s.
+    """
+    left_s = min(_seconds_left(trajectory, effect_ns), FOLLOWED_S)
+    count = math.ceil(left_s / PERIOD_S) + 2
+    times_ns = effect_ns + round(PERIOD_S * 1e9) * np.arange(count)
+    velocities = np.diff(trajectory.setpoints(times_ns).positions, axis=0) / PERIOD_S
+    changes = np.diff(np.vstack([reference.velocity, velocities]), axis=0)
+    largest = COURSE_FACTOR * limits.acceleration * PERIOD_S * SLACK + STILL_MPS
+    if np.sqrt(np.square(changes).sum(axis=1)).max() <= largest:
+        return False
+    followed = follow_within(trajectory, reference, effect_ns, limits, step_s).positions
+    times_ns = effect_ns + np.round(np.arange(len(followed)) * (step_s * 1e9)).astype(np.int64)
+    apart = followed - trajectory.setpoints(times_ns).positions
+    return bool(np.sqrt(np.square(apart).sum(axis=1)).max() > COURSE_M)
+
+
+def _seconds_left(trajectory: Trajectory, effect_ns: int) -> float:
+    """Return the time from a time of effect to the rest of a trajectory, s, 0 or more."""
+    return max(trajectory.duration_s - max(effect_ns - trajectory.start_ns, 0) * 1e-9, 0.0)
+
+
 def follow_within(
     trajectory: Trajectory,
     reference: Reference,
     effect_ns: int,
     limits: MotionLimits,
     step_s: float,
+    *,
+    shorter_turn: bool = False,
 ) -> Limited:
     """Follow a trajectory as closely as the limits let the body, then brake.
 
@@ -94,11 +152,20 @@ def follow_within(
         effect_ns: That time, ns.
         limits: Limits of the body.
         step_s: Time between two samples of the result, s.
+        shorter_turn: Whether the body turns into the first heading the shorter way round, and has
+            the time for it besides.
     """
-    left_s = trajectory.duration_s - max(effect_ns - trajectory.start_ns, 0) * 1e-9
-    steps = math.ceil(min(max(left_s, 0.0), FOLLOWED_S) / step_s)
+    left_s, turn = _seconds_left(trajectory, effect_ns), 0.0
+    first = trajectory.at(effect_ns).heading
+    if shorter_turn:
+        turn = wrap_angle(first - reference.heading)
+        left_s += abs(turn) / limits.yaw_rate
+    steps = math.ceil(min(left_s, FOLLOWED_S) / step_s)
     times_ns = effect_ns + np.round(np.arange(steps + 1) * (step_s * 1e9)).astype(np.int64)
     commanded = trajectory.setpoints(times_ns)
+    if shorter_turn:
+        shift = reference.heading + turn - first  # by full turns
+        commanded = commanded._replace(headings=commanded.headings + shift)
     positions, headings = [reference.position], [reference.heading]
     velocity, rate = reference.velocity, reference.yaw_rate
     while len(positions) <= steps or norm(velocity) > 0.0 or rate != 0.0:

@@ -15,7 +15,13 @@ import numpy as np
 
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.geometry import wrap_angle
-from wayproof.harness.interface.limits import clips, exceeds, follow_within
+from wayproof.harness.interface.limits import (
+    clips,
+    exceeds,
+    follow_within,
+    heading_jumps,
+    leaves_course,
+)
 from wayproof.harness.interface.types import Array, Motion, Reference, Samples, Velocity, Waypoints
 from wayproof.maps.elementary import arc_tangent, norm, sines_cosines
 from wayproof.planners import (
@@ -60,6 +66,9 @@ TURN_FIRST_RAD = 0.6
 
 MAX_CORNER_RAD = 0.9
 """Sharpest corner of waypoints that is taken without coming to rest."""
+
+FALL_M = 1e-3
+"""Fall of the arc length of a trajectory up to which it counts as rounding, m."""
 
 STILL_M = 1e-6
 """Steps shorter than this are no motion, m."""
@@ -124,6 +133,7 @@ def trajectory_of(
     *,
     planar: bool,
     timing: WaypointTiming = LEGACY_TIMING,
+    limits_course: bool = False,
 ) -> Followed:
     """Return the trajectory that the body follows for a motion.
 
@@ -135,9 +145,11 @@ def trajectory_of(
         limits: Limits of the body.
         planar: Whether the body moves in the plane of the reference: heights are ignored.
         timing: Of waypoints.
+        limits_course: Whether a body follows corners and a first heading as its limits let it, and
+            a trajectory that goes back along its path is refused; from `behaviour.rules` 14 on.
 
     Raises:
-        MotionError: It is not finite, starts elsewhere, or has no end.
+        MotionError: It is not finite, starts elsewhere, goes back along its path or has no end.
     """
     reference = references[0]
     if isinstance(motion, Velocity):
@@ -149,14 +161,22 @@ def trajectory_of(
         trajectory = _sampled(motion, references, effect_ns, planar)
     else:
         trajectory = _checked(motion, references, effect_ns, planar)
+        if limits_course:
+            _refuse_backwards(trajectory, effect_ns)
     if trajectory.duration_s > MAX_TRAJECTORY_S:
         raise MotionError(
             f"trajectory comes to rest after {trajectory.duration_s:.0f} s, expected at most "
             f"{MAX_TRAJECTORY_S:g} s"
         )
-    if not exceeds(trajectory, reference, effect_ns, limits):
+    beyond = exceeds(trajectory, reference, effect_ns, limits)
+    if limits_course and not beyond:
+        jumps = planar and heading_jumps(trajectory, reference, effect_ns, limits)
+        beyond = jumps or leaves_course(trajectory, reference, effect_ns, limits, STEP_S)
+    if not beyond:
         return Followed(trajectory, limited=False)
-    within = follow_within(trajectory, reference, effect_ns, limits, STEP_S)
+    within = follow_within(
+        trajectory, reference, effect_ns, limits, STEP_S, shorter_turn=limits_course
+    )
     return Followed(_joined(effect_ns, within.positions, within.headings, STEP_S), limited=True)
 
 
@@ -330,6 +350,24 @@ def _checked(
     trajectory = replace(trajectory, path=path)
     _refuse_elsewhere(trajectory.at(effect_ns).position, references)
     return trajectory
+
+
+def _refuse_backwards(trajectory: Trajectory, effect_ns: int) -> None:
+    """Raise a MotionError if the arc length of a trajectory falls: its path is driven one way.
+
+    What is swept is the path from the time of effect to the rest, which are its ends so.
+    """
+    begin_s = max(effect_ns - trajectory.start_ns, 0) * 1e-9
+    left_s = max(trajectory.duration_s - begin_s, 0.0)
+    times = begin_s + np.linspace(0.0, left_s, math.ceil(left_s / STEP_S) + 1)
+    arcs = trajectory.motion.positions(np.append(times, begin_s + left_s))
+    falls = np.maximum.accumulate(arcs) - arcs
+    worst = int(falls.argmax())
+    if falls[worst] > FALL_M or arcs[0] < -FALL_M:
+        raise MotionError(
+            f"trajectory.motion: got an arc length of {arcs[worst]:.2f} m after "
+            f"{float(arcs[: worst + 1].max()):.2f} m, expected one that rises from 0 on"
+        )
 
 
 def _points(name: str, values: Array) -> Array:

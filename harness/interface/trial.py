@@ -192,6 +192,7 @@ class TrialNavigator(Navigator):
                 limits,
                 planar=planar,
                 timing=self._timing(planner_input),
+                limits_course=planner_input.behaviour.limits_course,
             )
         except (CommandError, MotionError) as error:
             raise StackError(self._who, f"sent a command with {error}") from None

@@ -142,9 +142,9 @@ def test_logs_of_former_formats_open_with_the_settings_of_a_new_one(version):
     assert (former.behaviour.keep_moving, current.behaviour.keep_moving) == (False, True)
     shares = [one.behaviour.narrow_speed_fraction for one in (former, current)]
     assert shares == [1.0, 0.7]
-    assert (former.behaviour.rules, current.behaviour.rules) == (1, 13)
+    assert (former.behaviour.rules, current.behaviour.rules) == (1, 14)
     later += ["motion.limits=full", "behaviour.keep_moving=true"]
-    later += ["behaviour.narrow_speed_fraction=0.7", "behaviour.rules=13"]
+    later += ["behaviour.narrow_speed_fraction=0.7", "behaviour.rules=14"]
     assert override(former, ["planner.name=astar", *later]) == current
 
 

@@ -9,7 +9,7 @@ import pytest
 from wayproof.harness.interface.motion import MotionError, WaypointTiming, trajectory_of
 from wayproof.harness.interface.types import Reference, Samples, Velocity, Waypoints
 from wayproof.planners import MotionLimits, Trajectory, hold
-from wayproof.planners.jerk_limited import Profile, at_rest
+from wayproof.planners.jerk_limited import Profile, at_rest, ramped
 
 LIMITS = MotionLimits(1.0, 2.0, 10.0, 2.0, 1.0)
 EFFECT_NS = 50_000_000
@@ -45,6 +45,74 @@ def test_a_velocity_is_of_the_body_and_clipped_to_its_limits():
 def test_a_walking_body_ignores_heights_and_a_flying_one_does_not():
     assert made(Velocity(0.0, up=1.0)).stop_point[2] == 0.5
     assert made(Velocity(0.0, up=1.0), planar=False).stop_point[2] > 0.7
+
+
+def limited(motion, reference=HERE, limits_course=True):
+    return trajectory_of(
+        motion, (reference, reference), EFFECT_NS, LIMITS, planar=True, limits_course=limits_course
+    )
+
+
+def braking(direction):
+    """Samples at 1 m/s for half a second, then braked at 2 m/s^2, along a direction."""
+    arcs = 0.1 * np.cumsum([0.0, *[1.0] * 5, 0.8, 0.6, 0.4, 0.2])
+    return Samples(0.1, HERE.position + np.outer(arcs, direction), np.zeros(len(arcs)))
+
+
+@pytest.mark.parametrize("direction", [(-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)])
+def test_a_body_that_is_commanded_back_or_aside_at_once_goes_on_ahead_first(direction):
+    """From 1 m/s at 2 m/s^2 it rolls on for 0.25 m along x."""
+    moving = replace(HERE, velocity=np.array([1.0, 0.0, 0.0]), at_rest=False)
+    found = limited(braking(direction), moving)
+    assert found.limited
+    assert found.trajectory.path[:, 0].max() == pytest.approx(1.25, abs=0.12)
+    assert not limited(braking(direction), moving, limits_course=False).limited
+    assert not limited(braking((1.0, 0.0, 0.0)), moving).limited
+
+
+def test_a_corner_within_a_course_is_taken_as_the_body_can():
+    there, back = np.linspace(0.0, 1.0, 11), np.linspace(0.9, 0.0, 10)
+    ahead = np.concatenate([there, back])
+    moving = replace(HERE, velocity=np.array([1.0, 0.0, 0.0]), at_rest=False)
+    braked = np.append(ahead, -np.cumsum([0.08, 0.06, 0.04, 0.02]))
+    positions = HERE.position + np.outer(braked, (1.0, 0.0, 0.0))
+    found = limited(Samples(0.1, positions, np.zeros(len(braked))), moving)
+    assert found.limited
+    assert found.trajectory.path[:, 0].max() > 2.1  # beyond the point of return at 2 m
+
+
+@pytest.mark.parametrize("turn", [math.pi / 2, -3.0, 2.0 * math.pi - 1.0])
+def test_a_first_heading_that_the_body_does_not_have_is_turned_into(turn):
+    heading = 0.4 + turn
+    still = Samples(0.1, np.tile(HERE.position, (4, 1)), np.full(4, heading))
+    found = limited(still, replace(HERE, heading=0.4))
+    assert found.limited
+    headings = found.trajectory.turning.positions(np.arange(0.0, 9.0, 0.01))
+    assert headings[0] == pytest.approx(0.4)
+    assert np.abs(np.diff(headings)).max() <= 0.01 * LIMITS.yaw_rate + 1e-9
+    shorter = (turn + math.pi) % (2.0 * math.pi) - math.pi
+    assert np.sign(headings[-1] - 0.4) == np.sign(shorter)
+    assert 0.75 * abs(shorter) < abs(headings[-1] - 0.4) <= abs(shorter) + 1e-6
+    assert not limited(replace(still, headings=np.full(4, 0.5)), replace(HERE, heading=0.4)).limited
+    full_turn = replace(still, headings=np.full(4, 0.4 + 2.0 * math.pi))
+    assert not limited(full_turn, replace(HERE, heading=0.4)).limited
+
+
+def test_a_trajectory_that_goes_back_along_its_path_is_refused():
+    """Only what lies between its first and its last arc length is swept."""
+    path = HERE.position + np.outer([0.0, 1.0], (1.0, 0.0, 0.0))
+    smooth = 3.0 * np.linspace(0, 1, 31) ** 2 - 2.0 * np.linspace(0, 1, 31) ** 3
+    ahead = Trajectory(EFFECT_NS, path, ramped(smooth, 0.1), at_rest(0.0))
+    assert not limited(ahead).limited
+    there_and_back = replace(ahead, motion=ramped(np.append(smooth, smooth[-2::-1]), 0.1))
+    with pytest.raises(
+        MotionError, match=r"arc length of 0\.00 m after 1\.00 m, expected one that"
+    ):
+        limited(there_and_back)
+    at_end = replace(HERE, position=path[1])
+    with pytest.raises(MotionError, match="expected one that rises from 0 on"):
+        limited(replace(ahead, motion=ramped(1.0 - smooth, 0.1)), at_end)
+    assert limited(there_and_back, limits_course=False).trajectory is not None
 
 
 def test_waypoints_end_at_rest_at_the_last_one_or_before_a_sharp_corner():
