@@ -87,6 +87,14 @@ def place_at(trajectory: pb.Trajectory, time_ns: int) -> Array:
     return np.array([np.interp(along, lengths, path[:, axis]) for axis in range(3)])
 
 
+def heading_at(trajectory: pb.Trajectory, time_ns: int) -> float:
+    """Return the heading of a trajectory at a simulated time, interpolated, rad."""
+    headings = np.array(trajectory.heading)
+    begun = (time_ns - trajectory.start.ToNanoseconds()) * 1e-9
+    times = np.arange(len(headings)) * trajectory.sample_period_s
+    return float(np.interp(begun, times, headings))
+
+
 def speed_at(trajectory: pb.Trajectory, time_ns: int) -> float:
     """Return the mean speed over the sample period after a simulated time, m/s."""
     period_ns = round(trajectory.sample_period_s * 1e9)

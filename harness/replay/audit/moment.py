@@ -114,6 +114,8 @@ class Moment:
     def keeps_trajectory(self) -> bool:
         """Whether its trajectory is the one before; a fork may shift its height."""
         trajectory, before, axes = self.decision.trajectory, self.before[-1], self.mission.axes
+        if trajectory.sample_period_s != before.sample_period_s:
+            return False
         pairs = [
             (np.array(trajectory.arc_length), np.array(before.arc_length)),
             (np.array(trajectory.heading), np.array(before.heading)),

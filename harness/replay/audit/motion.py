@@ -6,14 +6,22 @@ import math
 
 import numpy as np
 
-from wayproof.harness.log.paths import SAME_PLACE, length, place_at, speed_at
+from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.log.paths import SAME_PLACE, heading_at, length, place_at, speed_at
 from wayproof.harness.replay.audit.moment import MOST_MORE, Moment, Violation, apart
+from wayproof.harness.stack.decision import SAMPLE_PERIOD
 
 LIMIT_SLACK = 1.05
 """Tolerance factor of speed and acceleration, read from samples 0.1 s apart."""
 
 REST = 0.02
 """Speed below which a body is at rest, m/s."""
+
+FALL = 1e-3
+"""Fall of the arc length that counts as rounding, m."""
+
+ROUNDING = 1e-9
+"""Tolerance of a sample period, s."""
 
 FARTHEST = 20.0
 """Greatest distance of an estimated position outside the operating area, m."""
@@ -32,8 +40,11 @@ def is_malformed(moment: Moment) -> str:
             f"{len(headings)} of the heading; expected one or more, and as many of both"
         )
     period = trajectory.sample_period_s
-    if not (np.isfinite(arcs).all() and np.isfinite(headings).all() and 1e-3 <= period <= 10.0):
-        return f"samples that are not finite, or {period:g} s apart"
+    finite = np.isfinite(arcs).all() and np.isfinite(headings).all()
+    if not (finite and abs(period - SAMPLE_PERIOD) <= ROUNDING):
+        return f"samples that are not finite, or {period:g} s apart, expected {SAMPLE_PERIOD:g} s"
+    if arcs[0] < -FALL or (np.maximum.accumulate(arcs) - arcs).max() > FALL:
+        return "an arc length that does not rise from 0 on"
     widening = moment.decision.widening
     if len(widening) not in (0, 2) or max(widening, default=0) > MOST_MORE:
         return f"a widening by {tuple(widening)} cells, expected two of at most {MOST_MORE}"
@@ -62,6 +73,10 @@ def check_limits(moment: Moment) -> list[Violation]:
     if speeds.max() > mission.max_speed * LIMIT_SLACK:
         text = f"{speeds.max():.2f} m/s, {mission.max_speed:g} allowed"
         found.append(moment.broken("limits", text))
+    rate = float(np.abs(np.diff(trajectory.heading)).max()) / period
+    if rate > mission.max_yaw_rate * LIMIT_SLACK + REST:
+        text = f"turns at {rate:.2f} rad/s, {mission.max_yaw_rate:g} allowed"
+        found.append(moment.broken("limits", text))
     hardest = np.abs(accelerations).max() if len(accelerations) else 0.0
     if hardest > mission.max_acceleration * LIMIT_SLACK:
         text = f"{hardest:.2f} m/s^2, {mission.max_acceleration:g} allowed"
@@ -70,14 +85,17 @@ def check_limits(moment: Moment) -> list[Violation]:
 
 
 def check_joint(moment: Moment) -> list[Violation]:
-    """Check that the trajectory starts at the position and speed of the one before."""
+    """Check that the trajectory starts at the position, speed and heading of the one before.
+
+    The heading is that of a body on the ground: what it is in the air sweeps no other space.
+    """
     trajectory, before = moment.decision.trajectory, moment.before[-1]
     start_ns = trajectory.start.ToNanoseconds()
     if moment.late:
         return []
     if start_ns < before.start.ToNanoseconds():
         return [moment.broken("joined", "starts before the trajectory before it")]
-    off = apart(moment, moment.path[0], place_at(before, start_ns))
+    off = apart(moment, place_at(trajectory, start_ns), place_at(before, start_ns))
     # Between samples 0.1 s apart the body is off the chord by a t^2 / 8 at most.
     if off > 2.0 * SAME_PLACE:
         text = f"starts {off:.2f} m from where the trajectory before it is then"
@@ -87,6 +105,10 @@ def check_joint(moment: Moment) -> list[Violation]:
     allowed = moment.mission.max_acceleration * trajectory.sample_period_s * LIMIT_SLACK + REST
     if abs(speeds[0] - speeds[1]) > allowed:
         text = f"starts at {speeds[0]:.2f} m/s, the trajectory before it is at {speeds[1]:.2f} then"
+        return [moment.broken("joined", text)]
+    turn = abs(wrap_angle(heading_at(trajectory, start_ns) - heading_at(before, start_ns)))
+    if moment.mission.planar and turn > moment.mission.max_yaw_rate * SAMPLE_PERIOD * LIMIT_SLACK:
+        text = f"starts at a heading {turn:.2f} rad off that of the trajectory before it"
         return [moment.broken("joined", text)]
     return []
 

@@ -60,7 +60,7 @@ def check_settings(moment: Moment) -> list[Violation]:
             ("resolution_m", decision.resolution_m, config.map.resolution),
             ("deadline_s", decision.deadline_s, config.latency.deadline),
         )
-        if abs(said - expected) > ROUNDING
+        if not abs(said - expected) <= ROUNDING  # nor NaN
     ]
     return found
 

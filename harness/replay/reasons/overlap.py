@@ -43,6 +43,14 @@ def obstructed(scene: Scene, reason: pb.Reason, way: Array, unknown_blocks: bool
     )
 
 
+def cell_on_way(scene: Scene, reason: pb.Reason, way: Array, unknown_blocks: bool) -> Iterator[str]:
+    """Check that the named cell blocks, at a place on the way."""
+    yield from _check_cell(scene, reason, unknown_blocks)
+    _, beside = nearest(way, point_of(reason.place), scene)
+    if beside > BENT + max(abs(one) for one in scene.offsets):
+        yield f"the place is {beside:.2f} m beside the way"
+
+
 def _piece_length(scene: Scene, way: Array, begin: float, reason: pb.Reason) -> float:
     """Return the length of the piece that a long body may not enter, m; others enter part of it."""
     if not scene.mission.discs:

@@ -9,6 +9,7 @@ import pytest
 
 from tests.harness.replay.audit.test_run import forge
 from wayproof.harness.bench.maintain.reasons import main, tally
+from wayproof.harness.config import StackConfig
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit.run import moments
 from wayproof.harness.replay.reasons import PREDICATES, ReasonCheck, figures_of
@@ -236,6 +237,50 @@ def test_a_turn_leads_into_the_path_where_it_is_read(log, discs, turn, is_true):
         decision.global_path.add(x=x, y=y)
     texts = ReasonCheck().check(decision, moment.map, moment.config, mission)
     assert (texts == []) == is_true, texts
+
+
+def commanded_texts(moment, reason, verdict, path=None, turn=0.0):
+    """Texts of the check of a command of a stack on trial, by default of a decision's own path."""
+    decision = pb.Decision()
+    decision.CopyFrom(moment.decision)
+    if path is not None:
+        del decision.trajectory.path[:]
+        for x, y, z in path:
+            decision.trajectory.path.add(x=x, y=y, z=z)
+        decision.trajectory.arc_length[:] = [0.0, 0.0]
+        decision.trajectory.heading[:] = [0.0, turn]
+    decision.trajectory.start.FromNanoseconds(decision.timestamp.ToNanoseconds())
+    decision.predicate.CopyFrom(reason_message(reason))
+    decision.reason, decision.action, decision.label = sentence(reason), "follow", "none"
+    decision.verdict.verdict, decision.verdict.cut = verdict, False
+    config = replace(moment.config, stack=StackConfig("dwa"))
+    return ReasonCheck().check(decision, moment.map, config, moment.mission)
+
+
+def test_a_command_without_proof_names_what_blocks_it_on_its_way(log):
+    *_, moment = itertools.islice(moments(log), 13)
+    x, y, z = (getattr(moment.decision.trajectory.path[5], axis) for axis in "xyz")
+    outside = {"cell": moment.mission.high, "cell_state": "unknown", "place": (x, y, z)}
+    free = {"cell": (x, y, z), "cell_state": "occupied", "place": (x, y, z)}
+
+    def texts(free_m, **where):
+        reason = Reason("commanded_without_proof", free_m=free_m, **where)
+        return " ".join(commanded_texts(moment, reason, "blocked"))
+
+    assert "free_m is" in texts(9.0)
+    assert "the cell is free, not occupied" in texts(0.3, **free)
+    assert "out of reach of the body" in texts(0.3, **outside)
+    aside = {"cell": moment.mission.high, "cell_state": "unknown", "place": moment.mission.high}
+    assert "beside the way" in texts(0.3, **aside)
+
+
+def test_a_body_that_keeps_its_place_is_admitted_wherever_it_is(log):
+    moment = next(moments(log))
+    reason, unknown = Reason("commanded", free_m=0.0), [moment.mission.high]
+    assert commanded_texts(moment, reason, "admitted", path=unknown) == []
+    long = replace(moment, mission=replace(moment.mission, discs=((0.0, 0.3),)))
+    assert commanded_texts(long, reason, "admitted", path=unknown) == []
+    assert commanded_texts(long, reason, "admitted", path=unknown, turn=0.5) != []
 
 
 @pytest.mark.parametrize(("left", "is_true"), [(0.25, True), (0.1, False), (0.5, False)])

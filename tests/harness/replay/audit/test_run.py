@@ -219,10 +219,47 @@ def from_elsewhere(decision):
     decision.trajectory.path[0].x += 0.3
 
 
+def runs_backwards(decision):
+    samples = decision.trajectory.arc_length
+    samples.extend(reversed(list(samples)[len(samples) // 2 :]))
+    decision.trajectory.heading.extend(list(decision.trajectory.heading)[len(samples) // 2 :])
+    del decision.trajectory.heading[len(samples) :]
+
+
+def begins_further_on(decision):
+    samples = decision.trajectory.arc_length
+    for k, arc in enumerate(samples):
+        samples[k] = min(arc + 0.5, samples[-1])
+
+
+def at_another_pace(decision):
+    decision.trajectory.sample_period_s = 0.2
+
+
+def the_other_way_round(decision):
+    for k, heading in enumerate(decision.trajectory.heading):
+        decision.trajectory.heading[k] = heading + np.pi
+
+
+def spins(decision):
+    for k, heading in enumerate(decision.trajectory.heading):
+        decision.trajectory.heading[k] = heading + 7.0 * k
+
+
+def in_cells_of_no_size(decision):
+    decision.resolution_m = np.nan
+
+
 @pytest.mark.parametrize(
     ("change", "rules"),
     [
         (nothing, set()),
+        (runs_backwards, {"form"}),
+        (begins_further_on, {"joined"}),
+        (at_another_pace, {"form"}),
+        (the_other_way_round, {"joined"}),
+        (spins, {"limits"}),
+        (in_cells_of_no_size, {"settings"}),
         (another_map, {"version"}),
         (through_the_wall, {"swept"}),
         (recovers_into_the_wall, {"recover"}),
@@ -277,6 +314,9 @@ def test_a_late_decision_leaves_the_trajectory_before_it(moment):
     late = dataclasses.replace(moment, record=late.record)
     assert judge_way(late).kind == "late"
     assert {one.rule for one in judge(late)[1]} <= {"figure"}  # its length is not filled in
+    assert late.keeps_trajectory
+    late.decision.trajectory.sample_period_s = 0.2
+    assert not dataclasses.replace(late).keeps_trajectory
 
 
 FORGERIES = {
