@@ -249,3 +249,8 @@ class BehaviourConfig:
     def limits_course(self) -> bool:
         """Whether commands of a stack on trial are limited in corners and first heading, too."""
         return self.rules >= 14
+
+    @property
+    def goes_on_turning(self) -> bool:
+        """Whether waypoints of a stack on trial go on with a turn in place that is under way."""
+        return self.rules >= 14

@@ -201,11 +201,16 @@ def stop_along(
 
 
 def turn_in_place(
-    position: Floats, start_ns: int, heading: float, target_heading: float, limits: MotionLimits
+    position: Floats,
+    start_ns: int,
+    heading: float,
+    target_heading: float,
+    limits: MotionLimits,
+    yaw_rate: float = 0.0,
 ) -> Trajectory:
-    """Turn at rest to a heading, rad, the shorter way round."""
+    """Turn at rest to a heading, rad, the shorter way round, from a yaw rate, rad/s, on."""
     target = heading + float(wrap(target_heading - heading))
-    turning = jerk_limited.move(State(heading, 0.0, 0.0), target, limits.yaw_rate, limits.yaw)
+    turning = jerk_limited.move(State(heading, yaw_rate, 0.0), target, limits.yaw_rate, limits.yaw)
     return Trajectory(start_ns, _single(position), jerk_limited.at_rest(0.0), turning)
 
 

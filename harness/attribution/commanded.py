@@ -3,7 +3,8 @@
 Each trajectory is judged to its rest, so an admitted command ends in space that the map held free,
 whatever came before it. What led to a contact are therefore the commands after the last admitted
 one, up to that which the body followed at the contact: at the first of them a guard would have
-braked.
+braked. A command that keeps its place is admitted wherever that is, so one within the inflation
+ends nothing.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution.case import Case, Moment
-from wayproof.harness.log.paths import densely
+from wayproof.harness.log.paths import arc_at, densely
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
@@ -60,7 +61,8 @@ def on_trial(case: Case) -> bool:
 def commands_to(case: Case, time_s: float) -> tuple[int, ...]:
     """Return the numbers of the commands not admitted that led to where the body is at a time.
 
-    In order; none if the command that it follows then was admitted, or the guard had braked.
+    In order; none if the command that it follows then was admitted for the space that it sweeps, or
+    the guard had braked.
     """
     numbers: list[int] = []
     for number in range(len(case.moments) - 1, -1, -1):
@@ -68,10 +70,22 @@ def commands_to(case: Case, time_s: float) -> tuple[int, ...]:
         decision = moment.decision
         if moment.effect_ns > time_s * 1e9 or decision.deadline_missed:
             continue  # the body does not follow it
-        if not against(decision):
+        if against(decision):
+            numbers.append(number)
+        elif not _keeps_place_within_inflation(moment, long_body=bool(case.mission.discs)):
             break
-        numbers.append(number)
     return tuple(reversed(numbers))
+
+
+def _keeps_place_within_inflation(moment: Moment, *, long_body: bool) -> bool:
+    """Return whether an admitted command sweeps nothing, at a place that the map has no room at."""
+    decision = moment.decision
+    trajectory, verdict = decision.trajectory, decision.verdict
+    if verdict.verdict != ADMITTED or verdict.cut or not trajectory.arc_length:
+        return False
+    moves = trajectory.arc_length[-1] > arc_at(trajectory, moment.effect_ns)
+    turns = long_body and np.ptp(trajectory.heading) > 0.0
+    return not moves and not turns and decision.least_clearance_m < decision.inflation_radius_m
 
 
 def answer_s(moment: Moment) -> float:

@@ -35,6 +35,7 @@ from wayproof.harness.attribution.grids import (
 )
 from wayproof.harness.mission import Mission
 from wayproof.harness.recompute.segments import SegmentedStack
+from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import OCCUPIED, UNKNOWN
@@ -61,7 +62,8 @@ class TrueWays:
         gained_m: Path length covered over the last decisions, m.
         widest: Measures half the width of the widest path without movers, m, once, as that takes
             long; 0 without one.
-        open_at_end: Finds whether a path exists with the movers as they are at the end, likewise.
+        open_at_end: Finds whether a path exists with the movers as they are at the end, likewise;
+            or none without them, either.
     """
 
     radius: float
@@ -116,7 +118,7 @@ class MapWays:
 def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     """Search the true scene on the grid of a stack; progress counts from a decision on."""
     costmap, last = navigator.costmap, case.moments[-1]
-    size, radius = costmap.resolution, certain_radius(case, navigator)
+    size, radius = costmap.resolution, certain_radius(navigator, last.decision)
     goal, reach = goal_of(case, navigator)
     start = cell_of(navigator, np.array(case.mission.start))
     here = cell_of(navigator, last.true_position)
@@ -131,9 +133,14 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
 
     @cache
     def open_at_end() -> bool:
+        def joined_here(free: Cells) -> bool:
+            return joined_for(offsets, size, free=free, start=here, goal=goal, reach=reach)
+
+        if not last.truth.movers or not joined_here(still > radius):  # nothing that moves closed it
+            return True
         case.space.place_movers(last.truth)
         gaps = clearances(true_occupancy(case, navigator), size)
-        return joined_for(offsets, size, free=gaps > radius, start=here, goal=goal, reach=reach)
+        return joined_here(gaps > radius)
 
     shortest, left, before = 0.0, math.inf, math.inf
     if exists and case.outcome == "timeout":  # time decides no other outcome
@@ -224,7 +231,7 @@ def _search_for_paths(case: Case, navigator: Navigator, moment: Moment) -> _Look
         reach=reach,
         radius=costmap.inflation_radius,
         turning=turning_radius(case, navigator),
-        certain=certain_radius(case, navigator),
+        certain=certain_radius(navigator, moment.decision),
     )
 
 
@@ -273,13 +280,17 @@ def _search_map(
     )
 
 
-def certain_radius(case: Case, navigator: Navigator) -> float:
-    """Return the inflation radius of the last decision for a certain pose, m.
+def certain_radius(navigator: Navigator, decision: pb.Decision) -> float:
+    """Return the inflation radius of a decision, had its pose been certain, m.
 
     A usual uncertainty is part of the margin.
+
+    Args:
+        navigator: Stack with the costmap of the decision.
+        decision: The decision, with the uncertainty of its pose.
     """
-    last = case.moments[-1].decision
-    doubt = MARGIN_SIGMAS * last.position_sigma - max(last.widening, default=0) * last.resolution_m
+    widened = max(decision.widening, default=0) * decision.resolution_m
+    doubt = MARGIN_SIGMAS * decision.position_sigma - widened
     return navigator.costmap.inflation_radius - max(doubt - USUAL_DOUBT, 0.0)
 
 

@@ -47,8 +47,7 @@ def in_words(verdict: Verdict) -> str:
     """Return the conclusion of a check in words."""
     note = f"; {verdict.note}" if verdict.note else ""
     if verdict.answer == "inconclusive":
-        what = "no remedy was tried, or nothing changed and it did not fail again"
-        return f"inconclusive: {verdict.note or what}"
+        return f"inconclusive: {verdict.note}" if verdict.note else "inconclusive"
     saving = [one.remedy.replace("_", " ") for one in verdict.checks if one.saves]
     by = f"; {', '.join(saving)} would have saved it" if saving else "; nothing saves it"
     return f"{verdict.finding.cause} is {verdict.answer}{by}{note}"

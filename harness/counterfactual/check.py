@@ -94,32 +94,42 @@ def check(
             checks.append(one)
             note = note or other
             simulated += took
-            if name == CONTROL and one.saves:
+            if name == CONTROL and (one.saves or one.outcome != case.outcome):
                 break
             if not thorough and one.saves and finding.cause in REMEDIES[name][1]:
                 break
         if any(one.saves for one in checks) or simulated >= most_s:
             break
     if simulated >= most_s and not any(one.saves for one in checks):  # the rest may save it
+        spent = f"the bound of {most_s:g} s of simulated time left remedies untried"
+        note = f"{spent}; {note}" if note else spent
         return Verdict(
             finding, answer="inconclusive", checks=tuple(checks), simulated_s=simulated, note=note
         )
-    settled, answer = settle(finding, checks)
+    settled, answer = settle(finding, checks, recorded=case.outcome)
+    if answer == "inconclusive":
+        why = why_inconclusive(finding, checks, recorded=case.outcome)
+        note = f"{why}; {note}" if note else why
     return Verdict(settled, answer, checks=tuple(checks), simulated_s=simulated, note=note)
 
 
-def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
+def settle(finding: Finding, checks: Sequence[Check], recorded: str) -> tuple[Finding, str]:
     """Return the cause that the checks leave, and the answer.
 
-    If a remedy of the cause saves the robot, the cause is confirmed. If only others do, it is
-    replaced by the first of their causes in the order of `CAUSES`, that of a true map last; the
-    guard replaces none, as a robot that stands is saved from much, nor does its absence. If none
-    saves it, only a cause that facts alone establish stands; any other becomes `unexplained`.
+    A control that ends otherwise than recorded shows nothing. If a remedy of the cause saves the
+    robot, the cause is confirmed. If only others do, it is replaced by the first of their causes in
+    the order of `CAUSES`, that of a true map last; the guard replaces none, as a robot that stands
+    is saved from much, nor does its absence. If none saves it, a cause that facts alone establish
+    stands, one of which a remedy was tried becomes `unexplained`, and of any other nothing is
+    shown.
+
+    Args:
+        finding: Cause by the facts.
+        checks: Outcomes of the control and the remedies.
+        recorded: Outcome of the episode.
     """
-    if any(one.remedy == CONTROL and one.saves for one in checks):
-        return finding, "inconclusive"
     tried = [one for one in checks if one.remedy != CONTROL]
-    if not tried:
+    if not tried or _other_control(checks, recorded) is not None:
         return finding, "inconclusive"
     saving = [one.remedy for one in tried if one.saves and _bears_out(one.remedy, finding.cause)]
     borne_out = [cause for name in saving for cause in REMEDIES[name][1]]
@@ -136,10 +146,36 @@ def settle(finding: Finding, checks: Sequence[Check]) -> tuple[Finding, str]:
         evidence = f"{by.replace('_', ' ')} alone saves the robot"
     elif finding.cause in (*SHOWN_BY_THEIR_OWN_TEST, "unexplained"):
         return finding, "confirmed"
+    elif not _is_tried(finding.cause, tried):
+        return finding, "inconclusive"
     else:
         cause, evidence = "unexplained", "no remedy saves the robot"
     before = f"{evidence}; the facts alone gave {finding.cause}: {finding.evidence}"
     return Finding(cause, before, finding.decision, finding.place), "changed"
+
+
+def why_inconclusive(finding: Finding, checks: Sequence[Check], recorded: str) -> str:
+    """Return why checks show nothing of a cause, in words; arguments as of `settle`."""
+    control = _other_control(checks, recorded)
+    if control is not None:
+        return f"without a change it ended as {control.outcome}, not as recorded"
+    tried = [one for one in checks if one.remedy != CONTROL]
+    if not tried:
+        return "no remedy was tried"
+    saving = [one.remedy.replace("_", " ") for one in tried if one.saves]
+    if saving:
+        return f"{' and '.join(saving)} alone saves it, which says nothing about {finding.cause}"
+    return f"no remedy for {finding.cause} was tried, and no other saves it"
+
+
+def _other_control(checks: Sequence[Check], recorded: str) -> Check | None:
+    """Return the first control that did not end as recorded; None without one."""
+    controls = [one for one in checks if one.remedy == CONTROL]
+    return next((one for one in controls if one.saves or one.outcome != recorded), None)
+
+
+def _is_tried(cause: str, tried: Sequence[Check]) -> bool:
+    return any(cause in REMEDIES[one.remedy][1] for one in tried)
 
 
 def _in_order(case: Case, cause: str) -> list[str]:

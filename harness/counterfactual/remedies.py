@@ -278,7 +278,7 @@ def go_on(
     config = change.config
     if config.episode.time_limit == log.config.episode.time_limit:
         config = replace(config, episode=replace(config.episode, time_limit=limit_s))
-    scenario = replace(rebuild(log, config), mission=case.mission)
+    scenario = replace(rebuild(log, config), mission=case.segments[-1].mission)  # all its goals
     scenario = change.scenario(with_recorded_movers(scenario, case))
     past = live_through(log, at, scenario, restarted)
     if is_outside(log.config.prediction.source):  # it is not run again

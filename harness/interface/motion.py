@@ -87,11 +87,14 @@ class WaypointTiming(NamedTuple):
         acceleration: Commanded along the path at the time of effect, m/s^2.
         sideways_speed: Speed until the heading has turned into the path, m/s; 0 for no such limit.
         whole_bends: Whether a bend that begins or ends the path limits the speed from there on.
+        goes_on_turning: Whether a turn in place goes on with the yaw rate that is commanded then;
+            from `behaviour.rules` 14 on.
     """
 
     acceleration: float = 0.0
     sideways_speed: float = 0.0
     whole_bends: bool = False
+    goes_on_turning: bool = False
 
 
 LEGACY_TIMING = WaypointTiming()
@@ -110,7 +113,12 @@ def waypoint_timing(
     """
     if not behaviour.times_waypoints_alike:
         return LEGACY_TIMING
-    return WaypointTiming(acceleration, sideways_speed, behaviour.whole_bends)
+    return WaypointTiming(
+        acceleration,
+        sideways_speed,
+        whole_bends=behaviour.whole_bends,
+        goes_on_turning=behaviour.goes_on_turning,
+    )
 
 
 class Followed(NamedTuple):
@@ -261,7 +269,12 @@ def _waypoint_trajectory(
             heading = arc_tangent(float(direction[1]), float(direction[0]))
             if abs(wrap_angle(heading - reference.heading)) > TURN_FIRST_RAD:
                 return turn_in_place(
-                    reference.position, effect_ns, reference.heading, heading, limits
+                    reference.position,
+                    effect_ns,
+                    reference.heading,
+                    heading,
+                    limits,
+                    yaw_rate=reference.yaw_rate if timing.goes_on_turning else 0.0,
                 )
         corner = first_stop(path, 0.0, MAX_CORNER_RAD)
         if STILL_M < corner < arc_lengths(path)[-1]:

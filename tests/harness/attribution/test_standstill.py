@@ -1,14 +1,19 @@
-"""Causes of standstills, from tables of facts."""
+"""Causes of standstills, from tables of facts and from episodes."""
+
+from pathlib import Path
 
 import pytest
 
 from tests.harness.attribution.facts import BAD, LIED, cause_of, changed
+from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.attribution import standstill as standstills
 from wayproof.harness.attribution.floor_edge import FloorEdge
 from wayproof.harness.attribution.pose import PoseFacts
 from wayproof.harness.attribution.ranges import RangeFacts
 from wayproof.harness.attribution.standstill_facts import StandstillFacts
-from wayproof.harness.attribution.ways import MapWays, TrueWays
+from wayproof.harness.attribution.ways import MapWays, TrueWays, certain_radius
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 TRUTH = TrueWays(
     radius=0.5,
@@ -126,3 +131,21 @@ IN_VAIN = {"map.in_vain": 0.4, "map.not_found": 0.8}
 )
 def test_a_standstill_has_the_cause_that_its_facts_leave(change, cause):
     assert cause_of(standstills.TESTS, changed(STILL, change)) == cause
+
+
+def test_nothing_that_moves_is_blamed_where_nothing_moves(recorded):
+    """The body has landed, nearer to the floor than its margin."""
+    stack = "stack.name=tests.harness.interface.stacks_on_trial:Lands"
+    log = open_log(Path(recorded("empty", "drone", 1, stack).log), allow_plugins=True)
+    case = read_case(log)
+    assert not case.moments[-1].truth.movers
+    assert find_cause(case).cause != "moved_obstacle"
+
+
+def test_a_doubt_that_came_later_is_none_of_an_earlier_decision(recorded):
+    log = open_log(Path(recorded("empty", "drone", 1, "episode.time_limit=2").log))
+    case = read_case(log)
+    navigator = case.empty_navigator_at(3)
+    sure, unsure = pb.Decision(position_sigma=0.02), pb.Decision(position_sigma=0.4)
+    assert certain_radius(navigator, sure) == navigator.costmap.inflation_radius
+    assert certain_radius(navigator, unsure) < navigator.costmap.inflation_radius - 0.7

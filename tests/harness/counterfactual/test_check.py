@@ -11,7 +11,7 @@ import pytest
 from wayproof.harness.attribution import CAUSES, find_cause, read_case
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.bench.attribution.confusion import run_planted
-from wayproof.harness.counterfactual.check import check, settle
+from wayproof.harness.counterfactual.check import check, settle, why_inconclusive
 from wayproof.harness.counterfactual.recorded_movers import with_recorded_movers
 from wayproof.harness.counterfactual.remedies import REMEDIES
 from wayproof.harness.counterfactual.verdict import Check
@@ -62,13 +62,53 @@ def saved_by(*remedies):
         ("unexplained", ("true_map",), "ghost_obstacle", "changed"),
         ("unexplained", ("true_map", "no_movers"), "moved_obstacle", "changed"),
         ("localization", ("control", "true_pose"), "localization", "inconclusive"),
+        ("stack_broken", (), "stack_broken", "inconclusive"),
     ],
 )
 def test_a_check_decides_the_cause(found, saving, cause, answer):
     finding = Finding(found, "by its facts", 3, (0.0, 0.0, 0.0))
-    settled, given = settle(finding, saved_by(*saving))
+    settled, given = settle(finding, saved_by(*saving), recorded="stuck")
     assert (settled.cause, given) == (cause, answer)
     assert "by its facts" in settled.evidence
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "recorded", "why"),
+    [
+        ({"control": "stuck"}, "stuck", "no remedy was tried"),
+        ({"control": "success"}, "stuck", "without a change it ended as success, not as recorded"),
+        (
+            {"control": "collision", "true_pose": "success"},
+            "stuck",
+            "without a change it ended as collision, not as recorded",
+        ),
+        (
+            {"control": "stuck", "no_movers": "stuck"},
+            "stuck",
+            "no remedy for localization was tried, and no other saves it",
+        ),
+        (
+            {"control": "stuck", "guard": "success"},
+            "stuck",
+            "guard alone saves it, which says nothing about localization",
+        ),
+    ],
+)
+def test_what_shows_nothing_of_a_cause_is_inconclusive_and_says_why(outcomes, recorded, why):
+    finding = Finding("localization", "by its facts", 3, (0.0, 0.0, 0.0))
+    checks = [Check(name, 0, end, 9.0, end == "success") for name, end in outcomes.items()]
+    assert settle(finding, checks, recorded=recorded) == (finding, "inconclusive")
+    assert why_inconclusive(finding, checks, recorded=recorded) == why
+
+
+def test_a_remedy_saves_a_mission_with_all_its_goals(recorded):
+    """Two goals take 7.7 s; the first one alone takes 3.7 s."""
+    goals = ('waypoints=["world"]', "goal=home", "episode.time_limit=5")
+    log = open_log(Path(recorded("empty", "drone", 1, *goals).log))
+    verdict = check(log, find_cause(read_case(log)), ("more_time",))
+    control, longer = verdict.checks
+    assert (control.outcome, longer.outcome) == ("timeout", "success")
+    assert longer.end_s > 6.0
 
 
 def test_every_cause_that_a_change_can_undo_has_a_remedy():

@@ -48,6 +48,18 @@ def test_a_control_that_ends_otherwise_shows_nothing():
     assert "ended as error, not as recorded" in note
 
 
+def test_a_stop_within_the_inflation_takes_no_blame_off_what_led_there(recorded):
+    """The stack rests a few centimetres from a wall, which sweeps nothing and is admitted."""
+    stack = "stack.name=tests.harness.interface.stacks_on_trial:ToTheWall"
+    log = open_log(Path(recorded("empty", "drone", 1, stack, "episode.stuck_after=5").log), True)
+    case = read_case(log)
+    verdicts = [moment.decision.verdict.verdict for moment in case.moments]
+    assert (case.outcome, verdicts[-1]) == ("collision", "admitted")
+    finding = find_cause(case)
+    assert finding.cause == "disregarded_obstacle"
+    assert check(log, finding).answer == "confirmed"
+
+
 def test_the_guard_brakes_at_the_first_command_that_led_to_the_contact(recorded, tmp_path, capsys):
     path = Path(recorded(*BLIND).log)
     log = open_log(path)

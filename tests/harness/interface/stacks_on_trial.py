@@ -51,6 +51,28 @@ class ToGoalAtFullSpeed(Base):
         return Command(Waypoints(np.array([self.task.mission.goal])))
 
 
+class ToTheWall(Base):
+    """Flies to 5 cm from where the wall at the least x ends its area, and rests there."""
+
+    def start(self, task):
+        self.mission = task.mission
+
+    def step(self, observation):
+        here = np.array(observation.reference.position)
+        x = self.mission.low[0] + self.mission.radius + 0.15
+        return Command(Waypoints(np.array([here, [x, *here[1:]]])))
+
+
+class Lands(Base):
+    """Lands on its way, and gives up there."""
+
+    def step(self, observation):
+        here = np.array(observation.reference.position)
+        if observation.sequence > 25:
+            return Command(action="abort", reason="battery low")
+        return Command(Waypoints(np.array([here, [*here[:2], 0.08]])))
+
+
 class Swerves(Base):
     """Turns by 39 degrees to either side of the way to the goal, each for a second."""
 

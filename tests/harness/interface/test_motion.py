@@ -125,6 +125,25 @@ def test_waypoints_end_at_rest_at_the_last_one_or_before_a_sharp_corner():
     assert abs(behind.turning.end) == pytest.approx(math.pi)
 
 
+def test_waypoints_that_are_sent_again_and_again_turn_as_those_sent_once():
+    """Each command takes effect 0.1 s after the last, where that has the body by then."""
+    behind = Waypoints(np.array([[0.0, 2.0, 0.5]]))
+
+    def turned(goes_on_turning):
+        reference, timing = HERE, WaypointTiming(goes_on_turning=goes_on_turning)
+        for _ in range(20):
+            turn = trajectory_of(
+                behind, (reference, reference), EFFECT_NS, LIMITS, planar=True, timing=timing
+            ).trajectory
+            then = turn.at(EFFECT_NS + 100_000_000)
+            reference = replace(reference, heading=then.heading, yaw_rate=then.yaw_rate)
+        return abs(reference.heading)
+
+    once = made(behind).at(EFFECT_NS + 2_000_000_000)
+    assert turned(True) > 0.5 * abs(once.heading)  # its acceleration begins anew each time
+    assert turned(False) < 0.2 * abs(once.heading)
+
+
 def timed(path, reference, timing):
     motion = Waypoints(HERE.position + np.array(path))
     return trajectory_of(
