@@ -81,5 +81,5 @@ def _recorded(moments: Sequence[Moment], number: int) -> RecordedMover:
 
 
 def _seconds(times: np.ndarray, number: int) -> float:
-    """Return the time of a decision, s; `NEVER` beyond the last one."""
+    """Return the time of a decision, s; infinite beyond the last one."""
     return float(times[number]) * 1e-9 if number < len(times) else inf

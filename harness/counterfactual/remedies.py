@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from wayproof.harness.attribution.case import Case
 from wayproof.harness.config import Config, LatencyConfig
 from wayproof.harness.config_document import to_json
-from wayproof.harness.counterfactual.recorded_movers import with_recorded_movers
+from wayproof.harness.counterfactual.recorded_movers import NEVER, with_recorded_movers
 from wayproof.harness.counterfactual.true_cells import TrueCells, mark_truth, true_cells
 from wayproof.harness.episode import Episode
 from wayproof.harness.inputs import Inputs
@@ -57,9 +57,6 @@ MORE_LIMIT = 4.0
 
 STEP = 6.0
 """Log-odds of one mark, from either clamp across the middle."""
-
-NEVER = 1e9
-"""Time of appearance of a mover that never appears, s."""
 
 ERRORS = {one.name for one in fields(PoseModelConfig)} - {"rate", "correlation_time"}
 EXACT = PoseModelConfig(**dict.fromkeys(ERRORS, 0.0))

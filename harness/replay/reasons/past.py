@@ -93,7 +93,3 @@ class Past:
         steps = list(self.steps.values())
         reached = [k for k, one in enumerate(steps, 1) if one.action == "goal"]
         return [one.predicate for one in steps[reached[-1] if reached else 0 :]]
-
-    def at(self, time_ns: int) -> int | None:
-        """Return the number of the decision at a time, or None."""
-        return next((k for k, one in self.steps.items() if one.time_ns == time_ns), None)
