@@ -132,11 +132,17 @@ class Episode:
         self._simulation.enqueue(trajectories)  # the ones that began leave the queue by themselves
         self._recorder.resume(decisions, truths)
 
-    def run(self) -> Result:
-        """Sense, decide and simulate up to a verdict."""
+    def run(self, until: int | None = None) -> Result:
+        """Sense, decide and simulate up to a verdict.
+
+        Args:
+            until: Number of the decision after which the episode is abandoned; by default none.
+        """
         self.sense()
         while self.result is None:
             self.step()
+            if until is not None and self.result is None and self._sequence > until:
+                self.abandon(f"abandoned after decision {until}")
         return self.result
 
     def sense(self) -> None:

@@ -42,6 +42,7 @@ def run_episode(
     stack: NavigatorFactory | None = None,
     session: Session | None = None,
     predictions: Predictions | None = None,
+    until: int | None = None,
 ) -> Result:
     """Run one episode and write its log.
 
@@ -56,6 +57,7 @@ def run_episode(
             answers; without one a stack of the user's own is run.
         predictions: Predictions in place of the predictor from outside that the config names, such
             as those of a log; without them it is run.
+        until: Number of the decision after which the episode is abandoned; by default none.
 
     Raises:
         InputError: No map can be made for the mission, or the log cannot be written.
@@ -63,7 +65,7 @@ def run_episode(
     """
     with open_episode(scenario, log_path, observe, stack, session, predictions) as opened:
         opened.episode.delays.update(delays or {})
-        opened.episode.run()
+        opened.episode.run(until)
         return opened.end(record)
 
 

@@ -174,11 +174,14 @@ def simulate_again(
 
 
 def _simulate(log: Log, target: Path, folder: Path) -> None:
-    """Write the episode again: the first segment from the start, then each fork."""
+    """Write the episode again: the first segment from the start, then each fork.
+
+    Each but the last stops at the decision at which the next begins: its own end is not in the log.
+    """
     delays = _delays(log)
     forks = segments_of(log)[1:]
+    ends = [*(run.begin for run in forks), None]
     steps = [folder / f"{number}.mcap" for number in range(len(forks))] + [target]
-    answers = None if log.config.stack.name == BUILTIN else RecordedAnswers(log)
     predictions = RecordedPredictions(log) if is_outside(log.config.prediction.source) else None
     scenario = rebuild(log.as_of(BEFORE_ALL))
     run_episode(
@@ -186,10 +189,11 @@ def _simulate(log: Log, target: Path, folder: Path) -> None:
         steps[0],
         delays=delays,
         record="full",
-        session=answers,
+        session=_answers(log, ends[0]),
         predictions=predictions,
+        until=ends[0],
     )
-    for run, before, after in zip(forks, steps[:-1], steps[1:], strict=True):
+    for run, end, before, after in zip(forks, ends[1:], steps[:-1], steps[1:], strict=True):
         parent = open_log(before, allow_plugins=True)
         fork_with(
             parent,
@@ -198,9 +202,18 @@ def _simulate(log: Log, target: Path, folder: Path) -> None:
             after,
             delays=delays,
             record="full",
-            session=answers,
+            session=_answers(log, end),
             predictions=predictions,
+            until=end,
         )
+
+
+def _answers(log: Log, end: int | None) -> RecordedAnswers | None:
+    """Return the answers of a stack on trial before the end of a segment, then silence.
+
+    Those from there on were given to the next segment, whose settings they may need.
+    """
+    return None if log.config.stack.name == BUILTIN else RecordedAnswers(log, silent_from=end)
 
 
 def _delays(log: Log) -> dict[int, float]:

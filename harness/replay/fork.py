@@ -117,6 +117,7 @@ def fork_with(
     restarted: RestartedStack | None = None,
     session: Session | None = None,
     predictions: Predictions | None = None,
+    until: int | None = None,
 ) -> Result:
     """Simulate the episode of a log from one decision on with another config.
 
@@ -132,6 +133,7 @@ def fork_with(
         session: Session in its place, such as recorded answers; no stack is queried before.
         predictions: Predictions in place of the predictor from outside that the config names, which
             is run.
+        until: Number of the decision after which the episode is abandoned; by default none.
 
     Raises:
         InputError: A changed setting determines the beginning of the episode, there is no such
@@ -162,7 +164,7 @@ def fork_with(
             episode.delays.update(delays or {})
             episode.resume(past.state, past.trajectories, past.decisions, past.truths, past.seen)
             with publishing_failures(draft, writer):
-                ended = episode.run()
+                ended = episode.run(until)
                 if restarted is not None and (text := restarted.session.stderr()):
                     writer.attach(STDERR, bounded(text))
                 result = finish(episode, writer, ended)
