@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.inputs import Beams
-from wayproof.harness.interface.connect import Session, ShowsReferee, connect
+from wayproof.harness.interface.connect import Session, ShowsReferee, connect, start_session
 from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.trial import ShadowTrialNavigator, TrialNavigator
 from wayproof.harness.mission import Mission
@@ -58,6 +58,7 @@ def live_navigator(
         session: Session in place of the stack that the config names; that one is run.
 
     Raises:
+        NotStarted: The stack fails in its start.
         InputError: There is no such stack, or no map can be made for this mission.
     """
     beams = {name: beams_from_info(info) for name, info in infos.items()}
@@ -69,7 +70,7 @@ def live_navigator(
         navigator = navigator_for(config, mission, beams, session)
         if isinstance(session, ShowsReferee):
             session.show(navigator.costmap)
-        session.start(task_of(config, mission, infos))
+        start_session(session, task_of(config, mission, infos))
         yield navigator, session
     finally:
         session.close()

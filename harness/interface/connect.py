@@ -14,7 +14,12 @@ from wayproof.harness.config import BUILTIN
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.interface.command_messages import CommandError, command_message
 from wayproof.harness.interface.connection import ChildProcess, Socket
-from wayproof.harness.interface.errors import STACK_CAUSES, StackError, code_from_outside
+from wayproof.harness.interface.errors import (
+    STACK_CAUSES,
+    NotStarted,
+    StackError,
+    code_from_outside,
+)
 from wayproof.harness.interface.policy import PolicyStack
 from wayproof.harness.interface.remote import STARTING_S, RemoteStack
 from wayproof.harness.interface.stacks import STACKS
@@ -91,13 +96,54 @@ class InProcess:
             raise StackError(self._who, f"returned a command with {error}") from None
 
     def close(self) -> None:
-        """Close it."""
-        with stack_code(self._who):
+        """Close it; what it raises then changes nothing, as in a process of its own."""
+        with contextlib.suppress(StackError), stack_code(self._who):
             self._stack.close()
 
     def stderr(self) -> str:
         """Return nothing: it shares this process's."""
         return ""
+
+
+class FailedInStart:
+    """A stack that failed as it was started, as a session that fails at the first observation."""
+
+    def __init__(self, failure: StackError) -> None:
+        """Take the failure."""
+        self._failure = failure
+
+    def start(self, task: Task) -> None:
+        """Do nothing: it failed."""
+
+    def announce(self) -> None:
+        """Do nothing: it failed."""
+
+    def query(self, observation: Observation) -> sb.Command:
+        """Fail.
+
+        Raises:
+            StackError: The failure.
+        """
+        raise self._failure
+
+    def close(self) -> None:
+        """Do nothing: it is closed."""
+
+    def stderr(self) -> str:
+        """Return nothing: its failure has the traceback."""
+        return ""
+
+
+def start_session(session: Session, task: Task) -> None:
+    """Start a stack with its task.
+
+    Raises:
+        NotStarted: It fails in its start.
+    """
+    try:
+        session.start(task)
+    except StackError as failure:
+        raise NotStarted(failure) from failure
 
 
 def connect(name: str, wall_s: float) -> Session:

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Iterator
 from typing import Literal
 
-from wayproof.harness.errors import NeverReturned
+from wayproof.harness.errors import InputError, NeverReturned
 from wayproof.planners.ompl._plugin import UserCodeError, user_code
 
 StackCause = Literal["stack_died", "stack_hung", "stack_broken"]
@@ -44,6 +44,20 @@ class StackError(OutsideError):
     ) -> None:
         """Name the stack and say what it did, in one line."""
         super().__init__(who, what, cause, traceback)
+
+
+class NotStarted(InputError):
+    """A stack on trial that fails as it is started, before anything is decided.
+
+    Attributes:
+        failure: What it did.
+    """
+
+    def __init__(self, failure: StackError) -> None:
+        """Say in one line what it did."""
+        what = str(failure).removeprefix(f"{failure.who} ")
+        super().__init__(f"{failure.who} cannot be started: it {what}")
+        self.failure = failure
 
 
 class PredictorError(OutsideError):

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Inputs
-from wayproof.harness.interface.connect import Session, connect
+from wayproof.harness.interface.connect import Session, connect, start_session
+from wayproof.harness.interface.errors import StackError
 from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.interface.types import Observation, Task
@@ -117,12 +118,15 @@ class RestartedStack:
             record: The decision.
 
         Raises:
-            InputError: It has no answer.
+            InputError: The log has no answer there, or the stack fails.
         """
         sequence = record.decision.sequence
         if record.answer is None:
             raise InputError(f"log '{self.log}': decision {sequence} without an answer")
-        answer = navigator.query(record.inputs)
+        try:
+            answer = navigator.query(record.inputs)
+        except StackError as failure:
+            raise InputError(f"{failure} at decision {sequence}") from failure
         recorded = sb.Command.FromString(record.answer.command)
         found = message_differences(recorded, sb.Command.FromString(answer.command))
         self.answers += 1
@@ -149,7 +153,7 @@ def restarted_stack(log: Log, stack: str) -> Iterator[RestartedStack]:
     first = segments_of(log)[0]
     session = connect(stack, log.config.plugins.wall_s)
     try:
-        session.start(task_of(first.config, first.mission, sensors_of(log)))
+        start_session(session, task_of(first.config, first.mission, sensors_of(log)))
         yield RestartedStack(str(log.path), stack, session)
     finally:
         session.close()

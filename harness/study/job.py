@@ -98,13 +98,19 @@ def _run_recorded(job: Job) -> None:
 
 
 def _run_simulated(job: Job) -> None:
+    from wayproof.harness.interface.connect import FailedInStart
+    from wayproof.harness.interface.errors import NotStarted
     from wayproof.harness.runner import run_episode
     from wayproof.harness.scenario.scenario import build
 
     config = from_json(job.config, allow_plugins=True)
     if episode_key(config, contents_of(named_by(config))) != job.key:
         raise InputError("a file that its config names was changed since the plan")
-    run_episode(build(config), job.log)
+    scenario = build(config)
+    try:
+        run_episode(scenario, job.log)
+    except NotStarted as error:  # of a stack that failed, not of an episode that cannot be run
+        run_episode(scenario, job.log, session=FailedInStart(error.failure))
 
 
 def warm_up_job(config: bytes) -> None:

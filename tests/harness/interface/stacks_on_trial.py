@@ -92,6 +92,20 @@ class Raises(Base):
         return Command(Velocity(0.2))
 
 
+class RaisesInStart(Ahead):
+    def start(self, task):
+        raise FileNotFoundError("weights.bin")
+
+
+class RaisesInClose(Ahead):
+    def close(self):
+        raise OSError("no tidying up")
+
+
+class RaisesInBoth(RaisesInStart, RaisesInClose):
+    """Raises in `start`, and then in `close`."""
+
+
 class Dies(Base):
     def step(self, observation):
         if observation.sequence == 3:

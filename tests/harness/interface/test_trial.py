@@ -1,5 +1,6 @@
 """Stacks on trial, end to end: the same by every way in, judged, logged, replayed and broken."""
 
+import json
 import subprocess
 import sys
 import time
@@ -243,6 +244,8 @@ def test_a_stack_on_a_socket_gives_the_same_chain(tried, tmp_path):
         ("tcp:localhost", "expected tcp:HOST:PORT"),
         (f"{STACKS}:Nobody", "has no class 'Nobody'"),
         (f"{STACKS}:Base", "a class without step"),
+        (f"{STACKS}:RaisesInStart", "cannot be started: it raised FileNotFoundError: weights.bin"),
+        (f"{STACKS}:RaisesInBoth", "cannot be started: it raised FileNotFoundError: weights.bin"),
         ("exec:true", "ended (exit code 0)"),
     ],
 )
@@ -258,6 +261,33 @@ def test_a_stack_that_cannot_be_reached_is_one_line_and_leaves_no_log(
     assert text in printed
     assert len(printed.strip().splitlines()) == 1
     assert not list(tmp_path.glob("*.mcap*"))
+
+
+def test_what_a_stack_raises_as_it_is_closed_changes_nothing(tried, tmp_path, capsys):
+    ended = trial(tmp_path, own("RaisesInClose"))
+    assert ended.chain == tried(own("Ahead")).chain
+    settings = [part for one in QUICK for part in ("--set", one)]
+    command = ["run", "empty", "--robot", "quadruped", "--seed", "1", *settings]
+    log = str(tmp_path / "b.mcap")
+    code = main([*command, "--stack", own("RaisesInClose"), "--log", log, "--json"])
+    assert (code, json.loads(capsys.readouterr().out)["outcome"]) == (1, "timeout")
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        ("RaisesInStart", "cannot be started: it raised FileNotFoundError: weights.bin"),
+        ("Raises", "raised KeyError: 'map' (stacks_on_trial.py"),
+    ],
+)
+def test_a_stack_that_fails_as_it_is_asked_again_is_one_line(tried, capsys, kind, text):
+    log = tried(own("Ahead")).log
+    assert main(["replay", log, "--stack", own(kind)]) == 2
+    printed = capsys.readouterr().err
+    assert text in printed
+    assert len(printed.strip().splitlines()) == 1
+    asked = compare_answers(Path(log), own("RaisesInClose"))
+    assert asked.identical
 
 
 def test_answers_are_logged_as_they_were_sent(tried):

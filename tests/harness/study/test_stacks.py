@@ -1,6 +1,7 @@
 """Stacks as an axis of a study: planned, identified, paired, tabulated and compared."""
 
 import json
+import sys
 
 import pyarrow.parquet as pq
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from tests.harness.study.here import run_here
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_of
 from wayproof.harness.study.compare import compare
@@ -250,6 +252,26 @@ def test_a_build_that_fails_in_its_first_decision_has_failed_and_not_passed(tmp_
     assert main(["report", str(folders[1]), "--allow-plugins"]) == 0
     assert "KeyError" in (folders[1] / "report.html").read_text()
     capsys.readouterr()
+
+
+RAISES_IN_START = CRASHES.replace("pass", 'raise KeyError("weights")', 1)
+
+
+def test_a_stack_that_fails_in_its_start_has_failed_in_each_episode(tmp_path):
+    """The same in this process as in one of its own."""
+    here = built(tmp_path, 2.0)
+    (tmp_path / "mine.py").write_text(RAISES_IN_START)
+    there = f"exec:{sys.executable} -m wayproof serve {here}"
+    study, episodes = planned(tmp_path, here, there)
+    store = Store(tmp_path / "out")
+    result = run_study(study, episodes, store, run_here, lambda done: None)
+    assert (result.missing, result.errors) == (0, 0)
+    assert [dict(one.outcomes) for one in result.arms] == [{"error": 2}, {"error": 2}]
+    for one in episodes:
+        ended = open_log(store.log(one.key), allow_plugins=True).result
+        assert (ended["outcome"], ended["cause"]) == ("error", "stack_broken")
+        assert "KeyError: 'weights'" in ended["reason"]
+        assert ended["reason"].endswith("at decision 0")
 
 
 def test_curves_of_stacks_stand_in_one_plot():
