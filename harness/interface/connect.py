@@ -93,7 +93,7 @@ class InProcess:
         try:
             return command_message(command, observation.sequence)
         except CommandError as error:
-            raise StackError(self._who, f"returned a command with {error}") from None
+            raise StackError(self._who, f"returned no valid command: {error}") from None
 
     def close(self) -> None:
         """Close it; what it raises then changes nothing, as in a process of its own."""

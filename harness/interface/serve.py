@@ -143,7 +143,7 @@ def _answer(served: Served, message: sb.ToStack) -> tuple[sb.FromStack | None, b
     try:
         return served.answer(message), False
     except CommandError as error:
-        failure = sb.Failure(text=f"returned a command with {error}"[:300])
+        failure = sb.Failure(text=f"returned no valid command: {error}"[:300])
     except PredictionError as error:
         failure = sb.Failure(text=f"predicted what is none: {error}"[:300])
     except Exception as error:

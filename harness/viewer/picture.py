@@ -201,6 +201,8 @@ def draw_picture(path: Path, sequence: int, out: Path, allow_plugins: bool = Fal
                     picture = beside(picture, above)
                 _write(out, picture)
                 return
+    if not count:
+        raise InputError(f"log '{path}': no decisions in it")
     raise InputError(f"log '{path}': no decision {sequence}, expected 0 to {count - 1}")
 
 

@@ -92,6 +92,13 @@ class Raises(Base):
         return Command(Velocity(0.2))
 
 
+class Nothing(Base):
+    """Returns nothing."""
+
+    def step(self, observation):
+        pass
+
+
 class RaisesInStart(Ahead):
     def start(self, task):
         raise FileNotFoundError("weights.bin")

@@ -189,6 +189,13 @@ def test_a_broken_stack_ends_the_episode_in_one_line(tmp_path, kind, remote, cau
     assert replay(Path(result.log)).identical  # the decisions before
 
 
+@pytest.mark.parametrize("remote", [False, True])
+def test_a_step_that_returns_nothing_is_named(tmp_path, remote):
+    stack = f"{CHILD} {own('Nothing')}" if remote else own("Nothing")
+    said = "returned no valid command: got NoneType, expected a Command at decision 0"
+    assert said in trial(tmp_path, stack).reason
+
+
 def test_a_child_that_floods_its_standard_error_is_no_danger(tmp_path):
     result = trial(tmp_path, f"{CHILD} {own('Floods')}", "empty", "drone")
     assert result.outcome == "timeout"

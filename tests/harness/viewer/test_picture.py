@@ -1,5 +1,7 @@
 """Pictures of single decisions."""
 
+from pathlib import Path
+
 import numpy as np
 from PIL import Image
 
@@ -22,4 +24,13 @@ def test_a_decision_that_is_not_there(tmp_path, failed):
     code, error = drawn(["picture", str(failed), "999", "--out", str(out)])
     assert code == 2
     assert "no decision 999, expected 0 to" in error
+    assert not out.exists()
+
+
+def test_a_log_without_decisions_has_no_picture(tmp_path, recorded):
+    stack = Path(__file__).parents[1] / "interface" / "stacks_on_trial.py"
+    log = recorded("empty", "quadruped", 1, f"stack.name={stack}:Nothing").log
+    out = tmp_path / "x.png"
+    code, error = drawn(["picture", log, "0", "--out", str(out), "--allow-plugins"])
+    assert (code, error) == (2, f"wayproof: log '{log}': no decisions in it\n")
     assert not out.exists()
