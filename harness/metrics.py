@@ -69,10 +69,15 @@ def efficiency(path_length: float, route_length: float) -> float:
 
 
 def barn_score(trace: Trace) -> float | None:
-    """S OT / clip(AT, 2 OT, 8 OT), OT = l / (2 m/s) (the BARN challenge's run.py)."""
+    """S OT / clip(AT, 2 OT, 8 OT), OT = l / (2 m/s) (the BARN challenge's run.py).
+
+    Where the start is the goal, OT is 0, and a success has the score of the least time, 1/2.
+    """
     if trace.route_length is None:
         return None
     optimal = trace.route_length / BARN_SPEED
+    if optimal == 0.0:
+        return success(trace) / BARN_CLIP[0]
     shortest, longest = (factor * optimal for factor in BARN_CLIP)
     return success(trace) * optimal / min(max(trace.duration, shortest), longest)
 

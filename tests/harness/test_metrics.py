@@ -153,6 +153,14 @@ def test_barn_score_is_clipped_at_both_ends() -> None:
     assert barn(trace(duration=100.0)) == 0.125
 
 
+def test_an_episode_that_starts_at_its_goal_has_every_score() -> None:
+    """OT is 0, and the least time that counts, 2 OT, is too."""
+    scores = score(trace(route_length=0.0, start_distance=0.0, duration=0.0))
+    assert scores["barn_score"] == 0.5
+    late = trace(route_length=0.0, start_distance=0.0, outcome="timeout", duration=60.0)
+    assert score(late)["barn_score"] == 0.0
+
+
 def test_unknown_routes_leave_their_metrics_open() -> None:
     scores = score(trace(route_length=None))
     assert [name for name, value in scores.items() if value is None] == [
