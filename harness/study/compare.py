@@ -51,6 +51,7 @@ def compare(
     samples = samples_between(rows_before, rows)
     if not any(sample.pairs for sample in samples):
         raise InputError(f"'{before}' and '{after}' have no arm and seed in common")
+    of_recordings = planned[0].source is not None
     limit = max(one.config.episode.time_limit for one in planned)
     expected = {(one.arm, one.seed) for one in (*planned, *planned_before)}
     kept, kept_before = ({(row.arm, row.seed) for row in some} for some in (rows, rows_before))
@@ -62,9 +63,10 @@ def compare(
         missing=len(expected - (kept & kept_before)),
         errors=len({(row.arm, row.seed) for row in errors}),
         first_error=error_in_words(errors[0]) if errors else "",
-        arms=summarise(samples, limit),
+        arms=[] if of_recordings else summarise(samples, limit),
         gates=judge(samples, judged, limit),
         foreign=(*foreign_before, *foreign),
+        of_recordings=of_recordings,
         gates_set=len(judged),
         pairs=Paired(
             count=len(pairs),

@@ -91,6 +91,18 @@ def test_the_table_is_what_follows_from_the_logs(folder, document):
     assert [one.first for one in passes] == [one["first"] for one in document["passes"]]
 
 
+def test_two_runs_are_compared_by_their_gates(folder, document, tmp_path, capsys):
+    """The passes have no outcomes, so there is nothing to say of an arm's success."""
+    out = str(folder / "out")
+    gates = ["--gate", "admitted_share.drop <= 0.5", "--html", str(tmp_path / "page.html")]
+    assert main(["compare", out, out, *gates, "--json"]) == 3
+    compared = json.loads(capsys.readouterr().out)
+    assert compared["arms"] == []
+    assert [gate["verdict"] for gate in compared["gates"]] == ["inconclusive"] * 2
+    assert [gate["interval"]["estimate"] for gate in compared["gates"]] == [0.0, 0.0]
+    assert "2 of 2 passes through recordings judged" in (tmp_path / "page.html").read_text()
+
+
 def test_a_second_run_runs_nothing_and_says_the_same(folder, document):
     logs = {path: path.stat().st_mtime_ns for path in (folder / "out/logs").glob("*.mcap")}
     assert study_of(folder)["passes"] == document["passes"]
