@@ -23,7 +23,7 @@ class Compared:
     Attributes:
         result: Its verdict.
         samples: The arms with their pairs.
-        time_limit: Time limit of an episode, s.
+        time_limit: Greatest time limit of an episode of either folder, s.
     """
 
     result: StudyResult
@@ -52,7 +52,7 @@ def compare(
     if not any(sample.pairs for sample in samples):
         raise InputError(f"'{before}' and '{after}' have no arm and seed in common")
     of_recordings = planned[0].source is not None
-    limit = max(one.config.episode.time_limit for one in planned)
+    limit = max(one.config.episode.time_limit for one in (*planned_before, *planned))
     expected = {(one.arm, one.seed) for one in (*planned, *planned_before)}
     kept, kept_before = ({(row.arm, row.seed) for row in some} for some in (rows, rows_before))
     errors = [row for row in (*rows, *rows_before) if not row.ran]

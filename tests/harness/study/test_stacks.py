@@ -214,6 +214,17 @@ def test_a_build_of_a_stack_is_gated_against_the_one_before(tmp_path, capsys):
     assert "lost 2, won 0" in " ".join(capsys.readouterr().out.split())
 
 
+def test_times_are_bounded_by_the_longer_of_two_time_limits(tmp_path):
+    """By the shorter one, times of the other study would lie beyond the bound on any time."""
+    folders = []
+    for limit in (2, 1):
+        place = tmp_path / str(limit)
+        place.mkdir()
+        folders.append(ran(place, "gap", limit=limit))
+    for before, after in (folders, folders[::-1]):
+        assert compare(before, after, ["success.drop <= 0.1"]).time_limit == 2.0
+
+
 def test_the_packaged_study_of_stacks():
     study = read_study("stacks")
     episodes = plan_episodes(study)
