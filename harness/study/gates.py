@@ -76,23 +76,20 @@ def judge(
         time_limit: Time limit of an episode, s, the greatest value of a time.
     """
     populations = _populations(samples)
-    judged = [
-        (gate, one)
-        for gate in gates
-        for one in populations
-        if one.compared or (gate.statistic == "mean" and _has_figure(gate, one, populations))
-    ]
+    judged = [(gate, one) for gate in gates for one in _arms_of(gate, populations)]
     return [_judge(gate, one, len(judged), time_limit) for gate, one in judged]
 
 
-def _has_figure(gate: Gate, sample: Sample, samples: Sequence[Sample]) -> bool:
-    """Return whether an arm can have a gate's figure.
+def _arms_of(gate: Gate, samples: Sequence[Sample]) -> list[Sample]:
+    """Return the arms that a gate is judged on.
 
-    No referee judges the built-in stack, so its arm is left out beside those of stacks on trial.
-    Without these it stays, and the gate is inconclusive, as nothing is shown.
+    No referee judges the built-in stack, so its arms are left out beside those of stacks on trial.
+    Without these they stay, and the gate is inconclusive, as nothing is shown.
     """
-    others = any(one.arm.stack not in ("", BUILTIN) for one in samples)
-    return not (others and gate.metric in OF_STACKS_ON_TRIAL and sample.arm.stack == BUILTIN)
+    arms = [one for one in samples if one.compared or gate.statistic == "mean"]
+    if gate.metric not in OF_STACKS_ON_TRIAL:
+        return arms
+    return [one for one in arms if one.arm.stack != BUILTIN] or arms
 
 
 def _populations(samples: Sequence[Sample]) -> list[Sample]:

@@ -152,6 +152,32 @@ def test_a_figure_of_stacks_on_trial_is_judged_on_their_arms_alone() -> None:
     assert [(one.arm, one.verdict) for one in both] == [(gap, "held")]
 
 
+@pytest.mark.parametrize("first", ["builtin", "gap"])
+def test_a_compared_arm_of_the_built_in_stack_is_left_out_too(first: str) -> None:
+    """Its own reference, or its place after the first stack, gives it no referee."""
+    stacks = {name: dataclasses.replace(ARM, stack=name) for name in ("builtin", "gap")}
+    drift = {"perturbation": "pose_drift", "severity": 3.0}
+    arms = [*stacks.values(), *(dataclasses.replace(one, **drift) for one in stacks.values())]
+    figures = {"builtin": None, "gap": 0.1}
+    rows = [row(k, arm, not_admitted=figures[arm.stack]) for arm in arms for k in range(40)]
+    gate = read_gate("not_admitted.mean <= 0.5")
+    for samples in (samples_of(rows, "", first), samples_between(rows, rows)):
+        found = judge(samples, [gate], 60.0)
+        assert [(one.arm.stack, one.verdict, one.gates) for one in found] == [
+            ("gap", "held", 2),
+            ("gap", "held", 2),
+        ]
+
+
+def test_a_gate_neither_vanishes_nor_passes_where_no_arm_has_its_figure() -> None:
+    builtin, gap = (dataclasses.replace(ARM, stack=name) for name in ("builtin", "gap"))
+    rows = [row(k, arm) for arm in (gap, builtin) for k in range(40)]
+    mean, rise = (read_gate(f"not_admitted.{one} <= 0.5") for one in ("mean", "rise"))
+    for first, arms in (("gap", [gap, builtin]), ("builtin", [gap, gap])):
+        found = judge(samples_of(rows, "", first), [mean, rise], 60.0)
+        assert [(one.arm, one.verdict) for one in found] == [(arm, "inconclusive") for arm in arms]
+
+
 def test_an_arm_without_its_partner_is_inconclusive() -> None:
     drift = Arm("warehouse", "drone", "", "pose_drift", 3)
     result = judged("success.drop <= 0.5", [row(k, drift) for k in range(9)])
