@@ -102,7 +102,8 @@ def assess(
             pieces.append(piece)
     if not passed:
         raise InputError(f"log '{path}': no decisions in it")
-    legs = tuple(_with_hindsight(leg, judging) for leg in legs_of(pieces))
+    offsets = [offset for offset, _ in log.mission.discs]
+    legs = tuple(_with_hindsight(leg, judging) for leg in legs_of(pieces, offsets))
     return Assessed(
         log=log,
         passed=tuple(passed),

@@ -9,6 +9,7 @@ import numpy as np
 
 from wayproof.harness.geometry import polyline_length
 from wayproof.harness.log.paths import Array
+from wayproof.harness.replay.audit.body import track_of
 from wayproof.harness.shadow.overlap import Cell
 from wayproof.harness.shadow.way import LEAST_STEP, knots
 
@@ -65,20 +66,46 @@ class Leg:
     hindsight_cells: int = 0
 
 
-def legs_of(pieces: Sequence[Piece]) -> list[Leg]:
+def legs_of(pieces: Sequence[Piece], offsets: Sequence[float] = ()) -> list[Leg]:
     """Join successive pieces to legs.
 
-    A rest of less than a step at the end of the recording is no way, and is left out.
+    A rest of less than a step at the end of the recording is no way, and is left out; but where a
+    long body turns in it, so that it moves off its middle by a step, that belongs to the last leg.
+
+    Args:
+        pieces: The pieces.
+        offsets: Offsets of the discs of a long body along it, m; none of a round one.
     """
-    legs: list[Leg] = []
+    steps, rest = _steps(pieces)
+    turns, _ = _steps(rest, offsets)
+    if steps:
+        steps[-1].extend(piece for turn in turns for piece in turn)
+    return [_leg(step) for step in steps]
+
+
+def _steps(
+    pieces: Sequence[Piece], offsets: Sequence[float] = (0.0,)
+) -> tuple[list[list[Piece]], list[Piece]]:
+    """Join pieces until a place at any of the offsets along the body has moved by a step.
+
+    Returns:
+        The steps, and the pieces after the last.
+    """
+    steps: list[list[Piece]] = []
     open_: list[Piece] = []
     for piece in pieces:
         open_.append(piece)
-        away = np.square(piece.poses[:, :3] - open_[0].poses[0, :3]).sum(axis=1)
-        if away.max() >= LEAST_STEP * LEAST_STEP:
-            legs.append(_leg(open_))
+        first = open_[0].poses[:1]
+        if any(_moves_by_a_step(first, piece.poses, offset) for offset in offsets):
+            steps.append(open_)
             open_ = []
-    return legs
+    return steps, open_
+
+
+def _moves_by_a_step(first: Array, poses: Array, offset: float) -> bool:
+    """Return whether a place along the body gets a step from where it was at first (1, 4)."""
+    away = track_of(poses, offset) - track_of(first, offset)
+    return bool(np.square(away).sum(axis=1).max() >= LEAST_STEP * LEAST_STEP)
 
 
 def _leg(pieces: Sequence[Piece]) -> Leg:
