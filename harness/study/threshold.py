@@ -294,22 +294,34 @@ def thresholds_in_words(thresholds: Thresholds) -> str:
     """Return the median with its interval, and the seeds without a threshold, in words."""
     text = f"{len(thresholds.seeds)} seeds in {thresholds.episodes} episodes"
     if thresholds.median is not None and thresholds.median_amount is not None:
-        middle, amount = thresholds.median, thresholds.median_amount
-        text += (
-            f": half fail at severity {_number(middle.estimate)} ({_number(middle.low)} to "
-            f"{_number(middle.high)}), {_number(amount.estimate)} ({_number(amount.low)} to "
-            f"{_number(amount.high)}) {thresholds.unit}"
-        )
+        half = _half_in_words(thresholds.median, thresholds.median_amount, thresholds.unit)
+        text += f": half fail {half}"
     parts = [
         f"{thresholds.bear_all} bear even 5",
         f"{thresholds.fail_unperturbed} fail unperturbed",
         f"{len(thresholds.errors)} could not be run"
         + (f", first: {thresholds.first_error}" if thresholds.errors else ""),
     ]
-    return "; ".join([text.rstrip(), *parts])
+    return "; ".join([text, *parts])
 
 
-def _number(value: float) -> str:
-    if value == math.inf:
-        return "beyond the scale"
-    return "below the scale" if value == -math.inf else f"{value:.3g}"
+def _half_in_words(severity: Interval, amount: Interval, unit: str) -> str:
+    """Return where half of the seeds fail, with the interval, both as severity and as amount."""
+    text = f"at severity {severity.estimate:.3g}, {_measured(amount.estimate, unit)}"
+    if math.isinf(severity.estimate):
+        text = "only beyond the scale"
+    if severity.low == -math.inf:
+        return f"{text} (too few seeds for an interval)"
+    if severity.low == math.inf:
+        return text
+    low = f"{severity.low:.3g}, {_measured(amount.low, unit)}"
+    if severity.high == math.inf:
+        return f"{text} (interval from severity {low}, to beyond the scale)"
+    ends, amounts = (f"({one.low:.3g} to {one.high:.3g})" for one in (severity, amount))
+    return (
+        f"at severity {severity.estimate:.3g} {ends}, {amount.estimate:.3g} {amounts} {unit}"
+    ).rstrip()
+
+
+def _measured(amount: float, unit: str) -> str:
+    return f"{amount:.3g} {unit}".rstrip()

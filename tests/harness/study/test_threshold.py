@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -98,8 +99,31 @@ def test_who_bears_the_whole_scale_is_told_as_such(tmp_path: Path) -> None:
     assert found.median.estimate == INFINITE
     assert found.median.high == INFINITE
     assert found.median.low == pytest.approx(1.0, abs=0.01)
-    assert "half fail at severity beyond the scale" in thresholds_in_words(found)
-    assert "6 bear even 5" in thresholds_in_words(found)
+    assert re.fullmatch(
+        r"9 seeds in 45 episodes: half fail only beyond the scale \(interval from severity "
+        r"\S+, \S+ m/m, to beyond the scale\); 6 bear even 5; 0 fail .*",
+        thresholds_in_words(found),
+    )
+
+
+@pytest.mark.parametrize(
+    ("severities", "words"),
+    [
+        ([2.0] * 9, "half fail at severity 2 (2 to 2), 2 (2 to 2) m"),
+        ([2.0] * 5, "half fail at severity 2, 2 m (too few seeds for an interval)"),
+        ([INFINITE] * 2, "half fail only beyond the scale (too few seeds for an interval)"),
+        ([INFINITE] * 9, "half fail only beyond the scale"),
+        (
+            [2.0] * 5 + [INFINITE] * 4,
+            "half fail at severity 2, 2 m (interval from severity 2, 2 m, to beyond the scale)",
+        ),
+    ],
+)
+def test_where_half_fail_is_a_sentence(severities: list[float], words: str, tmp_path: Path) -> None:
+    found = bisect(tmp_path, Pretended(lambda seed: 1.0))
+    median = quantile_interval(severities)
+    said = thresholds_in_words(replace(found, median=median, median_amount=median, unit="m"))
+    assert said.partition(": ")[2].partition(";")[0] == words
 
 
 def test_what_was_interrupted_goes_on(tmp_path: Path) -> None:
