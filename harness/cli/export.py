@@ -64,6 +64,7 @@ OUTPUTS: dict[str, Output] = {
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write each requested file."""
+    from wayproof.harness.log.codec.container import is_mcap
     from wayproof.harness.log.reader import open_log
 
     requested = {name: getattr(options, name) for name in OUTPUTS}
@@ -73,6 +74,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     for name, path in targets.items():
         if path.resolve() == options.log.resolve():
             raise InputError(f"--{name}: got the log itself, '{path}'")
+        if is_mcap(path):
+            raise InputError(f"--{name} '{path}': a log or recording, expected another name")
     check_log(options.log, options)
     log = open_log(options.log, options.allow_plugins)
     documents = []

@@ -166,13 +166,14 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
         InputError: The config cannot be run, or its log cannot be written; a full disk is named.
     """
     from wayproof.harness.cli.live import LiveLine
-    from wayproof.harness.log.writer import hold_log
+    from wayproof.harness.log.writer import hold_log, refuse_inputs
     from wayproof.harness.runner import run_episode
     from wayproof.harness.scenario.scenario import build
     from wayproof.harness.supervision import bound_memory
     from wayproof.harness.warm_up import warm_up
     from wayproof.kernel_cache import any_cached
 
+    refuse_inputs(path, (config.prior.source, config.world, config.robot))
     if not (console.is_terminal or any_cached()):  # else minutes without a word
         print(f"wayproof: {COMPILING}", file=sys.stderr, flush=True)
     bound_memory(config.plugins.memory_mib)

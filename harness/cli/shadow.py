@@ -29,6 +29,7 @@ STYLES = {"admitted": "bold green", "not admitted": "bold red", "nothing shown":
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Decide on a recording, write its log, and judge it."""
+    from wayproof.harness.log.writer import refuse_inputs
     from wayproof.harness.recordings.formats import open_recording
     from wayproof.harness.shadow.assess import assess
     from wayproof.harness.shadow.body import find_body
@@ -52,6 +53,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         prior=options.prior,
     )
     path = options.log or options.logs / f"{log_name(recording, prepared)}.mcap"
+    given = [one.partition("=")[2] for one in options.set]
+    refuse_inputs(path, (options.recording, options.prior or "", *given))
     console.print(f"{recording.name}: {recording.chosen}", soft_wrap=True, highlight=False)
     if prepared.assumes_height:
         console.print(

@@ -17,7 +17,7 @@ import functools
 import hashlib
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import zstandard
@@ -26,7 +26,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.log.codec.container import MAGIC
+from wayproof.harness.log.codec.container import is_log
 from wayproof.harness.log.codec.mcap_file import McapFile
 from wayproof.harness.log.codec.packed import pack
 from wayproof.harness.log.machine import installed_version, this_machine
@@ -268,17 +268,30 @@ def hold_log(path: Path) -> Draft:
 
     Raises:
         InputError: The folder cannot be written to or is full; the name is that of a folder, a
-            device or a file that is no log; or another run is writing it.
+            device or a file that is no log of ours; or another run is writing it.
     """
     check_target(path, "log")
     check_folder(path.parent)
     draft = Draft(path)
-    if path.is_file() and path.stat().st_size:
-        with path.open("rb") as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                draft.release()
-                raise InputError(f"log '{path}': a file that is no log, expected another name")
+    if path.is_file() and path.stat().st_size and not is_log(path):
+        draft.release()
+        raise InputError(f"log '{path}': a file that is no log, expected another name")
     return draft
+
+
+def refuse_inputs(path: Path, inputs: Iterable[str | Path]) -> None:
+    """Refuse a log's name that is the name of a file which is read for it.
+
+    Args:
+        path: Name of the log.
+        inputs: Names of files; what is no file is passed over.
+
+    Raises:
+        InputError: One of them would be overwritten.
+    """
+    for one in map(Path, inputs):
+        if path.is_file() and one.is_file() and path.samefile(one):
+            raise InputError(f"log '{path}': is read for this log, expected another name")
 
 
 def digest_name(attachment: str) -> str:

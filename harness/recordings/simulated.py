@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.inputs import Beams as LoggedBeams
 from wayproof.harness.inputs import SweepInput
+from wayproof.harness.log.codec.container import is_log
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.recordings.beams import (
@@ -45,17 +46,10 @@ from wayproof.models.sensors.beams import (
     ray_ranges,
 )
 
-BEGINNING = b"\x89MCAP0\r\n\x01"
-PROFILE = b"wayproof"
-
 
 def looks_like(path: Path) -> bool:
     """Return whether a file is an MCAP file with the profile of our logs."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        head = file.read(64)
-    return head.startswith(BEGINNING) and head[21:29] == PROFILE
+    return path.is_file() and is_log(path)
 
 
 def open_episode(path: Path, options: RecordingOptions) -> Recording:

@@ -15,12 +15,14 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
+from wayproof.harness.errors import InputError
 from wayproof.harness.explain.stack_costmap import shades
 from wayproof.harness.goals import mission_towards
 from wayproof.harness.interface.types import Grid
+from wayproof.harness.log.codec.container import is_log, origin_of
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.writer import check_folder, file_descriptor_set
-from wayproof.harness.outputs import written_whole
+from wayproof.harness.outputs import ENDING, written_whole
 from wayproof.harness.schema import foxglove_pb2 as fox
 from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.foxglove_scene import EventMarks, TrueScene, evidence_grids
@@ -51,6 +53,9 @@ SWEEP_PERIOD_NS = 200_000_000
 CELLS_PERIOD_NS = EVIDENCE_PERIOD_NS = 1_000_000_000
 """Most hits drawn and simulated times between two updates, ns, as in the view by Rerun."""
 
+LIBRARY = "wayproof convert"
+"""Name of the writing program in the head of a file, by which it may be overwritten."""
+
 EDGE_M = 1.0
 """Width of the unknown space drawn around the map, m."""
 
@@ -67,6 +72,7 @@ def convert(path: Path, out: Path, allow_plugins: bool = False) -> int:
     Raises:
         InputError: The log cannot be read, or the file cannot be written.
     """
+    _refuse_others(out)
     log = open_log(path, allow_plugins)
     check_folder(out.parent)
     count = 0
@@ -82,6 +88,15 @@ def convert(path: Path, out: Path, allow_plugins: bool = False) -> int:
     return count
 
 
+def _refuse_others(out: Path) -> None:
+    """Refuse the name of a file that was not converted, or of an unfinished log."""
+    if out.is_file() and out.stat().st_size and origin_of(out) != (b"", LIBRARY.encode()):
+        raise InputError(f"--foxglove '{out}': a file of another kind, expected another name")
+    partial = out.with_name(out.name + ENDING)
+    if partial.is_file() and is_log(partial):
+        raise InputError(f"--foxglove '{out}': '{partial}' is a log, expected another name")
+
+
 class _Output:
     """An MCAP file with a channel for each topic."""
 
@@ -90,7 +105,7 @@ class _Output:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._count = 0
-        writer.start(profile="", library="wayproof convert")
+        writer.start(profile="", library=LIBRARY)
 
     def write(self, topic: str, message: Message, time_ns: int) -> None:
         if topic not in self._channels:

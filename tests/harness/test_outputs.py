@@ -5,6 +5,7 @@ import stat
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from wayproof.harness.bench.soak.child import in_child
 from wayproof.harness.cli.main import main
@@ -123,6 +124,71 @@ def test_a_log_takes_the_place_of_no_folder_device_or_other_file(tmp_path, capsy
         assert text in line
     assert identities(tmp_path) == before
     assert all(stat.S_ISCHR(os.stat(name).st_mode) for name in ("/dev/null", "/dev/full"))
+
+
+def foreign(path):
+    """A bag of ROS 2 in one MCAP file, as far as its head says."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="libmcap 1.4.0")
+        writer.finish()
+    return path.read_bytes()
+
+
+def test_a_file_of_another_program_is_not_overwritten(tmp_path, recorded, capsys):
+    log = recorded("empty", "drone", 1).log
+    cut = tmp_path / "cut.mcap.partial"
+    cut.write_bytes(Path(log).read_bytes()[: Path(log).stat().st_size * 2 // 3])
+    bag = tmp_path / "bag.mcap"
+    data = foreign(bag)
+    for arguments in (
+        ["run", "empty", "--robot", "drone", "--seed", "1", "--log", str(bag)],
+        ["replay", log, "--closed-loop", "--log", str(bag)],
+        ["replay", log, "--from", "3", "--log", str(bag)],
+        ["recover", str(cut), "--out", str(bag)],
+        ["convert", log, "--foxglove", str(bag)],
+        ["convert", log, "--ros2", str(bag)],
+        ["export", log, "--csv", str(bag)],
+    ):
+        assert main(arguments) == 2
+        [line] = capsys.readouterr().err.splitlines()
+        assert "expected" in line
+        assert bag.read_bytes() == data
+    left = cut.read_bytes()
+    for name, text in (("cut.mcap", "is a log, expected"), ("b.mcap", "")):
+        assert main(["convert", log, "--foxglove", str(tmp_path / name)]) == (2 if text else 0)
+        assert text in capsys.readouterr().err
+    assert main(["convert", log, "--foxglove", str(tmp_path / "b.mcap")]) == 0  # over its own
+    assert cut.read_bytes() == left
+    assert sorted(os.listdir(tmp_path)) == ["b.mcap", "bag.mcap", "cut.mcap.partial"]
+
+
+def test_a_log_finished_or_not_is_overwritten(tmp_path):
+    path = tmp_path / "a.mcap"
+    for _ in range(2):
+        with LogWriter(path, b"{}", b"{}", "<mujoco/>") as log:
+            log.finish({})
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with LogWriter(path, b"{}", b"{}", "<mujoco/>") as log:
+        log.finish({})
+    assert path.stat().st_size == len(whole)
+
+
+def test_a_log_that_is_read_for_another_is_not_overwritten(tmp_path, recorded, capsys):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(Path(recorded("empty", "drone", 1).log).read_bytes())
+    (tmp_path / "same.mcap").hardlink_to(path)
+    data = path.read_bytes()
+    same = ["--log", str(tmp_path / "same.mcap")]
+    for arguments in (
+        ["shadow", str(path), "--robot", "drone", *same],
+        ["run", "empty", "--robot", "drone", "--seed", "1", "--prior", str(path), *same],
+    ):
+        assert main(arguments) == 2
+        [line] = capsys.readouterr().err.splitlines()
+        assert "is read for this log, expected another name" in line
+    assert path.read_bytes() == data
 
 
 def test_every_writer_of_logs_holds_the_name(tmp_path, recorded, capsys):

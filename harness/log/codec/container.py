@@ -31,7 +31,14 @@ MOST_BYTES = 2**40
 GREATEST_RATIO = 4096
 """Maximum ratio of decompressed chunks to file size; sweeps of an empty world reach 800."""
 
+PROFILE = b"wayproof"
+"""Profile in the head of every log, which tells it from the MCAP files of other programs."""
+
+LONGEST_HEAD = 512
+"""Length of a file's beginning that is read for its profile and library, bytes."""
+
 HEAD = struct.Struct("<BQ")  # opcode, length
+LENGTH = struct.Struct("<I")  # of a text
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, time of the log, time of publication
 
 
@@ -88,6 +95,33 @@ class _Whole:
     def ends_with(self, mark: bytes) -> bool:
         self._file.seek(-len(mark), 2)
         return self._file.read() == mark
+
+
+def origin_of(path: Path) -> tuple[bytes, bytes]:
+    """Return the profile and the library in an MCAP file's head, both empty if it has none."""
+    with path.open("rb") as file:
+        head = file.read(LONGEST_HEAD)
+    if not head.startswith(MAGIC + bytes([Opcode.HEADER])):
+        return b"", b""
+    names, place = [], len(MAGIC) + HEAD.size
+    for _ in range(2):
+        begin = place + LENGTH.size
+        place = begin + int.from_bytes(head[place:begin], "little")
+        names.append(head[begin:place])
+    return names[0], names[1]
+
+
+def is_mcap(path: Path) -> bool:
+    """Return whether there is a file that begins as an MCAP file of any program."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
+
+
+def is_log(path: Path) -> bool:
+    """Return whether a file begins as a log, finished or not, and not as another MCAP file."""
+    return origin_of(path)[0] == PROFILE
 
 
 def walk(path: Path, head_only: bool = False) -> Iterator[Item]:

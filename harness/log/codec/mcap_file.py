@@ -8,7 +8,7 @@ from typing import IO
 
 from mcap.writer import CompressionType, Writer
 
-from wayproof.harness.log.codec.container import Attachment, Metadata, Packet
+from wayproof.harness.log.codec.container import PROFILE, Attachment, Metadata, Packet
 from wayproof.harness.log.digest import CONTENT, RESULT, ContentDigest
 
 Message = tuple[int, int, bytes, int]  # channel, time ns, data, sequence
@@ -35,7 +35,7 @@ class McapFile:
         self._writer = Writer(
             file, chunk_size, compression=CompressionType.ZSTD, enable_data_crcs=True
         )
-        self._writer.start(profile="wayproof", library=library)
+        self._writer.start(profile=PROFILE.decode(), library=library)
         self._pool = ThreadPoolExecutor(1, "log")
         self._in_hand: Future[None] | None = None
         self._messages: list[Message] = []
