@@ -6,7 +6,7 @@ import struct
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,24 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 Image = NDArray[np.uint8] | NDArray[np.uint16]
 
+Read = TypeVar("Read")
+
+
+class MapImage(NamedTuple):
+    """Pixels of a flat map, the first row at the top; 0 is black.
+
+    Attributes:
+        grey: (rows, columns) mean of red, green and blue.
+        blended: (rows, columns) mean of red, green, blue and opacity; None if all is opaque.
+        opaque: (rows, columns) pixels without any transparency; None if all is opaque.
+        most: Level of white, and of full opacity, in both means.
+    """
+
+    grey: NDArray[np.unsignedinteger[Any]]
+    blended: NDArray[np.unsignedinteger[Any]] | None
+    opaque: NDArray[np.bool_] | None
+    most: int
+
 
 def read_image(path: Path, most: int = MAX_PIXELS) -> Image:
     """Read grey levels (rows, columns), the first row at the top: 8 or 16 bits, 0 is black.
@@ -43,6 +61,20 @@ def read_image(path: Path, most: int = MAX_PIXELS) -> Image:
     if path.suffix.lower() != ".png":
         raise WorldFileError(path, "expected an image in PGM or PNG")
     return _png(path, most)
+
+
+def read_map_image(path: Path) -> MapImage:
+    """Read the pixels of a flat map; the grey of a colour is the mean of its channels.
+
+    Raises:
+        WorldFileError: As `read_image`.
+    """
+    if path.suffix.lower() != ".png":
+        image = read_image(path)
+        return MapImage(image, None, None, int(np.iinfo(image.dtype).max))
+    check_file(path)
+    _check_png_size(path, MAX_PIXELS)
+    return _opened(path, ["PNG"], _map_image, MAX_PIXELS)
 
 
 def read_elevation(path: Path) -> tuple[NDArray[np.float64], bool]:
@@ -102,17 +134,26 @@ def _pgm(path: Path, most_pixels: int) -> Image:
         body = data[at + 1 : at + 1 + width * height * kind.itemsize]
     else:
         try:
-            body = np.array(data[at:].split()[: width * height], np.int64).astype(kind).tobytes()
-        except ValueError:
+            plain = np.array(data[at:].split()[: width * height], np.int64)
+        except (ValueError, OverflowError):
             raise WorldFileError(path, "a grey level that is no number") from None
+        _check_levels(path, plain, most)
+        body = plain.astype(kind).tobytes()
     if len(body) != width * height * kind.itemsize:
         raise WorldFileError(path, f"ends early: expected {width} x {height} pixels")
     levels = np.frombuffer(body, kind).reshape(height, width)
+    _check_levels(path, levels, most)
     if most == 255:
         return levels.astype(np.uint8)
     shades = np.rint(np.arange(65536) * (65535.0 / most)).clip(0, 65535).astype(np.uint16)
     grey: Image = shades[levels]
     return grey
+
+
+def _check_levels(path: Path, levels: NDArray[Any], most: int) -> None:
+    wrong = levels[(levels < 0) | (levels > most)]
+    if wrong.size:
+        raise WorldFileError(path, f"a grey level of {wrong[0]}, expected 0 to {most}")
 
 
 def png_size(path: Path) -> tuple[int, int] | None:
@@ -125,9 +166,39 @@ def png_size(path: Path) -> tuple[int, int] | None:
     return width, height
 
 
-def _png(path: Path, most: int) -> Image:
+def _check_png_size(path: Path, most: int) -> None:
     width, height = png_size(path) or (0, 0)
     _check_size(path, width, height, most)
+
+
+def _map_image(image: PillowImage) -> MapImage:
+    if image.mode.startswith("I"):
+        return _deep_map_image(image)
+    if not image.has_transparency_data:
+        channels = np.asarray(image.convert("RGB"), np.uint16)
+        return MapImage(channels.sum(axis=2, dtype=np.uint16), None, None, 3 * 255)
+    channels = np.asarray(image.convert("RGBA"))
+    return _means(channels[:, :, :3].sum(axis=2, dtype=np.uint32), channels[:, :, 3], 255)
+
+
+def _deep_map_image(image: PillowImage) -> MapImage:
+    """Return the pixels of an image in grey of 16 bits, of which one level may be transparent."""
+    levels = np.asarray(image).astype(np.uint16)
+    clear = image.info.get("transparency")
+    if clear is None:
+        return MapImage(levels, None, None, 65535)
+    opacity = np.where(levels == clear, 0, 65535)
+    return _means(3 * levels.astype(np.uint32), opacity, 65535)
+
+
+def _means(colours: NDArray[np.uint32], opacity: NDArray[Any], most: int) -> MapImage:
+    """Return both means in levels that hold thirds and quarters exactly."""
+    blended = 3 * (colours + opacity.astype(np.uint32))
+    return MapImage(4 * colours, blended, opacity == most, 12 * most)
+
+
+def _png(path: Path, most: int) -> Image:
+    _check_png_size(path, most)
 
     def grey(image: PillowImage) -> NDArray[Any]:
         deep = image.mode.startswith("I")
@@ -137,9 +208,7 @@ def _png(path: Path, most: int) -> Image:
     return _opened(path, ["PNG"], grey, most)
 
 
-def _opened(
-    path: Path, formats: list[str], read: Callable[[PillowImage], NDArray[Any]], most: int
-) -> NDArray[Any]:
+def _opened(path: Path, formats: list[str], read: Callable[[PillowImage], Read], most: int) -> Read:
     """Open an image of one of Pillow's formats and read it; any error is one line."""
     try:
         from PIL import Image as pillow

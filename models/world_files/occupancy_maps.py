@@ -3,6 +3,9 @@
 Source: the documentation of Nav2's map_server. A pixel's occupancy is (255 - grey) / 255, or
 grey / 255 where `negate` is set; above `occupied_thresh` it is occupied, below `free_thresh` free.
 In the mode `raw` the grey itself is the percentage, whatever `negate` says, and unknown above 100.
+As in Nav2's `map_io.cpp` the grey of a colour is the mean of its channels, the opacity is one more
+of them in the mode `trinary`, and a pixel that is not opaque is unknown in the mode `scale`. Here
+so it is in the mode `raw`, and in no mode is a pixel free that is not opaque or not by its colours.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_files.images import read_image
+from wayproof.models.world_files.images import MapImage, read_map_image
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Part, vector
 from wayproof.models.world_files.reading import WorldFileError, beside, read_text
@@ -24,6 +27,7 @@ from wayproof.models.world_files.voxel_maps import cell_boxes
 
 NEEDED = ("image", "resolution", "origin", "occupied_thresh", "free_thresh")
 MODES = ("trinary", "scale", "raw")
+FLAGS = {"0": False, "1": True, "false": False, "true": True}
 LARGEST_YAML = 64 * 2**10
 
 
@@ -54,15 +58,14 @@ def read_occupancy_grid(path: Path) -> OccupancyGrid:
     resolution = _number(path, entries, "resolution", 1e-4, 100.0)
     most = _number(path, entries, "occupied_thresh", 0.0, 1.0)
     least = _number(path, entries, "free_thresh", 0.0, 1.0)
-    negate = _number(path, entries, "negate", 0.0, 1.0) if "negate" in entries else 0.0
+    negate = _flag(path, entries, "negate") if "negate" in entries else False
     mode, line = entries.get("mode", (MODES[0], 0))
     if mode not in MODES:
         raise WorldFileError(path, f"mode: got '{mode}', expected {', '.join(MODES)}", line)
-    image = read_image(beside(path, entries["image"][0]))
-    occupancy = _occupancies(np.iinfo(image.dtype).max, mode, bool(negate))
-    rows = image[::-1]  # upwards
-    is_occupied, is_free = occupancy > most, occupancy < least  # a NaN is neither
-    return OccupancyGrid(is_occupied[rows].T, is_free[rows].T, resolution, vector(origin))
+    image = read_map_image(beside(path, entries["image"][0]))
+    occupancy = _occupancies(image.most, mode, negate)
+    occupied, free = _states(image, occupancy > most, occupancy < least, mode)  # NaN is neither
+    return OccupancyGrid(occupied[::-1].T, free[::-1].T, resolution, vector(origin))  # upwards
 
 
 def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
@@ -80,6 +83,18 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
         f"{occupied.sum()} cells occupied, {unknown.sum()} unknown, taken as {options.unknown}"
     )
     return found
+
+
+def _states(
+    image: MapImage, is_occupied: NDArray[np.bool_], is_free: NDArray[np.bool_], mode: str
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the occupied and the free pixels, given which levels are."""
+    occupied, free = is_occupied[image.grey], is_free[image.grey]
+    if image.blended is None or image.opaque is None:
+        return occupied, free
+    if mode == "trinary":
+        return is_occupied[image.blended], free & is_free[image.blended] & image.opaque
+    return occupied & image.opaque, free & image.opaque
 
 
 def _occupancies(most: int, mode: str, negate: bool) -> NDArray[np.float64]:
@@ -129,12 +144,19 @@ def _number(
 ) -> float:
     text, line = entries[key]
     try:
-        value = float({"true": "1", "false": "0"}.get(text.lower(), text))
+        value = float(text)
     except ValueError:
         value = math.nan
     if not low <= value <= high:
         raise WorldFileError(path, f"{key}: got '{text}', expected {low:g} to {high:g}", line)
     return value
+
+
+def _flag(path: Path, entries: dict[str, tuple[str, int]], key: str) -> bool:
+    text, line = entries[key]
+    if text.lower() not in FLAGS:
+        raise WorldFileError(path, f"{key}: got '{text}', expected {', '.join(FLAGS)}", line)
+    return FLAGS[text.lower()]
 
 
 def _list(path: Path, entries: dict[str, tuple[str, int]], key: str, count: int) -> list[float]:

@@ -5,6 +5,7 @@ import pytest
 
 from tests.models.world_files.written import ENDS, MAP, PCD_HEAD, imported, write
 from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+from wayproof.models.world_files.occupancy_maps import read_occupancy_grid
 from wayproof.models.world_files.octomaps import read_octomap
 from wayproof.models.world_files.voxel_maps import merged_boxes, read_voxels
 
@@ -71,9 +72,78 @@ def test_a_png_map_reads_as_its_pgm(tmp_path):
     assert worlds[0].solids == worlds[1].solids
 
 
+def states(folder, image, mode="trinary", negate=0, **more):
+    """Return the states of a row of pixels: `#` occupied, `.` free, `?` unknown."""
+    image.save(folder / "m.png", **more)
+    text = MAP.format(yaw=0.0, negate=negate).replace("pgm", "png") + f"mode: {mode}\n"
+    grid = read_occupancy_grid(write(folder, "m.yaml", text))
+    found = zip(grid.occupied[:, 0], grid.free[:, 0], strict=True)
+    return "".join("#" if occupied else "." if free else "?" for occupied, free in found)
+
+
+@pytest.mark.parametrize(
+    ("mode", "negate", "expected"),
+    [
+        ("trinary", 0, "#?#.??"),
+        ("scale", 0, "??#.??"),
+        ("raw", 0, "??.???"),
+        ("trinary", 1, "?#?###"),
+        ("scale", 1, "??.#?#"),
+    ],
+)
+def test_no_transparent_pixel_is_free(tmp_path, mode, negate, expected):
+    """Black and white without opacity, then with it; white that is hardly clear; Nav2's unknown."""
+    pillow = pytest.importorskip("PIL.Image")
+    grey = np.array([[0, 255, 0, 255, 255, 205]], np.uint8)
+    opacity = np.array([[0, 0, 255, 255, 250, 255]], np.uint8)
+    image = pillow.fromarray(np.dstack([grey, grey, grey, opacity]))
+    found = states(tmp_path, image, mode, negate)
+    assert found == expected
+    assert states(tmp_path, pillow.fromarray(np.dstack([grey, opacity])), mode, negate) == found
+
+
+@pytest.mark.parametrize("mode", ["trinary", "scale", "raw"])
+def test_a_transparent_level_of_a_palette_or_of_grey_is_unknown(tmp_path, mode):
+    pillow = pytest.importorskip("PIL.Image")
+    free = 0 if mode == "raw" else 254
+    palette = pillow.fromarray(np.array([[0, 1]], np.uint8), "P")
+    palette.putpalette([free] * 6)
+    assert states(tmp_path, palette, mode, transparency=1) == ".?"
+    levels = np.array([[free, 255 if free else 1]], np.uint8)
+    image = pillow.fromarray(levels)
+    assert states(tmp_path, image, mode, transparency=int(levels[0, 1])) == ".?"
+    deep = pillow.fromarray(levels.astype(np.uint16) * 257)
+    assert states(tmp_path, deep, mode, transparency=257 * int(levels[0, 1])) == ".?"
+    assert states(tmp_path, deep, mode) == ".."
+
+
+def test_the_grey_of_a_colour_is_the_mean_of_its_channels(tmp_path):
+    pillow = pytest.importorskip("PIL.Image")
+    colours = [(254, 254, 0), (0, 255, 0), (255, 0, 0), (0, 255, 255), (250, 250, 250)]
+    image = pillow.fromarray(np.array([colours], np.uint8))
+    assert states(tmp_path, image) == "?##?."
+
+
+@pytest.mark.parametrize(
+    ("head", "level"), [("255", "256"), ("255", "-1"), ("100", "101"), ("65535", "65536")]
+)
+def test_grey_levels_beyond_the_largest_are_refused(tmp_path, head, level):
+    write(tmp_path, "m.pgm", f"P2 2 1 {head} 0 {level}\n")
+    path = write(tmp_path, "m.yaml", MAP.format(yaw=0.0, negate=0))
+    with pytest.raises(WorldFileError, match=f"a grey level of {level}, expected 0 to {head}"):
+        imported(path)
+    write(tmp_path, "m.pgm", b"P5 2 1 100\n\x00\x65")
+    with pytest.raises(WorldFileError, match="a grey level of 101, expected 0 to 100"):
+        imported(path)
+    write(tmp_path, "m.pgm", "P2 1 1 255 99999999999999999999\n")
+    with pytest.raises(WorldFileError, match="a grey level that is no number"):
+        imported(path)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        (MAP.format(yaw=0, negate=0.5), r":4: negate: got '0.5', expected 0, 1, false, true"),
         ("image: m.pgm\n", "no resolution, origin"),
         (MAP.format(yaw=0, negate=0).replace("0.65", "2"), r":5: occupied_thresh: got '2'"),
         (MAP.format(yaw=0, negate=0).replace("m.pgm", "../m.pgm"), "lies outside"),
