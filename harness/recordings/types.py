@@ -63,6 +63,7 @@ class RecordedSensor:
             without a return is not known to be free.
         declared: Beam tables, mounting and range as in the log of the episode that was recorded, of
             a sensor that fires the same beams in every sweep; None for others.
+        mount_is_fixed: Whether its mount is that of its first sweep throughout.
     """
 
     name: str
@@ -72,6 +73,7 @@ class RecordedSensor:
     range_max: float
     missing_returns_known: bool
     declared: pb.SensorInfo | None = None
+    mount_is_fixed: bool = True
 
 
 @dataclass(frozen=True)

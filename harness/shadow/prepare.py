@@ -21,6 +21,7 @@ from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Tra
 from wayproof.harness.scenario.worlds import bare_world
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.body import Body
+from wayproof.harness.shadow.level import level_lasers
 from wayproof.harness.shadow.recording_settings import (
     is_planar,
     settings_of,
@@ -56,7 +57,7 @@ class Prepared:
         mission: Mission of the stack.
         infos: Declarations of the sensors.
         writers: Writers of their sweeps, by the name in the recording.
-        lift: Height that is added to the mounts of planar lasers, m.
+        lift: Height that is added to the mounts of level lasers, m.
         way: Way of the robot.
         planar: Names in the log of the sensors whose beams lie in one level plane.
         assumes_height: Whether nothing says how high the body is above a floor that its sensors
@@ -106,9 +107,10 @@ def prepare(
     settings = list(settings)
     if prior is not None:
         settings.append(f"prior.source={prior}")
-    planar = is_planar(recording, body)
     first = _first_sweeps(recording)
-    config = settings_of(recording, body, settings, seed)
+    level = level_lasers(recording, first)
+    planar = is_planar(recording, level, body)
+    config = settings_of(recording, level, body, settings, seed)
     config = with_stack(with_perturbation(config, perturbation), stack)
     recorded = config.recording
     assert recorded is not None
@@ -127,7 +129,7 @@ def prepare(
         writers=writers,
         lift=lift,
         way=way,
-        planar=frozenset(topic_name(one.name) for one in recording.sensors if one.kind == "laser"),
+        planar=frozenset(map(topic_name, level)),
         assumes_height=not planar and _assumes_height(recording, body, settings),
     )
 

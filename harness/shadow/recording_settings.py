@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from dataclasses import replace
 
 from wayproof.harness.config import HASH_SEPARATOR, Config
@@ -37,22 +37,32 @@ NAME = 60
 """Longest part of a recording's name in the name of the world."""
 
 
-def is_planar(recording: Recording, body: Body) -> bool:
-    """Return whether all sensors are planar lasers of a robot on the ground."""
-    return _has_lasers_alone(recording) and body.motion == "ground"
-
-
-def _has_lasers_alone(recording: Recording) -> bool:
-    return all(sensor.kind == "laser" for sensor in recording.sensors)
-
-
-def settings_of(recording: Recording, body: Body, settings: Sequence[str], seed: int) -> Config:
-    """Return the config of a recording: the user's settings over defaults that follow from it.
-
-    Planar lasers on the ground have a flat grid and, with an estimator, the errors of `SCANS`.
+def is_planar(recording: Recording, level: Set[str], body: Body) -> bool:
+    """Return whether all sensors are level planar lasers of a robot on the ground.
 
     Args:
         recording: Open.
+        level: Names of its planar lasers that are level.
+        body: Body of its robot.
+    """
+    return _are_all(recording, level) and body.motion == "ground"
+
+
+def _are_all(recording: Recording, names: Set[str]) -> bool:
+    return all(sensor.name in names for sensor in recording.sensors)
+
+
+def settings_of(
+    recording: Recording, level: Set[str], body: Body, settings: Sequence[str], seed: int
+) -> Config:
+    """Return the config of a recording: the user's settings over defaults that follow from it.
+
+    Level planar lasers have, with an estimator, the errors of `SCANS`, and on the ground a flat
+    grid.
+
+    Args:
+        recording: Open.
+        level: Names of its planar lasers that are level.
         body: Body of its robot.
         settings: `section.field=value` of the user.
         seed: Seed of the stack's searches and of a perturbation.
@@ -72,11 +82,11 @@ def settings_of(recording: Recording, body: Body, settings: Sequence[str], seed:
         ),
     )
     defaults = ["motion.limits=cautious"]  # `find_body` knows no others
-    if is_planar(recording, body):
+    if is_planar(recording, level, body):
         defaults.append("map.kind=grid2d")
     if recording.mission is not None:  # the episode's own map had only its start declared free
         defaults.append("recording.footprint_clearing=false")
-    if _has_lasers_alone(recording) and override(config, settings).estimate.kind == "lidar":
+    if _are_all(recording, level) and override(config, settings).estimate.kind == "lidar":
         defaults.extend(f"estimate.{name}={value}" for name, value in SCANS.items())
     if recording.body_height is not None:
         defaults.append(f"recording.body_height={recording.body_height!r}")

@@ -265,6 +265,7 @@ def _reader(
     cut = min(topic.range_max, float32(options.range_max or np.inf))
     free = options.missing_returns_free
     silence_known = topic.declared is not None or name + SILENT in found.sensors
+    mount = choose_mount(path, found, motion.body, topic, options)
     sensor = RecordedSensor(
         name=name.lstrip("/"),
         frame=topic.frame,
@@ -273,9 +274,9 @@ def _reader(
         range_max=cut,
         missing_returns_known=silence_known if free is None else free,
         declared=topic.declared,
+        mount_is_fixed=not isinstance(mount, FramePath) or mount.is_fixed,
     )
     limits = Limits(topic.range_min, min(topic.range_max, FARTHEST), cut, beyond_is_none=False)
-    mount = choose_mount(path, found, motion.body, topic, options)
     reading = Reading(topic, limits, options)
     return _TopicReader(
         files=files,
