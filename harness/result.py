@@ -122,7 +122,10 @@ def recorded_figures(
 
 
 def way_of(motion: pb.RecordedMotion) -> NDArray[np.float64]:
-    """Return poses (n, 4) since the decision before: x, y, z, m, and heading, rad."""
+    """Return poses (n, 4) since the decision before: x, y, z, m, and heading, rad.
+
+    One alone is the end of a way that was not recorded, or the begin of the recording.
+    """
     return np.array(motion.way).reshape(-1, 4)
 
 

@@ -52,6 +52,12 @@ class RecordedTrack:
         covered: NDArray[np.bool_] = exact | between
         return covered
 
+    def has_gap(self, begin_ns: int, end_ns: int) -> bool:
+        """Return whether two poses that are too far apart lie around some time of an interval."""
+        wide = np.diff(self.times_ns) > self.max_gap_ns
+        meets = (self.times_ns[:-1] < end_ns) & (self.times_ns[1:] > begin_ns)
+        return bool((wide & meets).any())
+
     def at(
         self, times_ns: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # (m, 3), (m, 4)

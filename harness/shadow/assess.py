@@ -43,7 +43,7 @@ class Passed:
         pose: (4,) believed: x, y, z, m, and heading, rad.
         clearance_m: Clearance of the bare body from the map's occupied cells, m.
         ahead_admitted: Whether the way of the next `recording.horizon` was admitted; None where
-            the robot hardly moves in it, or the recording ends before.
+            the robot hardly moves in it, the recording ends before, or has no poses in between.
     """
 
     decision: pb.Decision
@@ -60,6 +60,7 @@ class Assessed:
         log: Head of the log.
         passed: Its decisions.
         legs: The way really driven, in legs.
+        unrecorded_m: Straight distance between decisions whose way was not recorded, m.
         map: The map at the end.
         memory: The map at the end without decay.
         greatest_bytes: Greatest memory of the map, bytes.
@@ -68,6 +69,7 @@ class Assessed:
     log: Log
     passed: tuple[Passed, ...]
     legs: tuple[Leg, ...]
+    unrecorded_m: float
     map: Representation
     memory: Representation
     greatest_bytes: int
@@ -108,6 +110,7 @@ def assess(
         log=log,
         passed=tuple(passed),
         legs=legs,
+        unrecorded_m=judging.unrecorded_m,
         map=judging.map,
         memory=judging.memory,
         greatest_bytes=judging.greatest_bytes,
@@ -140,6 +143,14 @@ class _Judging:
                 self._stack.navigator.mapper.on_integrated = self._clear_footprint
         self.greatest_bytes = 0
 
+    @property
+    def unrecorded_m(self) -> float:
+        """Straight distance between decisions whose way was not recorded, m."""
+        ends = np.array([way[-1, :3] for way in self._ways])
+        steps = np.sqrt(np.square(np.diff(ends, axis=0)).sum(axis=1))
+        lost = [self._is_lost(number) for number in range(1, len(ends))]
+        return float(steps[np.array(lost, bool)].sum())
+
     def step(self, record: Record) -> tuple[Passed, Piece | None]:
         """Judge the next decision, and the way to the one after it."""
         inputs, number = record.inputs, record.decision.sequence
@@ -155,9 +166,13 @@ class _Judging:
         planned = navigator.planner_inputs(inputs)
         ahead = self._next_second_admitted(navigator, planned, number, shift)
         piece = None
-        if number + 1 < len(self._ways):
+        if number + 1 < len(self._ways) and not self._is_lost(number + 1):
             piece = self._piece(navigator, planned, inputs, number, shift)
         return Passed(record.decision, pose, near, ahead), piece
+
+    def _is_lost(self, number: int) -> bool:
+        """Return whether the way to a decision after the first was not recorded."""
+        return len(self._ways[number]) == 1
 
     def _remember(self, placed: WorldSweep, range_m: float, time_ns: int) -> None:
         self.memory.integrate(
@@ -202,7 +217,7 @@ class _Judging:
         last = number + 1
         while last < len(self._ways) and self._times[last] < self._times[number] + self._horizon_ns:
             last += 1
-        if last >= len(self._ways):
+        if last >= len(self._ways) or any(map(self._is_lost, range(number + 1, last + 1))):
             return None
         poses = np.concatenate(self._ways[number + 1 : last + 1]) + np.append(shift, 0.0)
         if not is_moving(poses):

@@ -75,14 +75,13 @@ class InputWriter:
     def _motion(self, time_ns: int, sequence: int) -> pb.RecordedMotion:
         """Return the robot's motion since the decision before."""
         way, pose = self._prepared.way, self._prepared.way.pose(time_ns)
+        before = pose if self._before is None else self._before
         begin_ns = self._before_ns if self._before is not None else time_ns
         poses = way.between(begin_ns, time_ns)
-        if self._before is not None:
-            poses[0] = self._before.row
-        poses[-1] = pose.row
+        poses[0], poses[-1] = before.row, pose.row  # one row where the way is not known
         velocity = np.zeros(3)
         if time_ns > begin_ns:
-            velocity = (poses[-1, :3] - poses[0, :3]) / ((time_ns - begin_ns) * 1e-9)
+            velocity = (pose.position - before.position) / ((time_ns - begin_ns) * 1e-9)
         message = pb.RecordedMotion(
             sequence=sequence,
             position=pose.position.tolist(),

@@ -69,18 +69,34 @@ class Leg:
 def legs_of(pieces: Sequence[Piece], offsets: Sequence[float] = ()) -> list[Leg]:
     """Join successive pieces to legs.
 
-    A rest of less than a step at the end of the recording is no way, and is left out; but where a
-    long body turns in it, so that it moves off its middle by a step, that belongs to the last leg.
+    A rest of less than a step at the end of the recording, or before a gap between the pieces, is
+    no way, and is left out; but where a long body turns in it, so that it moves off its middle by a
+    step, that belongs to the leg before.
 
     Args:
         pieces: The pieces.
         offsets: Offsets of the discs of a long body along it, m; none of a round one.
     """
+    return [_leg(step) for run in _without_gaps(pieces) for step in _steps_of(run, offsets)]
+
+
+def _without_gaps(pieces: Sequence[Piece]) -> list[list[Piece]]:
+    """Divide pieces where one begins later than the one before ends."""
+    runs: list[list[Piece]] = []
+    for piece in pieces:
+        if not runs or piece.begin_ns > runs[-1][-1].end_ns:
+            runs.append([])
+        runs[-1].append(piece)
+    return runs
+
+
+def _steps_of(pieces: Sequence[Piece], offsets: Sequence[float]) -> list[list[Piece]]:
+    """Join pieces without a gap to steps, the last with the turns after it."""
     steps, rest = _steps(pieces)
     turns, _ = _steps(rest, offsets)
     if steps:
         steps[-1].extend(piece for turn in turns for piece in turn)
-    return [_leg(step) for step in steps]
+    return steps
 
 
 def _steps(

@@ -83,6 +83,8 @@ class Summary:
         decisions: Number of decisions.
         duration_s: Time from the first to the last, s.
         driven_m: Length of the way in steps of 0.05 m, m.
+        unrecorded_m: Straight distance between poses of the recording that are too far apart to
+            tell the way between them, m; neither driven nor admitted.
         admitted_m: Length of it that was admitted when it was entered, m.
         admitted_share: `admitted_m / driven_m`; None if nothing was driven.
         refused_m: Length that was not admitted by reason, m.
@@ -117,6 +119,7 @@ class Summary:
     decisions: int
     duration_s: float
     driven_m: float
+    unrecorded_m: float
     admitted_m: float
     admitted_share: float | None
     refused_m: dict[str, float]
@@ -145,6 +148,8 @@ def summarize(assessed: Assessed) -> Summary:
     admitted = sum(leg.length_m for leg in legs if leg.admitted)
     places = places_of(legs)
     verdict, reason = _verdict(passed, legs, places, driven)
+    if assessed.unrecorded_m >= LEAST_STEP:
+        reason += f"; {assessed.unrecorded_m:.2f} m without poses were not judged"
     ahead = [one.ahead_admitted for one in passed if one.ahead_admitted is not None]
     nearest = min(passed, key=lambda one: one.clearance_m)
     moving, stops = stops_of(passed, legs)
@@ -159,6 +164,7 @@ def summarize(assessed: Assessed) -> Summary:
         decisions=len(passed),
         duration_s=seconds(passed[-1].decision) - seconds(passed[0].decision),
         driven_m=driven,
+        unrecorded_m=assessed.unrecorded_m,
         admitted_m=admitted,
         admitted_share=admitted / driven if driven > 0.0 else None,
         refused_m=_by_reason(legs),
@@ -240,7 +246,7 @@ def stops_of(passed: Sequence[Passed], legs: Sequence[Leg]) -> tuple[float, tupl
         begin, end = seconds(one.decision), seconds(after.decision)
         while index < len(spans) and spans[index][1] * 1e-9 <= begin:
             index += 1
-        moves = index < len(spans) and _moves(*spans[index])
+        moves = index < len(spans) and spans[index][0] * 1e-9 <= begin and _moves(*spans[index])
         moving += (end - begin) * moves
         if moves and one.decision.action in STOPPED:
             standing.append((one, end - begin))

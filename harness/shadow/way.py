@@ -81,8 +81,13 @@ class Way:
         return RecordedPose(positions[0], quaternions[0])
 
     def between(self, begin_ns: int, end_ns: int) -> Array:
-        """Return poses (k, 4) in a closed interval of times: x, y, z, m, and heading, rad."""
+        """Return poses (k, 4) in a closed interval of times: x, y, z, m, and heading, rad.
+
+        Where the track has a gap in it, the last one alone: the way before it is not known.
+        """
         own = self._track.times_ns
+        if self._track.has_gap(begin_ns, end_ns):
+            begin_ns = end_ns
         inside = own[(own > begin_ns) & (own < end_ns)]
         ends = [begin_ns] if begin_ns == end_ns else [begin_ns, end_ns]
         positions, quaternions = self.at(np.array([ends[0], *inside, *ends[1:]]))

@@ -37,6 +37,12 @@ def test_a_gap_is_not_covered_but_its_ends_are():
     assert way.covers(times).tolist() == [False, True, True, True, False, False, True, False]
 
 
+def test_a_gap_lies_in_an_interval_that_shares_some_time_with_it():
+    one = track([0, 500, 2000, 2500])
+    assert [one.has_gap(*ends) for ends in ((0, 500), (2000, 2500), (500, 500))] == [False] * 3
+    assert [one.has_gap(*ends) for ends in ((0, 2500), (499, 501), (500, 2000))] == [True] * 3
+
+
 def test_a_track_of_one_pose_covers_its_stamp():
     assert track([7]).covers(np.array([6, 7, 8])).tolist() == [False, True, False]
     assert track([7]).at(np.array([7]))[0].tolist() == [[0, 1, 2]]

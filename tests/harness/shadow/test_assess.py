@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from tests.harness.shadow.conftest import shadowed, verdict_on, written
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.assess import Passed
 from wayproof.harness.shadow.legs import Leg
@@ -87,6 +89,29 @@ def test_cells_that_are_occupied_in_the_end_are_hindsight(tmp_path, robot):
     summary = verdict_on(shadowed(both, robot, tmp_path / "both.mcap"))
     assert summary.hindsight_m > 0.2
     assert summary.hindsight_admitted_m > 0.2
+
+
+def test_the_way_within_a_gap_of_the_poses_is_neither_driven_nor_admitted(tmp_path, robot):
+    path = written(tmp_path / "gap.clf", STRAIGHT)
+    lines = path.read_text().splitlines(keepends=True)
+    after = [line.replace(" 10", " 11") for line in lines[32:]]  # 10 s later, from 3.0 m on
+    path.write_text("".join(lines[:22] + after))  # up to 1.9 m
+    log = shadowed(path, robot, tmp_path / "gap.mcap")
+    summary = verdict_on(log)
+    assert summary.unrecorded_m == pytest.approx(1.1)
+    assert summary.driven_m == pytest.approx(1.9 + 0.9, abs=0.11)
+    assert summary.verdict == "admitted"
+    assert summary.reason.endswith("entered; 1.10 m without poses were not judged")
+    assert summary.moving_s < 6.0
+    assert contradictions(open_log(log)) == []
+
+
+def test_a_recording_with_nothing_but_a_gap_shows_nothing(tmp_path, robot):
+    recording = written(tmp_path / "two.clf", [STRAIGHT[0], STRAIGHT[20]], period=5.0)
+    summary = verdict_on(shadowed(recording, robot, tmp_path / "two.mcap"))
+    assert summary.verdict == "nothing shown"
+    assert summary.reason.endswith("; 2.00 m without poses were not judged")
+    assert summary.ahead_share is None
 
 
 def passed(time_s, action):
