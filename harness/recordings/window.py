@@ -1,4 +1,4 @@
-"""The part of a recording that is read: where there is a pose, and between two times."""
+"""The part of a recording that is read: between the times that the options choose."""
 
 from __future__ import annotations
 
@@ -22,18 +22,20 @@ class Window:
     Attributes:
         track: Poses.
         start_ns: Stamp of the first pose, ns.
-        first_ns: Time of the first sweep, ns since the first pose.
-        last_ns: Time of the last sweep.
+        first_ns: Time of the first sweep, ns since the first pose; None if none was chosen.
+        last_ns: Time of the last sweep; None if none was chosen.
     """
 
     track: RecordedTrack
     start_ns: int
-    first_ns: int
-    last_ns: int
+    first_ns: int | None
+    last_ns: int | None
 
     def holds(self, stamp_ns: int) -> bool:
-        """Return whether a sweep of this stamp is to be read."""
-        return self.first_ns <= stamp_ns - self.start_ns <= self.last_ns
+        """Return whether a sweep of this stamp is to be read, be there a pose or not."""
+        time = stamp_ns - self.start_ns
+        is_before = self.first_ns is not None and time < self.first_ns
+        return not is_before and (self.last_ns is None or time <= self.last_ns)
 
     def has_pose(
         self, stamp_ns: int, beam_times_ns: NDArray[np.int64] | None, faults: Faults
@@ -51,6 +53,7 @@ class Window:
 
 
 def window_of(track: RecordedTrack, start_ns: int, options: RecordingOptions) -> Window:
-    """Return the window that the options choose."""
-    last = int(track.times_ns[-1]) if options.end_s is None else round(options.end_s * 1e9)
-    return Window(track, start_ns, round(options.start_s * 1e9), last)
+    """Return the window that the options choose; from 0 s, the default, it has no begin."""
+    first = round(options.start_s * 1e9) if options.start_s != 0.0 else None
+    last = None if options.end_s is None else round(options.end_s * 1e9)
+    return Window(track, start_ns, first, last)

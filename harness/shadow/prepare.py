@@ -18,6 +18,7 @@ from wayproof.harness.recording_config import RecordingConfig
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.recordings.track import RecordedTrack
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.recordings.window import NO_POSE
 from wayproof.harness.scenario.worlds import bare_world
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.body import Body
@@ -216,11 +217,19 @@ def _first_sweeps(recording: Recording) -> dict[str, list[RecordedSweep]]:
         if enough or count >= FIRST_SWEEPS:
             break
     if not found:
-        faults = ", ".join(f"{n} {what}" for what, n in recording.faults.items())
-        raise InputError(
-            f"recording '{recording.name}': no sweep with a pose ({faults or 'no sweep at all'})"
-        )
+        raise InputError(f"recording '{recording.name}': no sweep with a pose ({_why(recording)})")
     return found
+
+
+def _why(recording: Recording) -> str:
+    """Return why no sweep of a recording could be read, in words."""
+    met = dict(recording.faults)
+    faults = ", ".join(f"{count} {what}" for what, count in met.items())
+    if NO_POSE in met:
+        seconds = recording.track.times_ns[-1] * 1e-9
+        return f"{faults}; poses from {recording.start_ns * 1e-9:.3f} s on, for {seconds:.3f} s"
+    chosen = recording.options.start_s != 0.0 or recording.options.end_s is not None
+    return faults or ("none between the times chosen" if chosen else "no sweep at all")
 
 
 def _rate(sweeps: list[RecordedSweep]) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +84,8 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
         poses = poses.at(poses.stamps_ns >= task.start_ns)
     track, start = track_of(path, poses, motion.source, options, faults)
     window = window_of(track, start, options)
+    if task is not None and window.first_ns is None:
+        window = replace(window, first_ns=task.start_ns - start)
     readers = [
         _reader(path, files, name, topic, found, motion, options, window)
         for name, topic in zip(names, topics, strict=True)
@@ -152,6 +154,8 @@ class _TopicReader:
         """Yield the sweeps in order of their stamps."""
         fixed = self._fixed_mount()
         for stamp, raw, silent in self._messages(counted, faults):
+            if not self.window.has_pose(stamp, None, faults):
+                continue
             try:
                 beams = beams_of(raw, self.reading, silent, faults)
             except Broken:

@@ -124,6 +124,20 @@ def test_faults_are_counted_by_kind(tmp_path):
     }
 
 
+def test_scans_before_the_first_pose_and_after_the_last_are_counted(tmp_path):
+    lost = {"robot": ("nan", 0.0, 0.0), "laser": (0, 0, 0)}
+    path = written(
+        tmp_path,
+        old_scan(1, [1.0], **lost),
+        old_scan(2, [1.0]),
+        old_scan(3, [1.0]),
+        old_scan(4, [1.0], **lost),
+    )
+    recording = open_recording(path)
+    assert [sweep.time_ns for sweep in recording.sweeps()] == [0, 1_000_000_000]
+    assert recording.faults == {"pose: not finite": 2, "sweep: no pose at its time": 2}
+
+
 def test_a_shorter_limit_cuts_returns_off(tmp_path):
     path = written(tmp_path, old_scan(1, [1.0, 4.0]))
     recording = open_recording(path, options=RecordingOptions(range_max=3.0))

@@ -196,6 +196,7 @@ def test_kitti_without_times_or_calibration(tmp_path):
     assert [sweep.time_ns for sweep in recording.sweeps()] == [0]
     assert "10 sweeps a second" in recording.chosen
     assert recording.faults["file: cannot be read"] == 1
+    assert recording.faults["sweep: no pose at its time"] == 1  # the third, of two poses
 
 
 def test_the_poses_of_kitti_may_lie_beside_the_sequences(tmp_path):

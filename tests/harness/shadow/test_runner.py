@@ -4,6 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.harness.recordings.bags.making import Bag, at
 from tests.harness.shadow.conftest import FR079, shadowed, written
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
@@ -96,6 +97,19 @@ def test_the_stack_is_stopped_by_no_earlier_command(robot, tmp_path):
 def test_bad_settings_are_one_line(robot, tmp_path, asked, text):
     with pytest.raises(InputError, match=text):
         shadowed(FR079, robot, tmp_path / "no.mcap", end_s=1.0, **asked)
+
+
+def test_clocks_of_sweeps_and_poses_that_never_meet_are_named(robot, tmp_path):
+    bag = Bag()
+    bag.tf("base_link", "laser", 0.0, at(), "/tf_static")
+    bag.drive([10.0, 10.5, 11.0])
+    for stamp in (5000.0, 5000.1):
+        bag.scan(stamp, [1.0])
+    said = r"\(2 sweep: no pose at its time; poses from 10.000 s on, for 1.000 s\)"
+    with pytest.raises(InputError, match=said):
+        shadowed(bag.write(tmp_path / "bag"), robot, tmp_path / "log.mcap")
+    with pytest.raises(InputError, match="none between the times chosen"):
+        shadowed(tmp_path / "bag", robot, tmp_path / "log.mcap", end_s=1.0)
 
 
 def test_a_reference_stack_is_judged_on_a_recording(robot, tmp_path):

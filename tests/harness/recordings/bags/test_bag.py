@@ -107,8 +107,16 @@ def test_a_sweep_without_pose_or_transform_is_left_out_and_counted(tmp_path):
     bag.scan(11.9, [1.0] * 3, time_increment=0.1)  # its last beam is after the last pose
     recording = opened(bag.write(tmp_path / "bag"))
     assert [sweep.time_ns for sweep in recording.sweeps()] == [0, 2_000_000_000]
-    assert recording.faults["sweep: no pose at its time"] == 1
-    assert set(recording.faults) == {"sweep: no pose at its time"}
+    assert recording.faults == {"sweep: no pose at its time": 3}
+
+
+def test_a_sweep_outside_the_times_chosen_is_no_fault(tmp_path):
+    bag = simple()
+    for stamp in (9.9, 10.1, 11.0, 11.9, 12.1):
+        bag.scan(stamp, [1.0])
+    recording = opened(bag.write(tmp_path / "bag"), start_s=0.5, end_s=1.5)
+    assert [sweep.time_ns for sweep in recording.sweeps()] == [1_000_000_000]
+    assert recording.faults == {}
 
 
 def test_a_gap_of_the_track_is_counted_and_bridged_by_no_sweep(tmp_path):
