@@ -187,11 +187,17 @@ def choose_mount(
     """Return how a sensor's frame is mounted on the body.
 
     Raises:
-        InputError: No transforms connect them, and the options give none.
+        InputError: No transforms connect them, or the body moves in the sensor's frame, and the
+            options give none.
     """
     if options.mount is not None:
         is_camera = topic.kind == "depth"
         return compose(options.mount, OPTICAL) if is_camera else options.mount
+    if _moves_in(found, body, topic.frame):
+        raise InputError(
+            f"recording '{path}': got sweeps in frame '{topic.frame}', in which '{body}' moves,"
+            " expected a frame on the body: clouds registered in a world are no sweeps"
+        )
     between = found.tree.between(body, topic.frame)
     if between is None:
         frames = ", ".join(found.tree.frames[:20]) or "none"
@@ -200,6 +206,18 @@ def choose_mount(
             " expected a mount"
         )
     return between
+
+
+def _moves_in(found: Survey, body: str, frame: str) -> bool:
+    """Return whether a body moves in a frame: by the transforms, or by a topic of poses."""
+    if frame in BODIES:  # the footprint of a walking robot moves below its body
+        return False
+    if any((one.parent, one.child) == (frame, body) for one in found.poses.values()):
+        return True
+    between = found.tree.between(body, frame)
+    if between is None or between.down:
+        return False
+    return any(edge.moving is not None for edge in between.up)
 
 
 def body_height(found: Survey, body: str, stamp_ns: int) -> float | None:

@@ -179,6 +179,33 @@ def test_a_sensor_that_moves_on_the_body_is_placed_at_each_sweep(tmp_path):
     assert recording.faults == {"sweep: no transform at its time": 1}
 
 
+@pytest.mark.parametrize("transforms", [True, False])
+def test_clouds_registered_in_the_world_are_no_sweeps(tmp_path, transforms):
+    bag = Bag()
+    for stamp in (10.0, 10.5, 11.0):
+        if transforms:
+            bag.tf("camera_init", "body", stamp, at(stamp))
+        bag.odometry(stamp, at(stamp), parent="camera_init", child="body")
+    for frame in ("camera_init", "body"):
+        bag.cloud(10.5, {axis: np.ones(2, np.float32) for axis in "xyz"}, f"/in_{frame}", frame)
+    path = bag.write(tmp_path / "bag")
+    said = "got sweeps in frame 'camera_init', in which 'body' moves, expected a frame on the body"
+    with pytest.raises(InputError, match=said):
+        opened(path, sensors=("/in_camera_init",))
+    (sweep,) = opened(path, sensors=("/in_body",)).sweeps()
+    assert sweep.T_body_sensor.position.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_a_footprint_that_moves_below_the_body_bears_its_sensors(tmp_path):
+    bag = Bag()
+    bag.drive([10.0, 11.0])
+    for stamp in (10.0, 11.0):
+        bag.tf("base_link", FOOTPRINT, stamp, at(z=-0.01 * stamp))
+    bag.scan(10.5, [1.0], frame="base_link")
+    (sweep,) = opened(bag.write(tmp_path / "bag"), body=FOOTPRINT).sweeps()
+    np.testing.assert_allclose(sweep.T_body_sensor.position, [0.0, 0.0, 0.105])
+
+
 def test_transforms_of_ros_1_that_never_change_are_fixed(tmp_path):
     bag = Bag("ros1")
     bag.drive([10.0, 11.0])
