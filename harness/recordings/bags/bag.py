@@ -39,6 +39,7 @@ from wayproof.harness.recordings.bags.survey import (
     messages_of,
     survey,
 )
+from wayproof.harness.recordings.bags.transforms import tree_for
 from wayproof.harness.recordings.beams import (
     FARTHEST,
     Beams,
@@ -77,6 +78,7 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
     found = survey(files, faults)
     names = choose_sensors(path, found, options)
     names.sort(key=lambda name: order_in_task(name, found))
+    found.tree = tree_for(path, found.transforms, names, faults)
     topics = [_topic(path, name, found, options) for name in names]
     motion = choose_motion(path, found, topics, options)
     poses, task = motion.poses, found.task

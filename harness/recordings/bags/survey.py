@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,6 +35,7 @@ from wayproof.harness.recordings.bags.messages import (
     transforms_of,
 )
 from wayproof.harness.recordings.bags.sensors import is_sensor, scan_limits
+from wayproof.harness.recordings.bags.transforms import Transforms, namespace_of
 from wayproof.harness.recordings.order import Order, order_of
 from wayproof.harness.recordings.recording import Faults
 
@@ -104,7 +106,8 @@ class Survey:
         cameras: Geometry of cameras by the topic of their CameraInfo.
         limits: Minimum and maximum range by the topic of a Range, m.
         others: Types of the topics that are not read.
-        tree: Frames and the transforms between them.
+        transforms: Transforms by the namespace of their topics.
+        tree: Frames and the transforms between them; empty until those of a robot are chosen.
         task: Task of the episode whose topics were recorded; None of other robots.
     """
 
@@ -113,6 +116,7 @@ class Survey:
     cameras: dict[str, Camera]
     limits: dict[str, tuple[float, float]]
     others: dict[str, str]
+    transforms: dict[str, Transforms]
     tree: FrameTree
     task: Announcement | None = None
 
@@ -164,14 +168,14 @@ def survey(files: Sequence[Path], faults: Faults) -> Survey:
             walk.take(raw)
         except Broken:
             faults[UNREADABLE] += 1
-    tree = FrameTree(walk.fixed, walk.moving, faults)
     return Survey(
         sensors=walk.sensors,
         poses=walk.poses,
         cameras=walk.cameras,
         limits=walk.limits,
         others=walk.others,
-        tree=tree,
+        transforms=walk.transforms,
+        tree=FrameTree({}, {}, faults),
         task=walk.task,
     )
 
@@ -186,8 +190,8 @@ class _Walk:
         self.cameras: dict[str, Camera] = {}
         self.limits: dict[str, tuple[float, float]] = {}
         self.others: dict[str, str] = {}
-        self.fixed: dict[tuple[str, str], Samples] = {}
-        self.moving: dict[tuple[str, str], Samples] = {}
+        self.transforms: dict[str, Transforms] = {}
+        self._links: Counter[bool] = Counter()  # by whether they are fixed
         self.task: Announcement | None = None
 
     def take(self, raw: RawMessage) -> None:
@@ -234,10 +238,16 @@ class _Walk:
                 self.others[raw.topic] = raw.type
 
     def _transforms(self, raw: RawMessage) -> None:
-        edges = self.fixed if raw.topic.rsplit("/", 1)[-1] == "tf_static" else self.moving
+        is_fixed = raw.topic.rsplit("/", 1)[-1] == "tf_static"
+        namespace = namespace_of(raw.topic)
+        known = self.transforms.get(namespace, Transforms())
+        links = known.fixed if is_fixed else known.moving
         for pose in transforms_of(raw):
             key = pose.parent, pose.child
-            if key not in edges and len(edges) >= MOST_FRAMES:
-                self._faults["transform: too many frames"] += 1
-            else:
-                edges.setdefault(key, Samples()).add(pose)
+            if key not in links:
+                if self._links[is_fixed] >= MOST_FRAMES:
+                    self._faults["transform: too many frames"] += 1
+                    continue
+                self._links[is_fixed] += 1
+                self.transforms.setdefault(namespace, known).topics.add(raw.topic)
+            links.setdefault(key, Samples()).add(pose)

@@ -206,6 +206,57 @@ def test_a_footprint_that_moves_below_the_body_bears_its_sensors(tmp_path):
     np.testing.assert_allclose(sweep.T_body_sensor.position, [0.0, 0.0, 0.105])
 
 
+def robots(*namespaces):
+    """Robots of the same frames, the k-th of which drives at y = k from x = 10 k m on."""
+    bag = Bag()
+    for number, name in enumerate(namespaces, 1):
+        bag.tf("base_link", "laser", 0.0, at(0.1 * number), f"{name}/tf_static")
+        for stamp in (10.0, 10.5, 11.0):
+            moved = at(10.0 * number + stamp, number)
+            bag.tf("odom", "base_link", stamp + 0.01 * number, moved, f"{name}/tf")
+    return bag
+
+
+@pytest.mark.parametrize(
+    ("namespaces", "sensor", "own"),
+    [
+        (("/r1", "/r2"), "/r1/scan", 1),
+        (("/r1", "/r2"), "/r2/front/scan", 2),
+        (("", "/r2"), "/r2/scan", 2),
+        (("", "/r2"), "/scan", 1),
+        (("/r1",), "/scan", 1),
+    ],
+)
+def test_of_several_robots_the_transforms_beside_the_sensor_count(
+    tmp_path, namespaces, sensor, own
+):
+    bag = robots(*namespaces)
+    bag.scan(10.6, [1.0], sensor)
+    recording = opened(bag.write(tmp_path / "bag"))
+    assert set(recording.track.positions[:, 1]) == {float(own)}
+    (sweep,) = recording.sweeps()
+    assert sweep.T_body_sensor.position.tolist() == [0.1 * own, 0.0, 0.0]
+
+
+def test_of_several_robots_none_of_which_is_the_sensors_all_topics_are_listed(tmp_path):
+    bag = robots("/r1", "/r2")
+    bag.scan(10.6, [1.0])
+    said = "several transforms from 'base_link' to 'laser'.*of /scan: /r1/tf, .*/r2/tf_static$"
+    with pytest.raises(InputError, match=said):
+        opened(bag.write(tmp_path / "bag"))
+
+
+def test_a_tree_around_a_namespace_is_that_of_its_robot_too(tmp_path):
+    bag = robots("/r1")
+    for stamp in (10.0, 11.0):
+        bag.tf("odom", "base_link", stamp, at(99.0))
+        bag.tf("map", "odom", stamp, at(z=3.0))
+    bag.scan(10.6, [1.0], "/r1/scan")
+    recording = opened(bag.write(tmp_path / "bag"))
+    assert recording.chosen.endswith("frames map -> base_link")
+    assert recording.track.positions[0].tolist() == [20.0, 1.0, 3.0]
+
+
 def test_transforms_of_ros_1_that_never_change_are_fixed(tmp_path):
     bag = Bag("ros1")
     bag.drive([10.0, 11.0])
