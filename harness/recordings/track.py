@@ -54,9 +54,9 @@ class RecordedTrack:
 
     def has_gap(self, begin_ns: int, end_ns: int) -> bool:
         """Return whether two poses that are too far apart lie around some time of an interval."""
-        wide = np.diff(self.times_ns) > self.max_gap_ns
-        meets = (self.times_ns[:-1] < end_ns) & (self.times_ns[1:] > begin_ns)
-        return bool((wide & meets).any())
+        first = max(int(np.searchsorted(self.times_ns, begin_ns, side="right")) - 1, 0)
+        last = int(np.searchsorted(self.times_ns, end_ns))
+        return bool((np.diff(self.times_ns[first : last + 1]) > self.max_gap_ns).any())
 
     def at(
         self, times_ns: NDArray[np.int64]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from wayproof.harness.recordings.types import RecordedSweep
@@ -24,19 +24,26 @@ class Batch:
     sweeps: tuple[RecordedSweep, ...]
 
 
-def batches(sweeps: Iterable[RecordedSweep], period_ns: int) -> Iterator[Batch]:
+def batches(
+    sweeps: Iterable[RecordedSweep],
+    period_ns: int,
+    has_gap: Callable[[int, int], bool] = lambda begin_ns, end_ns: False,
+) -> Iterator[Batch]:
     """Collect sweeps until a period has passed since the last decision.
 
     Args:
         sweeps: Sweeps in order of time.
         period_ns: Least time between two decisions, ns; with 0 each time of a sweep has one.
+        has_gap: Whether poses are missing between two times, ns: a batch ends there, as its
+            sweeps are placed by the poses up to its own time.
     """
     pending: list[RecordedSweep] = []
     last_ns, end_ns = -1, -1
     for sweep in sweeps:
         if pending and end_ns > last_ns and sweep.time_ns > end_ns:
             full = len(pending) >= MOST_SWEEPS
-            if last_ns < 0 or full or end_ns - last_ns >= period_ns:
+            late = end_ns - last_ns >= period_ns or has_gap(end_ns, sweep.time_ns)
+            if last_ns < 0 or full or late:
                 yield Batch(end_ns, tuple(pending))
                 pending, last_ns = [], end_ns
         pending.append(sweep)

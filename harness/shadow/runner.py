@@ -71,7 +71,7 @@ def run_recording(
                 log.write(f"/sensor/{info.name}/info", info, 0)
             run = ShadowRun(prepared, navigator, log)
             period_ns = round(prepared.recorded.decision_period * 1e9)
-            for batch in batches(recording.sweeps(), period_ns):
+            for batch in batches(recording.sweeps(), period_ns, prepared.way.has_gap):
                 decision = run.decide(batch)
                 if observe is not None:
                     observe(decision, run.motions[-1])

@@ -80,13 +80,17 @@ class Way:
         positions, quaternions = self.at(np.array([time_ns]))
         return RecordedPose(positions[0], quaternions[0])
 
+    def has_gap(self, begin_ns: int, end_ns: int) -> bool:
+        """Return whether poses are missing somewhere between two times, ns."""
+        return self._track.has_gap(begin_ns, end_ns)
+
     def between(self, begin_ns: int, end_ns: int) -> Array:
         """Return poses (k, 4) in a closed interval of times: x, y, z, m, and heading, rad.
 
         Where the track has a gap in it, the last one alone: the way before it is not known.
         """
         own = self._track.times_ns
-        if self._track.has_gap(begin_ns, end_ns):
+        if self.has_gap(begin_ns, end_ns):
             begin_ns = end_ns
         inside = own[(own > begin_ns) & (own < end_ns)]
         ends = [begin_ns] if begin_ns == end_ns else [begin_ns, end_ns]

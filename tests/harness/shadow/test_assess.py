@@ -5,9 +5,11 @@ import pytest
 
 from tests.harness.shadow.conftest import shadowed, verdict_on, written
 from wayproof.harness.log.reader import open_log
+from wayproof.harness.recordings.types import RecordedSweep, Transform
 from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.assess import Passed
+from wayproof.harness.shadow.batches import batches
 from wayproof.harness.shadow.legs import Leg
 from wayproof.harness.shadow.summary import stops_of
 
@@ -104,6 +106,22 @@ def test_the_way_within_a_gap_of_the_poses_is_neither_driven_nor_admitted(tmp_pa
     assert summary.reason.endswith("entered; 1.10 m without poses were not judged")
     assert summary.moving_s < 6.0
     assert contradictions(open_log(log)) == []
+
+
+def test_no_decision_is_made_on_sweeps_of_both_sides_of_a_gap():
+    directions, ranges = np.array([[1.0, 0.0, 0.0]]), np.ones(1, np.float32)
+    mount = Transform(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    sweeps = [
+        RecordedSweep(stamp, "scan", directions, ranges, None, mount) for stamp in (0, 10, 12, 50)
+    ]
+    assert [batch.time_ns for batch in batches(sweeps, 8)] == [0, 10, 50]
+    cut = batches(sweeps, 8, has_gap=lambda begin, end: begin < 40 < end)
+    assert [(batch.time_ns, len(batch.sweeps)) for batch in cut] == [
+        (0, 1),
+        (10, 1),
+        (12, 1),
+        (50, 1),
+    ]
 
 
 def test_a_recording_with_nothing_but_a_gap_shows_nothing(tmp_path, robot):
