@@ -127,6 +127,17 @@ def first_of(
     return Topic("depth", frame, *limits, camera=camera)
 
 
+def finite_points(raw: RawMessage) -> int:
+    """Return the number of finite points of a cloud; 0 of one that cannot be read.
+
+    A driver that starts up sends clouds of no points, of few or of none that are finite.
+    """
+    try:
+        return len(finite(read_cloud(decode(raw)), Counter()).points)
+    except Broken:
+        return 0
+
+
 def beams_of(raw: RawMessage, reading: Reading, silent: Silent | None, faults: Faults) -> Beams:
     """Return the beams of a message, with those without return that were recorded beside it.
 

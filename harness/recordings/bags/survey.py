@@ -22,6 +22,7 @@ from wayproof.harness.recordings.bags.container import (
 from wayproof.harness.recordings.bags.frames import MOST_FRAMES, FrameTree, Samples
 from wayproof.harness.recordings.bags.messages import (
     CAMERA,
+    CLOUD,
     POSES,
     RANGE,
     SENSORS,
@@ -34,7 +35,7 @@ from wayproof.harness.recordings.bags.messages import (
     pose_of,
     transforms_of,
 )
-from wayproof.harness.recordings.bags.sensors import is_sensor, scan_limits
+from wayproof.harness.recordings.bags.sensors import finite_points, is_sensor, scan_limits
 from wayproof.harness.recordings.bags.transforms import Transforms, namespace_of
 from wayproof.harness.recordings.order import Order, order_of
 from wayproof.harness.recordings.recording import Faults
@@ -51,6 +52,10 @@ CONTAINERS: dict[bytes, Container] = {
 LEAST_MESSAGES, LEAST_BYTES = 200_000, 4
 """Number of messages allowed in any bag, and bytes of the bag for each one beyond it."""
 
+FIRST_CLOUDS = 10
+"""Number of clouds of a topic, of which one with most points gives the unit of their times: the
+first ones of a driver that starts up may hold no point, or few."""
+
 TASK = "/task"
 """End of the topic with the task of an episode, as a stack of ROS 2 nodes gets it."""
 
@@ -64,13 +69,16 @@ class SensorTopic:
     """Index of a topic with ranges, points or depths, of the first pass over a bag.
 
     Attributes:
-        first: Its first message that can be read, None if there was none.
+        first: Its first message that can be read, None if there was none; of clouds the one with
+            the most finite points of the first `FIRST_CLOUDS`, which gives the unit of their times.
+        points: Number of finite points in that cloud.
         stamps: Stamps of the headers, ns.
         logged: Times at which they were recorded, ns.
         sizes: Bytes of the messages.
     """
 
     first: RawMessage | None = None
+    points: int = -1
     stamps: array[int] = field(default_factory=lambda: array("q"))
     logged: array[int] = field(default_factory=lambda: array("q"))
     sizes: array[int] = field(default_factory=lambda: array("q"))
@@ -230,12 +238,13 @@ class _Walk:
         topic.stamps.append(stamp)
         topic.logged.append(min(raw.logged_ns, 2**62))
         topic.sizes.append(len(raw.data))
-        if topic.first is None:
-            if is_sensor(raw):
-                topic.first = raw._replace(data=bytes(raw.data))
-            else:
-                del self.sensors[raw.topic]
-                self.others[raw.topic] = raw.type
+        if topic.first is None and not is_sensor(raw):
+            del self.sensors[raw.topic]
+            self.others[raw.topic] = raw.type
+        elif topic.first is None or len(topic.stamps) <= FIRST_CLOUDS:
+            points = finite_points(raw) if raw.type == CLOUD else 0
+            if points > topic.points:
+                topic.first, topic.points = raw._replace(data=bytes(raw.data)), points
 
     def _transforms(self, raw: RawMessage) -> None:
         is_fixed = raw.topic.rsplit("/", 1)[-1] == "tf_static"

@@ -81,6 +81,21 @@ def test_times_of_points_in_the_units_of_the_drivers(tmp_path, name, times, text
     assert text in recording.chosen
 
 
+@pytest.mark.parametrize(
+    "first",
+    [
+        columns(POINTS[:0], t=np.empty(0, np.uint32)),
+        columns(np.full((3, 3), np.nan, np.float32), t=np.zeros(3, np.uint32)),
+        columns(POINTS[:2], t=np.array([0, 50_000], np.uint32)),  # ns, as few us
+    ],
+)
+def test_the_clouds_of_a_driver_that_starts_up_give_no_unit_of_times(tmp_path, first):
+    times = np.array([0, 40_000_000, 90_000_000], np.uint32)
+    found, recording = sweeps(tmp_path, (first, {}), (columns(t=times), {}))
+    assert found[-1].beam_times_ns.tolist() == [0, 40_000_000, 90_000_000]
+    assert "'t', ns since the stamp" in recording.chosen
+
+
 def test_a_stamp_at_the_end_of_the_sweep_is_moved_to_the_first_beam(tmp_path):
     times = np.array([-0.1, -0.05, 0.0], np.float32)
     (sweep,), _ = sweeps(tmp_path, (columns(time=times), {}))
