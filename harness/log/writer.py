@@ -289,8 +289,8 @@ def refuse_inputs(path: Path, inputs: Iterable[str | Path]) -> None:
     Raises:
         InputError: One of them would be overwritten.
     """
-    for one in map(Path, inputs):
-        if path.is_file() and one.is_file() and path.samefile(one):
+    for one in inputs:
+        if os.path.isfile(path) and os.path.isfile(one) and os.path.samefile(path, one):
             raise InputError(f"log '{path}': is read for this log, expected another name")
 
 

@@ -8,6 +8,7 @@ specification, version 0; only its fixed layouts are parsed, and no name in a fi
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -113,7 +114,7 @@ def origin_of(path: Path) -> tuple[bytes, bytes]:
 
 def is_mcap(path: Path) -> bool:
     """Return whether there is a file that begins as an MCAP file of any program."""
-    if not path.is_file():
+    if not os.path.isfile(path):  # nor under a name that the system refuses
         return False
     with path.open("rb") as file:
         return file.read(len(MAGIC)) == MAGIC
