@@ -18,7 +18,8 @@ from wayproof.harness.interface.command_messages import (
     motion_of,
     planned_path_of,
 )
-from wayproof.harness.interface.motion import MotionError, trajectory_of, waypoint_timing
+from wayproof.harness.interface.motion import trajectory_of, waypoint_timing
+from wayproof.harness.interface.motion_checks import MotionError
 from wayproof.harness.interface.types import Grid, Reference
 from wayproof.harness.log.paths import arc_lengths, densely
 from wayproof.harness.mission import Mission

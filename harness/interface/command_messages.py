@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 
 from wayproof.harness.errors import printable
-from wayproof.harness.interface.motion import MAX_DISTANCE_M
+from wayproof.harness.interface.motion_checks import MAX_DISTANCE_M
 from wayproof.harness.interface.types import (
     Array,
     Command,

@@ -116,15 +116,16 @@ def leaves_course(
         limits: Limits of the body.
         step_s: Time between two samples of the motion that it can follow, s.
     """
-    left_s = min(_seconds_left(trajectory, effect_ns), FOLLOWED_S)
-    count = math.ceil(left_s / PERIOD_S) + 2
+    count = math.ceil(_seconds_left(trajectory, effect_ns) / PERIOD_S) + 2
     times_ns = effect_ns + round(PERIOD_S * 1e9) * np.arange(count)
     velocities = np.diff(trajectory.setpoints(times_ns).positions, axis=0) / PERIOD_S
     changes = np.diff(np.vstack([reference.velocity, velocities]), axis=0)
     largest = COURSE_FACTOR * limits.acceleration * PERIOD_S * SLACK + STILL_MPS
     if np.sqrt(np.square(changes).sum(axis=1)).max() <= largest:
         return False
-    followed = follow_within(trajectory, reference, effect_ns, limits, step_s).positions
+    followed = follow_within(
+        trajectory, reference, effect_ns, limits, step_s, most_s=math.inf
+    ).positions
     times_ns = effect_ns + np.round(np.arange(len(followed)) * (step_s * 1e9)).astype(np.int64)
     apart = followed - trajectory.setpoints(times_ns).positions
     return bool(np.sqrt(np.square(apart).sum(axis=1)).max() > COURSE_M)
@@ -143,6 +144,7 @@ def follow_within(
     step_s: float,
     *,
     shorter_turn: bool = False,
+    most_s: float = FOLLOWED_S,
 ) -> Limited:
     """Follow a trajectory as closely as the limits let the body, then brake.
 
@@ -154,13 +156,14 @@ def follow_within(
         step_s: Time between two samples of the result, s.
         shorter_turn: Whether the body turns into the first heading the shorter way round, and has
             the time for it besides.
+        most_s: Time after which it brakes, s.
     """
     left_s, turn = _seconds_left(trajectory, effect_ns), 0.0
     first = trajectory.at(effect_ns).heading
     if shorter_turn:
         turn = wrap_angle(first - reference.heading)
         left_s += abs(turn) / limits.yaw_rate
-    steps = math.ceil(min(left_s, FOLLOWED_S) / step_s)
+    steps = math.ceil(min(left_s, most_s) / step_s)
     times_ns = effect_ns + np.round(np.arange(steps + 1) * (step_s * 1e9)).astype(np.int64)
     commanded = trajectory.setpoints(times_ns)
     if shorter_turn:

@@ -8,7 +8,6 @@ the limits is followed as closely as they let the body.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +20,16 @@ from wayproof.harness.interface.limits import (
     follow_within,
     heading_jumps,
     leaves_course,
+)
+from wayproof.harness.interface.motion_checks import (
+    MAX_HEADING_RAD,
+    MAX_SAMPLES,
+    STILL_M,
+    MotionError,
+    checked_points,
+    checked_trajectory,
+    refuse_backwards,
+    refuse_elsewhere,
 )
 from wayproof.harness.interface.types import Array, Motion, Reference, Samples, Velocity, Waypoints
 from wayproof.maps.elementary import arc_tangent, norm, sines_cosines
@@ -43,39 +52,14 @@ STEP_S = 0.01
 MAX_DURATION_S = 10.0
 """Longest time for which a velocity holds, s."""
 
-MAX_SAMPLES = 20_000
-"""Most samples, waypoints or points of a trajectory."""
-
-MAX_LENGTH_M = 1e3
-"""Longest path, m."""
-
 MAX_TRAJECTORY_S = 600.0
 """Longest time to the rest of a trajectory, s."""
-
-MAX_HEADING_RAD = 1e4
-"""Greatest heading, full turns included, rad."""
-
-MAX_DISTANCE_M = 1e4
-"""Farthest coordinate from the origin, m."""
-
-STARTS_ELSEWHERE_M = 0.05
-"""Distance of a trajectory's start from the reference beyond which it is refused, m."""
 
 TURN_FIRST_RAD = 0.6
 """Heading error beyond which a ground robot at rest turns in place before it follows waypoints."""
 
 MAX_CORNER_RAD = 0.9
 """Sharpest corner of waypoints that is taken without coming to rest."""
-
-FALL_M = 1e-3
-"""Fall of the arc length of a trajectory up to which it counts as rounding, m."""
-
-STILL_M = 1e-6
-"""Steps shorter than this are no motion, m."""
-
-
-class MotionError(ValueError):
-    """Motion that no body can follow, in one line: what was got and expected."""
 
 
 class WaypointTiming(NamedTuple):
@@ -168,9 +152,9 @@ def trajectory_of(
     elif isinstance(motion, Samples):
         trajectory = _sampled(motion, references, effect_ns, planar)
     else:
-        trajectory = _checked(motion, references, effect_ns, planar)
+        trajectory = checked_trajectory(motion, references, effect_ns, planar)
         if limits_course:
-            _refuse_backwards(trajectory, effect_ns)
+            refuse_backwards(trajectory, effect_ns)
     if trajectory.duration_s > MAX_TRAJECTORY_S:
         raise MotionError(
             f"trajectory comes to rest after {trajectory.duration_s:.0f} s, expected at most "
@@ -250,12 +234,12 @@ def _waypoint_trajectory(
     timing: WaypointTiming,
 ) -> Trajectory:
     """Return the fastest trajectory through waypoints, up to the first sharp corner."""
-    points = _points("waypoints.points", waypoints.points)
+    points = checked_points("waypoints.points", waypoints.points)
     if not 0.0 <= waypoints.speed < math.inf:
         raise MotionError(f"waypoints.speed: got {waypoints.speed}, expected 0 or more m/s")
     if planar:
         points[:, 2] = reference.position[2]
-    points = _points("waypoints.points", np.vstack([reference.position, points]))
+    points = checked_points("waypoints.points", np.vstack([reference.position, points]))
     path = _without_repeats(points)
     speed = norm(reference.velocity)
     if len(path) == 1 and speed < 1e-3:
@@ -301,7 +285,7 @@ def _sampled(
     samples: Samples, references: tuple[Reference, Reference], effect_ns: int, planar: bool
 ) -> Trajectory:
     """Return a trajectory through samples, straight and even in between."""
-    positions = _points("samples.positions", samples.positions)
+    positions = checked_points("samples.positions", samples.positions)
     headings = np.array(samples.headings, np.float64)
     if headings.shape != (len(positions),) or not (np.abs(headings) <= MAX_HEADING_RAD).all():
         raise MotionError(
@@ -312,7 +296,7 @@ def _sampled(
         raise MotionError(f"samples.period_s: got {samples.period_s:g}, expected 0.001 to 10 s")
     if planar:
         positions[:, 2] = references[0].position[2]
-    _refuse_elsewhere(positions[0], references)
+    refuse_elsewhere(positions[0], references)
     return _joined(effect_ns, positions, headings, samples.period_s)
 
 
@@ -328,85 +312,6 @@ def _joined(start_ns: int, positions: Array, headings: Array, period_s: float) -
     if arcs[-1] <= STILL_M:
         path = positions[:1]
     return Trajectory(start_ns, path, motion, turning)
-
-
-def _checked(
-    trajectory: Trajectory,
-    references: tuple[Reference, Reference],
-    effect_ns: int,
-    planar: bool,
-) -> Trajectory:
-    """Return an exact trajectory, if it is one."""
-    path = _points("trajectory.path", trajectory.path)
-    height = references[0].position[2]
-    if planar and np.abs(path[:, 2] - height).max() > STILL_M:
-        path[:, 2] = height
-    for name, part in (("motion", trajectory.motion), ("turning", trajectory.turning)):
-        count = len(part.times)
-        if count > MAX_SAMPLES:
-            raise MotionError(f"trajectory.{name}: got {count} pieces, expected {MAX_SAMPLES}")
-        shapes = part.states.shape == (count, 3) and part.jerks.shape == (count,)
-        numbers = [*part.times, *part.states.ravel(), *part.jerks, part.duration, part.end]
-        if not shapes or not all(abs(number) <= MAX_HEADING_RAD for number in numbers):
-            raise MotionError(
-                f"trajectory.{name}: got pieces that are unequal, or numbers beyond "
-                f"{MAX_HEADING_RAD:g}"
-            )
-        ascending = bool((np.diff(part.times) >= 0.0).all())
-        if (count and (part.times[0] != 0.0 or not ascending)) or not 0.0 <= part.duration <= 1e4:
-            raise MotionError(f"trajectory.{name}: expected times from 0 on, ascending, to an end")
-    if not 0 <= trajectory.start_ns <= effect_ns:
-        raise MotionError(
-            f"trajectory.start_ns: got {trajectory.start_ns}, expected 0 to {effect_ns}, when the "
-            "command takes effect"
-        )
-    trajectory = replace(trajectory, path=path)
-    _refuse_elsewhere(trajectory.at(effect_ns).position, references)
-    return trajectory
-
-
-def _refuse_backwards(trajectory: Trajectory, effect_ns: int) -> None:
-    """Raise a MotionError if the arc length of a trajectory falls: its path is driven one way.
-
-    What is swept is the path from the time of effect to the rest, which are its ends so.
-    """
-    begin_s = max(effect_ns - trajectory.start_ns, 0) * 1e-9
-    left_s = max(trajectory.duration_s - begin_s, 0.0)
-    times = begin_s + np.linspace(0.0, left_s, math.ceil(left_s / STEP_S) + 1)
-    arcs = trajectory.motion.positions(np.append(times, begin_s + left_s))
-    falls = np.maximum.accumulate(arcs) - arcs
-    worst = int(falls.argmax())
-    if falls[worst] > FALL_M or arcs[0] < -FALL_M:
-        raise MotionError(
-            f"trajectory.motion: got an arc length of {arcs[worst]:.2f} m after "
-            f"{float(arcs[: worst + 1].max()):.2f} m, expected one that rises from 0 on"
-        )
-
-
-def _points(name: str, values: Array) -> Array:
-    """Return a copy of points (k, 3), finite and near.
-
-    Raises:
-        MotionError: They are not.
-    """
-    points = np.array(values, np.float64)
-    if points.ndim != 2 or points.shape[1] != 3 or not 1 <= len(points) <= MAX_SAMPLES:
-        raise MotionError(f"{name}: got shape {points.shape}, expected (k, 3), k to {MAX_SAMPLES}")
-    if not (np.abs(points) <= MAX_DISTANCE_M).all():  # nor NaN
-        raise MotionError(f"{name}: expected finite coordinates within {MAX_DISTANCE_M:g} m")
-    length = float(np.sqrt(np.square(np.diff(points, axis=0)).sum(axis=1)).sum())
-    if length > MAX_LENGTH_M:
-        raise MotionError(f"{name}: got a path of {length:.0f} m, expected {MAX_LENGTH_M:g} m")
-    return points
-
-
-def _refuse_elsewhere(start: Array, references: tuple[Reference, Reference]) -> None:
-    away = min(norm(start - reference.position) for reference in references)
-    if away > STARTS_ELSEWHERE_M:
-        raise MotionError(
-            f"trajectory starts {away:.2f} m from where the robot is then, expected at most "
-            f"{STARTS_ELSEWHERE_M:g} m"
-        )
 
 
 def _without_repeats(points: Array) -> Array:

@@ -25,11 +25,11 @@ from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.errors import StackError
 from wayproof.harness.interface.motion import (
     Followed,
-    MotionError,
     WaypointTiming,
     trajectory_of,
     waypoint_timing,
 )
+from wayproof.harness.interface.motion_checks import MotionError
 from wayproof.harness.interface.observations import ObservationBuilder, reference_at
 from wayproof.harness.interface.referee import Judgement, fits_along, judge
 from wayproof.harness.interface.types import Fate, Observation

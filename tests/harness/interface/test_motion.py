@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wayproof.harness.interface.motion import MotionError, WaypointTiming, trajectory_of
+from wayproof.harness.interface.motion import WaypointTiming, trajectory_of
+from wayproof.harness.interface.motion_checks import MotionError
 from wayproof.harness.interface.types import Reference, Samples, Velocity, Waypoints
 from wayproof.planners import MotionLimits, Trajectory, hold
 from wayproof.planners.jerk_limited import Profile, at_rest, ramped
@@ -79,6 +80,19 @@ def test_a_corner_within_a_course_is_taken_as_the_body_can():
     found = limited(Samples(0.1, positions, np.zeros(len(braked))), moving)
     assert found.limited
     assert found.trajectory.path[:, 0].max() > 2.1  # beyond the point of return at 2 m
+
+
+def test_a_corner_after_ten_seconds_counts_as_well():
+    """It stands for 12 s, speeds up to 1 m/s at 2 m/s^2, and is commanded back at once."""
+    speeds = np.array([0.0] * 120 + [0.2, 0.4, 0.6, 0.8] + [1.0] * 10)
+    back = -np.array([1.0] * 5 + [0.8, 0.6, 0.4, 0.2])
+    ahead = 0.1 * np.cumsum(np.concatenate([[0.0], speeds]))
+    whole = 0.1 * np.cumsum(np.concatenate([[0.0], speeds, back]))
+    for arcs, expected in ((ahead[:-9], False), (whole, True)):
+        if not expected:
+            arcs = np.append(arcs, arcs[-1] + 0.1 * np.cumsum([0.8, 0.6, 0.4, 0.2]))
+        positions = HERE.position + np.outer(arcs, (1.0, 0.0, 0.0))
+        assert limited(Samples(0.1, positions, np.zeros(len(arcs)))).limited == expected
 
 
 @pytest.mark.parametrize("turn", [math.pi / 2, -3.0, 2.0 * math.pi - 1.0])

@@ -33,14 +33,14 @@ DRIVE = piece(0, (0.0, 0.0), (0.1, 0.0))
 REFUSED = piece(1, (0.1, 0.0), (0.1, 1.6), (0.1, 3.1), why="occupied")
 
 
-def told(legs: list[Leg]) -> list[tuple[int, str, float]]:
+def states_of(legs: list[Leg]) -> list[tuple[int, str, float]]:
     return [(leg.sequence, leg.why, round(leg.length_m, 6)) for leg in legs]
 
 
 def test_a_turn_of_a_long_body_at_the_end_belongs_to_the_last_leg() -> None:
-    assert told(legs_of([DRIVE, REFUSED], LONG)) == [(1, "occupied", 0.1)]
+    assert states_of(legs_of([DRIVE, REFUSED], LONG)) == [(1, "occupied", 0.1)]
     free = replace(REFUSED, admitted=True, why="")
-    assert told(legs_of([DRIVE, free], LONG)) == [(0, "", 0.1)]
+    assert states_of(legs_of([DRIVE, free], LONG)) == [(0, "", 0.1)]
 
 
 def test_a_turn_in_small_pieces_is_a_turn() -> None:
@@ -49,20 +49,20 @@ def test_a_turn_in_small_pieces_is_a_turn() -> None:
         piece(1 + k, (0.1, a), (0.1, b), why="occupied" if k == 1 else "")
         for k, (a, b) in enumerate(itertools.pairwise(headings))
     ]
-    assert told(legs_of([DRIVE, *turns], LONG)) == [(2, "occupied", 0.1)]
-    assert told(legs_of([DRIVE, *turns[:3]], LONG)) == [(0, "", 0.1)]
+    assert states_of(legs_of([DRIVE, *turns], LONG)) == [(2, "occupied", 0.1)]
+    assert states_of(legs_of([DRIVE, *turns[:3]], LONG)) == [(0, "", 0.1)]
 
 
 def test_a_round_body_at_rest_has_no_leg_however_it_turns() -> None:
-    assert told(legs_of([DRIVE, REFUSED])) == told(legs_of([DRIVE, REFUSED], (0.0,)))
-    assert told(legs_of([DRIVE, REFUSED])) == [(0, "", 0.1)]
+    assert states_of(legs_of([DRIVE, REFUSED])) == states_of(legs_of([DRIVE, REFUSED], (0.0,)))
+    assert states_of(legs_of([DRIVE, REFUSED])) == [(0, "", 0.1)]
 
 
 def test_what_comes_near_a_body_at_rest_is_no_way_of_it() -> None:
     rest = piece(2, (0.1, 3.1), (0.12, 3.1), why="occupied")
-    assert told(legs_of([DRIVE, replace(rest, sequence=1)], LONG)) == [(0, "", 0.1)]
+    assert states_of(legs_of([DRIVE, replace(rest, sequence=1)], LONG)) == [(0, "", 0.1)]
     turn = replace(REFUSED, admitted=True, why="")
-    assert told(legs_of([DRIVE, turn, rest], LONG)) == [(0, "", 0.1)]
+    assert states_of(legs_of([DRIVE, turn, rest], LONG)) == [(0, "", 0.1)]
 
 
 def test_a_turn_alone_shows_nothing() -> None:
