@@ -26,7 +26,7 @@ from wayproof.harness.config_document import RECORDING, section_of
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
-from wayproof.harness.study.statistics.support import Support
+from wayproof.harness.statistics.support import Support
 from wayproof.harness.tables.tables import COLUMNS
 
 FOLDER = Path(__file__).parent / "reference"

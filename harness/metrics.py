@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayproof.harness import trajectory_error
-from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+from wayproof.harness.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 from wayproof.harness.trace import Array, Trace
 
 STANDING_SPEED = 0.05

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.attribution.true_space import TrueSpace
 from wayproof.harness.config import Config
+from wayproof.harness.decision import path_of, widening_of
 from wayproof.harness.errors import InputError
 from wayproof.harness.goals import leg_towards
 from wayproof.harness.input_messages import inputs_from_messages
@@ -26,7 +27,6 @@ from wayproof.harness.recompute.segments import Segment, SegmentedStack, segment
 from wayproof.harness.result import Contact
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of, widening_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.columns import Window
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED

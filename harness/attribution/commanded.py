@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution.case import Case, Moment
+from wayproof.harness.decision import path_of
 from wayproof.harness.log.paths import arc_at, densely
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import OCCUPIED
 

@@ -18,10 +18,10 @@ from wayproof.harness.attribution.commanded import (
 )
 from wayproof.harness.attribution.pose import PoseFacts, error_of, pose_facts, usual_margin
 from wayproof.harness.attribution.ranges import RangeFacts, range_facts
+from wayproof.harness.decision import path_of
 from wayproof.harness.log.paths import densely
 from wayproof.harness.prior.cells import logged_cells
 from wayproof.harness.result import Contact
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from wayproof.harness.attribution.case import Case
 from wayproof.harness.attribution.commanded import commands_to
 from wayproof.harness.attribution.contact_facts import last_chance
+from wayproof.harness.decision import path_of
 from wayproof.harness.log.paths import densely
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 

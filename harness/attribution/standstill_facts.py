@@ -15,7 +15,7 @@ from wayproof.harness.attribution.floor_edge import FloorEdge, floor_edge
 from wayproof.harness.attribution.pose import PoseFacts, pose_facts
 from wayproof.harness.attribution.ranges import RangeFacts, range_facts
 from wayproof.harness.attribution.ways import NO_PATH, MapWays, TrueWays, map_ways, true_ways
-from wayproof.harness.stack.decision import path_of
+from wayproof.harness.decision import path_of
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 
 STAYED = 0.3

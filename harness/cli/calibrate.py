@@ -15,8 +15,8 @@ from wayproof.harness.cli.verb import LOGS, Document, Verb, add_settings
 from wayproof.harness.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
+    from wayproof.harness.statistics.exact import Interval
     from wayproof.harness.study.calibration import MarginResult
-    from wayproof.harness.study.statistics.exact import Interval
 
 CALIBRATED = ("margin",)
 """Names of the settings that can be calibrated."""

@@ -23,13 +23,13 @@ from wayproof.harness.cli.verb import (
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
+    from wayproof.harness.decision import Difference
     from wayproof.harness.log.reader import Log
     from wayproof.harness.replay.answers import RestartedStack
     from wayproof.harness.replay.closed_loop import ClosedLoop
     from wayproof.harness.replay.replay import Replay
     from wayproof.harness.replay.scope import Scope
     from wayproof.harness.replay.what_if import Answer, WhatIf
-    from wayproof.harness.stack.decision import Difference
 
 SHOWN_DIFFERENCES = 8
 SHOWN_CHANGES = 5

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution import Case, Moment
+from wayproof.harness.decision import path_of
 from wayproof.harness.log.paths import densely
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import FREE, OCCUPIED
 

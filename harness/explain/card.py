@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.clearance import map_clearance_is_bound, true_clearance_is_bound
+from wayproof.harness.decision import path_of, widened_in_words
 from wayproof.harness.errors import InputError
 from wayproof.harness.explain.blocking_cells import BlockingCell, blocking_cells
 from wayproof.harness.explain.commanded import Commanded, command_in_words, commanded
@@ -24,7 +25,6 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.prediction_config import NO_PREDICTOR
 from wayproof.harness.prior_config import NO_PRIOR
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of, widened_in_words
 from wayproof.harness.stack.labels import combined_version
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import Costmap

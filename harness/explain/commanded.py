@@ -10,6 +10,7 @@ from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
+from wayproof.harness.decision import path_of
 from wayproof.harness.errors import InputError, printable
 from wayproof.harness.interface.command_messages import (
     CommandError,
@@ -25,7 +26,6 @@ from wayproof.harness.log.paths import arc_lengths, densely
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.planner_input import motion_limits
 
 Array = NDArray[np.float64]

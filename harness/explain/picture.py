@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.clearance import in_metres, true_in_metres
+from wayproof.harness.decision import path_of
 from wayproof.harness.explain.card import Card, command_at, moment_of
 from wayproof.harness.explain.commanded import Commanded
 from wayproof.harness.explain.stack_costmap import (
@@ -30,7 +31,6 @@ from wayproof.harness.explain.stack_costmap import (
     shades,
 )
 from wayproof.harness.outputs import written_whole
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import FREE, OCCUPIED
 

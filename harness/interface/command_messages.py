@@ -6,6 +6,7 @@ from typing import get_args
 
 import numpy as np
 
+from wayproof.harness.decision import Action, Label
 from wayproof.harness.errors import printable
 from wayproof.harness.interface.motion_checks import MAX_DISTANCE_M
 from wayproof.harness.interface.types import (
@@ -18,7 +19,6 @@ from wayproof.harness.interface.types import (
     Waypoints,
 )
 from wayproof.harness.schema import stack_pb2 as sb
-from wayproof.harness.stack.decision import Action, Label
 from wayproof.planners import Trajectory
 from wayproof.planners.jerk_limited import Profile
 

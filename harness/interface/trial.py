@@ -13,6 +13,7 @@ from dataclasses import replace
 from google.protobuf.message import DecodeError
 
 from wayproof.harness.config import Config
+from wayproof.harness.decision import Label
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.interface.command_messages import (
@@ -37,7 +38,6 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decide import not_yet_superseded
-from wayproof.harness.stack.decision import Label
 from wayproof.harness.stack.footprint_mode import FootprintDecision
 from wayproof.harness.stack.maneuvers import brake
 from wayproof.harness.stack.pipeline import Navigator

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from importlib import metadata
 from pathlib import Path
 
-from wayproof.harness.stack.decision import Difference
+from wayproof.harness.decision import Difference
 
 PACKAGES = ("mujoco", "numpy", "numba", "ompl", "ruckig", "mcap", "protobuf")
 """Packages whose versions a log records."""

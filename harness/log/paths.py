@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.decision import path_of
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of
 
 Array = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 import mujoco
 
 from wayproof.harness.config import Config
+from wayproof.harness.decision import Difference
 from wayproof.harness.errors import InputError
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.log.reader import Log
@@ -23,7 +24,6 @@ from wayproof.harness.scenario.worlds import (
     forget_worlds,
     generate,
 )
-from wayproof.harness.stack.decision import Difference
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import bind, resolve
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED, movers_in

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from wayproof.harness.config import BUILTIN
+from wayproof.harness.decision import Difference, message_differences
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.connect import Session, connect, start_session
@@ -19,7 +20,6 @@ from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import Difference, message_differences
 from wayproof.harness.stack.prediction import Predicted
 from wayproof.maps.columns import ColumnMap
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from google.protobuf.message import Message
 
 from wayproof.harness.config import BUILTIN
+from wayproof.harness.decision import Difference, differences, message_differences
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import topic_of
@@ -28,7 +29,6 @@ from wayproof.harness.replay.fork import fork_with
 from wayproof.harness.result import ends_in_error
 from wayproof.harness.runner import run_episode
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import Difference, differences, message_differences
 
 SAME = 1e-9
 """Relative difference up to which two figures of a result are equal."""

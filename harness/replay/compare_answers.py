@@ -6,12 +6,12 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from wayproof.harness.decision import Difference
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute.side_by_side import recompute
 from wayproof.harness.replay.answers import RestartedStack, restarted_stack
-from wayproof.harness.stack.decision import Difference
 
 
 @dataclass(frozen=True)

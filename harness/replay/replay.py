@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from wayproof.harness.decision import Difference, differences
 from wayproof.harness.errors import InputError
 from wayproof.harness.forked import ForkFailed, beside
 from wayproof.harness.log.reader import Log, open_log
@@ -17,7 +18,6 @@ from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.replay.scope import Scope, scope_of
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import Difference, differences
 from wayproof.harness.stack.keyframe import has_keyframes, keyframe_differences
 
 

@@ -16,6 +16,7 @@ from typing import Literal
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 
+from wayproof.harness.decision import Difference
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.machine import CODE, this_machine
 from wayproof.harness.log.reader import Log, open_log
@@ -26,7 +27,6 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.scope import Scope, scope_of
 from wayproof.harness.replay.signature import fault_of_signature, fingerprint, signature_path
 from wayproof.harness.result import ends_in_error, is_recovered
-from wayproof.harness.stack.decision import Difference
 
 Step = Literal["signature", "content", "replay", "simulation"]
 

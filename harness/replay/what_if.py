@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
+from wayproof.harness.decision import differences, path_of
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.recompute.side_by_side import SideBySide
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import differences, path_of
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ import numpy as np
 from wayproof.harness.config import HASH_SEPARATOR, Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
-from wayproof.harness.prior.sources import with_prior
 from wayproof.harness.scenario.blind_start import warn_of_blind_start
 from wayproof.harness.scenario.places import goals_of, refuse_no_way
+from wayproof.harness.scenario.prior_maps import with_prior
 from wayproof.harness.scenario.robots import (
     built_in,
     find_robot,

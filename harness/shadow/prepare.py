@@ -13,12 +13,12 @@ from wayproof.harness.config_document import with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
 from wayproof.harness.perturbations import AnyPerturbation
-from wayproof.harness.prior.sources import with_prior
 from wayproof.harness.recording_config import RecordingConfig
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.recordings.track import RecordedTrack
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
 from wayproof.harness.recordings.window import NO_POSE
+from wayproof.harness.scenario.prior_maps import with_prior
 from wayproof.harness.scenario.worlds import bare_world
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.body import Body

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+from wayproof.harness.decision import Action, Label
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.decision import Action, Label
 from wayproof.harness.stack.footprint_checks import poses_from
 from wayproof.harness.stack.global_path import ARRIVED
 from wayproof.harness.stack.obstruction import Obstruction

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import BUILTIN, PLUGIN, Config
+from wayproof.harness.decision import Difference, message_differences
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import Difference, message_differences
 from wayproof.harness.stack.map_content import (
     read_bricks,
     read_echoes,

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wayproof.harness.stack.decision import Action
+from wayproof.harness.decision import Action
 from wayproof.harness.stack.global_path import ARRIVED
 from wayproof.harness.stack.maneuvers import brake
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS

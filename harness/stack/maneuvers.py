@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from wayproof.harness.decision import Action, Label
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.decision import Action, Label
 from wayproof.harness.stack.diagnosis import diagnose_lost_path, diagnose_no_path, inflation_reason
 from wayproof.harness.stack.evasive_stop import clearest_stop
 from wayproof.harness.stack.footprint_checks import first_misfit, moves_tail_first

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
+from wayproof.harness.decision import MOST_WIDENING
 from wayproof.harness.inputs import Beams, Inputs, Pose, SweepInput, WorldSweep
 from wayproof.harness.mission import Mission
-from wayproof.harness.stack.decision import MOST_WIDENING
 from wayproof.harness.stack.field_of_view import is_omnidirectional
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
 from wayproof.harness.stack.footprint_clearing import clear_footprint

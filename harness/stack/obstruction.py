@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.decision import GRAIN
 from wayproof.harness.geometry import wrap_angle
-from wayproof.harness.stack.decision import GRAIN
 from wayproof.harness.stack.global_path import heading_at
 from wayproof.harness.stack.types import Array, PlannerInput, arc_length
 from wayproof.maps.elementary import sines_cosines

@@ -12,11 +12,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from wayproof.harness.config import Config
+from wayproof.harness.decision import chain_hash
 from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.decision import chain_hash
 from wayproof.harness.stack.footprint_mode import FootprintDecision, decide_with_footprint
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder, PlannerInputBuilder

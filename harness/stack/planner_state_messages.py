@@ -7,11 +7,11 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.decision import Label
 from wayproof.harness.geometry import polyline_length
 from wayproof.harness.input_messages import MAX_COORDINATE
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.closed_gaps import MOST_GAPS
-from wayproof.harness.stack.decision import Label
 from wayproof.harness.stack.reasons import Kind
 from wayproof.harness.stack.types import (
     ClosedGap,

@@ -13,13 +13,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from wayproof.harness.config import Config
+from wayproof.harness.decision import GRAIN
 from wayproof.harness.geometry import polyline_length
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.mission import Mission
 from wayproof.harness.prediction_config import NO_PREDICTOR
 from wayproof.harness.prior.cells import prior_layer
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import GRAIN
 from wayproof.harness.stack.prediction import predicted_layer
 from wayproof.harness.stack.types import Array, EvidenceSpace, Provenance
 from wayproof.maps import Costmap

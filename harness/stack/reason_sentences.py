@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any, get_args
 
-from wayproof.harness.stack.decision import Action, Label
+from wayproof.harness.decision import Action, Label
 from wayproof.harness.stack.reasons import FIGURES, POINTS, Kind, Reason
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
+from wayproof.harness.decision import GRAIN
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import GRAIN
 
 Point = tuple[float, float, float]
 

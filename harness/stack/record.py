@@ -7,10 +7,10 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.decision import add_points, thinned, trajectory_message
 from wayproof.harness.geometry import polyline_length
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import add_points, thinned, trajectory_message
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.provenance import evidence_along
 from wayproof.harness.stack.reason_sentences import sentence

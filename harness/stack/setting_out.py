@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from wayproof.harness.decision import Action, Label
 from wayproof.harness.geometry import wrap_angle
-from wayproof.harness.stack.decision import Action, Label
 from wayproof.harness.stack.diagnosis import diagnose_no_room, exploration_reason
 from wayproof.harness.stack.driving import DrivablePart, drive_along, shortened_to_fit
 from wayproof.harness.stack.footprint_checks import MIN_PATH, headings_to_start_at

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.behaviour_config import BehaviourConfig
-from wayproof.harness.stack.decision import Action, Label
+from wayproof.harness.decision import Action, Label
 from wayproof.harness.stack.reasons import Kind, Reason
 from wayproof.maps.elementary import norm
 from wayproof.planners import (

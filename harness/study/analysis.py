@@ -10,10 +10,10 @@ import numpy as np
 
 from wayproof.harness.config import HASH_SEPARATOR
 from wayproof.harness.metrics import METRICS
+from wayproof.harness.statistics.exact import Interval, holm, mcnemar, restricted_mean
+from wayproof.harness.statistics.intervals import difference_interval, mean_interval
 from wayproof.harness.study.plan import Arm
 from wayproof.harness.study.rows import Row, first_difference, prove, reference_of, share_differing
-from wayproof.harness.study.statistics.exact import Interval, holm, mcnemar, restricted_mean
-from wayproof.harness.study.statistics.intervals import difference_interval, mean_interval
 
 Pairs = list[tuple[Row, Row]]
 

@@ -12,13 +12,13 @@ from scipy.optimize import isotonic_regression
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations.pose_drift import PoseDrift
+from wayproof.harness.statistics.exact import Interval, clopper_pearson, restricted_mean
+from wayproof.harness.statistics.intervals import difference_interval
+from wayproof.harness.statistics.support import RATE, TIME
 from wayproof.harness.study.file import StudyFile
 from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.rows import Row
-from wayproof.harness.study.statistics.exact import Interval, clopper_pearson, restricted_mean
-from wayproof.harness.study.statistics.intervals import difference_interval
-from wayproof.harness.study.statistics.support import RATE, TIME
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Engine, error_in_words, read_rows, run_study
 

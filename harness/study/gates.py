@@ -12,19 +12,19 @@ from scipy import stats
 
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.metrics import METRICS, OF_STACKS_ON_TRIAL
-from wayproof.harness.study.analysis import Pairs, Sample, cluster_of, is_imported
-from wayproof.harness.study.file import Gate
-from wayproof.harness.study.plan import Arm, name_of
-from wayproof.harness.study.rows import Row
-from wayproof.harness.study.statistics.exact import CONFIDENCE, Interval
-from wayproof.harness.study.statistics.intervals import (
+from wayproof.harness.statistics.exact import CONFIDENCE, Interval
+from wayproof.harness.statistics.intervals import (
     LEAST_CLUSTERS,
     LEAST_COUNTED,
     cluster_means,
     difference_interval,
     mean_interval,
 )
-from wayproof.harness.study.statistics.support import Support
+from wayproof.harness.statistics.support import Support
+from wayproof.harness.study.analysis import Pairs, Sample, cluster_of, is_imported
+from wayproof.harness.study.file import Gate
+from wayproof.harness.study.plan import Arm, name_of
+from wayproof.harness.study.rows import Row
 
 Verdict = Literal["held", "failed", "inconclusive"]
 

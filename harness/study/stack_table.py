@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from wayproof.harness.metrics import METRICS
+from wayproof.harness.statistics.exact import Interval
+from wayproof.harness.statistics.intervals import mean_interval
+from wayproof.harness.statistics.support import TIME
 from wayproof.harness.study.analysis import Sample, cluster_of
 from wayproof.harness.study.plan import name_of
 from wayproof.harness.study.rows import Row
-from wayproof.harness.study.statistics.exact import Interval
-from wayproof.harness.study.statistics.intervals import mean_interval
-from wayproof.harness.study.statistics.support import TIME
 
 
 @dataclass(frozen=True)

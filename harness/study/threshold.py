@@ -17,6 +17,7 @@ from wayproof.harness.config_document import with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
+from wayproof.harness.statistics.exact import Interval, quantile_interval
 from wayproof.harness.study.contents import Contents, contents_of
 from wayproof.harness.study.file import MOST_EPISODES as MOST_PLANNED
 from wayproof.harness.study.file import StudyFile, episodes_of, files_of
@@ -30,7 +31,6 @@ from wayproof.harness.study.plan import (
     planned_for,
 )
 from wayproof.harness.study.processes import Finished
-from wayproof.harness.study.statistics.exact import Interval, quantile_interval
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import Engine, run_missing
 

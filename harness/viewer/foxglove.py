@@ -15,6 +15,7 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
+from wayproof.harness.decision import path_of
 from wayproof.harness.errors import InputError
 from wayproof.harness.explain.stack_costmap import shades
 from wayproof.harness.goals import mission_towards
@@ -24,7 +25,6 @@ from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.writer import check_folder, file_descriptor_set
 from wayproof.harness.outputs import ENDING, written_whole
 from wayproof.harness.schema import foxglove_pb2 as fox
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.foxglove_scene import EventMarks, TrueScene, evidence_grids
 from wayproof.harness.viewer.foxglove_shapes import (
     BLUE,

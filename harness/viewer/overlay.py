@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.decision import path_of
 from wayproof.harness.mission import Mission
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.boxes import flat_boxes, surrounding_boxes, upright_boxes
 from wayproof.harness.viewer.cutaway import cut_boxes
 from wayproof.harness.viewer.layer import FRONTIER, INFLATED, kinds, layer_at

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from wayproof.harness.decision import path_of
 from wayproof.harness.explain.stack_costmap import Newest, shades
 from wayproof.harness.interface.types import Grid
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer import overlay
 from wayproof.harness.viewer.caption import pixel_of
 from wayproof.harness.viewer.moments import Moment

@@ -13,13 +13,13 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from wayproof.harness.decision import path_of
 from wayproof.harness.explain.commanded import Commanded
 from wayproof.harness.log.follow import FollowedLog
 from wayproof.harness.log.reader import Log
 from wayproof.harness.result import RECORDED
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.legs import Leg
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.curves import curves
 from wayproof.harness.viewer.events import CONTACT, LAST_CHANCE, PLOTS, Events, name_of
 from wayproof.harness.viewer.evidence import age_pixels, probability_pixels

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.decision import path_of
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.recordings.bags.building import Builder
@@ -31,7 +32,6 @@ from wayproof.harness.recordings.bags.writing import (
 )
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.recordings.types import Transform
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.layer import layer_at
 from wayproof.harness.viewer.moments import Moment, moments
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap

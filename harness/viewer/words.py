@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from wayproof.harness.clearance import in_metres, map_clearance_is_bound, true_in_metres
+from wayproof.harness.decision import widened_in_words
 from wayproof.harness.explain.commanded import Commanded, command_in_words
 from wayproof.harness.inputs import Pose
 from wayproof.harness.log.paths import length
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import widened_in_words
 
 INTENDED = ("follow", "explore", "goal")
 """Actions without an obstruction."""

@@ -23,6 +23,7 @@ import numpy as np
 from google.protobuf.message import Message
 from mcap.opcode import Opcode
 
+from wayproof.harness.decision import chain_hash
 from wayproof.harness.ending import goal_distance
 from wayproof.harness.log.codec.container import MAGIC, walk
 from wayproof.harness.log.codec.messages import read_messages
@@ -35,7 +36,6 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.replay.content import read_content
 from wayproof.harness.result import figures_of
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import chain_hash
 
 Kind = TypeVar("Kind", bound=Message)
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from wayproof.harness.bench.statistics.verdicts import bench_alarms, bench_power
 from wayproof.harness.bench.table import Document, Progress
-from wayproof.harness.study.statistics.bounds import Array, Ends
-from wayproof.harness.study.statistics.intervals import interval_ends, pair_ends
-from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+from wayproof.harness.statistics.bounds import Array, Ends
+from wayproof.harness.statistics.intervals import interval_ends, pair_ends
+from wayproof.harness.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 CLUSTERS = (2, 3, 5, 10, 25, 50)
 

@@ -14,8 +14,8 @@ import numpy as np
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
+from wayproof.harness.decision import GRAIN, add_points
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import GRAIN, add_points
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from wayproof.harness.config import BUILTIN, Config
+from wayproof.harness.decision import path_of
 from wayproof.harness.log.paths import SAME_PLACE, Array, arc_lengths, densely, length
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.cells import SPACING, Cells, cells_around
 from wayproof.harness.replay.slopes import sloping_columns
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of
 from wayproof.maps import UnknownPolicy
 from wayproof.maps.columns import ColumnMap
 

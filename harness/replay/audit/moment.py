@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from wayproof.harness.config import Config
+from wayproof.harness.decision import path_of
 from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.log.paths import Array
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.audit.body import Body
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import Representation
 from wayproof.maps.columns import ColumnMap

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from wayproof.harness.decision import Difference
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log
 from wayproof.harness.recompute.segments import segments_of
@@ -34,7 +35,6 @@ from wayproof.harness.replay.consistency.settings import (
 from wayproof.harness.replay.consistency.subject import Subject
 from wayproof.harness.replay.content import Content, read_content
 from wayproof.harness.result import ends_in_error
-from wayproof.harness.stack.decision import Difference
 
 CHECKS: tuple[Callable[[Subject], Iterator[Difference]], ...] = (
     check_goals,

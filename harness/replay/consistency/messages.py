@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from wayproof.harness.decision import Difference, chain_hash
 from wayproof.harness.input_messages import unit_quaternion
 from wayproof.harness.log.digest import CONTENT
 from wayproof.harness.log.reader import Log
@@ -15,7 +16,6 @@ from wayproof.harness.log.writer import FORMAT_VERSION, WITH_REASONS
 from wayproof.harness.replay.consistency.subject import HALF_STEP_S, Subject
 from wayproof.harness.replay.content import Content
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import Difference, chain_hash
 
 NUMBERED = ("poses", "latencies", "truths", "streams")
 """Kinds of messages with one message per decision."""

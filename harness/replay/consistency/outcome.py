@@ -8,6 +8,7 @@ from typing import get_args
 import numpy as np
 
 from wayproof.harness.config import BUILTIN
+from wayproof.harness.decision import Difference
 from wayproof.harness.ending import BETWEEN_DECISIONS, Limits
 from wayproof.harness.goals import distance_left, goals_before_last
 from wayproof.harness.interface.errors import PredictorCause, StackCause
@@ -20,7 +21,6 @@ from wayproof.harness.replay.consistency.subject import (
     number_of,
 )
 from wayproof.harness.result import figures_of
-from wayproof.harness.stack.decision import Difference
 
 
 def check_figures(subject: Subject) -> Iterator[Difference]:

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wayproof.harness.decision import Difference
 from wayproof.harness.replay.consistency.subject import SAME, Subject, is_number
 from wayproof.harness.result import RECORDED, recorded_figures, way_of
-from wayproof.harness.stack.decision import Difference
 
 
 def check_recorded_result(subject: Subject) -> Iterator[Difference]:

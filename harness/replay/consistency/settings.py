@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from wayproof.harness.decision import Difference
 from wayproof.harness.replay.consistency.subject import Subject, added_delay, is_active
-from wayproof.harness.stack.decision import Difference
 
 
 def check_delays(subject: Subject) -> Iterator[Difference]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wayproof.harness.decision import path_of
 from wayproof.harness.log.paths import Array, length
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of
 
 STILL = 0.02
 """Length up to which a trajectory counts as a hold, m."""

@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from wayproof.harness.config import Config
+from wayproof.harness.decision import path_of
 from wayproof.harness.log.paths import Array, refined
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.cells import NAMES, Cells, cells_around
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import path_of
 from wayproof.maps.columns import ColumnMap
 
 Point = tuple[float, float, float]

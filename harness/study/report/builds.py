@@ -9,6 +9,8 @@ from pathlib import Path
 
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.outputs import written_whole
+from wayproof.harness.statistics.exact import CONFIDENCE, Interval
+from wayproof.harness.statistics.intervals import difference_interval
 from wayproof.harness.study.analysis import Pairs, Sample, cluster_of
 from wayproof.harness.study.compare import Compared
 from wayproof.harness.study.gates import interval_in_words
@@ -22,8 +24,6 @@ from wayproof.harness.study.report.words import (
     side_of_drop,
 )
 from wayproof.harness.study.rows import Row, first_difference
-from wayproof.harness.study.statistics.exact import CONFIDENCE, Interval
-from wayproof.harness.study.statistics.intervals import difference_interval
 from wayproof.harness.study.study import verdict_in_words
 
 SHOWN_METRICS = (

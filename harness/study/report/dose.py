@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from wayproof.harness.metrics import METRICS
+from wayproof.harness.statistics.exact import Interval
+from wayproof.harness.statistics.intervals import mean_interval
+from wayproof.harness.statistics.support import TIME
 from wayproof.harness.study.analysis import Sample, cluster_of
 from wayproof.harness.study.plan import CLEAN, Arm, name_of, perturbation_at
 from wayproof.harness.study.report.plots import Curve, dose_response
 from wayproof.harness.study.rows import Row
-from wayproof.harness.study.statistics.exact import Interval
-from wayproof.harness.study.statistics.intervals import mean_interval
-from wayproof.harness.study.statistics.support import TIME
 
 
 @dataclass(frozen=True)

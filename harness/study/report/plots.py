@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.scenario.scene_text import safe_scene
-from wayproof.harness.study.statistics.exact import Interval
+from wayproof.harness.statistics.exact import Interval
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 
 STYLE: Any = {

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from wayproof.harness.metrics import METRICS
+from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.gates import GateResult, gate_advice
-from wayproof.harness.study.statistics.exact import Interval
 
 
 def gate_reason(gate: GateResult) -> str:

@@ -9,12 +9,12 @@ from PIL import Image
 from tests.harness.viewer.test_rerun_view import entities
 from wayproof.harness.attribution import read_case
 from wayproof.harness.cli.main import main
+from wayproof.harness.decision import path_of
 from wayproof.harness.explain import commanded, make_card
 from wayproof.harness.explain.card import command_at
 from wayproof.harness.explain.picture import KINDS, PLANNED, REFUSED
 from wayproof.harness.log.paths import arc_lengths, densely
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.stack.decision import path_of
 from wayproof.harness.viewer.moments import moments
 from wayproof.harness.viewer.words import describe, is_warning
 

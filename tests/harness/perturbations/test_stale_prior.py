@@ -10,7 +10,7 @@ from wayproof.harness.config_document import override, with_perturbation
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.prior.cells import unpacked
-from wayproof.harness.prior.sources import with_prior
+from wayproof.harness.scenario.prior_maps import with_prior
 from wayproof.harness.scenario.worlds import find_world
 from wayproof.maps import OCCUPIED
 from wayproof.models.worlds.shifted import MOVABLE, movable_groups

@@ -14,8 +14,8 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.map_files.cells import cells_of, moment_at
 from wayproof.harness.map_files.files import write_map
 from wayproof.harness.prior.cells import PriorCells, packed, prior_layer, unpacked
-from wayproof.harness.prior.sources import with_prior
 from wayproof.harness.prior.truth import grid_of_world
+from wayproof.harness.scenario.prior_maps import with_prior
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.scenario.worlds import find_world
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN

@@ -11,6 +11,7 @@ import zstandard
 
 from tests.harness.replay.episodes import SHORT, altered
 from wayproof.harness.cli.main import main
+from wayproof.harness.decision import differences
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import Attachment, Metadata
 from wayproof.harness.log.head import read_head
@@ -20,7 +21,6 @@ from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import differences
 
 
 def test_the_first_difference_is_named_value_by_value(recorded, tmp_path, capsys):

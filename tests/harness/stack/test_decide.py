@@ -21,9 +21,9 @@ from tests.harness.stack.make_input import (
     sample_at,
 )
 from wayproof.harness.behaviour_config import BehaviourConfig
+from wayproof.harness.decision import Action, Label
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.decision import Action, Label
 from wayproof.harness.stack.reason_sentences import MEANINGS
 from wayproof.harness.stack.types import PlannerInput, PlannerState
 

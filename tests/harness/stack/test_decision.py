@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wayproof.harness.decision import add_points, path_of, widened_in_words, widening_of
 from wayproof.harness.errors import InputError
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import add_points, path_of, widened_in_words, widening_of
 
 coordinates = st.floats(allow_nan=True, allow_infinity=True)
 

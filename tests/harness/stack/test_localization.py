@@ -16,6 +16,7 @@ from tests.harness.stack.make_input import (
     top_speed,
 )
 from wayproof import Config, build, open_log, override, run_episode
+from wayproof.harness.decision import MOST_WIDENING
 from wayproof.harness.inputs import Pose
 from wayproof.harness.metrics import score
 from wayproof.harness.perturbations import perturbation_from
@@ -23,7 +24,6 @@ from wayproof.harness.replay.audit.moment import believed_of
 from wayproof.harness.replay.audit.run import audit
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.decision import MOST_WIDENING
 from wayproof.harness.stack.mapping import MOST_DOUBT, margin_of
 from wayproof.harness.stack.planner_input import localization_of
 from wayproof.harness.stack.reason_sentences import sentence

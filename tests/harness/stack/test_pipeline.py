@@ -7,13 +7,13 @@ import pytest
 
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
+from wayproof.harness.decision import chain_hash
 from wayproof.harness.errors import InputError
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.mission import Mission
 from wayproof.harness.scenario.scenario import build, sensor_info
 from wayproof.harness.stack.build import build_navigator
-from wayproof.harness.stack.decision import chain_hash
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
 DRONE = Mission(

@@ -10,12 +10,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from wayproof.harness.metrics import METRICS
+from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.analysis import pair, samples_of, summarise
 from wayproof.harness.study.file import read_gate
 from wayproof.harness.study.gates import judge, verdict_of
 from wayproof.harness.study.plan import Arm
 from wayproof.harness.study.rows import Row, first_difference, prove, share_differing, write_table
-from wayproof.harness.study.statistics.exact import Interval
 
 CLEAN = Arm("warehouse", "drone", "", "none", 0)
 DRIFT = Arm("warehouse", "drone", "", "pose_drift", 3)

@@ -11,6 +11,7 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.metrics import METRICS
+from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.analysis import samples_of
 from wayproof.harness.study.compare import compare
 from wayproof.harness.study.file import read_study
@@ -18,7 +19,6 @@ from wayproof.harness.study.plan import Arm, plan_episodes
 from wayproof.harness.study.report.plots import COLOURS, Curve, dose_response
 from wayproof.harness.study.rows import Row, reference_of
 from wayproof.harness.study.stack_table import stack_table
-from wayproof.harness.study.statistics.exact import Interval
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
 

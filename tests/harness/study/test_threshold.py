@@ -18,10 +18,10 @@ from wayproof.harness.config_document import from_json, to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.scenario.scenario import build
+from wayproof.harness.statistics.exact import quantile_interval
 from wayproof.harness.study.file import StudyFile
 from wayproof.harness.study.job import Done, Job
 from wayproof.harness.study.processes import Finished
-from wayproof.harness.study.statistics.exact import quantile_interval
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.threshold import (
     MOST_EPISODES,

@@ -20,10 +20,10 @@ from wayproof.harness.bench.soak.processors import (
 )
 from wayproof.harness.bench.soak.replays import arithmetic, differing
 from wayproof.harness.config_document import from_json, to_json
+from wayproof.harness.decision import Difference
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.replay import Replay
 from wayproof.harness.replay.scope import Scope
-from wayproof.harness.stack.decision import Difference
 from wayproof.maps import MAPS
 from wayproof.models.robots import ROBOTS
 from wayproof.models.sensors.devices import DEVICES

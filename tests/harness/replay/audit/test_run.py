@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from wayproof.harness.cli.main import main
+from wayproof.harness.decision import chain_hash
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
@@ -17,7 +18,6 @@ from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.audit.run import judge, moments
 from wayproof.harness.replay.audit.way import judge_way
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decision import chain_hash
 
 SHORT = "episode.time_limit=8"
 

@@ -5,8 +5,8 @@ import math
 import pytest
 from matplotlib.figure import Figure
 
+from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.report.plots import DOWN, UP, Curve, _draw_curve, _limits
-from wayproof.harness.study.statistics.exact import Interval
 
 DOSES = [(0.0, 0.0), (3.0, 0.02), (5.0, 0.09)]
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
+from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.analysis import ArmSummary
 from wayproof.harness.study.gates import GateResult
 from wayproof.harness.study.plan import Arm
 from wayproof.harness.study.report.summary import junit, markdown
-from wayproof.harness.study.statistics.exact import Interval
 from wayproof.harness.study.study import Paired, StudyResult, verdict_in_words
 
 ARM = Arm("empty", "drone", "", "none", 0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from wayproof.harness.study.statistics.exact import (
+from wayproof.harness.statistics.exact import (
     holm,
     mcnemar,
     paired_rate_difference,

@@ -9,12 +9,12 @@ import pytest
 
 from wayproof.harness.bench.statistics.coverage import STATISTICS, Data, coverage_of
 from wayproof.harness.metrics import METRICS
-from wayproof.harness.study.statistics.intervals import (
+from wayproof.harness.statistics.intervals import (
     difference_interval,
     interval_ends,
     mean_interval,
 )
-from wayproof.harness.study.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
+from wayproof.harness.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 WORLDS = list(range(200))
 

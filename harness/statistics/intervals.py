@@ -20,9 +20,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.harness.study.statistics.bounds import Array, Ends, bounded, studentized
-from wayproof.harness.study.statistics.exact import CONFIDENCE, Interval, paired_rate_difference
-from wayproof.harness.study.statistics.support import Support
+from wayproof.harness.statistics.bounds import Array, Ends, bounded, studentized
+from wayproof.harness.statistics.exact import CONFIDENCE, Interval, paired_rate_difference
+from wayproof.harness.statistics.support import Support
 
 LEAST_CLUSTERS = 5
 """Fewer worlds, or fewer of them with distinct values, show no spread of a measure."""

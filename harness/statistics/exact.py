@@ -1,7 +1,7 @@
 """Intervals and tests for rates and for pairs of episodes; scipy does the numerics.
 
 An episode of one seed and its perturbed twin are a pair. Means over worlds are in
-`harness.study.statistics.intervals`.
+`harness.statistics.intervals`.
 """
 
 from __future__ import annotations
