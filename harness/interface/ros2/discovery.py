@@ -24,9 +24,9 @@ def mismatch(
     """
     listening, types = list(ours), {one.topic: one for one in publishers}
     for one in publications:
-        if one.type == Clock.TYPE and one.topic in types:
+        if one.type == Clock.__msgtype__ and one.topic in types:
             return f"{one.topic} is published by another simulator or episode in this domain, too"
-        expected = [sub.kind.TYPE for sub in listening if sub.topic == one.topic]
+        expected = [sub.kind.__msgtype__ for sub in listening if sub.topic == one.topic]
         latched = any(sub.latched for sub in listening if sub.topic == one.topic)
         if expected and one.type not in expected:
             return f"{one.topic} is published as {one.type}, expected {' or '.join(expected)}"
@@ -36,8 +36,8 @@ def mismatch(
             return f"{one.topic} is published with volatile durability, expected transient local"
     for one in subscriptions:
         ours_here = types.get(one.topic)
-        if ours_here is not None and one.type != ours_here.kind.TYPE:
-            return f"{one.topic} is subscribed as {one.type}, expected {ours_here.kind.TYPE}"
+        if ours_here is not None and one.type != ours_here.kind.__msgtype__:
+            return f"{one.topic} is subscribed as {one.type}, expected {ours_here.kind.__msgtype__}"
         if ours_here is not None and one.latched and not ours_here.latched:
             return f"{one.topic} is subscribed with transient local durability, expected volatile"
     return ""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.interface.ros2.messages import (
+    LEVEL,
     Header,
     MapMetaData,
     OccupancyGrid,
@@ -43,5 +44,5 @@ def costmap_grid(costmap: Costmap, frame: str, stamp: Time) -> OccupancyGrid:
 def _grid(costmap: Costmap, cells: NDArray[np.generic], frame: str, stamp: Time) -> OccupancyGrid:
     width, height = cells.shape
     x, y = (float(value) for value in costmap.origin[:2])
-    info = MapMetaData(stamp, costmap.resolution, width, height, Pose(Point(x, y, 0.0)))
+    info = MapMetaData(stamp, costmap.resolution, width, height, Pose(Point(x, y, 0.0), LEVEL))
     return OccupancyGrid(Header(stamp, frame), info, cells.T.astype(np.int8).ravel())

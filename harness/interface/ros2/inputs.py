@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
 from wayproof.harness.interface.errors import StackError
-from wayproof.harness.interface.ros2.cdr import CdrError
 from wayproof.harness.interface.ros2.messages import (
+    CdrError,
     Header,
+    M,
     Message,
     OccupancyGrid,
     Path,
     Twist,
     TwistStamped,
+    nanoseconds,
 )
 from wayproof.harness.interface.ros2.node import Node, Sample, Subscription
 from wayproof.harness.interface.ros2.options import Options
 from wayproof.harness.interface.types import Array, Grid, Velocity
-
-M = TypeVar("M", bound=Message)
 
 
 class Received(NamedTuple):
@@ -89,7 +89,7 @@ class Inputs:
         for one in self._take_samples(self._stamped):
             header = one.message.header
             self._check_frame(self.topic, header, ("", self._options.base_frame))
-            received.append(self._received(one, one.message.twist, header.stamp.ns))
+            received.append(self._received(one, one.message.twist, nanoseconds(header.stamp)))
         return sorted(received, key=lambda one: one.sent_ns)
 
     def plan(self) -> Array | None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.interface.ros2.cdr import decode, encode
-from wayproof.harness.interface.ros2.messages import Message
+from wayproof.harness.interface.ros2.messages import M, Message, decode, encode
 
 try:
     from cyclonedds.builtin import (
@@ -29,8 +28,6 @@ except ImportError:
     raise InputError(
         "--stack ros2 needs Cyclone DDS: pip install 'wayproof[ros2]' (Python 3.11 to 3.13)"
     ) from None
-
-M = TypeVar("M", bound=Message)
 
 CONFIG = (
     "<General><MaxMessageSize>65000B</MaxMessageSize><FragmentSize>63000B</FragmentSize></General>"

@@ -11,7 +11,7 @@ from wayproof.harness.interface.ros2.messages import (
     PoseStamped,
     String,
     TFMessage,
-    Time,
+    time_of,
 )
 from wayproof.harness.interface.ros2.node import Node, Publisher
 from wayproof.harness.interface.ros2.options import Options
@@ -69,7 +69,7 @@ class Outputs:
 
     def send_mountings(self, stamp_ns: int) -> None:
         """Send the transforms that stay."""
-        self._send("tf_static", static_transforms(self._task, self._options, Time.of(stamp_ns)))
+        self._send("tf_static", static_transforms(self._task, self._options, time_of(stamp_ns)))
 
     def send_task(self, start_ns: int) -> None:
         """Send the task, of which simulated time 0 is a ROS time, ns."""
@@ -77,16 +77,16 @@ class Outputs:
 
     def send_goal(self, stamp_ns: int, reached: int = 0) -> None:
         """Send the next goal after those reached."""
-        stamp = Time.of(stamp_ns)
+        stamp = time_of(stamp_ns)
         self._send("goal_pose", goal_pose(self._task, self._options, stamp, reached))
 
     def send_clock(self, time_ns: int) -> None:
         """Send simulated time."""
-        self._send("clock", Clock(Time.of(time_ns + PAST_NS)))
+        self._send("clock", Clock(time_of(time_ns + PAST_NS)))
 
     def send_observation(self, observation: Observation, stamp_ns: int) -> None:
         """Send the pose, then the sweeps that it places."""
-        stamp = Time.of(stamp_ns)
+        stamp = time_of(stamp_ns)
         since_ns, self._moved_ns = self._moved_ns, stamp_ns
         moved = moving_transforms(self._task, observation, self._options, stamp, since_ns)
         self._send("tf", moved)
@@ -110,7 +110,7 @@ class Outputs:
         if not self._task.mission.planar or time_ns < self._grids_due_ns:
             return
         self._grids_due_ns = time_ns + GRID_PERIOD_NS
-        frame, stamp = self._options.map_frame, Time.of(stamp_ns)
+        frame, stamp = self._options.map_frame, time_of(stamp_ns)
         self._send("map", map_grid(costmap, frame, stamp))
         self._send("referee/costmap", costmap_grid(costmap, frame, stamp))
 

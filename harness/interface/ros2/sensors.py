@@ -17,6 +17,7 @@ from wayproof.harness.interface.ros2.messages import (
     Message,
     PointCloud2,
     PointField,
+    RegionOfInterest,
     Time,
 )
 from wayproof.harness.interface.ros2.options import RANGES
@@ -25,6 +26,9 @@ from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 FLOAT32 = 7
 """`sensor_msgs/msg/PointField.FLOAT32`."""
+
+WHOLE = RegionOfInterest(0, 0, 0, 0, False)
+"""Region of an image: all of it."""
 
 SCAN_ELEVATION = math.radians(2.0)
 """Most that a lidar's flattest row may be inclined to be published as a scan, rad; its ranges are
@@ -101,7 +105,8 @@ class Lidar:
             header=header,
             height=1,
             width=len(points),
-            fields=tuple(PointField(name, size * i, FLOAT32, 1) for i, name in enumerate("xyz")),
+            fields=[PointField(name, size * i, FLOAT32, 1) for i, name in enumerate("xyz")],
+            is_bigendian=False,
             point_step=3 * size,
             row_step=3 * size * len(points),
             data=np.frombuffer(points.tobytes(), np.uint8),
@@ -123,8 +128,10 @@ class Lidar:
             angle_increment=step,
             time_increment=1.0 / (info.rate_hz * len(azimuths)) if rolling else 0.0,
             scan_time=1.0 / info.rate_hz,
+            range_min=0.0,
             range_max=info.range_m,
             ranges=ranges,
+            intensities=np.zeros(0, np.float32),
         )
 
 
@@ -183,6 +190,9 @@ class DepthCamera:
             k=np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
             r=np.eye(3).ravel(),
             p=np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]),
+            binning_x=0,
+            binning_y=0,
+            roi=WHOLE,
         )
 
 

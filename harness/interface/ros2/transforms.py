@@ -22,6 +22,8 @@ from wayproof.harness.interface.ros2.messages import (
     Twist,
     TwistWithCovariance,
     Vector3,
+    nanoseconds,
+    time_of,
 )
 from wayproof.harness.interface.ros2.options import Options
 from wayproof.harness.interface.ros2.sensors import optical_frame
@@ -47,7 +49,7 @@ def static_transforms(task: Task, options: Options, stamp: Time) -> TFMessage:
         if sensor.info.kind == "depth_camera":
             frames = name, optical_frame(sensor)
             made.append(_transform(stamp, frames, np.zeros(3), R_optical))
-    return TFMessage(tuple(made))
+    return TFMessage(made)
 
 
 def moving_transforms(
@@ -64,16 +66,16 @@ def moving_transforms(
             shutter the poses since then go before that of now.
     """
     moved = [
-        *_trail(observation, options, stamp.ns, since_ns),
+        *_trail(observation, options, nanoseconds(stamp), since_ns),
         _moved(stamp, options, observation.position, observation.quaternion),
     ]
     if not task.mission.planar or options.base_frame == FOOTPRINT:
-        return TFMessage(tuple(moved))
+        return TFMessage(moved)
     R_base_world = observation.rotation.T
     below = R_base_world @ np.array([0.0, 0.0, -observation.position[2]])
     R_base_footprint = R_base_world @ _heading_alone(observation.rotation)
     frames = options.base_frame, FOOTPRINT
-    return TFMessage((*moved, _transform(stamp, frames, below, R_base_footprint)))
+    return TFMessage([*moved, _transform(stamp, frames, below, R_base_footprint)])
 
 
 def _trail(
@@ -86,7 +88,7 @@ def _trail(
     period_ns, count = round(trail.period * 1e9), len(trail.positions)
     stamps = [stamp_ns - (count - 1 - k) * period_ns for k in range(count - 1)]
     return [
-        _moved(Time.of(at_ns), options, position, quaternion)
+        _moved(time_of(at_ns), options, position, quaternion)
         for at_ns, position, quaternion in zip(
             stamps, trail.positions[:-1], trail.quaternions[:-1], strict=True
         )
@@ -111,7 +113,7 @@ def odometry(observation: Observation, options: Options, stamp: Time) -> Odometr
         header,
         options.base_frame,
         PoseWithCovariance(pose, _covariance(observation)),
-        TwistWithCovariance(twist),
+        TwistWithCovariance(twist, np.zeros(36)),
     )
 
 

@@ -9,6 +9,7 @@ import time
 import numpy as np
 
 from wayproof.harness.interface.ros2.messages import (
+    LEVEL,
     Clock,
     Header,
     MapMetaData,
@@ -18,10 +19,11 @@ from wayproof.harness.interface.ros2.messages import (
     Point,
     Pose,
     PoseStamped,
-    Time,
     Twist,
     TwistStamped,
     Vector3,
+    nanoseconds,
+    time_of,
 )
 from wayproof.harness.interface.ros2.node import Node
 
@@ -42,7 +44,7 @@ class Client:
         self.answered = 0
 
     def twist(self):
-        return Twist(Vector3(self.forward), Vector3())
+        return Twist(Vector3(self.forward, 0.0, 0.0), Vector3(0.0, 0.0, 0.0))
 
     def on_odom(self, stamp):
         self.topic.publish(TwistStamped(Header(stamp, self.frame), self.twist()))
@@ -57,7 +59,7 @@ class Client:
             for one in self.odom.take():
                 self.on_odom(one.message.header.stamp)
             for one in self.clock.take():
-                self.on_clock(one.message.clock.ns)
+                self.on_clock(nanoseconds(one.message.clock))
 
 
 class Timer(Client):
@@ -76,7 +78,7 @@ class Timer(Client):
             self.fire(time_ns)
 
     def fire(self, time_ns):
-        self.topic.publish(TwistStamped(Header(Time.of(time_ns), self.frame), self.twist()))
+        self.topic.publish(TwistStamped(Header(time_of(time_ns), self.frame), self.twist()))
 
 
 class SlowTimer(Timer):
@@ -137,7 +139,7 @@ class Two(Client):
     def on_odom(self, stamp):
         super().on_odom(stamp)
         if self.answered > 3:
-            self.other.publish(TwistStamped(Header(stamp), self.twist()))
+            self.other.publish(TwistStamped(Header(stamp, self.frame), self.twist()))
 
 
 class WrongType(Client):
@@ -155,7 +157,7 @@ class OwnTime(Client):
     """Answers sweeps, but with the time of its own clock."""
 
     def on_odom(self, stamp):
-        super().on_odom(Time.of(stamp.ns + 7))
+        super().on_odom(time_of(nanoseconds(stamp) + 7))
 
 
 class NotANumber(Client):
@@ -176,9 +178,9 @@ class Plans(Client):
 
     def on_odom(self, stamp):
         header = Header(stamp, "map")
-        poses = tuple(PoseStamped(header, Pose(Point(x, 0.5, 0.0))) for x in (1.0, 2.0, 3.0))
+        poses = [PoseStamped(header, Pose(Point(x, 0.5, 0.0), LEVEL)) for x in (1.0, 2.0, 3.0)]
         self.plan.publish(Path(header, poses))
-        info = MapMetaData(stamp, 0.5, 3, 2, Pose(Point(-1.0, -2.0, 0.0)))
+        info = MapMetaData(stamp, 0.5, 3, 2, Pose(Point(-1.0, -2.0, 0.0), LEVEL))
         cells = np.array([0, 50, 100, -1, -1, 99], np.int8)
         self.costmap.publish(OccupancyGrid(Header(stamp, "odom"), info, cells))
         time.sleep(0.02)

@@ -10,7 +10,6 @@ import time
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from wayproof.harness.interface.ros2.cdr import encode
 from wayproof.harness.interface.ros2.messages import (
     Image,
     LaserScan,
@@ -19,6 +18,7 @@ from wayproof.harness.interface.ros2.messages import (
     String,
     TFMessage,
     TwistStamped,
+    encode,
 )
 from wayproof.harness.interface.ros2.node import Node
 
@@ -47,7 +47,7 @@ class Recorder:
         self.topics = [
             (
                 self.node.subscription(topic, TOPICS[topic], latched=topic in LATCHED),
-                writer.add_connection(topic, TOPICS[topic].TYPE, typestore=STORE),
+                writer.add_connection(topic, TOPICS[topic].__msgtype__, typestore=STORE),
             )
             for topic in topics
         ]
