@@ -14,8 +14,7 @@ from wayproof.harness.episode import Episode, Observer
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.inputs import Beams
 from wayproof.harness.interface.build import live_navigator
-from wayproof.harness.interface.connect import Session
-from wayproof.harness.interface.predictors.connect import PredictorSession
+from wayproof.harness.interface.connect import PredictorSession, Session
 from wayproof.harness.interface.predictors.live import predictions_for
 from wayproof.harness.log.copy import thin
 from wayproof.harness.log.writer import PLUGINS, PREDICTOR_STDERR, STDERR, LogWriter, hold_log

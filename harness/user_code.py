@@ -17,9 +17,8 @@ from types import FrameType
 
 from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.errors import InputError, NeverReturned, printable
-from wayproof.harness.interface.connect import runs_in_process, stack_digest
+from wayproof.harness.interface.connect import file_digest, runs_elsewhere, runs_in_process
 from wayproof.harness.interface.errors import OutsideError
-from wayproof.harness.interface.predictors import connect as predictors
 from wayproof.harness.supervision import stacks_file
 from wayproof.models._plugin import UserCodeError as ControllerError
 from wayproof.planners.ompl._plugin import UserCodeError as PlannerError
@@ -61,7 +60,7 @@ def plugins_of(config: Config) -> list[str]:
     if runs_in_process(config.stack.name):
         names.append(config.stack.name)
     source = config.prediction.source
-    if config.runs_predictor and PLUGIN in source and predictors.runs_in_process(source):
+    if config.runs_predictor and PLUGIN in source and not runs_elsewhere(source):
         names.append(source)
     if config.robot_file:
         from wayproof.models.robots.custom import (  # it loads the simulator
@@ -76,10 +75,10 @@ def plugins_of(config: Config) -> list[str]:
 
 def plugin_digests(config: Config) -> dict[str, str]:
     """Return the SHA-256 of the file of each of the user's classes and networks, by name."""
-    digests = {name: stack_digest(name) for name in plugins_of(config)}
+    digests = {name: file_digest(name) for name in plugins_of(config)}
     source = config.prediction.source
-    if config.runs_predictor and predictors.runs_in_process(source):
-        digests[source] = predictors.predictor_digest(source)
+    if config.runs_predictor and not runs_elsewhere(source):
+        digests[source] = file_digest(source)
     return digests
 
 

@@ -1,6 +1,7 @@
-"""Connections to a stack: a registered name, a class, a policy, a command, a socket, ROS 2.
+"""Connections to a stack or a predictor: a name, a class, a network, a command, a socket, ROS 2.
 
-Each gives a session, which is started with a task and answers observations with commands.
+Each gives a session. That of a stack is started with a task and answers observations with commands,
+that of a predictor answers boxes of the map.
 """
 
 from __future__ import annotations
@@ -8,27 +9,38 @@ from __future__ import annotations
 import contextlib
 import hashlib
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from wayproof.harness.config import BUILTIN
-from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.errors import InputError, printable, unknown_name
+from wayproof.harness.interface.box_messages import Answer
 from wayproof.harness.interface.command_messages import CommandError, command_message
-from wayproof.harness.interface.connection import ChildProcess, Socket
+from wayproof.harness.interface.connection import ChildProcess, Connection, Socket
 from wayproof.harness.interface.errors import (
-    STACK_CAUSES,
     NotStarted,
+    PredictorError,
     StackError,
     code_from_outside,
 )
 from wayproof.harness.interface.policy import PolicyStack
-from wayproof.harness.interface.remote import STARTING_S, RemoteStack
+from wayproof.harness.interface.remote import (
+    MOST_NAME,
+    STARTING_S,
+    RemotePredictor,
+    RemoteStack,
+)
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.interface.types import Observation, Stack, Task
+from wayproof.harness.prediction.map_box import ANY_SHAPE, BoxPredictor, MapBox, Shape
+from wayproof.harness.prediction.predicted_box import PredictionError, in_steps
+from wayproof.harness.prediction_config import ONNX_FILE
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.maps import Costmap
 from wayproof.planners.ompl._plugin import UserCodeError, load_class, source_digest, user_code
 
 EXEC, SOCKETS, ROS2, POLICY = "exec:", ("unix:", "tcp:"), "ros2", "policy:"
+
+PREDICTOR_SETTING = "prediction.source"
 
 
 class Session(Protocol):
@@ -58,15 +70,6 @@ class ShowsReferee(Protocol):
         """Show the costmap and its updates from now on."""
 
 
-def stack_code(who: str) -> contextlib.AbstractContextManager[None]:
-    """Run a stack's code; any exception becomes a `StackError`.
-
-    Raises:
-        StackError: With the exception as its cause.
-    """
-    return code_from_outside(who, lambda what, way: StackError(who, what, STACK_CAUSES[way]))
-
-
 class InProcess:
     """A class of this process as a session."""
 
@@ -76,7 +79,7 @@ class InProcess:
 
     def start(self, task: Task) -> None:
         """Start it."""
-        with stack_code(self._who):
+        with code_from_outside(self._who, StackError):
             self._stack.start(task)
 
     def announce(self) -> None:
@@ -88,7 +91,7 @@ class InProcess:
         Raises:
             StackError: It raised, or returned what is no command.
         """
-        with stack_code(self._who):
+        with code_from_outside(self._who, StackError):
             command = self._stack.step(observation)
         try:
             return command_message(command, observation.sequence)
@@ -97,8 +100,59 @@ class InProcess:
 
     def close(self) -> None:
         """Close it; what it raises then changes nothing, as in a process of its own."""
-        with contextlib.suppress(StackError), stack_code(self._who):
+        with contextlib.suppress(StackError), code_from_outside(self._who, StackError):
             self._stack.close()
+
+    def stderr(self) -> str:
+        """Return nothing: it shares this process's."""
+        return ""
+
+
+class PredictorSession(Protocol):
+    """A predictor that is connected.
+
+    Attributes:
+        name: Name by which it calls itself.
+        shape: Cells of the boxes that it takes.
+    """
+
+    name: str
+    shape: Shape
+
+    def query(self, box: MapBox) -> Answer:
+        """Return its prediction of a box.
+
+        Raises:
+            PredictorError: It failed, or what came is no prediction.
+        """
+
+    def close(self) -> None:
+        """End the predictor."""
+
+    def stderr(self) -> str:
+        """Return the end of its standard error; empty of a class."""
+
+
+class InProcessPredictor:
+    """A class of this process as a session."""
+
+    def __init__(self, source: str) -> None:
+        """Make the predictor of a source; see `make_predictor`."""
+        self._predictor, self.name = make_predictor(source)
+        self._who = f"predictor '{source}'"
+        self.shape: Shape = getattr(self._predictor, "shape", ANY_SHAPE)
+
+    def query(self, box: MapBox) -> Answer:
+        """Return its prediction of a box."""
+        with code_from_outside(self._who, PredictorError):
+            answer = self._predictor.predict(box)
+        try:
+            return Answer(in_steps(answer, box))
+        except PredictionError as error:
+            raise PredictorError(self._who, f"predicted what is none: {error}") from None
+
+    def close(self) -> None:
+        """Do nothing: a class needs no end."""
 
     def stderr(self) -> str:
         """Return nothing: it shares this process's."""
@@ -158,15 +212,30 @@ def connect(name: str, wall_s: float) -> Session:
         InputError: There is no such stack, or it does not answer.
     """
     who = f"stack '{name}'"
-    if name.startswith(EXEC):
-        return RemoteStack(ChildProcess(name.removeprefix(EXEC)), who, wall_s)
-    if name.startswith(SOCKETS):
-        return RemoteStack(Socket(name, wall_s), who, wall_s)
+    if runs_elsewhere(name):
+        return RemoteStack(_connection(name, wall_s, "--stack", "stack"), who, wall_s)
     if is_ros2(name):
         from wayproof.harness.interface.ros2.stack import Ros2Stack  # of an extra
 
         return Ros2Stack(name, wall_s, max(wall_s, STARTING_S))
     return InProcess(make_stack(name), who)
+
+
+def connect_predictor(source: str, wall_s: float) -> PredictorSession:
+    """Connect to a predictor from outside.
+
+    Args:
+        source: `module:Class`, `path/to/file.py:Class`, `FILE.onnx`, `exec:COMMAND`, `unix:PATH`
+            or `tcp:HOST:PORT`.
+        wall_s: Wall time for each answer of another process, s.
+
+    Raises:
+        InputError: There is no such predictor, or it does not answer.
+    """
+    if runs_elsewhere(source):
+        connection = _connection(source, wall_s, PREDICTOR_SETTING, "predictor")
+        return RemotePredictor(connection, f"predictor '{source}'", wall_s)
+    return InProcessPredictor(source)
 
 
 def make_stack(name: str) -> Stack:
@@ -181,27 +250,56 @@ def make_stack(name: str) -> Stack:
         return PolicyStack(Path(name.removeprefix(POLICY)))
     if ":" not in name:
         raise unknown_name("stack.name", name, [BUILTIN, *STACKS, ROS2])
+    methods = ("start", "step", "close")
+    made: Stack = _instance(
+        "stack.name", name, "stack", methods, "start(task), step(observation) and close()"
+    )
+    return made
+
+
+def make_predictor(source: str) -> tuple[BoxPredictor, str]:
+    """Return a network of a file, or an instance of a class of the user's own, and its name.
+
+    Raises:
+        InputError: There is none, or it cannot be made.
+    """
+    made: BoxPredictor
+    if source.endswith(ONNX_FILE):
+        from wayproof.harness.interface.predictors.onnx_predictor import OnnxPredictor
+
+        made = OnnxPredictor(Path(source))
+    else:
+        made = _instance(PREDICTOR_SETTING, source, "predictor", ("predict",), "predict(box)")
+    name = str(getattr(made, "name", "")) or source.rpartition(":")[2]
+    return made, printable(name)[:MOST_NAME]
+
+
+def _instance(setting: str, name: str, what: str, methods: tuple[str, ...], expected: str) -> Any:
+    """Return an instance of a class of the user's own.
+
+    Raises:
+        InputError: It cannot be loaded or made, or lacks one of the methods.
+    """
     try:
         kind = load_class(name)
     except ValueError as error:
-        raise InputError(f"stack.name: got '{name}', which cannot be loaded: {error}") from None
-    missing = [one for one in ("start", "step", "close") if not callable(getattr(kind, one, None))]
+        raise InputError(f"{setting}: got '{name}', which cannot be loaded: {error}") from None
+    missing = [one for one in methods if not callable(getattr(kind, one, None))]
     if missing:
         raise InputError(
-            f"stack.name: got '{name}', a class without {', '.join(missing)}; expected one with "
-            "start(task), step(observation) and close()"
+            f"{setting}: got '{name}', a class without {', '.join(missing)}; expected one with "
+            f"{expected}"
         )
     try:
-        with user_code(f"stack '{name}'"):
-            stack: Stack = kind()
+        with user_code(f"{what} '{name}'"):
+            return kind()
     except UserCodeError as error:
-        raise InputError(f"stack.name: {error}") from None
-    return stack
+        raise InputError(f"{setting}: {error}") from None
 
 
-def stack_digest(name: str) -> str:
-    """Return the SHA-256, in hex, of the file of a stack in this process; empty if none."""
-    if not name.startswith(POLICY):
+def file_digest(name: str) -> str:
+    """Return the SHA-256, in hex, of the file of a class or network; empty if there is none."""
+    if not name.startswith(POLICY) and not name.endswith(ONNX_FILE):
         return source_digest(name)
     file = Path(name.removeprefix(POLICY))
     return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
@@ -219,4 +317,15 @@ def is_ros2(name: str) -> bool:
 
 def runs_in_process(name: str) -> bool:
     """Return whether a stack of the user's own runs in this process."""
-    return is_users(name) and not name.startswith((EXEC, *SOCKETS)) and not is_ros2(name)
+    return is_users(name) and not runs_elsewhere(name) and not is_ros2(name)
+
+
+def runs_elsewhere(name: str) -> bool:
+    """Return whether a stack's or predictor's name is a command or the address of a socket."""
+    return name.startswith((EXEC, *SOCKETS))
+
+
+def _connection(name: str, wall_s: float, given: str, who: str) -> Connection:
+    if name.startswith(EXEC):
+        return ChildProcess(name.removeprefix(EXEC), given)
+    return Socket(name, wall_s, given, who)

@@ -1,22 +1,19 @@
-"""Failures of code from outside, each with the cause that it is of an episode's end."""
+"""Failures of code from outside, a stack on trial or a predictor, in this process or another."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
-from typing import Literal
+from collections.abc import Iterator
+from typing import ClassVar, Literal
 
 from wayproof.harness.errors import InputError, NeverReturned
 from wayproof.planners.ompl._plugin import UserCodeError, user_code
 
-StackCause = Literal["stack_died", "stack_hung", "stack_broken"]
-"""Cause of a stack's failure: it ended; gave no answer in time; or sent no valid command."""
-
-PredictorCause = Literal["predictor_died", "predictor_hung", "predictor_broken"]
-"""Cause of a predictor's failure: it ended; gave no answer in time; or no valid prediction."""
-
 Way = Literal["died", "hung", "broken"]
-"""Way in which code from outside fails."""
+"""Way in which code from outside fails: it ended; gave no answer in time; or no valid one."""
+
+StackCause = Literal["stack_died", "stack_hung", "stack_broken"]
+PredictorCause = Literal["predictor_died", "predictor_hung", "predictor_broken"]
 
 
 class OutsideError(UserCodeError):
@@ -27,23 +24,25 @@ class OutsideError(UserCodeError):
         traceback: Traceback of that code, as another process sent it; empty without one.
     """
 
-    def __init__(
-        self, who: str, what: str, cause: StackCause | PredictorCause, traceback: str = ""
-    ) -> None:
+    role: ClassVar[Literal["stack", "predictor"]]
+
+    def __init__(self, who: str, what: str, way: Way = "broken", traceback: str = "") -> None:
         """Name the code and say what it did, in one line."""
         super().__init__(who, what)
-        self.cause = cause
+        self.cause: StackCause | PredictorCause = f"{self.role}_{way}"  # type: ignore[assignment]
         self.traceback = traceback
 
 
 class StackError(OutsideError):
     """A stack on trial that cannot go on."""
 
-    def __init__(
-        self, who: str, what: str, cause: StackCause = "stack_broken", traceback: str = ""
-    ) -> None:
-        """Name the stack and say what it did, in one line."""
-        super().__init__(who, what, cause, traceback)
+    role = "stack"
+
+
+class PredictorError(OutsideError):
+    """A predictor from outside that cannot go on."""
+
+    role = "predictor"
 
 
 class NotStarted(InputError):
@@ -60,41 +59,16 @@ class NotStarted(InputError):
         self.failure = failure
 
 
-class PredictorError(OutsideError):
-    """A predictor from outside that cannot go on."""
-
-    def __init__(
-        self, who: str, what: str, cause: PredictorCause = "predictor_broken", traceback: str = ""
-    ) -> None:
-        """Name the predictor and say what it did, in one line."""
-        super().__init__(who, what, cause, traceback)
-
-
-STACK_CAUSES: dict[Way, StackCause] = {
-    "died": "stack_died",
-    "hung": "stack_hung",
-    "broken": "stack_broken",
-}
-"""Cause of each way in which a stack fails."""
-
-PREDICTOR_CAUSES: dict[Way, PredictorCause] = {
-    "died": "predictor_died",
-    "hung": "predictor_hung",
-    "broken": "predictor_broken",
-}
-"""Cause of a predictor's failure by its way."""
-
-
 @contextlib.contextmanager
-def code_from_outside(who: str, failure: Callable[[str, Way], OutsideError]) -> Iterator[None]:
+def code_from_outside(who: str, kind: type[OutsideError]) -> Iterator[None]:
     """Run code from outside; any exception becomes a failure of it.
 
     Args:
         who: The code, in words.
-        failure: Makes the error from what the code did, in words, and the way in which it fails.
+        kind: Error that it becomes.
 
     Raises:
-        OutsideError: As made by `failure`, with the exception as its cause.
+        OutsideError: Of that kind, with the exception as its cause.
     """
     try:
         with user_code(who):
@@ -102,4 +76,4 @@ def code_from_outside(who: str, failure: Callable[[str, Way], OutsideError]) -> 
     except UserCodeError as error:
         raised = error.__cause__
         way: Way = "hung" if isinstance(raised, NeverReturned) else "broken"
-        raise failure(str(error).removeprefix(f"{who} "), way) from raised
+        raise kind(who, str(error).removeprefix(f"{who} "), way) from raised

@@ -28,14 +28,15 @@ from wayproof.models.poses import Trail
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 
-def hello(name: str, announced: bool = False) -> sb.Hello:
+def hello(name: str, *, announced: bool = False, role: str = "") -> sb.Hello:
     """Return the first message of each side.
 
     Args:
         name: Name of who says it.
         announced: Whether a stack wishes an empty message before each observation.
+        role: `predictor` between the harness and one; empty of a stack.
     """
-    return sb.Hello(version=INTERFACE_VERSION, name=name, announced=announced)
+    return sb.Hello(version=INTERFACE_VERSION, name=name, announced=announced, role=role)
 
 
 def task_message(task: Task) -> sb.Task:
@@ -53,17 +54,17 @@ def task_message(task: Task) -> sb.Task:
         max_jerk=mission.max_jerk,
         max_yaw_rate=mission.max_yaw_rate,
         discs=[sb.Disc(offset=offset, radius=radius) for offset, radius in mission.discs],
-        low=_vector(mission.low),
-        high=_vector(mission.high),
-        start=_vector(mission.start),
+        low=vector_message(mission.low),
+        high=vector_message(mission.high),
+        start=vector_message(mission.start),
         start_heading=mission.start_heading,
-        goal=_vector(mission.goal),
+        goal=vector_message(mission.goal),
         goal_tolerance=task.goal_tolerance,
         period_s=task.period_s,
         delay_s=task.delay_s,
         deadline_s=task.deadline_s,
         settings=task.settings,
-        waypoints=map(_vector, mission.waypoints),
+        waypoints=map(vector_message, mission.waypoints),
         sideways_speed=mission.sideways_speed,
         rest_height=mission.rest_height,
         max_yaw_acceleration=mission.max_yaw_acceleration,
@@ -90,7 +91,7 @@ def task_message(task: Task) -> sb.Task:
 def _prior_message(cells: PriorCells) -> sb.PriorMap:
     return sb.PriorMap(
         resolution=cells.resolution,
-        origin=_vector(cells.window.origin),
+        origin=vector_message(cells.window.origin),
         shape=cells.states.shape,
         states=cells.states.tobytes(),
     )
@@ -154,19 +155,19 @@ def observation_message(observation: Observation, task: Task) -> sb.Observation:
     message = sb.Observation(
         time_ns=observation.time_ns,
         sequence=observation.sequence,
-        position=_vector(observation.position),
+        position=vector_message(observation.position),
         quaternion=observation.quaternion.tolist(),
         position_sigma=observation.position_sigma,
         heading_sigma=observation.heading_sigma,
-        velocity=_vector(observation.velocity),
+        velocity=vector_message(observation.velocity),
         yaw_rate=observation.yaw_rate,
         effect_ns=observation.effect_ns,
-        reference_position=_vector(reference.position),
-        reference_velocity=_vector(reference.velocity),
+        reference_position=vector_message(reference.position),
+        reference_velocity=vector_message(reference.velocity),
         reference_heading=reference.heading,
         reference_yaw_rate=reference.yaw_rate,
         at_rest=reference.at_rest,
-        goal=_vector(observation.goal),
+        goal=vector_message(observation.goal),
         goals_reached=observation.goals_reached,
     )
     if last is not None:
@@ -247,7 +248,8 @@ def _directions(sensor: Sensor, sequence: int) -> bytes:
     return sensor.directions(sequence).astype("<f4").tobytes()
 
 
-def _vector(values: Array | tuple[float, ...]) -> sb.Vector:
+def vector_message(values: Array | tuple[float, ...]) -> sb.Vector:
+    """Encode three numbers."""
     x, y, z = (float(value) for value in values)
     return sb.Vector(x=x, y=y, z=z)
 

@@ -1,27 +1,34 @@
-"""A stack in another process: protobuf with a length before each message, in lockstep."""
+"""A stack or predictor in another process: protobuf, each message after its length, in lockstep."""
 
 from __future__ import annotations
 
 import contextlib
 import struct
 import time
+from typing import ClassVar
 
 from google.protobuf.message import DecodeError
 
 from wayproof.harness.errors import InputError, printable
+from wayproof.harness.interface.box_messages import Answer, box_message, read_answer
 from wayproof.harness.interface.command_messages import CommandError, check_command
 from wayproof.harness.interface.connection import CLOSING_S, Connection, Ended, TooLate
-from wayproof.harness.interface.errors import STACK_CAUSES, OutsideError, StackError, Way
+from wayproof.harness.interface.errors import OutsideError, PredictorError, StackError, Way
 from wayproof.harness.interface.observation_messages import (
     hello,
     observation_message,
     task_message,
 )
 from wayproof.harness.interface.types import INTERFACE_VERSION, Observation, Task
+from wayproof.harness.prediction.map_box import ANY_SHAPE, MapBox
+from wayproof.harness.prediction.predicted_box import PredictionError
 from wayproof.harness.schema import stack_pb2 as sb
 
 MAX_MESSAGE = 64 * 2**20
 """Longest message that is read, bytes."""
+
+MOST_NAME = 80
+"""Most characters of a name that the log keeps."""
 
 STARTING_S = 60.0
 """Wall time that a stack gets at least to start and say hello, s."""
@@ -33,6 +40,9 @@ class Peer:
     Attributes:
         name: As it calls itself.
     """
+
+    error: ClassVar[type[OutsideError]]
+    """Error of a failure."""
 
     role = ""
     """Role in the hello of both sides; empty of a stack."""
@@ -50,9 +60,7 @@ class Peer:
         """
         self._connection, self._who, self._wall_s = connection, who, wall_s
         try:
-            greeting = hello("wayproof")
-            greeting.role = self.role
-            self._send(sb.ToStack(hello=greeting))
+            self._send(sb.ToStack(hello=hello("wayproof", role=self.role)))
             answer = self._receive("hello", max(wall_s, STARTING_S))
         except OutsideError as error:
             connection.close()
@@ -67,12 +75,12 @@ class Peer:
             connection.close()
             got = printable(answer.hello.role)[:40] or "stack"
             raise InputError(f"{who} is a {got}, expected a {self.role or 'stack'}")
-        self.name = printable(answer.hello.name)[:200]
+        self.name = printable(answer.hello.name)[:MOST_NAME]
         self._announced = answer.hello.announced
 
     def failed(self, what: str, way: Way = "broken", traceback: str = "") -> OutsideError:
         """Return an error that says in one line what the other side did."""
-        return StackError(self._who, what, STACK_CAUSES[way], traceback)
+        return self.error(self._who, what, way, traceback)
 
     def close(self) -> None:
         """Send the end, and end the process if it goes on."""
@@ -142,6 +150,8 @@ class Peer:
 class RemoteStack(Peer):
     """A stack behind a connection."""
 
+    error = StackError
+
     def start(self, task: Task) -> None:
         """Send the task."""
         self._task = task
@@ -169,3 +179,26 @@ class RemoteStack(Peer):
         except CommandError as error:
             raise self.failed(f"sent a command with {error}") from None
         return command
+
+
+class RemotePredictor(Peer):
+    """A predictor behind a connection."""
+
+    error = PredictorError
+    role = "predictor"
+    shape = ANY_SHAPE
+
+    def query(self, box: MapBox) -> Answer:
+        """Return its prediction of a box.
+
+        Raises:
+            PredictorError: None came in time, or what came is none.
+        """
+        self._send(sb.ToStack(map_box=box_message(box)))
+        message = self._receive("prediction", self._wall_s).prediction
+        if message.sequence != box.sequence:
+            raise self.failed(f"answered box {message.sequence}, expected {box.sequence}")
+        try:
+            return read_answer(message, box)
+        except PredictionError as error:
+            raise self.failed(f"predicted what is none: {error}") from None

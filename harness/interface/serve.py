@@ -24,8 +24,14 @@ import numpy as np
 from wayproof.harness.errors import InputError, printable
 from wayproof.harness.input_messages import covariance_of, unheld_of
 from wayproof.harness.inputs import Pose, SweepInput, WorldSweep
+from wayproof.harness.interface.box_messages import box_from
 from wayproof.harness.interface.command_messages import CommandError, command_message
-from wayproof.harness.interface.connect import make_stack
+from wayproof.harness.interface.connect import (
+    PREDICTOR_SETTING,
+    make_predictor,
+    make_stack,
+    runs_elsewhere,
+)
 from wayproof.harness.interface.observation_messages import (
     fate_from,
     hello,
@@ -35,9 +41,8 @@ from wayproof.harness.interface.observation_messages import (
     trail_from,
 )
 from wayproof.harness.interface.observations import read_only
-from wayproof.harness.interface.predictors.served import ServedPredictor
 from wayproof.harness.interface.types import Observation, Sensor, Stack, Sweep, Task
-from wayproof.harness.prediction.predicted_box import PredictionError
+from wayproof.harness.prediction.predicted_box import PredictionError, in_steps
 from wayproof.harness.schema import stack_pb2 as sb
 
 POLLED_S = 2e-3
@@ -51,8 +56,7 @@ def serve(name: str, predictor: bool = False) -> None:
         name: As `--stack` takes it, or as `prediction.source` does.
         predictor: Whether it is a predictor.
     """
-    make = served_predictor if predictor else served_stack
-    made = make(name)  # an unknown one is refused before the pipes are taken
+    made = _served(name, predictor)  # an unknown one is refused before the pipes are taken
     read = os.fdopen(os.dup(0), "rb", buffering=0)
     write = os.fdopen(os.dup(1), "wb", buffering=2**20)
     os.dup2(2, 1)
@@ -71,8 +75,7 @@ def listen(name: str, address: str, predictor: bool = False) -> None:
     Raises:
         InputError: The address cannot be listened on.
     """
-    make = served_predictor if predictor else served_stack
-    make(name)  # refused before anything listens
+    _served(name, predictor)  # refused before anything listens
     with _listening(address) as server:
         while True:
             connection, _ = server.accept()
@@ -81,7 +84,7 @@ def listen(name: str, address: str, predictor: bool = False) -> None:
                     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 read, write = connection.makefile("rb", buffering=0), connection.makefile("wb")
                 with contextlib.suppress(BrokenPipeError, ConnectionResetError), read, write:
-                    answer_all(make(name), read, write)
+                    answer_all(_served(name, predictor), read, write)
 
 
 def _listening(address: str) -> socket.socket:
@@ -153,22 +156,48 @@ def _answer(served: Served, message: sb.ToStack) -> tuple[sb.FromStack | None, b
     return sb.FromStack(failure=failure), True
 
 
-def served_stack(name: str) -> Served:
-    """Return a stack, as `--stack` takes it.
-
-    Raises:
-        InputError: There is none.
-    """
-    return ServedStack(make_stack(name), name)
+def _served(name: str, predictor: bool) -> Served:
+    return ServedPredictor(name) if predictor else ServedStack(make_stack(name), name)
 
 
-def served_predictor(source: str) -> Served:
-    """Return a predictor, as `prediction.source` takes it.
+class ServedPredictor:
+    """A predictor behind the messages of the harness."""
 
-    Raises:
-        InputError: There is none.
-    """
-    return ServedPredictor(source)
+    def __init__(self, source: str) -> None:
+        """Make it, as `prediction.source` takes it.
+
+        Raises:
+            InputError: There is none.
+        """
+        if runs_elsewhere(source):
+            raise InputError(
+                f"{PREDICTOR_SETTING}: got '{source}', expected module:Class or FILE.onnx"
+            )
+        self._predictor, self._name = make_predictor(source)
+
+    def answer(self, message: sb.ToStack) -> sb.FromStack | None:
+        """Return the answer to a hello or a box; None to anything else.
+
+        Raises:
+            PredictionError: What it returned is no prediction.
+        """
+        kind = message.WhichOneof("kind")
+        if kind == "hello":
+            return sb.FromStack(hello=hello(self._name, role="predictor"))
+        if kind != "map_box":
+            return None
+        box = box_from(message.map_box)
+        log_odds = in_steps(self._predictor.predict(box), box)
+        answer = sb.Prediction(
+            sequence=box.sequence, shape=log_odds.shape, log_odds=log_odds.tobytes()
+        )
+        return sb.FromStack(prediction=answer)
+
+    def rehearse(self) -> None:
+        """Do nothing: boxes are not announced."""
+
+    def close(self) -> None:
+        """Do nothing: there is nothing to end."""
 
 
 class ServedStack:

@@ -28,6 +28,12 @@ PADDED = 64
 """Bits of a word; cells of a column are packed in whole words."""
 
 
+Shape = tuple[int | None, int | None, int | None]
+"""Cells of a box along x, y and z; None for any number."""
+
+ANY_SHAPE: Shape = (None, None, None)
+
+
 @dataclass(frozen=True)
 class MapBox:
     """Measured states of a box about the robot.

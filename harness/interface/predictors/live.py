@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Inputs
-from wayproof.harness.interface.predictors.connect import PredictorSession, Shape, connect_predictor
+from wayproof.harness.interface.connect import PredictorSession, connect_predictor
 from wayproof.harness.mission import Mission
-from wayproof.harness.prediction.map_box import MapBox
+from wayproof.harness.prediction.map_box import MapBox, Shape
 from wayproof.harness.prediction.predicted_box import (
     MOST_CELLS,
     blank_message,
