@@ -40,7 +40,7 @@ EXIT_CODES = [
     "| exit code | meaning |",
     "|---|---|",
     "| 0 | goal reached, replay identical, log verified, no violation, every gate held |",
-    "| 1 | not so; `falsify`: a failure was found |",
+    "| 1 | not so; `study` of kind `falsify`: a failure was found |",
     "| 2 | bad input, reported in one line on stderr; nothing was run |",
     "| 3 | a study is incomplete, or too small to decide a gate |",
     "| 130 | Ctrl-C; the last line says what is kept |",

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 from wayproof.harness.bench.episodes.ablations import bench_delays, bench_planners, bench_policies
 from wayproof.harness.bench.episodes.crossing import bench_crossing
-from wayproof.harness.bench.episodes.falsify import bench_falsify
 from wayproof.harness.bench.episodes.halls import SIDES, bench_halls
 from wayproof.harness.bench.episodes.robots import PARTS as ROBOT_PARTS
 from wayproof.harness.bench.episodes.robots import bench_robots
@@ -68,7 +67,6 @@ STAGES: dict[str, Stage] = {
     "rays": Stage(bench_rays, 15),
     "worlds": Stage(bench_worlds, 3, keeps=True),
     "robots": Stage(bench_robots, 10, parts=ROBOT_PARTS),
-    "falsify": Stage(bench_falsify, 10),
     "study": Stage(bench_study, 40),
     "study_size": Stage(bench_study_size, 1000),
 }

@@ -3,14 +3,12 @@
 from wayproof.harness.cli import (
     audit,
     bench,
-    calibrate,
     compare,
     completion,
     convert,
     demo,
     explain,
     export,
-    falsify,
     import_world,
     lab,
     list_,
@@ -25,7 +23,6 @@ from wayproof.harness.cli import (
     shadow,
     sign,
     study,
-    threshold,
     verify,
     view,
 )
@@ -41,9 +38,6 @@ VERBS: dict[str, Verb] = {
     "score": score.VERB,
     "lab": lab.VERB,
     "study": study.VERB,
-    "threshold": threshold.VERB,
-    "calibrate": calibrate.VERB,
-    "falsify": falsify.VERB,
     "report": report.VERB,
     "compare": compare.VERB,
     "view": view.VERB,
@@ -62,7 +56,4 @@ VERBS: dict[str, Verb] = {
 }
 """Name on the command line -> verb, in the order of `--help`."""
 
-RENAMED = {"critical": "threshold", "search": "falsify"}
-"""Former name of a verb -> its name."""
-
-__all__ = ["RENAMED", "VERBS", "Document", "Verb"]
+__all__ = ["VERBS", "Document", "Verb"]

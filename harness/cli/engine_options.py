@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 
 ENGINES = ("processes", "ray")
 
-GOES_ON = "the episodes that have ended are kept, and the same command goes on"
-"""Message after Ctrl-C for verbs that keep their episodes in a folder."""
-
 
 def add_engine(parser: argparse.ArgumentParser) -> None:
     """Add the options of the engine that runs the episodes."""

@@ -14,7 +14,7 @@ from typing import NoReturn
 import msgspec
 from rich.console import Console
 
-from wayproof.harness.cli import RENAMED, VERBS, Document
+from wayproof.harness.cli import VERBS, Document
 from wayproof.harness.cli.arguments import check_options, refusing_unusable_paths
 from wayproof.harness.cli.fast_exit import FastExit, runs_only_our_code
 from wayproof.harness.cli.parent_process import fork_child, names_user_code
@@ -76,8 +76,6 @@ def _run(
     if not arguments:
         parsers(())[0].print_help(sys.stderr)
         return 2, {}
-    if arguments[0] in RENAMED:
-        raise InputError(f"verb '{arguments[0]}' is now '{RENAMED[arguments[0]]}'")
     if not arguments[0].startswith("-") and arguments[0] not in VERBS:
         raise unknown_name("verb", arguments[0], VERBS)
     parser, verbs = parsers(arguments[:1])

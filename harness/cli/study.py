@@ -58,12 +58,14 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     check_engine(options)
     if options.sample < 1:
         raise InputError(f"--sample {options.sample}: expected at least 1")
-    study = read_study(options.file, options.allow_plugins)
+    study = read_study(options.file, options.allow_plugins, options.set)
     if study.recordings and options.check is not None:
         raise InputError("--check: of simulated episodes, got a study over recordings")
+    if study.searches and (options.check is not None or options.merge):
+        raise InputError(f"--check, --merge: of planned episodes, got a study of {study.kind}")
     whole = plan_episodes(study)
     planned = shard(whole, options.shard) if options.shard else whole
-    store = Store(options.out or LOGS / study.name)
+    store = Store(options.out or LOGS / study.folder)
     if options.merge:
         with store.open():
             copied = merge(store, options.merge, whole, options.allow_plugins)
@@ -76,7 +78,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         f" logs in {store.folder}"
     )
     with open_engine(options, study.bounds) as engine:
-        with Watch(console, len(planned), missing) as watch:
+        with Watch(console, None if study.searches else len(planned), missing) as watch:
             checks = _checks(options, planned, store)
             try:
                 result = run_study(study, planned, store, engine, watch.finished, checks)
@@ -194,6 +196,10 @@ def print_study(console: Console, result: StudyResult) -> None:
             (gate.verdict, VERDICT_STYLES[gate.verdict]), f": {gate_in_words(gate)}"
         )
         console.print(line, soft_wrap=True)
+    for answer in result.answers:
+        console.print(name_of(answer.arm), style="bold", highlight=False, soft_wrap=True)
+        for text in answer.in_words().splitlines():
+            console.print(f"  {text}", highlight=False, soft_wrap=True)
     print_foreign(console, result)
     verdict = (result.verdict, VERDICT_STYLES[result.verdict])
     line = Text.assemble("verdict: ", verdict, f": {verdict_in_words(result)}")
@@ -241,7 +247,18 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_stack(parser)
     parser.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="folder of the study (default: logs/NAME)"
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a field of the study, as seeds=4, worlds=office,maze, kind=threshold or "
+        "falsify.budget=20, or a setting of its episodes; repeatable",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="folder of the study (default: logs/NAME, with the kind behind it)",
     )
     parser.add_argument("--shard", metavar="I/N", help="run only the I-th of N parts")
     parser.add_argument(

@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 
 from wayproof.harness.config import BUILTIN, CODE, PLUGIN
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.metrics import METRICS
+from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
+from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.scenario.robots import controller_of
 from wayproof.harness.study.randomise import check_ranges
 from wayproof.harness.study.source import ReadOptions
@@ -34,6 +36,49 @@ MOST_BYTES = 2**20
 """Maximum size of a study file, bytes."""
 
 
+LEAST_SEVERITY = 0.05
+"""Least severity of a falsification."""
+
+Kind = Literal["grid", "threshold", "calibrate", "falsify"]
+
+
+class ThresholdOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Bisection of a study of kind `threshold`.
+
+    Attributes:
+        episodes: Maximum number of episodes of one seed: 2 at the ends and 9 halvings are 11.
+    """
+
+    episodes: Annotated[int, msgspec.Meta(ge=2, le=100)] = 12
+
+
+class CalibrateOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Judgement of a study of kind `calibrate`.
+
+    Attributes:
+        bound: Share of episodes that may collide.
+    """
+
+    bound: Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)] = 0.05
+
+
+class FalsifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Search of a study of kind `falsify`.
+
+    Attributes:
+        window: Duration of the perturbation, s.
+        greatest: Greatest severity.
+        budget: Maximum number of episodes of one search, without the unperturbed one and those that
+            shorten the window.
+        seed: Seed of the search.
+    """
+
+    window: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)] = 2.0
+    greatest: Annotated[float, msgspec.Meta(gt=LEAST_SEVERITY, le=MAX_SEVERITY)] = MAX_SEVERITY
+    budget: Annotated[int, msgspec.Meta(ge=1)] = 100
+    seed: int = 0
+
+
 class StudyFile(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename={"settings": "set"}
 ):
@@ -41,6 +86,9 @@ class StudyFile(
 
     Attributes:
         name: Name of the study and of its folder.
+        kind: `grid` runs every combination; `threshold` bisects the severity at which each seed
+            fails; `falsify` searches for a failure of each episode; `calibrate` is a grid of one
+            axis, whose smallest value with rare collisions it names.
         robots: Names of robots.
         stacks: Navigation stacks, as `stack.name` has them; the built-in one is the reference, or
             else the first. Empty: the one of the settings.
@@ -54,14 +102,18 @@ class StudyFile(
             the same in all arms. Two whole numbers draw whole ones.
         axes: `section.field` -> values; every combination is a variant, the first is the reference.
         perturbations: `KIND` or `KIND:MODE` -> severities; each episode is paired with the
-            unperturbed twin of its seed.
+            unperturbed twin of its seed. `threshold` and `falsify` choose the severities.
         gates: Conditions on metrics, as `success.drop <= 0.05`.
         bounds: Limits of one episode.
+        threshold: Options of a bisection.
+        calibrate: Options of a calibration.
+        falsify: Options of a falsification.
     """
 
     name: str
     robots: list[str]
     seeds: int | list[int]
+    kind: Kind = "grid"
     worlds: list[str] = []
     recordings: list[str] = []
     read: ReadOptions = ReadOptions()
@@ -72,6 +124,20 @@ class StudyFile(
     perturbations: dict[str, list[float]] = {}
     gates: list[str] = []
     bounds: Bounds = Bounds()
+    threshold: ThresholdOptions = ThresholdOptions()
+    calibrate: CalibrateOptions = CalibrateOptions()
+    falsify: FalsifyOptions = FalsifyOptions()
+
+    @property
+    def searches(self) -> bool:
+        """Whether it chooses severities itself, from unperturbed episodes on."""
+        return self.kind in ("threshold", "falsify")
+
+    @property
+    def folder(self) -> str:
+        """Name of its folder: its name, with the kind behind it."""
+        plain = self.kind == "grid" or self.name.endswith(self.kind)
+        return self.name if plain else f"{self.name}-{self.kind}"
 
 
 Statistic = Literal["drop", "rise", "mean"]
@@ -98,11 +164,13 @@ class Gate:
     proven: bool
 
 
-def read_study(name: str, allow_plugins: bool = False) -> StudyFile:
+def read_study(name: str, allow_plugins: bool = False, settings: Sequence[str] = ()) -> StudyFile:
     """Read a study file, or a packaged study by its name.
 
     Args:
         name: Name of the file or of the packaged study.
+        settings: `NAME=VALUE` in place of what is written: a field of the file, as `seeds` or
+            `falsify.budget`, or else a setting of every episode.
         allow_plugins: Allow the study to name code of the user, which its episodes import.
 
     Raises:
@@ -116,6 +184,8 @@ def read_study(name: str, allow_plugins: bool = False) -> StudyFile:
             raise unknown_name("study", name, [one.stem for one in PACKAGED.glob("*.toml")])
     try:
         document = tomllib.loads(_text_of(path, name))
+        for text in settings:
+            _set(document, text)
         study = msgspec.convert(document, StudyFile)
     except OSError as error:
         raise InputError(f"study '{name}': {error.strerror}") from None
@@ -125,6 +195,37 @@ def read_study(name: str, allow_plugins: bool = False) -> StudyFile:
     if not allow_plugins:
         refuse_code(study)
     return study
+
+
+FIELDS = {field.encode_name for field in msgspec.structs.fields(StudyFile)}
+
+LISTS = ("worlds", "robots", "stacks", "recordings")
+
+
+def _set(document: dict[str, Any], text: str) -> None:
+    """Set one value of a document; words with commas stand for a list, or for perturbations.
+
+    Raises:
+        InputError: It is none.
+    """
+    key, equals, written = text.partition("=")
+    if not equals:
+        raise InputError(f"--set {text}: expected NAME=VALUE")
+    try:
+        value = msgspec.json.decode(written)
+    except msgspec.DecodeError:
+        value = written
+    field, _, rest = key.partition(".")
+    if field not in FIELDS:
+        document.setdefault("set", {})[key] = value
+    elif rest:
+        document.setdefault(field, {})[rest] = value
+    elif field in LISTS and isinstance(value, str):
+        document[field] = value.split(",")
+    elif field == "perturbations" and isinstance(value, str):
+        document[field] = {name: [] for name in value.split(",")}
+    else:
+        document[field] = value
 
 
 def _text_of(path: Path, name: str) -> str:
@@ -166,6 +267,7 @@ def check_study(study: StudyFile) -> None:
             f"study '{study.name}': bounds of {study.bounds.wall_s:g} s and "
             f"{study.bounds.memory_mib} MiB, expected more than 0 s and at least 512 MiB"
         )
+    _check_kind(study)
     if study.recordings and study.randomise:
         raise InputError(
             f"study '{study.name}': [randomise] draws for worlds, and it has recordings"
@@ -175,12 +277,63 @@ def check_study(study: StudyFile) -> None:
         read_gate(text)
 
 
+def _check_kind(study: StudyFile) -> None:
+    """Check that a study has what its kind needs, and no options of another kind."""
+    for kind in ("threshold", "calibrate", "falsify"):
+        if kind != study.kind and getattr(study, kind) != type(getattr(study, kind))():
+            raise InputError(f"study '{study.name}': [{kind}] in a study of kind {study.kind}")
+    if study.kind != "grid" and study.recordings:
+        raise InputError(
+            f"study '{study.name}': {study.kind} of recordings, expected simulated episodes, "
+            "which can fail"
+        )
+    if study.kind == "calibrate":
+        values = [value for some in study.axes.values() for value in some]
+        numbers = all(isinstance(value, int | float) for value in values)
+        if len(study.axes) != 1 or len(values) < 2 or not numbers or values != sorted(values):
+            raise InputError(
+                f"study '{study.name}': a calibration has one axis of at least two rising numbers"
+            )
+        if study.perturbations:
+            raise InputError(
+                f"study '{study.name}': [perturbations] of a calibration, expected "
+                "`perturbation` in [set]"
+            )
+    if not study.searches:
+        return
+    if not study.perturbations:
+        raise InputError(
+            f"study '{study.name}': no [perturbations] to search, expected --set perturbations=KIND"
+        )
+    for name in study.perturbations:
+        kind, *mode = name.split(":")
+        if any(part.replace(".", "", 1).isdigit() for part in mode):
+            raise InputError(f"perturbation '{name}': the search chooses the severity")
+        perturbation_from(":".join([kind, "1", *mode]))
+        if study.kind == "falsify" and not PERTURBATIONS[kind].windowed:
+            raise InputError(
+                f"perturbation '{name}': acts all the time, expected one that can act within a "
+                "window"
+            )
+
+
 def arms_of(study: StudyFile) -> int:
     """Return the number of combinations of worlds, robots, stacks, axes and perturbations."""
     variants = len(stacks_of(study)) * math.prod(len(values) for values in study.axes.values())
-    perturbed = 1 + sum(len(levels) for levels in study.perturbations.values())
+    levels = study.perturbations.values()
+    perturbed = 1 + (len(levels) if study.searches else sum(map(len, levels)))
     places = len(study.worlds) + len(study.recordings)
     return places * len(study.robots) * variants * perturbed
+
+
+def levels_of(study: StudyFile) -> dict[str, list[float]]:
+    """Return the severities of each perturbation that are planned; none where they are searched."""
+    return {} if study.searches else study.perturbations
+
+
+def gates_of(study: StudyFile) -> list[Gate]:
+    """Return the gates; none of a search, whose unperturbed episodes alone are planned."""
+    return [] if study.searches else [read_gate(text) for text in study.gates]
 
 
 def episodes_of(study: StudyFile) -> int:

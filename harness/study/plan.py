@@ -22,7 +22,8 @@ from wayproof.harness.study.file import (
     StudyFile,
     check_study,
     files_of,
-    read_gate,
+    gates_of,
+    levels_of,
     seeds_of,
     settings_and_values,
     stacks_of,
@@ -154,10 +155,10 @@ def _check_names(study: StudyFile) -> None:
 
 
 def _refuse_differences(study: StudyFile) -> None:
-    for text in study.gates:
-        if read_gate(text).statistic != "mean":
+    for gate in gates_of(study):
+        if gate.statistic != "mean":
             raise InputError(
-                f"gate '{text}': a difference needs pairs, and study '{study.name}' has none: "
+                f"gate '{gate.text}': a difference needs pairs, and study '{study.name}' has none: "
                 "expected [perturbations], two stacks, an axis of at least two values, or "
                 "METRIC.mean"
             )
@@ -196,7 +197,7 @@ def _setting(name: str, value: Any) -> str:
 
 
 def _severities(study: StudyFile) -> list[tuple[str, float]]:
-    levels = [(name, level) for name, some in study.perturbations.items() for level in some]
+    levels = [(name, level) for name, some in levels_of(study).items() for level in some]
     for name, level in levels:
         if level <= 0.0:
             raise InputError(f"perturbation '{name}': severity {level:g}, expected more than 0")

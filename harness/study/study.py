@@ -4,20 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.study.analysis import ArmSummary, samples_of, summarise
-from wayproof.harness.study.contents import contents_of
-from wayproof.harness.study.file import StudyFile, files_of, read_gate
+from wayproof.harness.study.calibration import calibrations_of
+from wayproof.harness.study.contents import Contents, contents_of
+from wayproof.harness.study.falsify import falsification_of, hunts_of
+from wayproof.harness.study.file import StudyFile, files_of, gates_of
 from wayproof.harness.study.gates import GateResult, judge
 from wayproof.harness.study.job import Done, Job
 from wayproof.harness.study.matching import ForeignLog
-from wayproof.harness.study.plan import Planned, name_of
+from wayproof.harness.study.plan import Arm, Planned, name_of
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.rows import Row, read_row, write_table
+from wayproof.harness.study.search import advance
 from wayproof.harness.study.store import Store
+from wayproof.harness.study.threshold import brackets_of, thresholds_of
 
 Engine = Callable[[Sequence[Job], Sequence[bytes], Finished], None]
 """Function that runs jobs; the configs are of one episode of each stack, compiled first."""
@@ -32,6 +36,24 @@ EXIT_CODES: dict[StudyVerdict, int] = {
     "inconclusive": 3,
     "incomplete": 3,
 }
+
+
+class Answer(Protocol):
+    """Answer of a threshold, a calibration or a falsification for one arm or episode."""
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        ...
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code that it asks for: 0, 1 or 3."""
+        ...
+
+    def in_words(self) -> str:
+        """Return the answer in a line or more."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -65,6 +87,7 @@ class StudyResult:
         of_recordings: Whether it is a study over recordings.
         gates_set: Number of gates that the study sets, each for one arm or more.
         pairs: Paired results of a comparison; None of a single study.
+        answers: Answers of a threshold, a calibration or a falsification; none of a grid.
     """
 
     name: str
@@ -78,6 +101,7 @@ class StudyResult:
     of_recordings: bool = False
     gates_set: int = 0
     pairs: Paired | None = None
+    answers: Sequence[Answer] = ()
 
     @property
     def verdict(self) -> StudyVerdict:
@@ -92,7 +116,7 @@ class StudyResult:
         return "held" if verdicts else "complete"
 
     def exit_code(self, allow_inconclusive: bool = False) -> int:
-        """Return 0 if all ran and every gate is held, 1 if a gate failed, else 3.
+        """Return 0 if all ran and every gate is held, 1 if a gate or an answer failed, else 3.
 
         Args:
             allow_inconclusive: Let inconclusive gates pass, except those that must be `proven`.
@@ -100,7 +124,8 @@ class StudyResult:
         if self.verdict == "inconclusive" and allow_inconclusive:
             undecided = [gate for gate in self.gates if gate.verdict == "inconclusive"]
             return 3 if any(gate.required for gate in undecided) else 0
-        return EXIT_CODES[self.verdict]
+        asked = {EXIT_CODES[self.verdict], *(one.exit_code for one in self.answers)}
+        return next((code for code in (1, 3) if code in asked), 0)
 
 
 def run_missing(
@@ -181,7 +206,11 @@ def read_own_rows(
 
 
 def conclude(
-    study: StudyFile, planned: Sequence[Planned], rows: Sequence[Row], foreign: Sequence[str] = ()
+    study: StudyFile,
+    planned: Sequence[Planned],
+    rows: Sequence[Row],
+    foreign: Sequence[str] = (),
+    answers: Sequence[Answer] = (),
 ) -> StudyResult:
     """Summarise the rows and judge the gates; a log of another episode counts as missing."""
     limit = max(one.config.episode.time_limit for one in planned)
@@ -195,11 +224,44 @@ def conclude(
         errors=len(errors),
         first_error=error_in_words(errors[0]) if errors else "",
         arms=[] if study.recordings else summarise(samples, limit),
-        gates=judge(samples, [read_gate(text) for text in study.gates], limit),
+        gates=judge(samples, gates_of(study), limit),
         foreign=tuple(foreign),
         of_recordings=bool(study.recordings),
-        gates_set=len(study.gates),
+        gates_set=len(gates_of(study)),
+        answers=answers,
     )
+
+
+def answers_of(
+    study: StudyFile,
+    planned: Sequence[Planned],
+    store: Store,
+    contents: Contents,
+    rows: Sequence[Row] = (),
+    run: Callable[[Sequence[Planned]], None] = lambda planned: None,
+) -> list[Answer]:
+    """Return the answers of a study that is no grid.
+
+    Args:
+        study: The study.
+        planned: Its episodes, of a search the unperturbed ones.
+        store: Folder of the logs.
+        contents: Identities of the files that it names.
+        rows: Rows of the episodes that have ended.
+        run: Function that runs the missing episodes of a search; by default none is run.
+    """
+    if study.kind == "threshold":
+        brackets = brackets_of(study, planned)
+        advance(brackets, store, contents, run)
+        return list(thresholds_of(brackets))
+    if study.kind == "falsify":
+        hunts = hunts_of(study, planned)
+        advance(hunts, store, contents, run)
+        return [falsification_of(one) for one in hunts]
+    if study.kind == "calibrate":
+        limit = max(one.config.episode.time_limit for one in planned)
+        return list(calibrations_of(study, rows, limit))
+    return []
 
 
 def error_in_words(row: Row) -> str:
@@ -226,6 +288,8 @@ def verdict_in_words(result: StudyResult) -> str:
         text += f"; in place of {len(result.foreign)} of these lie logs of other episodes"
     if result.errors:
         text += f"; {result.errors} failed to run, first {result.first_error}"
+    if not result.gates and result.answers:
+        return f"{text}."
     if not result.gates:
         return f"{text}. {_gates_without_episodes(result.gates_set)}"
     gates = f"{len(result.gates)} gate{'s' if len(result.gates) > 1 else ''}"
@@ -272,11 +336,17 @@ def run_study(
     """
     with store.open():
         store.clear_partial()
-        run_missing(planned, store, engine, finished)
+        contents = contents_of(files_of(study))
+        store.keep_study(study, contents)
+
+        def run(some: Sequence[Planned]) -> None:
+            run_missing(some, store, engine, finished)
+
+        run(planned)
         if check is not None:
             check()
         rows, foreign = read_own_rows(planned, store, allow_plugins=True)  # the study was let in
         first = planned[0].arm
         write_table(rows, first.variant, store.folder / "table.parquet", first.stack)
-        store.keep_study(study, contents_of(files_of(study)))
-    return conclude(study, planned, rows, foreign)
+        answers = answers_of(study, planned, store, contents, rows, run)
+    return conclude(study, planned, rows, foreign, answers)

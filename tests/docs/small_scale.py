@@ -17,18 +17,12 @@ EARLY = 5
 """Decision on a small scale instead of a later one."""
 
 SMALLER = {
-    "threshold": "--episodes 2".split(),
     "demo": "--set episode.time_limit=0.5".split(),
-    "falsify": "--budget 3 --window 1 --set goal=[6.0,1.65] --set episode.time_limit=5"
-    " --set map.resolution=0.2".split(),
     "shadow": "--end 2".split(),
 }
 """Additional options of a verb on a small scale."""
 
-MANY = ("study", "threshold", "falsify")
-"""Verbs that start processes, each of which takes longer to load than a short episode."""
-
-ONCE = (*MANY, "bench", "demo")
+ONCE = ("study", "bench", "demo")
 """Verbs whose command on a small scale runs once, though several blocks hold it."""
 
 STAGES_SMALLER = {
@@ -51,10 +45,13 @@ def smaller_study(name):
     worlds = ["empty" if world in WORLDS else world for world in study["worlds"][:1]]
     robots = ["drone"] if "drone" in study["robots"] else study["robots"][:1]
     study |= {"worlds": worlds, "robots": robots, "seeds": 1}
+    options = {
+        kind: study.pop(kind) for kind in ("threshold", "calibrate", "falsify") if kind in study
+    }
     settings = {**study.pop("set", {}), "episode.time_limit": 0.5}
     if robots == ["drone"]:
         settings["map.resolution"] = COARSE
-    tables = {"set": settings}
+    tables = {"set": settings, **options}
     for table in ("axes", "perturbations"):
         tables[table] = {key: values[:2] for key, values in [*study.pop(table, {}).items()][:1]}
     tables["perturbations"] = {key: one[:1] for key, one in tables["perturbations"].items()}
@@ -76,11 +73,3 @@ def with_options(words, options):
                 del words[at : at + 2]
         words += [name, value]
     return words
-
-
-def smaller_world(words):
-    """Use the empty world, where the first episode of `falsify` reaches the goal soonest."""
-    if words[0] != "falsify":
-        return words
-    at = words.index("--seed") + 1
-    return ["falsify", "empty", *words[2:at], "1", *words[at + 1 :]]

@@ -41,13 +41,11 @@ from tests.docs.quotes import check_quote, updated_quote
 from tests.docs.small_scale import (
     COARSE,
     EARLY,
-    MANY,
     ONCE,
     SHORT,
     SMALLER,
     STAGES_SMALLER,
     smaller_study,
-    smaller_world,
     with_options,
 )
 from tests.sharing import alone
@@ -68,10 +66,10 @@ UNTYPED = {
     r"wayproof bench loop --only light .*": "tests/harness/bench/micro/test_loop.py runs it",
     r"wayproof bench robots(?! --only).*": "tests/harness/bench/test_stages.py runs it",
     r"wayproof study barn --worlds .*": "tests/harness/bench/published/test_barn.py runs it",
-    r"wayproof falsify .*--budget 100": "tests/harness/study/falsify/test_falsify.py runs it",
+    r"wayproof study falsify .*budget=100": "tests/harness/study/test_falsify.py runs it",
     r"wayproof bench rays .*": "tests/harness/bench/micro/test_rays.py runs it",
     r"wayproof study .* --check-determinism .*": "tests/harness/study/test_determinism.py runs it",
-    r"wayproof calibrate .*": "tests/harness/study/test_calibration.py runs it",
+    r"wayproof study calibrate .*": "tests/harness/study/test_calibration.py runs it",
     r"wayproof lab logs/.*": "docs/tutorials/recording.md runs the verb in full",
     r"wayproof picture logs/warehouse-drone-3.*": "docs/get-started.md runs the verb in full",
     r"wayproof picture .* --movie docs/.*": "docs/seeing.md runs it with another log",
@@ -190,14 +188,12 @@ class Typist:
                 words = with_options(words, STAGES_SMALLER.get(words[1], []))
             if "--movie" in words:
                 words = with_options(words, ["--period", "0.5"])
-            if verb == "threshold":
-                words = [verb, smaller_study(words[1]), *words[2:]]
             if verb in ("explain", "picture") and words[2:3] and words[2].isdecimal():
                 words = [*words[:2], str(min(int(words[2]), EARLY)), *words[3:]]
-            words = with_options(smaller_world(words), SMALLER.get(verb, []))
+            words = with_options(words, SMALLER.get(verb, []))
             if verb == "view" and "--save" not in words:
                 words += ["--save", "view.rrd"]  # opens no window
-        if verb in MANY:
+        if verb == "study":
             words = with_options(words, ["--jobs", "1"])
         if verb == "run":
             return self._run(words)

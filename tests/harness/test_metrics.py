@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import json
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
-from wayproof.harness.cli.falsify import print_found
 from wayproof.harness.cli.main import main
 from wayproof.harness.metrics import METRICS, score
-from wayproof.harness.perturbations import perturbation_from
-from wayproof.harness.study.falsify.falsify import Falsification
-from wayproof.harness.study.falsify.search import Trial
 from wayproof.harness.trace import Beliefs, Trace, read_trace
 from wayproof.harness.trajectory_error import Track
 
@@ -192,13 +186,3 @@ def test_a_least_clearance_that_is_a_bound_says_so(
     assert f"│ least_clearance │ {said} │" in " ".join(capsys.readouterr().out.split())
     assert main(["score", log, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["least_clearance_is_bound"] == (least == 2.0)
-
-
-def test_a_search_that_finds_nothing_says_where_its_clearance_is_a_bound() -> None:
-    for least, said in ((1.5, "clearance 1.50 m with"), (2.0, "clearance >= 2.00 m with")):
-        console = Console(file=io.StringIO(), width=200)
-        print_found(
-            console,
-            Falsification("", 3, None, Trial(perturbation_from("pose_jump:1"), False, least)),
-        )
-        assert said in console.file.getvalue()  # type: ignore[attr-defined]

@@ -31,8 +31,14 @@ from wayproof.harness.study.report.words import gate_reason, heading, side_of_dr
 from wayproof.harness.study.rows import Row, first_difference, reference_of
 from wayproof.harness.study.stack_table import stack_table
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import StudyResult, conclude, read_own_rows, verdict_in_words
-from wayproof.harness.study.threshold import Thresholds, read_thresholds, thresholds_in_words
+from wayproof.harness.study.study import (
+    StudyResult,
+    answers_of,
+    conclude,
+    read_own_rows,
+    verdict_in_words,
+)
+from wayproof.harness.study.threshold import Thresholds
 
 SITE = "report"
 """Folder of the site in the folder of the study."""
@@ -79,15 +85,6 @@ class Listed:
     row: Row
     page: str
     differs: int | None
-
-
-@dataclass(frozen=True)
-class Borne:
-    """Thresholds of one arm, in words and as a picture."""
-
-    thresholds: Thresholds
-    words: str
-    picture: str
 
 
 @dataclass(frozen=True)
@@ -153,7 +150,8 @@ def read_material(folder: Path, allow_plugins: bool = False) -> Material:
     """
     store = Store(folder)
     study = store.read_study(allow_plugins)
-    planned = plan_episodes(study, store.read_contents())
+    contents = store.read_contents()
+    planned = plan_episodes(study, contents)
     rows, foreign = read_own_rows(planned, store, allow_plugins)
     first = planned[0].arm
     by_arm = {(row.arm, row.seed): row for row in rows}
@@ -162,12 +160,13 @@ def read_material(folder: Path, allow_plugins: bool = False) -> Material:
         reference = reference_of(row.arm, first.variant, first.stack)
         if reference is not None and (reference, row.seed) in by_arm:
             twins[row.key] = by_arm[reference, row.seed]
+    answers = answers_of(study, planned, store, contents, rows)
     return Material(
         study=study,
         planned=planned,
         rows=rows,
         samples=samples_of(rows, first.variant, first.stack),
-        result=conclude(study, planned, rows, foreign),
+        result=conclude(study, planned, rows, foreign, answers),
         store=store,
         views=Views(store, allow_plugins),
         twins=twins,
@@ -218,7 +217,8 @@ def _overview(
         "stacks": stack_table(material.samples, limit),
         "conditions": conditions_of(material.samples),
         "doses": doses_of(material.samples, limit),
-        "borne": _borne(read_thresholds(material.study, material.store)),
+        "answers": [(name_of(one.arm), one.in_words(), _picture(one)) for one in result.answers],
+        "kind": material.study.kind,
         "causes": sorted({cause for one in result.arms for cause in one.causes}),
         "outcomes": sorted({outcome for one in result.arms for outcome in one.outcomes}),
         "failures": _failures(material, paged),
@@ -262,12 +262,11 @@ def _table(material: Material, paged: set[str]) -> dict[str, Any]:
     }
 
 
-def _borne(thresholds: Sequence[Thresholds]) -> list[Borne]:
-    return [
-        Borne(one, thresholds_in_words(one), borne(one.severities, MAX_SEVERITY, "severity"))
-        for one in thresholds
-        if one.severities
-    ]
+def _picture(answer: object) -> str:
+    """Return the picture of thresholds; none of another answer."""
+    if not isinstance(answer, Thresholds) or not answer.seeds:
+        return ""
+    return borne([one.severity for one in answer.seeds], MAX_SEVERITY, "severity")
 
 
 def _failures(material: Material, paged: set[str]) -> list[Failure]:

@@ -209,18 +209,6 @@ def test_a_robot_whose_spec_file_is_here_is_named(capsys, tmp_path):
     assert Path(line.split("--robot ")[1].split(" (")[0]).is_file()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["falsify", *RUN[1:], "--perturb", "pose_jump:5"], "the search chooses it, up to --great"),
-        (["threshold", "smoke", "--perturb", "rate:3"], "rate:3: expected no severity: the bisec"),
-        (["falsify", *RUN[1:], "--perturb", "slip"], "slip: got one that acts all the time"),
-    ],
-)
-def test_what_is_looked_for_is_not_given(capsys, arguments, said):
-    assert said in bad_input(capsys, arguments)
-
-
 def test_the_version_and_the_help(capsys):
     assert main([]) == 2
     assert "verbs:" in capsys.readouterr().err
@@ -311,7 +299,7 @@ TOO_LONG = "x" * 300
     "arguments",
     [
         *([verb, TOO_LONG] for verb in ("explain", "audit", "replay", "score", "verify")),
-        *([verb, TOO_LONG] for verb in ("recover", "lab", "view", "report", "study", "threshold")),
+        *([verb, TOO_LONG] for verb in ("recover", "lab", "view", "report", "study")),
         ["run", "empty", "--robot", TOO_LONG, "--seed", "1"],
         ["run", f"{TOO_LONG}.xml", "--robot", "drone", "--seed", "1"],
         ["explain", "x.mcap", "--png", f"{TOO_LONG}/x.png"],

@@ -14,9 +14,6 @@ from wayproof.harness.cli.main import main, verb_parsers
 WRONG = {
     "run": ["nowhere", "--robot", "drone", "--seed", "1"],
     "study": ["no-such-study"],
-    "threshold": ["no-such-study"],
-    "calibrate": ["margins", "empty", "--robot", "drone", "--drift", "0.01"],
-    "falsify": ["empty", "--robot", "drone", "--seed", "1", "--perturb", "nothing"],
     "report": ["no-such-folder"],
     "compare": ["no-such-folder", "nor-this"],
     "bench": ["no-such-stage"],

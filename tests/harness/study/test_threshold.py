@@ -19,22 +19,22 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.statistics.exact import quantile_interval
-from wayproof.harness.study.file import StudyFile
+from wayproof.harness.study.file import StudyFile, read_study
 from wayproof.harness.study.job import Done, Job
+from wayproof.harness.study.plan import Planned, plan_episodes
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.threshold import (
-    MOST_EPISODES,
-    Query,
-    Thresholds,
-    amount_at,
-    find_thresholds,
-    read_thresholds,
-    thresholds_in_words,
-)
+from wayproof.harness.study.study import Engine, answers_of, run_missing
+from wayproof.harness.study.threshold import Thresholds, amount_at, half_in_words
 
-STUDY = StudyFile(name="bears", worlds=["empty"], robots=["drone"], seeds=9)
-DRIFT = Query(["pose_drift"])
+STUDY = StudyFile(
+    name="bears",
+    kind="threshold",
+    worlds=["empty"],
+    robots=["drone"],
+    seeds=9,
+    perturbations={"pose_drift": []},
+)
 INFINITE = math.inf
 MISSION = build(Config("empty", "drone", 0)).mission.to_json()
 
@@ -62,8 +62,15 @@ class Pretended:
             finished(Done(job.key))
 
 
-def bisect(folder: Path, engine: Pretended, question: Query = DRIFT) -> Thresholds:
-    [found] = find_thresholds(STUDY, question, Store(folder), engine, lambda done: None)
+def bisect(folder: Path, engine: Engine) -> Thresholds:
+    store, planned = Store(folder), plan_episodes(STUDY)
+
+    def run(some: Sequence[Planned]) -> None:
+        run_missing(some, store, engine, lambda done: None)
+
+    with store.open():
+        [found] = answers_of(STUDY, planned, store, {}, run=run)
+    assert isinstance(found, Thresholds)
     return found
 
 
@@ -71,15 +78,12 @@ def test_every_seed_is_bracketed_to_a_hundredth(tmp_path: Path) -> None:
     """Seed k fails beyond k/2; seed 0 unperturbed fails at once, none of the others censored."""
     engine = Pretended(lambda seed: seed / 2 if seed else -1.0)
     found = bisect(tmp_path, engine)
-    assert found.seeds == list(range(9))
-    assert found.fail_unperturbed == 1
-    assert found.bear_all == 0
-    assert found.severities[0] == 0.0
-    for seed in range(1, 9):
-        assert found.survived[seed] <= seed / 2 <= found.failed[seed]
-        assert found.failed[seed] - found.survived[seed] <= 0.01
+    assert [one.seed for one in found.seeds] == list(range(9))
+    assert (found.seeds[0].passed, found.seeds[0].severity) == (-1.0, 0.0)
+    for one in found.seeds[1:]:
+        assert one.passed <= one.seed / 2 <= one.failed <= one.passed + 0.01
     tries = [sum(one == seed for one, _ in engine.ran) for seed in range(9)]
-    assert max(tries) <= MOST_EPISODES
+    assert max(tries) <= STUDY.threshold.episodes
     assert tries[0] == 1
     assert found.episodes == len(engine.ran)
     assert found.median is not None
@@ -93,7 +97,6 @@ def test_every_seed_is_bracketed_to_a_hundredth(tmp_path: Path) -> None:
 
 def test_who_bears_the_whole_scale_is_told_as_such(tmp_path: Path) -> None:
     found = bisect(tmp_path, Pretended(lambda seed: 9.0 if seed < 6 else 1.0))
-    assert found.bear_all == 6
     assert found.episodes == 6 * 2 + 3 * 11
     assert found.median is not None
     assert found.median.estimate == INFINITE
@@ -102,7 +105,7 @@ def test_who_bears_the_whole_scale_is_told_as_such(tmp_path: Path) -> None:
     assert re.fullmatch(
         r"9 seeds in 45 episodes: half fail only beyond the scale \(interval from severity "
         r"\S+, \S+ m/m, to beyond the scale\); 6 bear even 5; 0 fail .*",
-        thresholds_in_words(found),
+        found.in_words(),
     )
 
 
@@ -119,11 +122,9 @@ def test_who_bears_the_whole_scale_is_told_as_such(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_where_half_fail_is_a_sentence(severities: list[float], words: str, tmp_path: Path) -> None:
-    found = bisect(tmp_path, Pretended(lambda seed: 1.0))
+def test_where_half_fail_is_a_sentence(severities: list[float], words: str) -> None:
     median = quantile_interval(severities)
-    said = thresholds_in_words(replace(found, median=median, median_amount=median, unit="m"))
-    assert said.partition(": ")[2].partition(";")[0] == words
+    assert f"half fail {half_in_words(median, median, 'm')}" == words
 
 
 def test_what_was_interrupted_goes_on(tmp_path: Path) -> None:
@@ -132,7 +133,9 @@ def test_what_was_interrupted_goes_on(tmp_path: Path) -> None:
     first = Pretended(lambda seed: seed / 3, most=25)
     with pytest.raises(KeyboardInterrupt):
         bisect(tmp_path / "parts", first)
-    [halfway] = read_thresholds(STUDY, Store(tmp_path / "parts"))
+    store = Store(tmp_path / "parts")
+    [halfway] = answers_of(STUDY, plan_episodes(STUDY), store, {})
+    assert isinstance(halfway, Thresholds)
     assert (halfway.unfinished, halfway.episodes) == (9, 25)
     rest = Pretended(lambda seed: seed / 3)
     assert bisect(tmp_path / "parts", rest) == expected
@@ -144,15 +147,15 @@ def test_an_episode_that_cannot_be_run_is_no_failure(tmp_path: Path) -> None:
         for job in jobs:
             finished(Done(job.key, "no such file"))
 
-    [found] = find_thresholds(STUDY, DRIFT, Store(tmp_path), engine, lambda done: None)
+    found = bisect(tmp_path, engine)
     assert found.errors == list(range(9))
     assert (found.seeds, found.median) == ([], None)
-    assert thresholds_in_words(found).endswith("9 could not be run, first: no such file")
+    assert found.in_words().endswith("9 could not be run, first: no such file")
 
 
-def test_an_unknown_perturbation_is_one_line(tmp_path: Path) -> None:
+def test_an_unknown_perturbation_is_one_line() -> None:
     with pytest.raises(InputError, match="did you mean 'pose_drift'"):
-        bisect(tmp_path, Pretended(lambda seed: 1.0), Query(["pose_drfit"]))
+        read_study("threshold", settings=["perturbations=pose_drfit"])
 
 
 def test_amounts_at_the_ends_of_the_scale() -> None:
@@ -173,18 +176,21 @@ def test_a_quantiles_interval_covers_it() -> None:
     assert (few.low, few.estimate, few.high) == (-INFINITE, 3.0, INFINITE)
 
 
-def test_the_verb_bisects_real_episodes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_study_of_this_kind_bisects_real_episodes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A limit of 1 s makes every episode fail unperturbed: one each, and a page that says so."""
     path = tmp_path / "study.toml"
     path.write_text(
         'name = "tiny"\nworlds = ["empty"]\nrobots = ["drone"]\nseeds = 1\n'
-        '[set]\n"episode.time_limit" = 1\n"map.resolution" = 0.2\n'
-        "[perturbations]\npose_jump = [1]\n"
+        '[set]\n"map.resolution" = 0.2\n[perturbations]\npose_jump = [1]\n'
     )
     out = str(tmp_path / "out")
-    assert main(["threshold", str(path), "--out", out, "--jobs", "1", "--json"]) == 0
-    [found] = json.loads(capsys.readouterr().out)["thresholds"]
-    assert (found["episodes"], found["fail_unperturbed"], found["severities"]) == (1, 1, [0.0])
+    words = ["study", str(path), "--set", "kind=threshold", "--set", "episode.time_limit=1"]
+    assert main([*words, "--out", out, "--jobs", "1", "--json"]) == 0
+    [found] = json.loads(capsys.readouterr().out)["answers"]
+    assert found["episodes"] == 1
+    assert [one["severity"] for one in found["seeds"]] == [0.0]
     assert main(["report", out, "--json"]) == 0
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Failure threshold" in page

@@ -1,1 +1,0 @@
-"""Falsification: the search for a perturbation that makes an episode fail."""
