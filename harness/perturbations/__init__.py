@@ -64,7 +64,6 @@ __all__ = [
     "Displacement",
     "Perturbation",
     "Report",
-    "check_kind",
     "perturbation_from",
 ]
 
@@ -103,21 +102,3 @@ def _check_severity(text: str, severity: str) -> None:
             f"--perturb {text}: severity: got {severity or 'nothing'}, expected above 0, "
             f"up to {MAX_SEVERITY:g}"
         )
-
-
-def check_kind(text: str, instead: str) -> None:
-    """Refuse a text other than `KIND` or `KIND:MODE`, where the user does not choose the severity.
-
-    Args:
-        text: Given by the user.
-        instead: Setting that determines the severity, for the message.
-
-    Raises:
-        InputError: An unknown kind, a severity, or a mode of a kind that has none.
-    """
-    kind, *rest = text.split(":")
-    if kind not in PERTURBATIONS:
-        raise unknown_name("perturbation", kind, PERTURBATIONS)
-    if any(part.replace(".", "", 1).isdigit() for part in rest):
-        raise InputError(f"--perturb {text}: expected no severity: {instead}")
-    perturbation_from(":".join([kind, "1", *rest]))
