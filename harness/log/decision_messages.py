@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from google.protobuf.message import Message
 
+from wayproof.harness.errors import InputError
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 FIELDS: dict[type[Message], str] = {
@@ -18,6 +19,9 @@ FIELDS: dict[type[Message], str] = {
     pb.State: "state",
 }
 """Field of `DecisionMessages` by type of message; sweeps are gathered in a list."""
+
+MOST_SWEEPS = 256
+"""Maximum number of sweeps between two decisions."""
 
 
 @dataclass
@@ -47,6 +51,8 @@ class DecisionMessages:
     def take(self, message: Message) -> bool:
         """Keep a message, and return whether it is one of those that precede a decision."""
         if isinstance(message, pb.Sweep):
+            if len(self.sweeps) == MOST_SWEEPS:
+                raise InputError(f"log: over {MOST_SWEEPS} sweeps for one decision")
             self.sweeps.append(message)
             return True
         name = FIELDS.get(type(message))

@@ -57,15 +57,6 @@ class Growing:
                 return data
             self._stop.wait(POLL_S)
 
-    def tell(self) -> int:
-        """Return the number of bytes read."""
-        return self._place
-
-    def ends_with(self, mark: bytes) -> bool:
-        """Return whether the file ends with these bytes."""
-        size = os.fstat(self._descriptor).st_size
-        return os.pread(self._descriptor, len(mark), max(size - len(mark), 0)) == mark
-
     def _is_finished(self) -> bool:
         """Return whether the writer is done: it has renamed the file, or holds no lock on it."""
         try:

@@ -1,9 +1,8 @@
-"""Parser of MCAP files, record by record, for files that are not to be trusted.
+"""Reading of MCAP files that are not to be trusted, by the records of the mcap package.
 
-A log is untrusted input, and a disk may have lost bytes of it. Every length is compared with the
-rest of the file before memory of that size is allocated, every chunk with the size that it may
-decompress to, and every checksum of the format is recomputed. Records follow the MCAP
-specification, version 0; only its fixed layouts are parsed, and no name in a file becomes a path.
+A log is untrusted input, and a disk may have lost bytes of it. Every size is compared with its
+bound before anything of that size is made, and every checksum of the format is recomputed, except
+those of attachments, which the checksum of all data covers. No name in a file becomes a path.
 """
 
 from __future__ import annotations
@@ -12,14 +11,19 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
-from typing import IO, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
+import zstandard
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile, InvalidMagic, McapError
 from mcap.opcode import Opcode
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.log.codec.census import Census
-from wayproof.harness.log.codec.fields import Broken, Cursor, decompress
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -32,6 +36,17 @@ MOST_BYTES = 2**40
 GREATEST_RATIO = 4096
 """Maximum ratio of decompressed chunks to file size; sweeps of an empty world reach 800."""
 
+LEAST_DATA = 2**20
+GREATEST_DATA_RATIO = 32
+"""Maximum ratio of message data but sweeps, beyond `LEAST_DATA` bytes, to the file size; an episode
+reaches 1.3. A message takes many times its bytes in memory: two bytes make a point of a path."""
+
+LEAST_RECORDS, LEAST_BYTES = 20_000, 16
+"""Number of records in chunks allowed in any file, and file size for each beyond them, bytes;
+messages of an episode take 800 and more."""
+
+SWEEPS = (pb.Sweep.DESCRIPTOR.full_name, pb.SensorInfo.DESCRIPTOR.full_name)
+
 PROFILE = b"wayproof"
 """Profile in the head of every log, which tells it from the MCAP files of other programs."""
 
@@ -41,6 +56,9 @@ LONGEST_HEAD = 512
 HEAD = struct.Struct("<BQ")  # opcode, length
 LENGTH = struct.Struct("<I")  # of a text
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, time of the log, time of publication
+
+BROKEN = (McapError, ValueError, struct.error, zstandard.ZstdError, OverflowError, MemoryError)
+"""What the mcap package raises for a malformed record."""
 
 
 class Attachment(NamedTuple):
@@ -79,23 +97,22 @@ class Source(Protocol):
     def read(self, count: int, /) -> bytes:
         """Return a number of bytes, fewer only at the end."""
 
-    def tell(self) -> int:
-        """Return the number of bytes read."""
 
-    def ends_with(self, mark: bytes) -> bool:
-        """Return whether the file ends with these bytes."""
+class _Exact:
+    """Bytes of a source, each read of as many as were asked for."""
 
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self.count = 0
 
-class _Whole:
-    """Bytes of a complete file."""
-
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
-        self.read, self.tell = file.read, file.tell
-
-    def ends_with(self, mark: bytes) -> bool:
-        self._file.seek(-len(mark), 2)
-        return self._file.read() == mark
+    def read(self, count: int) -> bytes:
+        if not 0 <= count <= GREATEST_RECORD:
+            raise ValueError(f"a field of {count} bytes")
+        data = self._source.read(count)
+        self.count += len(data)
+        if len(data) < count:
+            raise EndOfFile(f"{len(data)} of {count} bytes")
+        return data
 
 
 def origin_of(path: Path) -> tuple[bytes, bytes]:
@@ -141,7 +158,10 @@ def walk(path: Path, head_only: bool = False) -> Iterator[Item]:
     try:
         with path.open("rb") as file:
             size = path.stat().st_size
-            yield from _Walk(path, _Whole(file), size, head_only).items()
+            file.seek(max(size - len(MAGIC), 0))
+            ended = file.read() == MAGIC
+            file.seek(0)
+            yield from _Walk(path, file, size, head_only, ended).items()
     except OSError as error:
         raise InputError(f"log '{path}': {error.strerror}") from None
 
@@ -157,146 +177,138 @@ def walk_in(path: Path, source: Source) -> Iterator[Item]:
         Cut: They end before the file does.
         InputError: As `walk`, but for limits that depend on the file's size.
     """
-    yield from _Walk(path, source, MOST_BYTES, head_only=False).items()
+    yield from _Walk(path, source, MOST_BYTES).items()
 
 
 class _Walk:
     """One pass over a file."""
 
-    def __init__(self, path: Path, file: Source, size: int, head_only: bool) -> None:
+    def __init__(
+        self,
+        path: Path,
+        source: Source,
+        size: int,
+        head_only: bool = False,
+        ended: bool = False,
+    ) -> None:
         self._path = path
-        self._file = file
+        self._source, self._bytes = source, _Exact(source)
         self._size = size
         self._head_only = head_only
-        self._chunks = 0
-        self._unpacked = 0
-        self._census = Census(self._size)
+        self._ended = ended  # whether its last bytes are an end mark
+        self._chunks = self._unpacked = self._records = self._data = 0
+        self._most_records = LEAST_RECORDS + size // LEAST_BYTES
+        self._most_data = LEAST_DATA + GREATEST_DATA_RATIO * size
         self._schemas: dict[int, str] = {}
-        self._channels: dict[int, tuple[str, str]] = {}  # topic, schema's name
+        self._channels: dict[int, tuple[str, str]] = {}  # schema's name, topic
 
     def items(self) -> Iterator[Item]:
-        magic = self._file.read(len(MAGIC))
-        if magic != MAGIC:
-            raise InputError(f"log '{self._path}': not an MCAP file")
-        checksum = zlib.crc32(magic)
-        while True:
-            offset = self._file.tell()
-            opcode, head, body = self._next(offset)
-            try:
-                if opcode == Opcode.DATA_END:
-                    self._check_data(body, checksum)
+        reader = StreamReader(
+            self._bytes,  # type: ignore[arg-type]
+            emit_chunks=True,
+            validate_crcs=True,
+            record_size_limit=GREATEST_RECORD,
+        )
+        offset, name = len(MAGIC), "record"
+        try:
+            for one in reader.records:
+                name = _name(one)
+                if isinstance(one, records.DataEnd):
                     self._check_summary()
                     return
-                yield from self._parse(opcode, body)
-            except Broken as error:
-                raise self._damaged(f"{error}, {_name(opcode, body)} at byte {offset}") from None
-            checksum = zlib.crc32(body, zlib.crc32(head, checksum))
+                yield from self._parse(one)
+                offset, name = self._bytes.count, "record"
+            raise ValueError("no end of data")
+        except EndOfFile as error:
+            what = f"{error}, {name} at byte {offset}"
+            if self._ended:
+                raise self._damaged(what) from None
+            raise Cut(f"log '{self._path}': truncated ({what})") from None
+        except InvalidMagic:
+            raise InputError(f"log '{self._path}': not an MCAP file") from None
+        except BROKEN as error:
+            raise self._damaged(f"{error}, {name} at byte {offset}") from None
 
-    def _next(self, offset: int) -> tuple[int, bytes, bytes]:
-        """Return the record at an offset: its opcode, the bytes of its head, and its body."""
-        head = self._file.read(HEAD.size)
-        if len(head) < HEAD.size:
-            raise self._cut(f"no end of data in {self._file.tell()} bytes")
-        opcode, length = HEAD.unpack(head)
-        left = self._size - offset - HEAD.size
-        if length > GREATEST_RECORD:
-            raise self._damaged(f"a record of {length} bytes at byte {offset}")
-        if length > left:
-            raise self._cut(f"{left} of {length} bytes of the record at byte {offset}")
-        body = self._file.read(length)
-        if len(body) < length:
-            raise self._cut(f"{len(body)} of {length} bytes of the record at byte {offset}")
-        return opcode, head, body
-
-    def _parse(self, opcode: int, body: bytes) -> Iterator[Item]:
-        cursor = Cursor(body)
-        if opcode == Opcode.CHUNK:
+    def _parse(self, one: records.McapRecord) -> Iterator[Item]:
+        if isinstance(one, records.Chunk):
             self._chunks += 1
             if self._chunks == 1 or not self._head_only:
-                yield from self._unpack(cursor)
-        elif opcode == Opcode.ATTACHMENT:
-            yield _attachment(cursor, body)
-        elif opcode == Opcode.METADATA:
-            yield Metadata(cursor.text(), cursor.pairs())
+                yield from self._unpack(one)
+        elif isinstance(one, records.Attachment):
+            yield Attachment(one.name, one.data)
+        elif isinstance(one, records.Metadata):
+            yield Metadata(one.name, one.metadata)
+        elif isinstance(one, records.Message):
+            yield self._packet(one.channel_id, one.log_time, one.data)
         else:
-            yield from self._parse_in_chunk(opcode, cursor)
+            self._declare(one)
 
-    def _parse_in_chunk(self, opcode: int, cursor: Cursor) -> Iterator[Packet]:
-        """Parse a record of a chunk, or of a file without chunks."""
-        if opcode == Opcode.SCHEMA:
-            number = cursor.number(2)
-            self._schemas[number] = cursor.text()
-        elif opcode == Opcode.CHANNEL:
-            number, schema = cursor.number(2), cursor.number(2)
-            self._channels[number] = cursor.text(), self._schemas.get(schema, "")
-        elif opcode == Opcode.MESSAGE:
-            number, _, time_ns, _ = MESSAGE.unpack(cursor.take(MESSAGE.size))
-            if number not in self._channels:
-                raise Broken(f"a message on channel {number}, which was never declared")
-            topic, schema_name = self._channels[number]
-            self._census.count(schema_name, topic, cursor.left)
-            yield Packet(schema_name, topic, time_ns, cursor.take(cursor.left))
-
-    def _unpack(self, cursor: Cursor) -> Iterator[Packet]:
-        cursor.skip(16)
-        size, checksum = cursor.number(8), cursor.number(4)
-        compression, packed = cursor.text(), cursor.take(cursor.number(8))
+    def _unpack(self, chunk: records.Chunk) -> Iterator[Packet]:
+        size = chunk.uncompressed_size
         self._unpacked += size
         if size > GREATEST_RECORD:
-            raise Broken(f"unpacks to {size} bytes, expected at most {GREATEST_RECORD}")
+            raise ValueError(f"unpacks to {size} bytes, expected at most {GREATEST_RECORD}")
         if self._unpacked > GREATEST_RATIO * self._size:
-            raise Broken(f"unpacks to over {GREATEST_RATIO} times the file's size")
-        data = decompress(compression, packed, size)
-        if checksum != 0 and zlib.crc32(data) != checksum:
-            raise Broken("checksum does not hold")
-        inner = Cursor(data)
-        while inner.left:
-            opcode, length = HEAD.unpack(inner.take(HEAD.size))
-            if opcode != Opcode.MESSAGE:
-                self._census.count_declared()
-            yield from self._parse_in_chunk(opcode, inner.part(length))
+            raise ValueError(f"unpacks to over {GREATEST_RATIO} times the file's size")
+        if chunk.compression not in ("", "zstd"):
+            raise ValueError(f"compression {chunk.compression[:20]!r}, expected 'zstd' or none")
+        if chunk.compression == "zstd":
+            declared = zstandard.frame_content_size(chunk.data)
+            if declared not in (-1, size):
+                raise ValueError(f"unpacks to {declared} bytes, expected {size}")
+        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+        data, place = stream.read(length), 0
+        while place < length:
+            opcode, count = HEAD.unpack_from(data, place)
+            place += HEAD.size
+            self._records += 1
+            if self._records > self._most_records:
+                raise ValueError(f"over {self._most_records} records in chunks")
+            if opcode == Opcode.MESSAGE:
+                number, _, time_ns, _ = MESSAGE.unpack_from(data, place)
+                yield self._packet(number, time_ns, data[place + MESSAGE.size : place + count])
+            elif opcode in DECLARATIONS:
+                body = ReadDataStream(BytesIO(data[place : place + count]))
+                self._declare(DECLARATIONS[opcode].read(body))
+            place += count
 
-    def _check_data(self, body: bytes, checksum: int) -> None:
-        expected = Cursor(body).number(4)
-        if expected not in (0, checksum):
-            raise Broken("checksum of all bytes up to here does not hold, at")
+    def _declare(self, one: records.McapRecord) -> None:
+        if isinstance(one, records.Schema):
+            self._schemas[one.id] = one.name
+        elif isinstance(one, records.Channel):
+            self._channels[one.id] = self._schemas.get(one.schema_id, ""), one.topic
+
+    def _packet(self, channel: int, time_ns: int, data: bytes) -> Packet:
+        if channel not in self._channels:
+            raise ValueError(f"a message on channel {channel}, which was never declared")
+        schema, topic = self._channels[channel]
+        if schema not in SWEEPS:
+            self._data += len(data)
+            if self._data > self._most_data:
+                raise ValueError(f"over {self._most_data} bytes of messages other than sweeps")
+        return Packet(schema, topic, time_ns, data)
 
     def _check_summary(self) -> None:
         """Check index, footer and final magic, of which only the checksums are used."""
-        tail = self._file.read(GREATEST_RECORD + 1)
+        tail = self._source.read(GREATEST_RECORD + 1)
         footer = HEAD.size + 20
-        if len(tail) > GREATEST_RECORD or len(tail) < footer + len(MAGIC):
-            raise Broken(f"an index of {len(tail)} bytes after")
-        if tail[-len(MAGIC) :] != MAGIC:
-            raise self._cut(f"no end mark in {self._file.tell()} bytes")
+        if len(tail) < footer + len(MAGIC) or not tail.endswith(MAGIC):
+            raise EndOfFile(f"no end mark after {len(tail)} bytes")
         signed = tail[: -len(MAGIC) - 4]
         expected = int.from_bytes(tail[-len(MAGIC) - 4 : -len(MAGIC)], "little")
         if expected not in (0, zlib.crc32(signed)):
-            raise Broken("checksum of the index does not hold, after")
-
-    def _cut(self, what: str) -> InputError:
-        """Return the error of a file that breaks off; with an end mark it is not just cut short."""
-        if self._file.ends_with(MAGIC):
-            return self._damaged(what)
-        return Cut(f"log '{self._path}': truncated ({what})")
+            raise ValueError("checksum of the index does not hold, after")
 
     def _damaged(self, what: str) -> InputError:
         return InputError(f"log '{self._path}': damaged ({what})")
 
 
-def _attachment(cursor: Cursor, body: bytes) -> Attachment:
-    cursor.take(16)
-    name = cursor.text()
-    cursor.text()
-    data, checksum = cursor.take(cursor.number(8)), cursor.number(4)
-    if checksum not in (0, zlib.crc32(body[:-4])):
-        raise Broken(f"checksum of '{name[:40]}' does not hold")
-    return Attachment(name, data)
+DECLARATIONS: dict[int, Any] = {Opcode.SCHEMA: records.Schema, Opcode.CHANNEL: records.Channel}
 
 
-def _name(opcode: int, body: bytes) -> str:
+def _name(one: records.McapRecord) -> str:
     """Return the kind of a record, and for a chunk its simulated time."""
-    if opcode != Opcode.CHUNK or len(body) < 16:
-        return {9: "attachment", 12: "metadata", 15: "end of data"}.get(opcode, f"record {opcode}")
-    begin, end = struct.unpack_from("<QQ", body)
-    return f"chunk of {begin * 1e-9:.1f} to {end * 1e-9:.1f} s"
+    if isinstance(one, records.Chunk):
+        begin, end = one.message_start_time, one.message_end_time
+        return f"chunk of {begin * 1e-9:.1f} to {end * 1e-9:.1f} s"
+    return type(one).__name__.lower()
