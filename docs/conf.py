@@ -37,7 +37,7 @@ CHAPTERS = {
     ],
     "How it works": [
         *("maps", "maps-library", "representations", "moving", "planning", "unknown", "worlds"),
-        *("log", "hostile"),
+        "log",
     ],
     "Reference": [
         *("reference/cli", "reference/config", "reference/metrics"),
