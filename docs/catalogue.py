@@ -13,8 +13,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 import msgspec
 
 from docs.docstrings import attributes, description, summary
-from wayproof.harness.bench.published import BENCHMARKS
-from wayproof.harness.bench.stages import STAGES
+from wayproof.harness.bench import BENCHES
 from wayproof.harness.cli.catalogue import Catalogue, Entry
 from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.config_document import FILLED_IN, NAMED, RECORDING, section_of
@@ -47,7 +46,6 @@ BUILTIN_STACK = "The built-in stack: map, costmap, planner and trajectory."
 def catalogue() -> Catalogue:
     """Every entry by kind and name; settings in their order, all else by name."""
     builtin = Entry(BUILTIN_STACK, source="harness/stack/pipeline.py")
-    benches = {**BENCHMARKS, **STAGES}
     by_name = {
         "worlds": {name: Entry(description(make), _file(make)) for name, make in WORLDS.items()},
         "places": {name: Entry(meaning, "models/places.py") for name, meaning in PLACES.items()},
@@ -65,7 +63,7 @@ def catalogue() -> Catalogue:
             for name, one in METRICS.items()
         },
         "studies": {path.stem: _commented(path) for path in PACKAGED.glob("*.toml")},
-        "benches": {name: _documented(benches[name].measure) for name in benches},
+        "benches": {name: _documented(one.measure) for name, one in BENCHES.items()},
     }
     ordered = {kind: dict(sorted(entries.items())) for kind, entries in by_name.items()}
     return {**ordered, "settings": dict(_settings(Config, ""))}

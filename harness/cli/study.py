@@ -144,12 +144,11 @@ def _checks(
 
 def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run a published benchmark by its own protocol: some seeds of every world."""
-    from wayproof.harness.bench.published import Files
-    from wayproof.harness.bench.stages import run_stage
+    from wayproof.harness.bench.published import Files, run_published
     from wayproof.harness.bench.table import print_rows
 
     files = Files("--worlds", options.worlds, options.out or LOGS, stack_of(options))
-    rows = run_stage(options.file, options.repeats, seed=0, files=files)
+    rows = run_published(options.file, files, options.repeats)
     print_rows(console, f"study {options.file}", rows)
     return 0, {"rows": rows}
 

@@ -1,11 +1,9 @@
 """Folder in which the blocks of a page run: links, and files that pages presuppose."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 
-from tests.docs.invented_rows import CROSSING_ROWS, WORLD_ROWS
 from tests.docs.programs import ROOT
 
 
@@ -25,13 +23,3 @@ def set_up_folder():
     Path("DIR/world_1.world").write_text(world)
     np.save("DIR/path_1.npy", np.array([[16, j] for j in range(31)]))
     Path("DIR/easy_0.csv").write_text("s, 8, 0, 4, 1, 0, 0, 0, 1.5, 1.5, 1.5")
-    Path("FILE.3dmap").write_text("voxel 6 6 6\n3 3 3\n")
-    problems = "0 0 0 4 2 1 5.14626437 1.0\n0 0 0 5 0 0 5.0 1.0\n"
-    Path("FILE.3dscen").write_text(f"version 1\nFILE.3dmap\n{problems}")
-    keep_rows(Path("kept-crossing.jsonl"), CROSSING_ROWS)
-    keep_rows(Path("kept-worlds.jsonl"), WORLD_ROWS)
-
-
-def keep_rows(path, rows):
-    """Write the rows of an interrupted bench, which continues with the missing one."""
-    path.write_text("".join(f"{json.dumps(row)}\n" for row in rows))

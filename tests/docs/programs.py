@@ -3,15 +3,12 @@
 import contextlib
 import importlib.util
 import io
-import json
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-from tests.docs.invented_rows import MAP_ROWS
 from tests.harness.interface.cpp import compiler
 from wayproof.harness.cli.main import main
 
@@ -44,17 +41,6 @@ def compile_here(words):
     """Compile C++ by this machine's compiler, or by the one of `ziglang`."""
     ended = subprocess.run([*compiler(), *words], capture_output=True, text=True, check=False)
     return ended.returncode, ended.stdout + ended.stderr
-
-
-def plot_maps(words):
-    """Fill the tables and draw the pictures in a copy of the pages."""
-    shutil.copy(ROOT / "docs/plot_maps.py", "docs")
-    shutil.copy(ROOT / "docs/maps.md", "docs")
-    Path(words[1]).write_text(json.dumps({"rows": MAP_ROWS}))
-    ended = run_python(words)
-    drawn = {"map-speed.svg", "map-ghosts.svg", "map-accuracy.svg"}
-    assert drawn <= {path.name for path in Path("docs").iterdir()}, ended
-    return ended
 
 
 def run_here(words):

@@ -27,15 +27,8 @@ ONCE = ("study", "bench", "demo")
 
 STAGES_SMALLER = {
     "threshold": "--episodes 2".split(),
-    "coverage": "--repeats 2".split(),
-    "crossing": "--repeats 1 --rows kept-crossing.jsonl".split(),
-    "worlds": "--repeats 1 --rows kept-worlds.jsonl".split(),
-    "plan": "--repeats 2".split(),
-    "map": "--repeats 1 --only ghosts".split(),
-    "robots": "--repeats 1 --only hover".split(),
-    "halls": "--repeats 1 --only 20".split(),
 }
-"""Additional options of a stage of `bench`: one episode or problem after the kept ones."""
+"""Additional options of a stage."""
 
 
 def smaller_study(name):

@@ -32,7 +32,6 @@ from tests.docs.programs import (
     compile_here,
     dry_run,
     make_folders,
-    plot_maps,
     run_command,
     run_here,
     run_python,
@@ -44,12 +43,11 @@ from tests.docs.small_scale import (
     ONCE,
     SHORT,
     SMALLER,
-    STAGES_SMALLER,
     smaller_study,
     with_options,
 )
 from tests.sharing import alone
-from wayproof.harness.bench.stages import STAGES
+from wayproof.harness.bench import BENCHES
 from wayproof.harness.cli.main import verb_parsers
 from wayproof.harness.cli.run import episode_name
 from wayproof.harness.config_document import from_document, override
@@ -63,11 +61,11 @@ UNTYPED = {
     r"\. \.venv/bin/activate": "the tests run in an environment already",
     r"pip install .*": "installs from the network",
     r"wayproof robot check my_robot.*": "the reader's own robot",
-    r"wayproof bench loop --only light .*": "tests/harness/bench/micro/test_loop.py runs it",
-    r"wayproof bench robots(?! --only).*": "tests/harness/bench/test_stages.py runs it",
+    r"wayproof bench .*": "tests/harness/bench/test_bench.py runs it",
+    r"python -m tests.tools.trials.robots.*": "tests/of_tools/test_robots.py runs it",
+    r"python -m tests.tools.statistics.*": "tests/of_tools/test_verdicts.py runs it",
     r"wayproof study barn --worlds .*": "tests/harness/bench/published/test_barn.py runs it",
     r"wayproof study falsify .*budget=100": "tests/harness/study/test_falsify.py runs it",
-    r"wayproof bench rays .*": "tests/harness/bench/micro/test_rays.py runs it",
     r"wayproof study .* --check-determinism .*": "tests/harness/study/test_determinism.py runs it",
     r"wayproof study calibrate .*": "tests/harness/study/test_calibration.py runs it",
     r"wayproof lab logs/.*": "docs/tutorials/recording.md runs the verb in full",
@@ -156,8 +154,6 @@ class Typist:
             code, output = compile_here(words)
         elif program == "mkdir":
             code, output = make_folders(words)
-        elif words[0] == "docs/plot_maps.py":
-            code, output = plot_maps(words)
         else:
             assert program == "python", f"cannot type: {line}"
             if any(word.endswith(".soak") for word in words) and not self._whole:
@@ -184,8 +180,6 @@ class Typist:
                 words = [verb, smaller_study(words[1]), *words[2:]]
             if "--worlds" in words:
                 words = with_options(words, ["--repeats", "1"])
-            if verb == "bench":
-                words = with_options(words, STAGES_SMALLER.get(words[1], []))
             if "--movie" in words:
                 words = with_options(words, ["--period", "0.5"])
             if verb in ("explain", "picture") and words[2:3] and words[2].isdecimal():
@@ -302,7 +296,7 @@ def check_against_parser(words):
     program, *rest = words
     if Path(program).name == "wayproof":
         options = verb_parsers()[rest[0]].parse_args(rest[1 : _end(rest)])
-        assert rest[0] != "bench" or options.stage in STAGES, words
+        assert rest[0] != "bench" or options.part in BENCHES, words
     elif program == "make":
         assert rest[0] in TARGETS, words
     elif program == "python":

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.sharing import alone
-from wayproof.harness.bench.attribution.confusion import run_planted
+from tests.tools.faults.confusion import run_planted
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.runner import run_episode

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.tools.halls import make_hall
 from wayproof.harness.attribution import find_cause, read_case
-from wayproof.harness.bench.episodes.halls import make_hall
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import from_json, override, to_json
 from wayproof.harness.log.reader import open_log

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED, committed_name
 from wayproof.harness.cli.main import main
 from wayproof.harness.metrics import METRICS, score
 from wayproof.harness.trace import Beliefs, Trace, read_trace

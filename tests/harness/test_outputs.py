@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 
-from wayproof.harness.bench.soak.child import in_child
+from tests.tools.soak.child import in_child
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.recover import recovered_name

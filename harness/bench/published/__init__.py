@@ -1,50 +1,32 @@
-"""Published benchmarks, run on files of the user: `wayproof bench NAME --worlds DIR`."""
+"""Published benchmarks, run on files of the user: `wayproof study NAME --worlds DIR`."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any
 
 from wayproof.harness.bench.published.barn import bench_barn
 from wayproof.harness.bench.published.dodge import bench_dodge
 from wayproof.harness.bench.published.files import Files
-from wayproof.harness.bench.published.voxel_problems import bench_scenarios
-from wayproof.harness.bench.table import Progress, Row
+from wayproof.harness.bench.table import Row
 from wayproof.harness.errors import unknown_name
 
-
-class Benchmark(NamedTuple):
-    """The protocol of a published benchmark.
-
-    Attributes:
-        measure: Function from (files, repeats, seed, progress) to flat rows.
-        repeats: Default number of seeds of each world, or of problems for each planner.
-        option: Command-line option that names its files.
-    """
-
-    measure: Callable[[Files, int, int, Progress], Sequence[Row]]
-    repeats: int
-    option: str
-
-
-BENCHMARKS: dict[str, Benchmark] = {
-    "barn": Benchmark(bench_barn, 5, "--worlds"),
-    "dodge": Benchmark(bench_dodge, 20, "--worlds"),
-    "plan": Benchmark(bench_scenarios, 25, "--scenarios"),
+BENCHMARKS: dict[str, tuple[Callable[..., Sequence[Any]], int]] = {
+    "barn": (bench_barn, 5),
+    "dodge": (bench_dodge, 20),
 }
-"""Name -> protocol."""
+"""Name -> function from (files, repeats, seed, progress) to rows, default number of seeds."""
 
 
-def find_benchmark(name: str, option: str) -> Benchmark:
-    """Return the benchmark of a name that takes its files by an option.
+def run_published(name: str, files: Files, repeats: int | None) -> list[Row]:
+    """Run a published benchmark by its own protocol.
 
     Raises:
-        InputError: There is none of that name, or it takes them by another option.
+        InputError: There is no such benchmark, or files cannot be used.
     """
-    fitting = [key for key, known in BENCHMARKS.items() if known.option == option]
-    if name not in fitting:
-        raise unknown_name(f"stage with {option}", name, fitting)
-    return BENCHMARKS[name]
-
-
-__all__ = ["BENCHMARKS", "Benchmark", "Files", "find_benchmark"]
+    if name not in BENCHMARKS:
+        raise unknown_name("benchmark", name, BENCHMARKS)
+    measure, most = BENCHMARKS[name]
+    found = measure(files, repeats or most, 0, lambda line: None)
+    return [dataclasses.asdict(row) for row in found]

@@ -6,11 +6,11 @@ from typing import get_args
 
 import pytest
 
+from tests.tools.faults.fault_scenarios import FAULTS
 from wayproof.harness.attribution import CAUSES, find_cause, near_misses, read_case
 from wayproof.harness.attribution import contact as contacts
 from wayproof.harness.attribution import standstill as standstills
 from wayproof.harness.attribution.standstill import lacks_time
-from wayproof.harness.bench.attribution.fault_scenarios import FAULTS
 from wayproof.harness.counterfactual.check import check
 from wayproof.harness.counterfactual.record import read_check, record_check
 from wayproof.harness.interface.errors import PredictorCause, StackCause

@@ -8,9 +8,9 @@ from typing import get_args
 
 import pytest
 
+from tests.tools.faults.confusion import run_planted
 from wayproof.harness.attribution import CAUSES, find_cause, read_case
 from wayproof.harness.attribution.finding import Finding
-from wayproof.harness.bench.attribution.confusion import run_planted
 from wayproof.harness.counterfactual.check import check, settle, why_inconclusive
 from wayproof.harness.counterfactual.recorded_movers import with_recorded_movers
 from wayproof.harness.counterfactual.remedies import REMEDIES

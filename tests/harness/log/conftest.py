@@ -2,7 +2,7 @@
 
 import pytest
 
-from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED, committed_name
 
 
 @pytest.fixture(scope="module")

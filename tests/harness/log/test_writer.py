@@ -7,7 +7,7 @@ import resource
 import signal
 from pathlib import Path
 
-from wayproof.harness.bench.soak.child import in_child
+from tests.tools.soak.child import in_child
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import (

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED, committed_name
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.recompute.side_by_side import as_input_error

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.harness.replay.audit.test_run import forge
-from wayproof.harness.bench.maintain.reasons import main, tally
+from tests.tools.reasons import main, tally
 from wayproof.harness.config import StackConfig
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit.run import moments

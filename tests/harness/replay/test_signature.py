@@ -9,7 +9,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED, committed_name
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.replay.signature import (

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.tools.soak.forgeries import CLAIMS, EDITS, Forgery, forge
 from wayproof.harness.attribution.finding import Finding
-from wayproof.harness.bench.soak.forgeries import CLAIMS, EDITS, Forgery, forge
 from wayproof.harness.cli.main import main
 from wayproof.harness.counterfactual.check import Verdict
 from wayproof.harness.counterfactual.record import record_check

@@ -5,7 +5,7 @@ import re
 import mujoco
 import pytest
 
-from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED, committed_name
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.scenario.scene_text import safe_scene

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from wayproof.harness.bench.maintain import field_numbers
-from wayproof.harness.bench.maintain.small_log import COMMITTED, committed_name
+from tests.tools import field_numbers
+from tests.tools.small_log import COMMITTED, committed_name
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.log import writer as log
@@ -39,7 +39,7 @@ def test_no_field_number_changed_its_meaning():
 
 def test_every_field_number_is_in_the_table():
     new = field_numbers.added(field_numbers.committed(), field_numbers.current())
-    assert new == [], "run: python -m wayproof.harness.bench.maintain.field_numbers"
+    assert new == [], "run: python -m tests.tools.field_numbers"
 
 
 def test_a_reused_number_is_found():
@@ -51,7 +51,7 @@ def test_a_reused_number_is_found():
 
 
 def test_the_committed_log_of_this_version_replays():
-    """After a deliberate change: python -m wayproof.harness.bench.maintain.small_log"""
+    """After a deliberate change: python -m tests.tools.small_log"""
     path = COMMITTED / committed_name()
     assert path.stat().st_size < 150_000
     again = replay(path)

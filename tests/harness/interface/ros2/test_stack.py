@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.tools.ros2_latency import measure
 from wayproof import Config, build, open_log, override, run_episode
-from wayproof.harness.bench.ros2_latency import measure
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.command_messages import costmap_of, planned_path_of
 from wayproof.harness.interface.connect import connect

@@ -8,7 +8,7 @@ import pytest
 import zstandard
 
 from tests.harness.log.damaged import damaged
-from wayproof.harness.bench.soak.hostile_logs import (
+from tests.tools.soak.hostile_logs import (
     chunk,
     declared,
     message,

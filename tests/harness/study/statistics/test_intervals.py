@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from wayproof.harness.bench.statistics.coverage import STATISTICS, Data, coverage_of
+from tests.tools.statistics.coverage import STATISTICS, Data, coverage_of
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.statistics.intervals import (
     difference_interval,

@@ -1,1 +1,0 @@
-"""Benchmarks of single stages: rays, maps, plans, the decision loop, the log."""

@@ -1,4 +1,0 @@
-"""Soak tests of the guarantees of logs, replays and studies.
-
-Run by `python -m wayproof.harness.bench.soak`.
-"""

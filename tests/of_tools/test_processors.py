@@ -1,0 +1,159 @@
+"""Logs replay to the same bits in processes that compute as other processors do."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.tools.soak.kinds import FLAT, KINDS, draw
+from tests.tools.soak.processors import (
+    Emulated,
+    Emulation,
+    emulations,
+    replay_all,
+    replay_under,
+)
+from tests.tools.soak.replays import arithmetic, differing
+from wayproof.harness.config_document import from_json, to_json
+from wayproof.harness.decision import Difference
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.replay import Replay
+from wayproof.harness.replay.scope import Scope
+from wayproof.maps import MAPS
+from wayproof.models.robots import ROBOTS
+from wayproof.models.sensors.devices import DEVICES
+from wayproof.planners import PLANNERS
+
+ALL = {one.name: one for one in emulations(Path(os.devnull), compiled=False)}
+OLD = ("C library without FMA and AVX", "numpy at its baseline", "OpenBLAS Prescott")
+
+
+def together(*names):
+    """One child that is several emulations at once: each must show in it."""
+    parts = [ALL[name] for name in names]
+    return Emulation(
+        ", ".join(names),
+        {name: value for part in parts for name, value in part.environment.items()},
+        lambda child, own: all(part.shows(child, own) for part in parts),
+        refused=" ".join(part.refused for part in parts).strip(),
+    )
+
+
+HERE = [
+    together(*OLD),
+    *(together(f"OpenBLAS {core}") for core in ("Haswell", "SkylakeX")),  # Zen has Haswell's
+]
+
+EPISODES = (
+    ("crossing", "drone", 4, "episode.time_limit=2", "planner.name=informed_rrtstar"),
+    ("warehouse", "quadruped", 3, "episode.time_limit=1.5"),
+    (
+        *("office", "quadruped", 5, "episode.time_limit=1", "planner.name=rrtconnect"),
+        *("planner.state_space=reeds_shepp", "planner.iterations=100", "planner.restarts=1"),
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def logs(recorded):
+    return [Path(recorded(*episode).log) for episode in EPISODES]
+
+
+@pytest.mark.parametrize("emulation", HERE, ids=lambda one: one.name)
+def test_logs_replay_to_the_same_bits(logs, emulation):
+    if emulation.refused:
+        pytest.skip(emulation.refused)
+    result = Emulated()
+    assert replay_all(emulation, logs, arithmetic(), result) == []
+    assert (result.replays, result.identical) == (len(logs), len(logs))
+    assert result.decisions >= 30
+
+
+BENDS = """
+import hashlib, types
+import numpy as np
+from wayproof.harness.behaviour_config import BehaviourConfig
+from wayproof.harness.stack.evasive_stop import _bends
+from wayproof.planners import MotionLimits
+
+limits = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)
+rng, digest = np.random.default_rng(3), hashlib.sha256()
+for ground in [False, True] * 1000:
+    towards = rng.integers(-1000, 1001, 3) * [1.0, 1.0, not ground]
+    towards /= np.sqrt(np.square(towards).sum())
+    speed, reach = rng.uniform(0.3, 2.0), rng.uniform(0.3, 1.5)
+    position, acceleration = rng.uniform(0.0, 20.0, 3), rng.uniform(-2.5, 2.5)
+    now = types.SimpleNamespace(speed=speed, acceleration=acceleration, position=position)
+    view = types.SimpleNamespace(limits=limits, turns_in_place=ground, behaviour=BehaviourConfig())
+    for bend in _bends(view, now, towards, reach):
+        digest.update(bend.tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_stops_turn_away_on_the_same_bits():
+    found = set()
+    for emulation in (ALL["as it is"], together(*OLD)):
+        environment = {**os.environ, **emulation.environment}
+        command = [sys.executable, "-c", BENDS]
+        ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        found.add(ended.stdout)
+    assert len(found) == 1
+
+
+def test_what_does_not_take_effect_or_differs_is_a_failure(tmp_path):
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(b"no log")
+    without_effect = Emulation("nothing", {}, lambda child, own: child.library != own.library)
+    result = Emulated()
+    effect, differs = replay_all(without_effect, [broken], arithmetic(), result)
+    assert effect.startswith("nothing: not in effect: Arithmetic(")
+    assert str(broken) in differs
+    assert (result.replays, result.identical) == (1, 0)
+
+
+def test_what_does_not_follow_from_a_log_is_named():
+    scope, wrong = Scope((), (), ()), (Difference("result.cause", "planner", "none"),)
+    found = Replay("log", False, 3, 0, None, (), wrong, "", "timeout", scope, (), 0.0)
+    assert differing(found) == "result: result.cause: planner -> none"
+    assert differing(replace(found, contradictions=())) == "result: chain"
+    one = replace(found, first_difference=2, differences=(Difference("action", "go", "stop"),))
+    assert differing(one) == "decision 2: action: go -> stop"
+    assert differing(replace(found, identical=True)) == ""
+
+
+def test_a_child_that_ends_early_is_told_of():
+    missing = Emulation("other", {"PYTHONHOME": os.devnull}, lambda child, own: True)
+    with pytest.raises(RuntimeError, match="other: exit code 1"):
+        replay_under(missing, [])
+
+
+def test_kinds_take_everything_in_turn_with_both_robots():
+    rng = np.random.default_rng(0)
+    planned = [KINDS["planner"](turn, rng) for turn in range(2 * len(PLANNERS))]
+    assert {(one.planner.name, one.robot) for one in planned} == set(product(PLANNERS, ROBOTS))
+    mapped = [KINDS["map"](turn, rng) for turn in range(2 * len(MAPS))]
+    everywhere = {*product(MAPS, ROBOTS)} - {*product(FLAT, {*ROBOTS} - {"quadruped"})}
+    assert {(one.map.kind, one.robot) for one in mapped} == everywhere
+    sensed = [KINDS["device"](turn, rng) for turn in range(2 * len(DEVICES))]
+    mounted = {name for name in DEVICES if not DEVICES[name].by_mujoco}
+    assert {(one.sensors.lidar, one.robot) for one in sensed} == set(product(mounted, ROBOTS))
+
+
+def test_the_episode_of_a_number_is_the_same_each_time():
+    one, other = draw(3, 0), draw(3, 0)
+    assert one.kind == "map"
+    assert one.scenario.config == other.scenario.config
+
+
+def test_paths_of_older_logs_are_not_rounded(recorded):
+    config = open_log(Path(recorded(*EPISODES[0]).log)).config
+    text = to_json(config)
+    assert from_json(text).planner.grain == 2.0**-30
+    before = text.replace(b'"grain"', b'"grains"')
+    assert from_json(before).planner.grain == 0.0

@@ -1,0 +1,175 @@
+"""Time and memory that each command takes to refuse a hostile file.
+
+Run by `python -m tests.tools.soak hostile`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import os
+import resource
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.tools.soak.child import in_child, scratch
+from tests.tools.soak.hostile_files import BOX, FILES, Maker
+from tests.tools.soak.hostile_logs import LOGS
+from wayproof.harness.bench.table import Progress
+from wayproof.harness.cli.main import main
+
+MOST_MEMORY_MIB = 1024.0
+LONGEST_S = 5.0
+"""Processor time limit in a process that has loaded the program, s."""
+
+ADDRESS_SPACE = 8 * 2**30
+"""Additional address space of a command, bytes, so that a failure does not fill the machine."""
+
+CPU_S = 20
+WALL_S = 300.0
+
+LOADED = (
+    "wayproof.harness.replay.verify",
+    "wayproof.harness.explain",
+    "wayproof.harness.study.report.report",
+    "wayproof.harness.cli.score",
+    "wayproof.models.world_files",
+    "trimesh",
+)
+"""Modules that commands load lazily, loaded beforehand so that they do not count."""
+
+PLAIN = "<mujoco><worldbody>" + BOX + "<geom size='.1' pos='-5 -5 1'/></worldbody></mujoco>"
+
+
+@dataclass(frozen=True)
+class Taken:
+    """Resources that one command took.
+
+    Attributes:
+        name: Name of the hostile file.
+        file_bytes: Size of all files made for it, bytes.
+        cpu_s: Processor time, s.
+        peak_mib: Greatest resident memory, MiB.
+        code: Exit code; negative is the signal that ended it.
+        said: Lines on stderr.
+    """
+
+    name: str
+    file_bytes: int
+    cpu_s: float
+    peak_mib: float
+    code: int
+    said: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Refused:
+    """Results of hostile files.
+
+    Attributes:
+        count: Number of files.
+        longest_s: Greatest processor time, s.
+        peak_mib: Greatest resident memory, MiB.
+        failures: Commands that exceeded a limit, or did not end with one line of refusal.
+    """
+
+    count: int
+    longest_s: float
+    peak_mib: float
+    failures: tuple[str, ...]
+
+
+def soak_hostile(count: int, seed: int, progress: Progress, first: int = 0) -> Refused:
+    """Give each hostile file to the command that reads it, in a watched process.
+
+    Args:
+        count: Maximum number of files.
+        seed: Unused: the files are the same each time.
+        progress: Called with the lines of a table in Markdown.
+        first: Number of the first file.
+    """
+    del seed
+    chosen = list({**FILES, **LOGS}.items())[first : first + count]
+    for name in LOADED:
+        importlib.import_module(name)
+    loaded = _take("a scene that is sound", _harmless_command)
+    assert loaded.code == 0, loaded.said
+    progress(
+        "| given | bytes | processor, s | peak, MiB | exit code | said |\n|---|---|---|---|---|---|"
+    )
+    taken, failures = [], []
+    for name, make in chosen:
+        found = _take(name, make)
+        taken.append(found)
+        failures += [f"{name}: {wrong}" for wrong in breaches(found)]
+        progress(_row(found))
+    longest = max((one.cpu_s for one in taken), default=0.0)
+    peak = max((one.peak_mib for one in taken), default=0.0)
+    return Refused(len(chosen), longest, peak, tuple(failures))
+
+
+def _harmless_command(folder: Path) -> list[str]:
+    (folder / "plain.xml").write_text(PLAIN)
+    return ["import", str(folder / "plain.xml"), "--out", str(folder / "out.xml")]
+
+
+def breaches(taken: Taken) -> list[str]:
+    """Return the limits that a command broke; empty without any."""
+    wrong = []
+    if taken.cpu_s > LONGEST_S:
+        wrong.append(f"{taken.cpu_s:.1f} s")
+    if taken.peak_mib > MOST_MEMORY_MIB:
+        wrong.append(f"{taken.peak_mib:.0f} MiB")
+    if taken.code != 2 or len(taken.said) != 1:
+        last = taken.said[-1][:200] if taken.said else ""
+        wrong.append(f"exit code {taken.code} with {len(taken.said)} lines, the last: {last}")
+    return wrong
+
+
+def _row(taken: Taken) -> str:
+    said = " / ".join(taken.said)
+    words = said.replace("|", "\\|")
+    return (
+        f"| {taken.name} | {taken.file_bytes} | {taken.cpu_s:.1f} | {taken.peak_mib:.0f} "
+        f"| {taken.code} | {words[:160]} |"
+    )
+
+
+def _take(name: str, make: Maker) -> Taken:
+    with tempfile.TemporaryDirectory(dir=scratch()) as given, tempfile.TemporaryDirectory() as own:
+        arguments = make(Path(given))
+        size = sum(one.stat().st_size for one in Path(given).rglob("*") if one.is_file())
+        ended = in_child(lambda report: _run(arguments, Path(own), report), WALL_S)
+    said = tuple(line.replace(f"{given}/", "") for line in ended.lines)
+    return Taken(
+        name,
+        file_bytes=size,
+        cpu_s=round(ended.cpu_s, 2),
+        peak_mib=round(ended.peak_mib),
+        code=ended.code,
+        said=said,
+    )
+
+
+def _run(arguments: list[str], folder: Path, report: Callable[[str], None]) -> None:
+    """Run a command line in this child process, and report its stderr line by line."""
+    os.chdir(folder)
+    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (mapped + ADDRESS_SPACE, mapped + ADDRESS_SPACE))
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
+    with tempfile.TemporaryFile("w+") as said:
+        os.dup2(said.fileno(), 2)  # a library writes to the descriptor itself
+        with (
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(
+                io.TextIOWrapper(os.fdopen(2, "wb", 0, closefd=False), write_through=True)
+            ),
+        ):
+            code = main(arguments)
+        said.seek(0)
+        for line in said.read().splitlines():
+            report(line)
+    os._exit(code)

@@ -1,0 +1,100 @@
+"""Broken files of every imported format, each read in a watched process or refused in a line."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from tests.tools.soak.cases import Fuzzed
+from tests.tools.soak.child import scratch
+from tests.tools.soak.fuzz import watched
+from tests.tools.soak.import_sources import SOURCES
+from tests.tools.soak.mutate import mutate, mutate_values
+from wayproof.harness.bench.table import Progress
+from wayproof.harness.errors import InputError
+from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+
+CACHE_HOME = "XDG_CACHE_HOME"
+
+TEXTS = (".world", ".urdf", ".dae", ".gltf", ".obj", ".yaml")
+"""Endings of the files whose numbers and strings are exchanged, besides bytes."""
+
+
+def soak_imports(count: int, seed: int, progress: Progress, first: int = 0) -> Fuzzed:
+    """Break small sound files of all formats in turn, and import them.
+
+    Args:
+        count: Number of cases.
+        seed: Seed of all random choices.
+        progress: Called with a line about the progress.
+        first: Number of the first case.
+    """
+    with tempfile.TemporaryDirectory(dir=scratch()) as name, _cache_in(name):
+        folder = Path(name)
+
+        def case(kind: str, rng: np.random.Generator) -> None:
+            run_case(kind, folder, rng)
+
+        for kind in SOURCES:  # libraries are loaded before anything is watched
+            import_whole(kind, folder)
+        numbers = range(first, first + count)
+        kinds = tuple(SOURCES)
+        return watched(case, kinds, folder, numbers, seed, progress, may_start=sys.executable)
+
+
+@contextlib.contextmanager
+def _cache_in(folder: str) -> Iterator[None]:
+    """Have the convex pieces of meshes, which a process cuts, kept in a folder meanwhile."""
+    before = os.environ.get(CACHE_HOME)
+    os.environ[CACHE_HOME] = folder
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[CACHE_HOME]
+        else:
+            os.environ[CACHE_HOME] = before
+
+
+def import_whole(kind: str, folder: Path) -> list[str]:
+    """Import the sound file of a format; return the notes.
+
+    Raises:
+        WorldFileError: It is not sound.
+    """
+    with tempfile.TemporaryDirectory(dir=folder) as inner:
+        files = SOURCES[kind]()
+        for name, data in files.items():
+            (Path(inner) / name).write_bytes(data)
+        return import_world(Path(inner) / next(iter(files)), ImportOptions(), *_ENDS)[1]
+
+
+def run_case(kind: str, folder: Path, rng: np.random.Generator) -> None:
+    """Break one of the files of a format and import.
+
+    Raises:
+        InputError: It is refused, as it should be.
+    """
+    files = SOURCES[kind]()
+    chosen = list(files)[int(rng.integers(len(files)))]
+    if chosen.endswith(TEXTS) and rng.integers(2):
+        files[chosen] = mutate_values(files[chosen].decode(), rng).encode()
+    else:
+        files[chosen] = mutate(files[chosen], rng)
+    with tempfile.TemporaryDirectory(dir=folder) as inner:
+        for name, data in files.items():
+            (Path(inner) / name).write_bytes(data)
+        ends = _ENDS if rng.integers(2) else (None, None)
+        try:
+            import_world(Path(inner) / next(iter(files)), ImportOptions(), *ends)
+        except WorldFileError as error:
+            raise InputError(str(error)) from None
+
+
+_ENDS = ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0))

@@ -1,0 +1,363 @@
+"""Planted faults of stacks on trial: the cause found, and all that a broken stack may do to us.
+
+`python -m tests.tools.soak.on_trial --count 20` runs each kind of fault in the
+registered worlds, as `wayproof run` does, half of those that can be a class behind `exec:`. Of each
+episode: is the cause the planted one, is there no traceback, does no process outlive it, does it
+end within its deadline, does its log replay, and can it be explained. An episode in which the fault
+did no harm is drawn again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import tempfile
+import time
+import uuid
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from tests.tools.soak.child import scratch
+from wayproof.harness.cli.main import main as wayproof
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.replay.audit import audit
+from wayproof.harness.warm_up import warm_up
+
+MODULE = "tests.tools.faults.faulty_stacks"
+GARBAGE = f"exec:{sys.executable} -m tests.tools.faults.garbage_stack"
+
+WALL_S = 5.0
+"""`plugins.wall_s` of all episodes: wall time after which a stack is taken to hang, s."""
+
+GRACE_S = 60.0
+"""Wall time that starting and ending a stack and attributing its failure may take besides, s."""
+
+LONGEST_S = 300.0
+"""Wall time after which a command is killed: it hangs itself, s."""
+
+QUICK = ("episode.time_limit=15", "episode.stuck_after=3", f"plugins.wall_s={WALL_S:g}")
+
+ROOMS = ("cylinders", "forest", "office", "warehouse", "maze", "corridor")
+MARK = "WAYPROOF_PLANTED"
+"""Environment variable by which processes of an episode are recognized."""
+
+MOST_DRAWS = 12
+"""Number of seeds that are tried for one episode in which the fault does harm."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of fault.
+
+    Attributes:
+        stack: Class in `faulty_stacks`; empty for garbage on a pipe.
+        outcomes: Outcomes of an episode that the fault harmed.
+        causes: Causes that are right.
+        remote: Whether it can only be a process of its own.
+        worlds: Names of the worlds.
+        settings: Further settings.
+    """
+
+    stack: str
+    outcomes: tuple[str, ...]
+    causes: tuple[str, ...]
+    remote: bool = False
+    worlds: tuple[str, ...] = ("empty", "cylinders")
+    settings: tuple[str, ...] = ()
+
+
+CONTACT = ("collision", "out_of_bounds")
+STOOD = ("stuck", "timeout")
+
+KINDS = {
+    "into_mapped": Kind("IntoReturns", CONTACT, ("disregarded_obstacle",), worlds=ROOMS),
+    "into_unknown": Kind(
+        "IntoTheUnknown", CONTACT, ("unseen_obstacle",),
+        worlds=ROOMS, settings=("map.minimum_range=4",),
+    ),
+    "wrong_frame": Kind(
+        "WrongFrame", CONTACT, ("disregarded_obstacle", "unseen_obstacle"), worlds=ROOMS
+    ),
+    "answers_late": Kind(
+        "AnswersLate", STOOD, ("stack_late",),
+        settings=("latency.mode=measured", "latency.deadline=0.2"),
+    ),
+    "dies": Kind("Dies", ("error",), ("stack_died",), remote=True),
+    "hangs": Kind("Hangs", ("error",), ("stack_hung",), remote=True),
+    "not_a_number": Kind("NotANumber", ("error",), ("stack_broken",)),
+    "starts_elsewhere": Kind("StartsElsewhere", ("error",), ("stack_broken",)),
+    "floods_stderr": Kind("FloodsStderr", ("error",), ("stack_died",), remote=True),
+    "garbage": Kind("", ("error",), ("stack_broken",), remote=True),
+}  # fmt: skip
+"""Kinds of faults. A stack in the wrong frame goes anywhere, so what is right of it is what an
+audit of its last second says: through occupied space, or through unknown."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One episode with a fault.
+
+    Attributes:
+        kind: Its kind.
+        seed: Seed of the episode.
+        outcome: Outcome.
+        cause: Cause found.
+        evidence: Evidence for it.
+        check: Answer of the counterfactual check; empty where there is none.
+        failures: Other failures, in words.
+    """
+
+    kind: str
+    seed: int
+    outcome: str
+    cause: str
+    evidence: str
+    check: str
+    failures: tuple[str, ...]
+
+    @property
+    def right(self) -> bool:
+        """Whether the cause is that of the fault."""
+        return self.cause in KINDS[self.kind].causes and "audit" not in " ".join(self.failures)
+
+
+@dataclass
+class Tally:
+    """Results of one kind.
+
+    Attributes:
+        drawn: Episodes in which the fault did harm.
+        harmless: Number of seeds drawn again, as it did none.
+    """
+
+    drawn: list[Drawn] = field(default_factory=list)
+    harmless: int = 0
+
+
+def run_kind(kind: str, count: int, first: int, folder: Path) -> Iterator[Drawn | None]:
+    """Yield each episode of a kind; None for one in which the fault did no harm."""
+    for number in range(count):
+        for draw in range(MOST_DRAWS):
+            drawn = run_planted(kind, first + number + 1000 * draw, folder)
+            yield drawn
+            if drawn is not None:
+                break
+
+
+def run_planted(kind: str, seed: int, folder: Path) -> Drawn | None:
+    """Run one episode with a fault, and all that reads its log; None if the fault did no harm."""
+    planted, log = KINDS[kind], folder / f"{kind}-{seed}.mcap"
+    mark = uuid.uuid4().hex
+    began = time.monotonic()
+    code, text = in_process_of_its_own(_words(kind, seed, log), mark, folder)
+    took_s = time.monotonic() - began
+    failures = list(_troubles("run", code, text, expected=(0, 1)))
+    failures += [f"orphan process {pid}" for pid in marked(mark)]
+    if not log.is_file():
+        return Drawn(
+            kind=kind,
+            seed=seed,
+            outcome="none",
+            cause="",
+            evidence=text[-200:],
+            check="",
+            failures=(*failures, "no log"),
+        )
+    result = open_log(log).result
+    if result["outcome"] not in planted.outcomes and not failures:
+        log.unlink()
+        return None
+    if kind == "hangs" and took_s > WALL_S + GRACE_S:
+        failures.append(f"took {took_s:.1f} s, and hung for {WALL_S:g} s")
+    failures += _readable(log, mark, folder)
+    check = _check(log, mark, folder, failures) if result["outcome"] in CONTACT else ""
+    if result["outcome"] in CONTACT:
+        failures += _contradicted(log, result.get("cause", ""))
+    cause, evidence = result.get("cause", ""), result.get("cause_evidence", "")
+    log.unlink()
+    return Drawn(
+        kind=kind,
+        seed=seed,
+        outcome=result["outcome"],
+        cause=cause,
+        evidence=evidence,
+        check=check,
+        failures=tuple(failures),
+    )
+
+
+def _words(kind: str, seed: int, log: Path) -> list[str]:
+    """Return words of the command that runs an episode."""
+    planted = KINDS[kind]
+    rng = np.random.default_rng([seed, *kind.encode()])
+    world = planted.worlds[int(rng.integers(len(planted.worlds)))]
+    stack = f"{MODULE}:{planted.stack}" if planted.stack else GARBAGE
+    if planted.stack and (planted.remote or seed % 2):
+        stack = f"exec:{sys.executable} -m wayproof serve {stack}"
+    settings = [word for one in (*QUICK, *planted.settings) for word in ("--set", one)]
+    robot = ("drone", "quadruped")[int(rng.integers(2))]
+    head = ["run", world, "--robot", robot, "--seed", str(seed), "--stack", stack]
+    return [*head, "--log", str(log), *settings]
+
+
+def in_process_of_its_own(words: list[str], mark: str, folder: Path) -> tuple[int, str]:
+    """Fork, run a command there, and return its exit code and output.
+
+    Args:
+        words: Words of the command, without `wayproof`.
+        mark: Value of `MARK` in its environment, and in that of its children.
+        folder: Folder for what it prints.
+    """
+    printed = folder / f"{mark}.txt"
+    child = os.fork()
+    if child == 0:
+        os.environ[MARK] = mark
+        descriptor = os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(descriptor, 1)
+        os.dup2(descriptor, 2)
+        sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
+        code = 70
+        try:
+            code = wayproof(words)
+        finally:
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
+    status = _wait(child)
+    text = printed.read_text(errors="replace")
+    printed.unlink()
+    return os.waitstatus_to_exitcode(status), text
+
+
+def _wait(child: int) -> int:
+    """Wait for a child, and kill it when it hangs; return its status."""
+    until = time.monotonic() + LONGEST_S
+    while time.monotonic() < until:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            return status
+        time.sleep(0.02)
+    os.kill(child, signal.SIGKILL)
+    return os.waitpid(child, 0)[1]
+
+
+def marked(mark: str) -> list[int]:
+    """Process ids that have this mark in their environment, a moment after the end."""
+    time.sleep(0.05)
+    found = []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            if f"{MARK}={mark}".encode() in path.read_bytes().split(b"\0"):
+                found.append(int(path.parent.name))
+        except OSError:
+            continue
+    return found
+
+
+def _troubles(what: str, code: int, text: str, expected: tuple[int, ...]) -> Iterator[str]:
+    if code not in expected:
+        yield f"{what}: exit code {code}: {text[-200:]}"
+    if "Traceback" in text:
+        yield f"{what}: a traceback: {text[-200:]}"
+
+
+def _readable(log: Path, mark: str, folder: Path) -> Iterator[str]:
+    """Say how a log does not replay, or cannot be explained."""
+    for verb in ("replay", "explain"):
+        code, text = in_process_of_its_own([verb, str(log)], mark, folder)
+        yield from _troubles(verb, code, text, expected=(0,))
+        if verb == "explain" and "cause: " not in text:
+            yield "explain: no cause"
+
+
+def _check(log: Path, mark: str, folder: Path, failures: list[str]) -> str:
+    """Check the cause by simulation; return the answer."""
+    code, text = in_process_of_its_own(["explain", str(log), "--check"], mark, folder)
+    failures += _troubles("check", code, text, expected=(0,))
+    last = next((line for line in text.splitlines() if line.startswith("check: ")), "")
+    return next((word for word in ("confirmed", "changed", "inconclusive") if word in last), "none")
+
+
+def _contradicted(log: Path, cause: str) -> Iterator[str]:
+    """Say that an audit of the last second contradicts a cause."""
+    decisions = int(open_log(log).result["decisions"])
+    last = [
+        one.text for one in audit(log).violations
+        if one.rule == "swept" and one.sequence >= decisions - 10
+    ]  # fmt: skip
+    word = {"disregarded_obstacle": ("occupied", "outside"), "unseen_obstacle": ("unknown",)}
+    if cause in word and not any(one in text for text in last for one in word[cause]):
+        yield f"audit: nothing of {' or '.join(word[cause])} space in the last second"
+
+
+def table(tallies: dict[str, Tally]) -> Table:
+    """Return a line for each kind."""
+    lines = Table(
+        "fault", "episodes", "drawn again", "cause right", "causes found", "check", "troubles"
+    )
+    for kind, tally in tallies.items():
+        drawn = tally.drawn
+        causes = Counter(one.cause or one.outcome for one in drawn)
+        checks = Counter(one.check for one in drawn if one.check)
+        lines.add_row(
+            kind,
+            str(len(drawn)),
+            str(tally.harmless),
+            str(sum(one.right for one in drawn)),
+            ", ".join(f"{name} {n}" for name, n in causes.most_common()),
+            ", ".join(f"{name} {n}" for name, n in checks.most_common()),
+            str(sum(bool(one.failures) for one in drawn)),
+        )
+    return lines
+
+
+def main() -> int:
+    """Run the faults and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=20, help="episodes of each kind")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first one")
+    parser.add_argument("--kind", action="append", choices=list(KINDS), help="of this kind only")
+    options = parser.parse_args()
+    console = Console(width=150, markup=False, highlight=False)
+    tallies: dict[str, Tally] = {}
+    _warm_up()
+    with tempfile.TemporaryDirectory(dir=scratch()) as folder:
+        for kind in options.kind or KINDS:
+            tally = tallies.setdefault(kind, Tally())
+            for drawn in run_kind(kind, options.count, options.first, Path(folder)):
+                if drawn is None:
+                    tally.harmless += 1
+                    continue
+                tally.drawn.append(drawn)
+                mark = " " if drawn.right and not drawn.failures else "*"
+                line = f"{mark} {kind} {drawn.seed}: {drawn.outcome}, {drawn.cause}, {drawn.check}"
+                console.print(f"{line}: {drawn.evidence}", soft_wrap=True)
+                sys.stdout.flush()
+                for failure in drawn.failures:
+                    console.print(f"    {failure}", soft_wrap=True)
+    console.print(table(tallies))
+    every = [one for tally in tallies.values() for one in tally.drawn]
+    right = sum(one.right for one in every)
+    troubled = sum(bool(one.failures) for one in every)
+    console.print(f"{right} of {len(every)} causes right; {troubled} with troubles")
+    return 1 if troubled or right < 0.95 * len(every) else 0
+
+
+def _warm_up() -> None:
+    """Compile all kernels here, so that no forked process does."""
+    for robot in ("drone", "quadruped"):
+        warm_up(override(Config("empty", robot, 1), QUICK))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

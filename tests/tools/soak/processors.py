@@ -1,0 +1,257 @@
+"""Soak of replays on emulated processors.
+
+Results depend on a processor through the choices of libraries: OpenBLAS chooses kernels, the C
+library and numpy choose variants of functions, numba chooses instructions. Environment variables
+make each of them choose as on another processor.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from tests.tools.soak.child import scratch
+from tests.tools.soak.kinds import draw
+from tests.tools.soak.replays import Arithmetic, Verdict, arithmetic
+from wayproof.harness.bench.table import Progress
+from wayproof.harness.runner import run_episode
+from wayproof.harness.warm_up import warm_up
+from wayproof.harness.worker_pool import WorkerPool
+
+ROOT = Path(__file__).resolve().parents[3]
+AVX_512 = "X86_V4"
+EXTENSIONS = (
+    *("AVX", "AVX2", "FMA", "FMA4", "AVX512F", "AVX512VL", "AVX512BW", "AVX512DQ"),
+    *("AVX2_Usable", "FMA_Usable", "FMA4_Usable"),  # as older C libraries call them
+)
+PLAIN_LIBRARY = "glibc.cpu.hwcaps=" + ",".join(f"-{name}" for name in EXTENSIONS)
+BLAS_CORES = {
+    "Prescott": ("Prescott", "Katmai"),
+    "Haswell": ("Haswell",),
+    "Zen": ("Zen", "Haswell"),
+    "SkylakeX": ("SkylakeX",),
+}
+"""Requested kernels of OpenBLAS -> names that it may report: a build may lack some."""
+
+
+@dataclass(frozen=True)
+class Emulation:
+    """Emulation of another processor in a child process.
+
+    Attributes:
+        name: Name of the emulation.
+        environment: Environment variables of the child.
+        shows: Function that tests whether the emulation is in effect, from the arithmetic of the
+            child and of this process.
+        python: Interpreter.
+        refused: Reason why this machine cannot emulate it; empty if it can.
+    """
+
+    name: str
+    environment: dict[str, str]
+    shows: Callable[[Arithmetic, Arithmetic], bool]
+    python: str = sys.executable
+    refused: str = ""
+
+
+@dataclass
+class Emulated:
+    """Results of replays under one emulation.
+
+    Attributes:
+        replays: Number of replayed logs.
+        identical: Number of identical replays.
+        decisions: Number of compared decisions.
+        arithmetic: Arithmetic of the child; None if it was not run.
+        skipped: Reason why it was not run; empty if it was.
+        wall_s: Wall time of all replays, s.
+    """
+
+    replays: int = 0
+    identical: int = 0
+    decisions: int = 0
+    arithmetic: Arithmetic | None = None
+    skipped: str = ""
+    wall_s: float = 0.0
+
+
+@dataclass
+class Processors:
+    """Results of replays on all emulated processors.
+
+    Attributes:
+        count: Number of recorded logs.
+        first: Number of the first.
+        kinds: Kind (`harness.bench.soak.kinds`) -> number of logs; `given` were not recorded here.
+        emulations: Name -> results.
+        failures: Differences, and emulations without effect; empty without any.
+    """
+
+    count: int = 0
+    first: int = 0
+    kinds: dict[str, int] = field(default_factory=dict)
+    emulations: dict[str, Emulated] = field(default_factory=dict)
+    failures: list[str] = field(default_factory=list)
+
+
+def emulations(caches: Path, pythons: Sequence[str] = (), compiled: bool = True) -> list[Emulation]:
+    """Return all emulations that this processor allows, and this processor itself.
+
+    Args:
+        caches: Folder for kernels compiled for another processor.
+        pythons: Other interpreters with the packages of a replay.
+        compiled: Compile the kernels for a processor without extensions, which takes minutes.
+    """
+    found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
+    lacking = "" if AVX_512 in found else "OpenBLAS's kernels for it need AVX-512"
+    made = [
+        Emulation("as it is", {}, lambda child, own: child == own),
+        Emulation(
+            "C library without FMA and AVX",
+            {"GLIBC_TUNABLES": PLAIN_LIBRARY},
+            lambda child, own: child.library != own.library,
+        ),
+        Emulation(
+            "numpy at its baseline",
+            {"NPY_DISABLE_CPU_FEATURES": " ".join(found)},
+            lambda child, own: not child.vectors and bool(own.vectors),
+            refused="" if found else "numpy uses its baseline alone here",
+        ),
+    ]
+    made += [_blas(core, lacking if core == "SkylakeX" else "") for core in BLAS_CORES]
+    made += [
+        Emulation(f"Python: {python}", {}, lambda child, own: child.python != own.python, python)
+        for python in pythons
+    ]
+    if compiled:
+        generic = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+        generic["NUMBA_CACHE_DIR"] = str(caches / "generic")
+        made.insert(
+            0, Emulation("numba generic", generic, lambda child, own: child.compiler == "generic")
+        )
+    return made
+
+
+def _blas(core: str, refused: str) -> Emulation:
+    environment = {"OPENBLAS_CORETYPE": core}
+    names = BLAS_CORES[core]
+    return Emulation(
+        f"OpenBLAS {core}", environment, lambda child, own: child.blas in names, refused=refused
+    )
+
+
+def replay_under(
+    emulation: Emulation, logs: Sequence[Path]
+) -> tuple[Arithmetic, list[Verdict], str]:
+    """Replay logs in one child process; return its arithmetic, verdicts, and its failure.
+
+    Raises:
+        RuntimeError: The child ended before it printed anything.
+    """
+    paths = os.pathsep.join(filter(None, (str(ROOT / "src"), os.environ.get("PYTHONPATH", ""))))
+    environment = {**os.environ, "PYTHONPATH": paths, **emulation.environment}
+    done = subprocess.run(
+        [emulation.python, "-m", "tests.tools.soak.replays"],
+        input="".join(f"{log}\n" for log in logs),
+        env=environment,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    lines = done.stdout.splitlines()
+    if not lines:
+        raise RuntimeError(f"{emulation.name}: exit code {done.returncode}: {done.stderr[-2000:]}")
+    reported = msgspec.json.decode(lines[0], type=Arithmetic)
+    verdicts = [msgspec.json.decode(line, type=Verdict) for line in lines[1:]]
+    ended = "" if done.returncode == 0 else f"exit code {done.returncode}: {done.stderr[-500:]}"
+    return reported, verdicts, ended
+
+
+def soak_processors(
+    count: int,
+    seed: int,
+    progress: Progress,
+    first: int = 0,
+    jobs: int = 2,
+    pythons: Sequence[str] = (),
+    given: Sequence[Path] = (),
+    compiled: bool = True,
+) -> Processors:
+    """Record short episodes of every kind and replay each on every emulated processor.
+
+    Args:
+        count: Number of episodes.
+        seed: Seed of all random choices.
+        progress: Called with a line after each emulation.
+        first: Number of the first episode.
+        jobs: Number of processes.
+        pythons: Other interpreters to replay with.
+        given: Further logs to replay.
+        compiled: Compile the kernels for a processor without extensions as well.
+    """
+    found = Processors(count, first)
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
+        folder = Path(name)
+        recorded = _record_all(range(first, first + count), seed, folder, jobs)
+        found.kinds = dict(Counter([*(kind for kind, _ in recorded), *["given"] * len(given)]))
+        logs = [*(path for _, path in recorded), *given]
+        progress(f"recorded {count} logs of {len(found.kinds)} kinds")
+        own = arithmetic()
+
+        def replayed(emulation: Emulation) -> list[str]:
+            result = found.emulations[emulation.name] = Emulated(skipped=emulation.refused)
+            failures = [] if emulation.refused else replay_all(emulation, logs, own, result)
+            progress(f"{emulation.name}: {result.identical} of {result.replays} {result.skipped}")
+            return failures
+
+        chosen = emulations(folder, pythons, compiled)
+        with ThreadPoolExecutor(jobs) as pool:
+            found.failures = [*chain.from_iterable(pool.map(replayed, chosen))]
+    return found
+
+
+def replay_all(
+    emulation: Emulation, logs: Sequence[Path], own: Arithmetic, result: Emulated
+) -> list[str]:
+    """Replay all logs under one emulation; return the failures."""
+    began = time.perf_counter()
+    result.arithmetic, verdicts, ended = replay_under(emulation, logs)
+    failures = [f"{emulation.name}: {ended}"] if ended else []
+    if not emulation.shows(result.arithmetic, own):
+        failures.append(f"{emulation.name}: not in effect: {result.arithmetic}")
+    if len(verdicts) != len(logs):
+        failures.append(f"{emulation.name}: {len(verdicts)} of {len(logs)} logs replayed")
+    result.replays = len(verdicts)
+    result.identical = sum(not verdict.differs for verdict in verdicts)
+    result.decisions = sum(verdict.decisions for verdict in verdicts)
+    result.wall_s = round(time.perf_counter() - began, 1)
+    wrong = [verdict for verdict in verdicts if verdict.differs]
+    return failures + [f"{emulation.name}: {one.log}: {one.differs}" for one in wrong]
+
+
+def _record_all(numbers: range, seed: int, folder: Path, jobs: int) -> list[tuple[str, Path]]:
+    with WorkerPool(jobs) as pool:
+        return list(pool.run_in_order(record, [(number, seed, folder) for number in numbers]))
+
+
+def record(number: int, seed: int, folder: Path) -> tuple[str, Path]:
+    """Record the episode of a number; return its kind and its log."""
+    drawn = draw(number, seed)
+    config = drawn.scenario.config
+    warm_up(config)
+    path = folder / f"{number}-{drawn.kind}-{config.world}-{config.robot}-{config.seed}.mcap"
+    run_episode(drawn.scenario, path)
+    return drawn.kind, path
