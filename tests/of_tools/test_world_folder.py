@@ -20,7 +20,6 @@ def test_a_world_is_run_and_what_it_left_is_kept(tmp_path):
     assert float(row.import_mib) > float(row.import_s) >= 0.0
     (log,) = tmp_path.glob("*hall-post.mcap")
     assert open_log(log).result["outcome"] == "timeout"
-    assert log.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert "way from start to goal" in log.with_suffix(".txt").read_text()
 
 

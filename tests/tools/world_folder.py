@@ -4,7 +4,7 @@
 
 Each world has a process and a time limit of its own. A row says how far it came: the refusal in one
 line, or the outcome with its cause, whether the log replays, and whether a decision is explained.
-With `--keep` the world files, logs and pictures from above stay, to look at the verdicts.
+With `--keep` world files and logs stay.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-
-from tests.tools.world_picture import draw_from_above
 
 from wayproof.harness.attribution import read_case
 from wayproof.harness.config import Config
@@ -129,8 +127,6 @@ def _fill_row(
     number = max(replayed.decisions - 1, 0)
     make_card(case.as_of(number), number, case.as_of(number).navigator_at(number))
     row.explained = "yes"
-    title = f"{path.name}: {row.outcome} {row.cause}"
-    draw_from_above(file.with_suffix(".png"), build(config), case, title)
     file.with_suffix(".txt").write_text("\n".join(notes) + "\n", encoding="utf-8")
 
 
@@ -187,7 +183,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--model-path", action="append", type=Path, default=[])
     parser.add_argument("--limit", type=float, default=600.0, help="time for one world, s")
-    parser.add_argument("--keep", type=Path, help="folder for world files, logs and pictures")
+    parser.add_argument("--keep", type=Path, help="folder for world files and logs")
     parser.add_argument("--one", action="store_true", help="print the row of one world as JSON")
     options = parser.parse_args(arguments)
     if options.one:

@@ -94,7 +94,7 @@ class Processors:
     Attributes:
         count: Number of recorded logs.
         first: Number of the first.
-        kinds: Kind (`harness.bench.soak.kinds`) -> number of logs; `given` were not recorded here.
+        kinds: Kind (`kinds`) -> number of logs; `given` were not recorded here.
         emulations: Name -> results.
         failures: Differences, and emulations without effect; empty without any.
     """
