@@ -41,8 +41,8 @@ class Beams(NamedTuple):
     range: float
 
 
-def _cos_sin(angle: Array) -> Array:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+def _cos_sin(angle: NDArray[np.floating]) -> Array:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1, dtype=np.float64)
 
 
 LIDAR = Beams(

@@ -144,7 +144,8 @@ def _checks(
 
 def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run a published benchmark by its own protocol: some seeds of every world."""
-    from wayproof.harness.bench.published import Files, run_published
+    from wayproof.harness.bench.published import run_published
+    from wayproof.harness.bench.published.files import Files
     from wayproof.harness.bench.table import print_rows
 
     files = Files("--worlds", options.worlds, options.out or LOGS, stack_of(options))
