@@ -16,10 +16,9 @@ from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.prediction_config import PredictionConfig
 from wayproof.harness.prior_config import PriorConfig
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
-from wayproof.harness.renamed import current_value, renamed, with_current_names
 from wayproof.maps import MAPS
 from wayproof.models.sensors.devices import DEVICES, OWN
-from wayproof.planners import FORMER_NAMES, PLANNERS
+from wayproof.planners import PLANNERS
 
 NAMED: dict[str, Iterable[str]] = {
     "map.kind": MAPS,
@@ -38,20 +37,9 @@ NUMBERS = ("int", "float")
 RECORDING = "recording"
 """Section of the settings that only a recording has."""
 
-BEFORE_RECORDED: dict[str, dict[str, Any]] = {
-    "planner": {"grain": 0.0},
-    "map": {"ground_fit": False},
-    "costmap": {"window": 0.0},
-    "motion": {"limits": "cautious"},
-    "behaviour": {"keep_moving": False, "narrow_speed_fraction": 1.0, "rules": 1},
-}
-"""Settings by section that older logs do not record, as these were decided: a log replays so."""
-
 
 def override(config: Config, settings: Iterable[str]) -> Config:
     """Apply `section.field=value` settings, each checked for its name and its type.
-
-    A setting's former name, as in older studies, stands for its name.
 
     Raises:
         InputError: A setting has no '=', an unknown name, a wrong type or a refused value.
@@ -60,11 +48,10 @@ def override(config: Config, settings: Iterable[str]) -> Config:
         key, separator, text = setting.partition("=")
         if not separator:
             raise InputError(f"--set {setting}: expected section.field=value")
-        key = renamed(key)
         document = msgspec.to_builtins(config)
         section, name = _locate(document, key)
         before = value_of(config, key)
-        section[name] = value = current_value(key, _parse(text))
+        section[name] = value = _parse(text)
         if isinstance(value, str) and type(before).__name__ in NUMBERS:
             number = "a whole number" if isinstance(before, int) else "a finite number"
             raise InputError(f"--set {setting}: expected {number}, such as {before}")
@@ -165,36 +152,22 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
         document = msgspec.json.decode(data)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"config: {error}") from None
-    _fill_in_unrecorded(document)
     name = _section(document, "planner").get("name")
     if not allow_plugins and isinstance(name, str) and PLUGIN in name:
         raise InputError(
             f"config names the planner '{name}', which is code outside Wayproof; "
             "expected --allow-plugins to load it"
         )
-    config = from_document(with_current_names(document))
+    config = from_document(document)
     _check_controller(config, allow_plugins)
     _check_registered(config)
     return config
 
 
-def _fill_in_unrecorded(document: Any) -> None:
-    """Add to a recorded config the constants that became settings after its log."""
-    if not isinstance(document, dict):
-        return
-    document.setdefault("keyframe_period", 0.0)
-    for name, values in BEFORE_RECORDED.items():
-        document.setdefault(name, {})  # the oldest logs lack whole sections
-        section = _section(document, name)
-        section.update({field: value for field, value in values.items() if field not in section})
-
-
 def _check_registered(config: Config) -> None:
-    """Raise an InputError unless every name of `NAMED` is in its registry, or a former one."""
+    """Raise an InputError unless every name of `NAMED` is in its registry."""
     for key, available in NAMED.items():
         value = str(value_of(config, key))
-        if key == "planner.name" and value in FORMER_NAMES:  # recorded before it was renamed
-            continue
         if value not in available and not (key == "planner.name" and PLUGIN in value):
             raise unknown_name(key, value, available)
 

@@ -96,9 +96,10 @@ def level(
     directions: NDArray[np.float64],
     ranges_mm: Ranges,
     plane: GroundPlane,
-    two_sided: bool = True,
 ) -> LevelSweep:
     """Shear a sweep so that a plane is z = 0, and put the floor's returns on it.
+
+    A return up to six deviations below the floor is noise where those beside it are at z = 0.
 
     Args:
         origins: (m, 3) where beams start, m, world.
@@ -106,17 +107,13 @@ def level(
         directions: (n, 3) unit vectors, world.
         ranges_mm: (n,) mm.
         plane: Plane of the floor.
-        two_sided: Whether a return up to six deviations below the floor is noise where the returns
-            beside it are at z = 0; else it is up to four and 10 cm, a pit or not.
     """
     level_origins, ends = np.empty_like(origins), np.empty_like(directions)
     kernels.tilt_back(origins, moments, directions, ranges_mm, plane.numbers, level_origins, ends)
     on_floor = np.empty(len(ranges_mm), np.bool_)
     deviations = plane.range_deviation, RESIDUAL, LOWEST_OBSTACLE
     tiling = TILE, TILES
-    kernels.put_on_floor(
-        level_origins, moments, ranges_mm, deviations, two_sided, tiling, ends, on_floor
-    )
+    kernels.put_on_floor(level_origins, moments, ranges_mm, deviations, tiling, ends, on_floor)
     level_directions, level_mm = np.empty_like(directions), np.empty_like(ranges_mm)
     kernels.beams_of(ends, ranges_mm, level_directions, level_mm)
     return LevelSweep(level_origins, level_directions, level_mm, on_floor)
@@ -127,17 +124,17 @@ def fit_ground(
     moments: NDArray[np.int32],
     directions: NDArray[np.float64],
     ranges_mm: Ranges,
-    twice: bool = True,
 ) -> GroundPlane | None:
     """Fit the plane of a floor to the returns of a sweep.
+
+    A fit with a large deviation is compared with one from z = 0: a sensor that looks down little
+    sees more of the feet of near walls than of the floor.
 
     Args:
         origins: (m, 3) where beams start, m, world; the floor is expected at z = 0.
         moments: (n,) origin of each beam.
         directions: (n, 3) unit vectors, world.
         ranges_mm: (n,) mm.
-        twice: Whether a fit with a large deviation is compared with one from z = 0. A sensor that
-            looks down little sees more of the feet of near walls than of the floor.
 
     Returns:
         The plane, z = 0 itself where the floor is as expected; None where too few returns hold it,
@@ -151,7 +148,7 @@ def fit_ground(
     if at_zero >= LEAST_POINTS:
         return GroundPlane(np.array([0.0, 0.0, 0.0, sensor[0], sensor[1]]), 0.0, 0.0, at_zero)
     plane = _fitted(near, sensor, kernels.BANDS, kernels.TILT)
-    if twice and (plane is None or plane.deviation > SUSPECT):
+    if plane is None or plane.deviation > SUSPECT:
         narrow = _fitted(near, sensor, kernels.NARROW_BANDS, 0.0)
         if narrow is not None and narrow.deviation <= SUSPECT:
             plane = narrow

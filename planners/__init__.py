@@ -31,7 +31,6 @@ from wayproof.planners.path import (
 )
 from wayproof.planners.problem import Plan, PlanLabel, PlannerConfig, plan
 from wayproof.planners.registry import (
-    FORMER_NAMES,
     PLANNERS,
     is_registered,
     planner_traits,
@@ -53,7 +52,6 @@ from wayproof.planners.trajectory_generation import (
 
 __all__ = [
     "CLEARANCE_WEIGHT",
-    "FORMER_NAMES",
     "PLANNERS",
     "STATE_SPACES",
     "Body",

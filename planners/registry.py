@@ -112,18 +112,15 @@ PLANNERS: dict[str, PlannerEntry] = {
     ),
 }
 
-FORMER_NAMES = {"field": "astar"}
-"""Names of planners in logs of format 5 and before; a decision records the name of its config."""
-
 
 def is_registered(name: str) -> bool:
-    """Return whether a name is in `PLANNERS`, now or before; any other is a user's own planner."""
-    return FORMER_NAMES.get(name, name) in PLANNERS
+    """Return whether a name is in `PLANNERS`; any other is a user's own planner."""
+    return name in PLANNERS
 
 
 def planner_traits(name: str) -> PlannerTraits:
     """Return the capabilities of the planner of a name."""
-    entry = PLANNERS.get(FORMER_NAMES.get(name, name))
+    entry = PLANNERS.get(name)
     return PlannerTraits() if entry is None else entry.traits
 
 
@@ -135,7 +132,7 @@ def planner_builder(name: str) -> Builder:
             `plan`.
     """
     if is_registered(name):
-        return PLANNERS[FORMER_NAMES.get(name, name)].build
+        return PLANNERS[name].build
     if SEPARATOR not in name:
         available = ", ".join(PLANNERS)
         raise ValueError(

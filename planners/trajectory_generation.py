@@ -56,14 +56,14 @@ def follow_path(
     speed_cap: float,
     reverse: bool = False,
     sideways_speed: float = 0.0,
-    whole_bends: bool = False,
     slow_end: SlowEnd | None = None,
 ) -> Trajectory:
     """Return the fastest trajectory from a state on a path to rest at the path's end.
 
     The whole of it obeys the limits of speed and curvature, except while it still slows down from
     a state that did not. If the path is too short to stop, it is the fastest stop, beyond the end.
-    The heading follows the path at `limits.yaw_rate` and `limits.yaw_acceleration` at most.
+    The heading follows the path at `limits.yaw_rate` and `limits.yaw_acceleration` at most. A bend
+    that begins or ends the path limits the speed from that end on.
 
     Args:
         path: Shape (m, 3), m, world frame.
@@ -72,8 +72,6 @@ def follow_path(
         speed_cap: A further limit of the speed, m/s; at or below 2 cm/s the robot stops.
         reverse: Whether it moves tail first.
         sideways_speed: Speed until the heading has turned into the path, m/s; 0 for no such limit.
-        whole_bends: Whether a bend that begins or ends the path limits the speed from that end on;
-            else from the middle of its edge, where the acceleration is 0.
         slow_end: A speed limit from an arc length of the path on.
 
     Returns:
@@ -89,7 +87,6 @@ def follow_path(
         speed_cap=speed_cap,
         reverse=reverse,
         sideways_speed=sideways_speed,
-        whole_bends=whole_bends,
         slow_end=slow_end,
     )
     return _along(path, start, motion, limits, reverse)
@@ -102,7 +99,6 @@ def time_along(
     speed_cap: float,
     reverse: bool = False,
     sideways_speed: float = 0.0,
-    whole_bends: bool = False,
 ) -> float:
     """Return the duration of the trajectory along a path, s; arguments as of `follow_path`."""
     motion = _motion_along(
@@ -112,7 +108,6 @@ def time_along(
         speed_cap=speed_cap,
         reverse=reverse,
         sideways_speed=sideways_speed,
-        whole_bends=whole_bends,
     )
     steps = _heading_steps(_to_end(path, motion)[0], motion)
     return max(motion.duration, HEADING_STEP * steps)  # which can be later by a rounding
@@ -126,7 +121,6 @@ def _motion_along(
     speed_cap: float,
     reverse: bool,
     sideways_speed: float,
-    whole_bends: bool,
     slow_end: SlowEnd | None = None,
 ) -> Profile:
     """Return the motion along a path from a state to rest; arguments as of `follow_path`."""
@@ -136,7 +130,7 @@ def _motion_along(
     motion = None
     if cap > LEAST_SPEED and length > LEAST_ZONE:
         turn = _turn_into(path, state.position, start.heading, math.pi if reverse else 0.0)
-        zones = _zones(path, state, turn, cap, limits, sideways_speed, whole_bends)
+        zones = _zones(path, state, turn, cap, limits, sideways_speed)
         if slow_end is not None:
             zones = slow_at_end(zones, slow_end.begin - state.position, slow_end.speed)
         motion = time_parameterize(state, zones, limits.along)
@@ -149,21 +143,13 @@ def keeps_limits(
     """Return whether a path is followed to rest at its end within all limits of speed.
 
     From a state that is too fast for a bend or for the end, `follow_path` exceeds one until it has
-    slowed down. Arguments as there, with `whole_bends`.
+    slowed down. Arguments as there.
     """
     state = _start_state(path, start, limits)
     if float(arc_lengths(path)[-1]) - state.position <= LEAST_ZONE:
         return False
     turn = _turn_into(path, state.position, start.heading, 0.0)
-    zones = _zones(
-        path,
-        state,
-        turn,
-        cap=limits.speed,
-        limits=limits,
-        sideways_speed=sideways_speed,
-        whole_bends=True,
-    )
+    zones = _zones(path, state, turn, limits.speed, limits, sideways_speed)
     return speed_profile.keeps_limits(state, zones, limits.along)
 
 
@@ -174,12 +160,9 @@ def _zones(
     cap: float,
     limits: MotionLimits,
     sideways_speed: float,
-    whole_bends: bool,
 ) -> list[SpeedZone]:
     """Return speed zones from a state on, for a body with a turn, rad, left into the path."""
-    speed = math.inf
-    if whole_bends:
-        speed = max(state.velocity, settled_velocity(state, limits.along))
+    speed = max(state.velocity, settled_velocity(state, limits.along))
     zones = speed_zones(path, state.position, cap, limits, sideways_speed, speed)
     if sideways_speed > 0.0:
         zones = slow_while_turning(

@@ -127,7 +127,6 @@ def range_facts(case: Case, until: int) -> RangeFacts:
             early.append(error < -EARLY_M - most)
             behind.append(error > EARLY_M + most)
     every = np.concatenate(errors) if errors else np.zeros(0)
-    judged = case.config.behaviour.drops_false_returns
     first = next(iter(case.beams_at(0)), "")
     arrived = [
         first in {one.sensor for one in moment.sweeps} for moment in case.moments[: until + 1]
@@ -136,7 +135,7 @@ def range_facts(case: Case, until: int) -> RangeFacts:
         beams=expected,
         lost=max(lost / max(expected, 1) - max(dropouts, default=0.0), 0.0),
         off=_share(off),
-        early=max(_share(early) - _share(behind), 0.0) if judged else 0.0,
+        early=max(_share(early) - _share(behind), 0.0),
         bias=float(np.median(every)) if len(every) else 0.0,
         blind=case.as_of(until).config.map.minimum_range,
         withheld=1.0 - float(np.mean(arrived)),

@@ -19,7 +19,7 @@ from wayproof.harness.interface.command_messages import (
     motion_of,
     planned_path_of,
 )
-from wayproof.harness.interface.motion import trajectory_of, waypoint_timing
+from wayproof.harness.interface.motion import trajectory_of
 from wayproof.harness.interface.motion_checks import MotionError
 from wayproof.harness.interface.types import Grid, Reference
 from wayproof.harness.log.paths import arc_lengths, densely
@@ -123,7 +123,8 @@ def _path_of_motion(
         effect_ns,
         motion_limits(config, mission),
         planar=mission.planar,
-        timing=waypoint_timing(config.behaviour, acceleration, mission.sideways_speed),
+        acceleration=acceleration,
+        sideways_speed=mission.sideways_speed,
     ).trajectory.path
 
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.interface.limits import (
     clips,
@@ -62,49 +61,6 @@ MAX_CORNER_RAD = 0.9
 """Sharpest corner of waypoints that is taken without coming to rest."""
 
 
-class WaypointTiming(NamedTuple):
-    """Parameters of the time parameterization of waypoints, besides the limits of the body.
-
-    The defaults are those of `behaviour.rules` below 6; from 6 on they are the built-in stack's.
-
-    Attributes:
-        acceleration: Commanded along the path at the time of effect, m/s^2.
-        sideways_speed: Speed until the heading has turned into the path, m/s; 0 for no such limit.
-        whole_bends: Whether a bend that begins or ends the path limits the speed from there on.
-        goes_on_turning: Whether a turn in place goes on with the yaw rate that is commanded then;
-            from `behaviour.rules` 14 on.
-    """
-
-    acceleration: float = 0.0
-    sideways_speed: float = 0.0
-    whole_bends: bool = False
-    goes_on_turning: bool = False
-
-
-LEGACY_TIMING = WaypointTiming()
-"""Parameters of `behaviour.rules` below 6."""
-
-
-def waypoint_timing(
-    behaviour: BehaviourConfig, acceleration: float, sideways_speed: float
-) -> WaypointTiming:
-    """Return what the waypoints of a stack on trial are timed by.
-
-    Args:
-        behaviour: Settings of the decision.
-        acceleration: Commanded along the path at the time of effect, m/s^2.
-        sideways_speed: Greatest speed of the body across its heading, m/s.
-    """
-    if not behaviour.times_waypoints_alike:
-        return LEGACY_TIMING
-    return WaypointTiming(
-        acceleration,
-        sideways_speed,
-        whole_bends=behaviour.whole_bends,
-        goes_on_turning=behaviour.goes_on_turning,
-    )
-
-
 class Followed(NamedTuple):
     """Trajectory that the body follows for a command.
 
@@ -124,8 +80,8 @@ def trajectory_of(
     limits: MotionLimits,
     *,
     planar: bool,
-    timing: WaypointTiming = LEGACY_TIMING,
-    limits_course: bool = False,
+    acceleration: float = 0.0,
+    sideways_speed: float = 0.0,
 ) -> Followed:
     """Return the trajectory that the body follows for a motion.
 
@@ -136,9 +92,9 @@ def trajectory_of(
         effect_ns: That time, ns.
         limits: Limits of the body.
         planar: Whether the body moves in the plane of the reference: heights are ignored.
-        timing: Of waypoints.
-        limits_course: Whether a body follows corners and a first heading as its limits let it, and
-            a trajectory that goes back along its path is refused; from `behaviour.rules` 14 on.
+        acceleration: Commanded along waypoints at the time of effect, m/s^2.
+        sideways_speed: Speed along waypoints until the heading has turned into them, m/s; 0 for no
+            such limit.
 
     Raises:
         MotionError: It is not finite, starts elsewhere, goes back along its path or has no end.
@@ -148,27 +104,26 @@ def trajectory_of(
         trajectory = _roll_out(motion, reference, effect_ns, limits, planar)
         return Followed(trajectory, clips(motion, limits, planar=planar))
     if isinstance(motion, Waypoints):
-        trajectory = _waypoint_trajectory(motion, reference, effect_ns, limits, planar, timing)
+        trajectory = _waypoint_trajectory(
+            motion, reference, effect_ns, limits, planar, acceleration, sideways_speed
+        )
     elif isinstance(motion, Samples):
         trajectory = _sampled(motion, references, effect_ns, planar)
     else:
         trajectory = checked_trajectory(motion, references, effect_ns, planar)
-        if limits_course:
-            refuse_backwards(trajectory, effect_ns)
+        refuse_backwards(trajectory, effect_ns)
     if trajectory.duration_s > MAX_TRAJECTORY_S:
         raise MotionError(
             f"trajectory comes to rest after {trajectory.duration_s:.0f} s, expected at most "
             f"{MAX_TRAJECTORY_S:g} s"
         )
     beyond = exceeds(trajectory, reference, effect_ns, limits)
-    if limits_course and not beyond:
+    if not beyond:
         jumps = planar and heading_jumps(trajectory, reference, effect_ns, limits)
         beyond = jumps or leaves_course(trajectory, reference, effect_ns, limits, STEP_S)
     if not beyond:
         return Followed(trajectory, limited=False)
-    within = follow_within(
-        trajectory, reference, effect_ns, limits, STEP_S, shorter_turn=limits_course
-    )
+    within = follow_within(trajectory, reference, effect_ns, limits, STEP_S, shorter_turn=True)
     return Followed(_joined(effect_ns, within.positions, within.headings, STEP_S), limited=True)
 
 
@@ -231,7 +186,8 @@ def _waypoint_trajectory(
     effect_ns: int,
     limits: MotionLimits,
     planar: bool,
-    timing: WaypointTiming,
+    acceleration: float,
+    sideways_speed: float,
 ) -> Trajectory:
     """Return the fastest trajectory through waypoints, up to the first sharp corner."""
     points = checked_points("waypoints.points", waypoints.points)
@@ -258,7 +214,7 @@ def _waypoint_trajectory(
                     reference.heading,
                     heading,
                     limits,
-                    yaw_rate=reference.yaw_rate if timing.goes_on_turning else 0.0,
+                    yaw_rate=reference.yaw_rate,
                 )
         corner = first_stop(path, 0.0, MAX_CORNER_RAD)
         if STILL_M < corner < arc_lengths(path)[-1]:
@@ -267,18 +223,12 @@ def _waypoint_trajectory(
         effect_ns,
         arc_length=0.0,
         speed=along,
-        acceleration=share * timing.acceleration,
+        acceleration=share * acceleration,
         heading=reference.heading,
         yaw_rate=reference.yaw_rate,
     )
-    return follow_path(
-        path,
-        start,
-        limits,
-        waypoints.speed or limits.speed,
-        sideways_speed=timing.sideways_speed,
-        whole_bends=timing.whole_bends,
-    )
+    speed = waypoints.speed or limits.speed
+    return follow_path(path, start, limits, speed, sideways_speed=sideways_speed)
 
 
 def _sampled(

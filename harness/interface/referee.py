@@ -59,9 +59,7 @@ def _swept(trajectory: Trajectory, planner_input: PlannerInput) -> tuple[Array, 
     may touch different cells by rounding.
     """
     elapsed = max((planner_input.effect_ns - trajectory.start_ns) * 1e-9, 0.0)
-    corners = planner_input.behaviour.checks_corners
-    poses = poses_from(trajectory, elapsed, corners=corners)
-    return trajectory.path_after(elapsed) if corners else poses[:, :3], poses
+    return trajectory.path_after(elapsed), poses_from(trajectory, elapsed)
 
 
 def is_free(

@@ -24,12 +24,7 @@ from wayproof.harness.interface.command_messages import (
 )
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.errors import StackError
-from wayproof.harness.interface.motion import (
-    Followed,
-    WaypointTiming,
-    trajectory_of,
-    waypoint_timing,
-)
+from wayproof.harness.interface.motion import Followed, trajectory_of
 from wayproof.harness.interface.motion_checks import MotionError
 from wayproof.harness.interface.observations import ObservationBuilder, reference_at
 from wayproof.harness.interface.referee import Judgement, fits_along, judge
@@ -179,8 +174,6 @@ class TrialNavigator(Navigator):
         effect_ns = planner_input.effect_ns
         reference = reference_at(self.state.trajectory, effect_ns, None)
         believed = replace(reference, position=planner_input.position)
-        planar = self._mission.motion == "ground"
-        limits = planner_input.limits
         try:
             motion = motion_of(command)
             if motion is None:
@@ -189,20 +182,13 @@ class TrialNavigator(Navigator):
                 motion,
                 (reference, believed),
                 effect_ns,
-                limits,
-                planar=planar,
-                timing=self._timing(planner_input),
-                limits_course=planner_input.behaviour.limits_course,
+                planner_input.limits,
+                planar=self._mission.motion == "ground",
+                acceleration=self.state.trajectory.at(effect_ns).acceleration,
+                sideways_speed=planner_input.sideways_speed,
             )
         except (CommandError, MotionError) as error:
             raise StackError(self._who, f"sent a command with {error}") from None
-
-    def _timing(self, planner_input: PlannerInput) -> WaypointTiming:
-        """Return what waypoints are timed by."""
-        sample = self.state.trajectory.at(planner_input.effect_ns)
-        return waypoint_timing(
-            planner_input.behaviour, sample.acceleration, planner_input.sideways_speed
-        )
 
     def _follow(
         self,

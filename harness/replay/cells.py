@@ -199,8 +199,7 @@ def cells_around(
         above = (end - HEIGHT_SHIFT) * size
         states = states_in(voxel_map, corner + 0.25 * size, above - 0.25 * size)
     if flat and sloping is None:
-        holds = config.behaviour.holds_seen_floor
-        states, corner = columns(states, float(corner[2]), size, mission, holds), corner[:2]
+        states, corner = columns(states, float(corner[2]), size, mission), corner[:2]
     states = fenced(states, corner, size, config, mission)
     if any(widening):
         states = widened(states, widening)
@@ -241,11 +240,11 @@ def fenced(
 
 
 def columns(
-    states: NDArray[np.uint8], bottom: float, size: float, mission: Mission, holds: bool
+    states: NDArray[np.uint8], bottom: float, size: float, mission: Mission
 ) -> NDArray[np.uint8]:
     """Return the worst state in each column (nx, ny) at the heights of a walking body.
 
-    Where seen floor holds, free cells below it are no hole, but beside one.
+    Free cells below seen floor are no hole, but beside one.
     """
     lower = bottom + np.arange(states.shape[2]) * size  # edge of each layer
     inside = lower + size > mission.low[2] + SLIVER
@@ -254,11 +253,9 @@ def columns(
     band = (lower + size > mission.step_height + SLIVER) & (lower < mission.height - SLIVER)
     occupied, free = states == OCCUPIED, states == FREE
     through, seen = free[:, :, below].any(axis=2), occupied[:, :, floor].any(axis=2)
-    if holds:
-        nx, ny = through.shape
-        holes = np.pad(through & ~seen, 1)
-        beside = [holes[i : i + nx, j : j + ny] for i in range(3) for j in range(3)]
-        through = through & np.any(beside, axis=0)
-    blocked = occupied[:, :, band].any(axis=2) | through
+    nx, ny = through.shape
+    holes = np.pad(through & ~seen, 1)
+    beside = [holes[i : i + nx, j : j + ny] for i in range(3) for j in range(3)]
+    blocked = occupied[:, :, band].any(axis=2) | (through & np.any(beside, axis=0))
     standing = seen & free[:, :, band].all(axis=2)
     return np.where(blocked, OCCUPIED, np.where(standing, FREE, UNKNOWN)).astype(np.uint8)

@@ -269,7 +269,7 @@ def _mission(world: World, spec: RobotSpec, config: Config, points: Sequence[Poi
     start, *waypoints, goal = points
     climbs = spec.motion == "ground" and config.costmap.max_slope > 0.0
     # On slopes the last centimetres of a stop would count as motion through what `audit` lacks.
-    limits_yaw = config.behaviour.limits_yaw_acceleration and not climbs
+    yaw_acceleration = 0.0 if climbs else spec.max_yaw_acceleration
     return Mission(
         motion=spec.motion,
         radius=spec.radius,
@@ -288,7 +288,7 @@ def _mission(world: World, spec: RobotSpec, config: Config, points: Sequence[Poi
         waypoints=tuple(waypoints),
         rest_height=spec.rest_height if climbs else 0.0,
         sideways_speed=spec.sideways_speed,
-        max_yaw_acceleration=spec.max_yaw_acceleration if limits_yaw else 0.0,
+        max_yaw_acceleration=yaw_acceleration,
     )
 
 

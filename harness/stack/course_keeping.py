@@ -24,10 +24,8 @@ def keep_admitted_trajectory(
     Returns:
         None if the footprint does not fit along the trajectory to its rest.
     """
-    keeps = input.behaviour.keeps_admitted_trajectories and input.traversable.discs
-    if not keeps or is_stationary(start) or not _fits(input, previous.trajectory):
-        return None
-    return _kept(state, previous)
+    moves = input.traversable.discs and not is_stationary(start)
+    return _kept(state, previous) if moves and _fits(input, previous.trajectory) else None
 
 
 def keep_course(
@@ -40,14 +38,11 @@ def keep_course(
     trajectory = previous.trajectory
     if _fits(input, trajectory):
         return _kept(state, previous)
-    if input.behaviour.goes_on_shortened:
-        driven = _drive_last_path(input, state, start, previous)
-        if driven is not None:
-            return driven
+    driven = _drive_last_path(input, state, start, previous)
+    if driven is not None:
+        return driven
     elapsed = (input.effect_ns - trajectory.start_ns) * 1e-9
-    corners = input.behaviour.checks_corners
-    poses = poses_from(trajectory, elapsed, corners=corners)
-    found = obstruction.on_poses(input, poses, input.unknown_blocks)
+    found = obstruction.on_poses(input, poses_from(trajectory, elapsed), input.unknown_blocks)
     path = remaining(trajectory.path, start.arc_length)
     stop = stopping_distance(start.speed, start.acceleration, input.limits)
     reason, label = way_ahead_reason(BRAKES, found, stop_m=stop)
@@ -57,8 +52,7 @@ def keep_course(
 def _fits(input: PlannerInput, trajectory: Trajectory) -> bool:
     """Return whether the footprint fits along the rest of a trajectory."""
     elapsed = (input.effect_ns - trajectory.start_ns) * 1e-9
-    corners = input.behaviour.checks_corners
-    return first_misfit(input.traversable, trajectory, elapsed, corners=corners) is None
+    return first_misfit(input.traversable, trajectory, elapsed) is None
 
 
 def _kept(state: PlannerState, previous: PlannerState) -> Decided:

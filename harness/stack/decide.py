@@ -115,7 +115,7 @@ def _choose_maneuver(input: PlannerInput, state: PlannerState, followed: Traject
         escaping = continue_escape(input, state, start)
         if escaping is not None:
             return escaping
-    if is_stepping(input, state, start):
+    if is_stepping(state, start):
         stepping = continue_step(input, state, start)
         if stepping is not None:
             return stepping

@@ -93,7 +93,7 @@ def diagnose_driving(
         share = input.behaviour.unknown_speed_fraction
         reason = _reason("through_unknown", found, free_m=found.free_m, speed_share=share)
         near = found.free_m < stopping_distance(input.limits.speed, 0.0, input.limits)
-        action: Action = "slow" if near or not input.behaviour.slows_at_unknown else "follow"
+        action: Action = "slow" if near else "follow"
         label: Label = "unknown_ahead"
     elif blocked:
         found = obstruction.on_path(input, path, end, input.unknown_blocks)
@@ -214,6 +214,5 @@ def diagnose_no_room(
     found = obstruction.on_turn(input, start.position, start.heading, start.heading + turn)
     if found.cell is not None:
         return _reason("no_room_to_turn", found, turn_rad=turn)
-    poses = poses_from(along, 0.0, corners=input.behaviour.checks_corners)
-    found = obstruction.on_poses(input, poses, input.unknown_blocks)
+    found = obstruction.on_poses(input, poses_from(along, 0.0), input.unknown_blocks)
     return _reason("no_room_along_path", found, free_m=found.free_m)

@@ -34,9 +34,6 @@ MAX_SHORTENINGS = 8
 Each time it ends earlier, the body turns later on it, and may not fit there, either.
 """
 
-FEW_SHORTENINGS = 4
-"""The same before `behaviour.rules=11`."""
-
 MISFIT_MARGIN = 0.02
 """Distance kept before the first place where the footprint does not fit, m."""
 
@@ -102,16 +99,13 @@ def drive_along(
         braking = stopping_distance(start.speed, start.acceleration, input.limits)
         path = truncate_where_turnable(input.traversable, path, braking)
     slow_end = _unknown_end(input, path)
-    slowed, share = slow_end is not None, 1.0
-    if slowed and not input.behaviour.slows_at_unknown:
-        share, slow_end = input.behaviour.unknown_speed_fraction, None
-    if input.uncertain or input.noisy:
-        share = min(share, input.behaviour.uncertain_speed_fraction)
+    doubtful = input.uncertain or input.noisy
+    share = input.behaviour.uncertain_speed_fraction if doubtful else 1.0
     trajectory = fit_trajectory(input, start, path, share, tail_first, slow_end)
     if trajectory is None:
         return None
     action, reason, label = diagnose_driving(
-        input, state, start, part.length, blocked=part.blocked, slowed=slowed
+        input, state, start, part.length, blocked=part.blocked, slowed=slow_end is not None
     )
     command = Command(action, reason, label, trajectory, state.path)
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
@@ -172,10 +166,9 @@ def shortened_to_fit(
     input: PlannerInput, path: Array, least: float, plan: Callable[[Array], Trajectory]
 ) -> Trajectory | None:
     """Plan along a path (n, 3), shortened until the footprint fits; None below `least`, m."""
-    often = input.behaviour.shortens_often
-    for _ in range(MAX_SHORTENINGS if often else FEW_SHORTENINGS):
+    for _ in range(MAX_SHORTENINGS):
         trajectory = plan(path)
-        misfit = first_misfit(input.traversable, trajectory, corners=input.behaviour.checks_corners)
+        misfit = first_misfit(input.traversable, trajectory)
         if misfit is None:
             return trajectory
         end = misfit - MISFIT_MARGIN

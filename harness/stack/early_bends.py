@@ -28,7 +28,7 @@ Found = tuple[Plan, Array | None]
 
 def bends_early(input: PlannerInput) -> bool:
     """Return whether the body may leave its path before the distance that it takes to stop."""
-    return input.behaviour.bends_early and input.sideways_speed > 0.0 and not input.turns_in_place
+    return input.sideways_speed > 0.0 and not input.turns_in_place
 
 
 def replan_period(input: PlannerInput) -> float:

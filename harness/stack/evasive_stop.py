@@ -55,11 +55,9 @@ def clearest_stop(input: PlannerInput, start: TrajectorySample, path: Array) -> 
     if start.speed < MIN_EVASION_SPEED or free:
         return path
     bends = _bends(input, start, tangent_at(path, 0.0), reach)
-    if input.behaviour.bends_reach_the_stop:  # chords are shorter than the bend
-        bends = [_with_length(bend, reach) for bend in bends]
-    paths = [ahead, *bends]
+    paths = [ahead, *(_with_length(bend, reach) for bend in bends)]  # chords are shorter
     clearances = [_clearance(input, one) for one in paths]
-    least = clearances[0].along if input.behaviour.bends_keep_clearance else -np.inf
+    least = clearances[0].along
     kept = [one.along + one.at_end if one.along >= least else -np.inf for one in clearances]
     best = int(np.argmax(kept))  # of equals the first
     return paths[best] if best else path
@@ -82,7 +80,7 @@ class _Clearance(NamedTuple):
 
 def _clearance(input: PlannerInput, path: Array) -> _Clearance:
     space = input.traversable
-    if not space.discs or not input.behaviour.keep_moving:
+    if not space.discs:
         return _Clearance(space.least_clearance(path), space.least_clearance(path[[-1, -1]]))
     # A long body swings its ends out where it bends.
     ahead = edge_tangents(path)[[*range(len(path) - 1), -1]]
@@ -104,10 +102,9 @@ def _bends(
     limits = input.limits
     arcs = np.linspace(0.0, reach, max(round(reach / STEP), 1) + 1)  # (n,)
     speeds = start.speed * np.sqrt(np.maximum(1.0 - arcs / reach, 0.0)) + MIN_SPEED
+    late = stopping_speeds(start.speed, start.acceleration, limits, arcs) + MIN_SPEED
     tightest = limits.lateral_acceleration / (speeds * speeds)  # (n,) 1/m
-    if input.behaviour.bends_by_jerk:
-        late = stopping_speeds(start.speed, start.acceleration, limits, arcs) + MIN_SPEED
-        tightest = np.minimum(tightest, EMERGENCY * limits.lateral_acceleration / (late * late))
+    tightest = np.minimum(tightest, EMERGENCY * limits.lateral_acceleration / (late * late))
     left = np.array([-tangent[1], tangent[0], 0.0])
     if not left.any():  # straight up or down
         left = np.array([0.0, 1.0, 0.0])

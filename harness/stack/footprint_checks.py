@@ -50,36 +50,33 @@ def footprint_free(space: FreeSpace, sample: TrajectorySample) -> bool:
     return space.pose_free(sample.position, sample.heading)
 
 
-def first_misfit(
-    space: FreeSpace, trajectory: Trajectory, elapsed: float = 0.0, *, corners: bool
-) -> float | None:
+def first_misfit(space: FreeSpace, trajectory: Trajectory, elapsed: float = 0.0) -> float | None:
     """Return the arc length of a trajectory at which the oriented footprint first does not fit, m.
 
     Args:
         space: Space to keep to.
         trajectory: Checked pose by pose to its rest, turns included.
         elapsed: Time of it that has passed, s.
-        corners: Whether it is checked at the points of its path, too.
 
     Returns:
         None if it fits all along, or if the footprint is circumscribed.
     """
     if not space.discs:
         return None
-    poses = poses_from(trajectory, 0.0, corners=corners)
-    first = len(poses) - len(poses_from(trajectory, elapsed, corners=corners))
+    poses = poses_from(trajectory, 0.0)
+    first = len(poses) - len(poses_from(trajectory, elapsed))
     free = first + space.free_poses(poses[first:])
     if free == len(poses):
         return None
     return float(arc_lengths(poses[: max(free, 1), :3])[-1])
 
 
-def poses_from(trajectory: Trajectory, elapsed: float, *, corners: bool) -> Array:
+def poses_from(trajectory: Trajectory, elapsed: float) -> Array:
     """Return poses (n, 4) of a trajectory after a time, s, to check: x, y, z, m, and yaw, rad.
 
-    Without the corners of its path they cut its bends: at 4 m/s they are 8 cm apart.
+    With the corners of its path, which they would cut: at 4 m/s they are 8 cm apart.
     """
-    return trajectory.poses(CHECK_STEP, elapsed, corners=corners)
+    return trajectory.poses(CHECK_STEP, elapsed, corners=True)
 
 
 def moves_tail_first(input: PlannerInput, start: TrajectorySample, path: Array) -> bool:

@@ -80,24 +80,22 @@ def _decide(
     """Decide for one of the footprints; arguments as of `decide_with_footprint`."""
     if state.oriented and not _can_widen(circumscribed, state):
         oriented = make_oriented()
-        if oriented.behaviour.remembers_gaps:
-            state = note_lost_way(oriented, state)
+        state = note_lost_way(oriented, state)
         oriented = with_closed_gaps(oriented, state)
         return FootprintDecision(*decide(oriented, state), oriented)
     wide = decide(circumscribed, replace(state, oriented=False))
-    keeps_moving = circumscribed.behaviour.keep_moving
     limit = DETOUR_RATIO * _length_left(state, circumscribed) + DETOUR_LENGTH
-    wide_leads = _makes_progress(wide) and not (keeps_moving and _brakes(wide))
+    wide_leads = _makes_progress(wide)
     if wide_leads and _path_length(wide.state) <= limit:
         return FootprintDecision(*wide, circumscribed)
     oriented = with_closed_gaps(make_oriented(), state)
     narrow = decide(oriented, replace(state, oriented=True))
-    narrow_leads = _makes_progress(narrow) and not (keeps_moving and _brakes(narrow))
+    narrow_leads = _makes_progress(narrow)
     if narrow_leads and (not wide_leads or _path_length(narrow.state) <= limit):
         return FootprintDecision(*narrow, oriented)
-    if keeps_moving and state.oriented and _brakes(wide) and _brakes(narrow):
+    if state.oriented and _brakes(wide) and _brakes(narrow):
         return FootprintDecision(*narrow, oriented)
-    if circumscribed.behaviour.escapes_oriented and _steps_out(narrow) and not _escapes(wide):
+    if _steps_out(narrow) and not _escapes(wide):
         return FootprintDecision(*narrow, oriented)
     return FootprintDecision(*wide, circumscribed)
 
@@ -105,7 +103,7 @@ def _decide(
 def _can_widen(circumscribed: PlannerInput, state: PlannerState) -> bool:
     """Return whether an oriented footprint's path ahead has room for the circumscribed one."""
     start = state.trajectory.at(circumscribed.effect_ns)
-    if circumscribed.behaviour.steps_oriented and is_stepping(circumscribed, state, start):
+    if is_stepping(state, start):
         return False
     if state.global_path is None:
         return True
@@ -133,11 +131,11 @@ def _path_length(state: PlannerState) -> float:
 
 
 def _makes_progress(decided: Decided) -> bool:
-    """Return whether the robot moves, turns or has arrived; braking counts once it is at rest."""
+    """Return whether the robot moves, turns or has arrived."""
     command = decided.command
     if command.reason.kind in STUCK_INSIDE or command.action == "abort":
         return False
-    return command.action != "stop_and_wait" or command.trajectory.duration_s > 0.0
+    return command.action != "stop_and_wait"
 
 
 def _escapes(decided: Decided) -> bool:

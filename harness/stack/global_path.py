@@ -88,10 +88,10 @@ def project_goal_to_free(input: PlannerInput) -> Array:
 def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> GlobalPlan:
     """Keep the global path while it is valid and no other is much cheaper; else replan it."""
     path = None if state.global_path is None else remaining(state.global_path, start.arc_length)
-    if path is not None and arc_length(path) < ARRIVED and _replans_at_end(input, state, start):
+    if path is not None and arc_length(path) < ARRIVED and _replans_at_end(state, start):
         path = None
     driven = path
-    if path is None and input.behaviour.keep_moving:  # on from the stop that is under way
+    if path is None:  # on from the stop that is under way
         driven = remaining(state.trajectory.path, start.arc_length)
     valid = path is not None and _is_valid(input, state, path)
     improve_due = input.time_ns - state.improved_ns >= replan_period(input) * 1e9
@@ -122,12 +122,12 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
     return GlobalPlan(replace(state, global_path=found, exploration=None), search, seed)
 
 
-def _replans_at_end(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> bool:
+def _replans_at_end(state: PlannerState, start: TrajectorySample) -> bool:
     """Return whether the goal is planned for anew at the end of the path.
 
     It is at a viewpoint, and where a robot rests beside a goal that has become free since.
     """
-    return state.exploring or (input.behaviour.leaves_ended_paths and is_stationary(start))
+    return state.exploring or is_stationary(start)
 
 
 def _is_valid(input: PlannerInput, state: PlannerState, path: Array) -> bool:
@@ -231,7 +231,7 @@ def _joined(
     if search.waypoints is None:
         return None
     waypoints = drop_duplicates(np.concatenate([straight[:-1], search.waypoints]))
-    if input.behaviour.drops_hooks and input.turns_in_place:
+    if input.turns_in_place:
         waypoints = without_hooks(space, waypoints)
     blended = blend_corners(space, waypoints, blend_length(input))
     return np.concatenate([prefix[:-1], blended])
@@ -245,7 +245,7 @@ def _straight_on(input: PlannerInput, prefix: Array) -> Array:
     with the straight piece has room to be blended.
     """
     end = prefix[-1]
-    if input.behaviour.drops_hooks and input.turns_in_place and arc_length(prefix) < LEAST_STOP:
+    if input.turns_in_place and arc_length(prefix) < LEAST_STOP:
         return prefix[-1:]
     tangent = tangent_at(prefix, arc_length(prefix))
     for share in (1.0, 0.5, 0.25):
@@ -292,7 +292,7 @@ def _is_better(
     found_cost, cost = _path_costs(input, found, path)
     if input.planner.replaces(found_cost, cost):
         return True
-    if not input.behaviour.weighs_time or input.planner.replaces(cost, found_cost):
+    if input.planner.replaces(cost, found_cost):
         return False
     saved = travel_time(input, start, path) - travel_time(input, start, found)
     return saved > LEAST_SAVING

@@ -17,7 +17,7 @@ def missing_floor_of(config: Config, mission: Mission) -> MissingFloor | None:
 
     Where unknown floor may be entered, one sweep that misses floor must keep the robot from it.
     """
-    kept = config.map.ground_fit and mission.planar and config.behaviour.confirms_holes
+    kept = config.map.ground_fit and mission.planar
     return MissingFloor() if kept and config.costmap.unknown_policy == "forbid" else None
 
 
@@ -56,13 +56,7 @@ def fitted_ground(placed: WorldSweep, config: Config, mission: Mission) -> Groun
     """
     if not _is_fitted(config, mission):
         return None
-    plane = fit_ground(
-        placed.origins,
-        placed.moments,
-        placed.directions,
-        placed.ranges_mm,
-        twice=config.behaviour.floor_stands_noise,
-    )
+    plane = fit_ground(placed.origins, placed.moments, placed.directions, placed.ranges_mm)
     return None if plane is None or plane.as_expected else plane
 
 
@@ -71,14 +65,7 @@ def _on_level_ground(placed: WorldSweep, config: Config, mission: Mission) -> Wo
     plane = fitted_ground(placed, config, mission)
     if plane is None:
         return placed
-    found = level(
-        placed.origins,
-        placed.moments,
-        placed.directions,
-        placed.ranges_mm,
-        plane,
-        two_sided=config.behaviour.floor_stands_noise,
-    )
+    found = level(placed.origins, placed.moments, placed.directions, placed.ranges_mm, plane)
     return WorldSweep(found.origins, found.directions, found.ranges_mm, placed.moments)
 
 
@@ -100,7 +87,7 @@ def _without_lost_floor(
         return placed
     origins = placed.origins
     if config.costmap.max_slope > 0.0:
-        if not (config.behaviour.confirms_holes and mission.rest_height > 0.0):
+        if mission.rest_height == 0.0:
             return placed
         origins = origins - np.array([0.0, 0.0, pose.position[2] - mission.rest_height])
     lost_echoes = lost_echoes_of_one if missing is None else missing.lost_echoes

@@ -105,14 +105,9 @@ def brake(
 ) -> Decided:
     """Stop along a path (n, 3), or on a bend away from it where something has come into it."""
     path = clearest_stop(input, start, path)
-    trajectory = stop_along(
-        path,
-        at_begin(input, start),
-        input.limits,
-        moves_tail_first(input, start, path),
-    )
-    if input.behaviour.stops_at_heading:
-        trajectory = _without_turn(input, start, trajectory)
+    tail_first = moves_tail_first(input, start, path)
+    stop = stop_along(path, at_begin(input, start), input.limits, tail_first)
+    trajectory = _without_turn(input, start, stop)
     command = Command("stop_and_wait", reason, label, trajectory)
     return Decided(
         command, replace(state, trajectory=trajectory, global_path=None, exploration=None)
@@ -121,12 +116,10 @@ def brake(
 
 def _without_turn(input: PlannerInput, start: TrajectorySample, stop: Trajectory) -> Trajectory:
     """Return a stop at the heading that the body has, if it fits so, and not as it turns."""
-    corners = input.behaviour.checks_corners
-    if first_misfit(input.traversable, stop, corners=corners) is None:
+    if first_misfit(input.traversable, stop) is None:
         return stop
     still = stop.facing(start.heading)
-    fits = first_misfit(input.traversable, still, corners=corners) is None
-    return still if fits else stop
+    return still if first_misfit(input.traversable, still) is None else stop
 
 
 def stop_without_path(

@@ -100,7 +100,6 @@ class Mapper:
                 floor=floor,
                 ceiling=ceiling,
                 threads=config.threads,
-                seen_floor_holds=config.behaviour.holds_seen_floor,
             )
 
         self.missing_floor = missing_floor_of(config, mission)
@@ -200,11 +199,9 @@ class Mapper:
         placed = beams.place(sweep, inputs.pose, inputs.sequence)
         if self._config.map.no_return == "ignored":
             placed = placed.without_no_returns()
-        if self._config.behaviour.judges_ranges:
-            deviation = range_deviation(placed, beams)
-            self.range_sigma = max(self.range_sigma, deviation)
-            if self._config.behaviour.drops_false_returns:
-                placed = without_false_returns(placed, beams, deviation)
+        deviation = range_deviation(placed, beams)
+        self.range_sigma = max(self.range_sigma, deviation)
+        placed = without_false_returns(placed, beams, deviation)
         if (history := self.echoes.get(sweep.sensor)) is not None:
             placed = without_lost_patches(placed, beams.range, history, self.map)
         placed = floor_evidence(
@@ -215,8 +212,7 @@ class Mapper:
             mission=self._mission,
             missing=self.missing_floor,
         )
-        if self._config.behaviour.judges_ranges:
-            placed = without_lost_echoes(placed, beams)
+        placed = without_lost_echoes(placed, beams)
         self.map.integrate(
             origins=placed.origins,
             directions=placed.directions,

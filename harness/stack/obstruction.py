@@ -76,7 +76,7 @@ def on_path(input: PlannerInput, path: Array, free_m: float, unknown_blocks: boo
         arcs = arc_lengths(path)
         reach, end = REACH, float(np.append(arcs[arcs > free_m + SAME_EDGE], free_m)[0])
     # Cells grazed on that edge or in that turn come before those overlapped farther on.
-    turned = end + STEP * size if input.behaviour.grazes_in_order else free_m
+    turned = end + STEP * size
     for begin, length, fineness in _pieces(free_m, turned, end + reach, reach):
         beyond = begin + JUST_BEYOND * size + np.arange(0.0, length, fineness * STEP * size)
         arcs = np.minimum(beyond, arc_length(path))

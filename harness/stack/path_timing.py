@@ -55,7 +55,6 @@ def plan_trajectory(
         speed_cap=speed_share * input.limits.speed,
         reverse=tail_first,
         sideways_speed=input.sideways_speed,
-        whole_bends=input.behaviour.whole_bends,
         slow_end=slow_end,
     )
 
@@ -68,5 +67,4 @@ def travel_time(input: PlannerInput, start: TrajectorySample, path: Array) -> fl
         limits=input.limits,
         speed_cap=input.limits.speed,
         sideways_speed=input.sideways_speed,
-        whole_bends=input.behaviour.whole_bends,
     )

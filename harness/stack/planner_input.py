@@ -76,8 +76,8 @@ class FreeSpaceBuilder:
         self._config, self._costmap = config, costmap
         self._body = body_of(mission)
         self._elongated = bool(mission.discs)
-        lowers = config.behaviour.lowers_costs_in_flight and omnidirectional
-        self._edge_cost = EDGE_COST_IN_FLIGHT if lowers and not mission.planar else 1.0
+        lowers = omnidirectional and not mission.planar
+        self._edge_cost = EDGE_COST_IN_FLIGHT if lowers else 1.0
         self._extra_radius = self._body.circumscribed_radius - min(self._body.radii)
         self._costs_of: Array | None = None
         self._cost_by_distance = np.empty(0)
@@ -316,5 +316,5 @@ def motion_limits(config: Config, mission: Mission) -> MotionLimits:
         lateral_acceleration=mission.max_acceleration,
         yaw_rate=mission.max_yaw_rate,
         yaw_acceleration=mission.max_yaw_acceleration or math.inf,
-        by_direction=config.behaviour.turns_by_direction and mission.planar,
+        by_direction=mission.planar,
     )

@@ -52,7 +52,7 @@ def step_to_pose(
     Returns:
         None if the body cannot move sideways, if there is no such way, or if it does not fit.
     """
-    if not (input.behaviour.steps_to_poses and input.traversable.discs and input.sideways_speed):
+    if not (input.traversable.discs and input.sideways_speed):
         return None
     seed = plan_seed(input.seed, "guide", input.sequence)
     space, goal, planner = input.optimistic, input.goal, input.planner
@@ -67,11 +67,10 @@ def step_to_pose(
     return Decided(command, state)
 
 
-def is_stepping(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> bool:
+def is_stepping(state: PlannerState, start: TrajectorySample) -> bool:
     """Return whether a body is on its way to such a pose."""
     return (
-        input.behaviour.steps_to_poses
-        and not start.at_rest
+        not start.at_rest
         and state.global_path is None
         and state.path_loss is not None
         and state.path_loss.kind == "stepping_to_pose"
@@ -83,8 +82,7 @@ def continue_step(
 ) -> Decided | None:
     """Go on with a step that is under way; None if the body does not fit along the rest of it."""
     elapsed = (input.effect_ns - state.trajectory.start_ns) * 1e-9
-    corners = input.behaviour.checks_corners
-    if first_misfit(input.traversable, state.trajectory, elapsed, corners=corners) is not None:
+    if first_misfit(input.traversable, state.trajectory, elapsed) is not None:
         return None
     return Decided(_stepping(start, state.trajectory), state)
 
@@ -119,9 +117,8 @@ def _first_motion(
             )
             for share in SPEED_SHARES
         ]
-    corners = input.behaviour.checks_corners
     for motion in motions:
-        fits = first_misfit(input.traversable, motion, corners=corners) is None
+        fits = first_misfit(input.traversable, motion) is None
         if fits and motion.duration_s > 0.0:
             return motion
     return None

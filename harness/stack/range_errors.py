@@ -27,7 +27,7 @@ def echo_histories(
     sensors: Iterable[str], config: Config, before: Mapping[str, EchoHistory] = NO_HISTORY
 ) -> dict[str, EchoHistory]:
     """Return the echoes of each sensor by name, as before or of none; empty if none are judged."""
-    if not config.behaviour.judges_silence or config.map.no_return != "free":
+    if config.map.no_return != "free":
         return {}
     return {name: before.get(name) or EchoHistory() for name in sensors}
 

@@ -49,11 +49,8 @@ MAX_ESCAPE = 1.0
 ESCAPE_TURNS = [sign * 0.1 * n for n in range(1, 9) for sign in (1, -1)]
 """Turns in place tried to get out of the inflation, rad."""
 
-ESCAPE_SPEED_SHARE = 0.3
-"""Share of full speed at which the robot leaves the inflation."""
-
-SIDESTEP_SPEED_SHARE = 0.2
-"""Share of full speed at which it leaves it in any direction, with `behaviour.keep_moving`."""
+ESCAPE_SPEED_SHARE = 0.2
+"""Share of full speed at which the robot leaves the inflation, in any direction."""
 
 MAX_FRONTIERS = 4
 """Number of frontiers that an elongated body, which cannot get to each, tries to plan to."""
@@ -96,8 +93,7 @@ def escape_inflation(input: PlannerInput, state: PlannerState, start: Trajectory
 def is_escaping(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> bool:
     """Return whether a body in motion inside the inflation is on its way out of it."""
     return (
-        input.behaviour.keep_moving
-        and not is_stationary(start)
+        not is_stationary(start)
         and state.path_loss is not None
         and state.path_loss.kind == "escaping_inflation"
         and not footprint_free(input.traversable, start)
@@ -130,20 +126,13 @@ def _leads_out(input: PlannerInput, start: TrajectorySample, target: Array, head
     spaces = (input.traversable, input.optimistic)
     if not all(keeps_clearance(space, start, target, heading) for space in spaces):
         return False
-    if not input.behaviour.escapes_disc_by_disc:
-        return True
     return keeps_bare_clearance(input.optimistic, input.bare_discs, start, target, heading)
 
 
 def _sidestep(input: PlannerInput, start: TrajectorySample, path: Array) -> Trajectory:
-    """Return a slow motion along a path (n, 3); a ground body keeps its heading."""
-    keeps_moving = input.behaviour.keep_moving
-    share = SIDESTEP_SPEED_SHARE if keeps_moving else ESCAPE_SPEED_SHARE
-    trajectory = plan_trajectory(input, start, path, share)
-    if input.behaviour.escapes_at_heading:  # that at which the bare discs are checked
-        still = len(input.bare_discs) > 1 or bool(input.sideways_speed)
-    else:
-        still = bool(input.traversable.discs) or (keeps_moving and bool(input.sideways_speed))
+    """Return a slow motion along a path (n, 3), at the heading at which the bare discs fit."""
+    trajectory = plan_trajectory(input, start, path, ESCAPE_SPEED_SHARE)
+    still = len(input.bare_discs) > 1 or bool(input.sideways_speed)
     return trajectory.facing(start.heading) if still else trajectory
 
 

@@ -92,14 +92,8 @@ def turn_while_driving(
         None if the footprint does not fit until it has turned; else as of `drive_along`.
     """
     driven = drive_along(input, state, start, part, tail_first)
-    if driven is None:
-        return None
-    trajectory = driven.command.trajectory
-    if input.behaviour.turns_early:
-        return driven if _turns_into_path(trajectory, tail_first) else None
-    reached = heading_at(trajectory.path, arc_length(trajectory.path))
-    left = wrap_angle(reached + (np.pi if tail_first else 0.0) - _final_heading(trajectory))
-    return driven if abs(left) <= ALIGNED else None
+    turns = driven is not None and _turns_into_path(driven.command.trajectory, tail_first)
+    return driven if turns else None
 
 
 def _turns_into_path(trajectory: Trajectory, tail_first: bool) -> bool:
@@ -123,7 +117,7 @@ def turn_into_path(
     """Turn in place to a heading, rad; a turn that leads there already goes on."""
     path = state.path
     trajectory = state.trajectory
-    if not _goes_on_turning(input, trajectory, start, target):
+    if not _goes_on_turning(trajectory, start, target):
         trajectory = turn_in_place(
             start.position, input.effect_ns, start.heading, target, input.limits
         )
@@ -136,14 +130,9 @@ def turn_into_path(
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
 
 
-def _goes_on_turning(
-    input: PlannerInput, trajectory: Trajectory, start: TrajectorySample, target: float
-) -> bool:
-    """Return whether a trajectory under way turns to a heading, rad, and does not lead away."""
-    if start.at_rest or abs(wrap_angle(target - _final_heading(trajectory))) > 0.2:
+def _goes_on_turning(trajectory: Trajectory, start: TrajectorySample, target: float) -> bool:
+    """Return whether a trajectory under way is a turn in place to a heading, rad."""
+    if start.at_rest or arc_length(trajectory.path) > 0.0:
         return False
-    return not input.behaviour.turns_in_place_alone or arc_length(trajectory.path) == 0.0
-
-
-def _final_heading(trajectory: Trajectory) -> float:
-    return trajectory.at(trajectory.start_ns + round(trajectory.duration_s * 1e9)).heading
+    end = trajectory.at(trajectory.start_ns + round(trajectory.duration_s * 1e9))
+    return abs(wrap_angle(target - end.heading)) <= 0.2

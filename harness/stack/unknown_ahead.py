@@ -26,8 +26,7 @@ def discounts_unknown(input: PlannerInput) -> bool:
     so there the full cost remains. It remains all around for a body that has only a camera, whose
     cone leaves the sides unknown.
     """
-    lowers = input.behaviour.lowers_costs_in_flight and input.omnidirectional
-    return lowers and not input.turns_in_place
+    return input.omnidirectional and not input.turns_in_place
 
 
 def enough_admitted(input: PlannerInput, path: Array) -> bool:

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 from wayproof.harness.config_document import setting_names
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.renamed import renamed
 from wayproof.models.random_streams import stream
 
 DIGITS = 4
@@ -26,14 +25,13 @@ def check_ranges(ranges: Mapping[str, Range], fixed: Sequence[str]) -> None:
     Raises:
         InputError: A setting is unknown or set twice, or its range is none.
     """
-    taken, names = {renamed(name) for name in fixed}, setting_names()
+    taken, names = set(fixed), setting_names()
     for name, ends in ranges.items():
-        key = renamed(name)
-        if key not in names:
+        if name not in names:
             raise unknown_name("setting in [randomise]", name, names)
-        if key in taken or key == "seed":
+        if name in taken or name == "seed":
             raise InputError(f"[randomise] {name}: set elsewhere, expected one of the two")
-        taken.add(key)
+        taken.add(name)
         if len(ends) != 2 or not all(map(math.isfinite, ends)) or ends[0] > ends[1]:
             raise InputError(
                 f"[randomise] {name}: got {list(ends)}, expected [least, greatest] value"
@@ -51,7 +49,7 @@ def drawn(ranges: Mapping[str, Range], seed: int) -> list[str]:
     """
     settings = []
     for name, (low, high) in ranges.items():
-        rng = stream(seed, f"randomise {renamed(name)}", 0)
+        rng = stream(seed, f"randomise {name}", 0)
         if isinstance(low, int) and isinstance(high, int):
             value: float = int(rng.integers(low, high + 1))
         else:

@@ -69,7 +69,6 @@ class Costmap:
         floor: float = -math.inf,
         ceiling: float = math.inf,
         threads: int = 1,
-        seen_floor_holds: bool = False,
     ) -> None:
         """Make a costmap and update it with the configured margin.
 
@@ -85,8 +84,6 @@ class Costmap:
             floor: Lowest altitude that any of the body may be at, m, world; air only.
             ceiling: Highest altitude that any of the body may be at, m, world; air only.
             threads: Threads that share the work; the result does not depend on them.
-            seen_floor_holds: Whether flat floor that was seen holds where beams went below it, but
-                beside a column without floor; else it is a hole.
 
         Raises:
             ValueError: The window is empty, the body does not fit it, or the motion is not known.
@@ -105,7 +102,7 @@ class Costmap:
 
         def project(window: Window) -> Projection:
             if motion == "ground":
-                return walked(window, height, step_height, config.max_slope, seen_floor_holds)
+                return walked(window, height, step_height, config.max_slope)
             return Airspace(window, floor, ceiling)
 
         self.project = project

@@ -126,27 +126,23 @@ class Ground(Projection):
     beam went through where the floor should be; it is free if all of that band is free and a floor
     was seen below; else unknown. Obstacles above the body do not count.
 
-    Floor that was seen can hold where beams went below it, since lost echoes look so. It does not
+    Floor that was seen holds where beams went below it, since lost echoes look so. It does not
     beside a column without floor, as at the edge of a dock.
     """
 
-    def __init__(
-        self, window: Window, height: float, step_height: float, seen_floor_holds: bool
-    ) -> None:
+    def __init__(self, window: Window, height: float, step_height: float) -> None:
         """Choose the layers: under the floor, to stand on, and to pass through.
 
         Args:
             window: The cells of the map that count.
             height: Height of the body's back above the floor, m.
             step_height: Greatest height that the body can step on, m above the floor.
-            seen_floor_holds: Whether floor that was seen is none of a hole.
 
         Raises:
             ValueError: The body does not fit the window.
         """
         floor_layer, first, end = walking_layers(window, height, step_height)
         nx, ny, _ = window.shape
-        self._seen_floor_holds = seen_floor_holds
         self.shape, self.rows = (nx, ny, 1), (nx, 1, ny)
         self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
         self._first, self._layers = first, end - first
@@ -158,8 +154,6 @@ class Ground(Projection):
         super().__init__(window.layers(0, end))
 
     def _affected(self, x: slice, y: slice) -> Columns:
-        if not self._seen_floor_holds:
-            return x, y
         nx, ny, _ = self.shape  # a column may be the edge of the hole beside it
         return (
             slice(max(x.start - 1, 0), min(x.stop + 1, nx)),
@@ -171,7 +165,6 @@ class Ground(Projection):
             self._held[0],
             self._held[1],
             self._flat_layers,
-            self._seen_floor_holds,
             (x.start, x.stop),
             (y.start, y.stop),
             self.occupied[:, 0],

@@ -118,16 +118,14 @@ class Terrain(Projection):
         return (slice(int(rows[0]), int(rows[-1]) + 1), slice(0, 1)) if len(rows) else None
 
 
-def walked(
-    window: Window, height: float, step_height: float, max_slope: float, seen_floor_holds: bool
-) -> Projection:
+def walked(window: Window, height: float, step_height: float, max_slope: float) -> Projection:
     """Make the projection for a walking body: flat ground if it climbs no ramps, else terrain.
 
     Raises:
         ValueError: The body does not fit the window.
     """
     if max_slope == 0.0:
-        return Ground(window, height, step_height, seen_floor_holds)
+        return Ground(window, height, step_height)
     return Terrain(window, height, step_height, max_slope)
 
 

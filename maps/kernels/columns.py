@@ -92,7 +92,6 @@ def project_columns(
     occupied: NDArray[np.uint64],  # (nx, ny, words) along z
     free: NDArray[np.uint64],  # (nx, ny, words)
     layers: FlatLayers,
-    seen_floor_holds: bool,  # where beams went below it; but at the edge of a hole
     part_x: tuple[int, int],  # first and one past the last of the columns to project
     part_y: tuple[int, int],
     occupied_columns: NDArray[np.uint64],  # (nx, words) along y, in, out
@@ -118,10 +117,9 @@ def project_columns(
                     standing |= occupied[x, y, w] & footing[w]
                     closed |= band[w] & ~free[x, y, w]
                 read_blocks |= bit
-                # A beam that went through where the floor should be found a hole.
-                if through != nothing and (
-                    not seen_floor_holds or is_edge(occupied, free, layers, x, y)
-                ):
+                # A beam that went through where the floor should be found a hole; seen floor holds,
+                # but at the edge of one.
+                if through != nothing and is_edge(occupied, free, layers, x, y):
                     blocking = through
                 if blocking != nothing:
                     held |= bit

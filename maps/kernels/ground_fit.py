@@ -199,14 +199,12 @@ def put_on_floor(
     moments: NDArray[np.int32],  # (n,)
     ranges_mm: NDArray[np.uint16] | NDArray[np.uint32],  # (n,)
     deviations: tuple[float, float, float],  # of a range, of the rest, greatest tolerance, m
-    two_sided: bool,  # whether heights below z = 0 are tested by tile, as above it
     tiling: tuple[float, int],  # edge of a tile, m, and tiles along an axis
     ends: NDArray[np.float64],  # (n, 3) in, out, m from the origins
     on_floor: NDArray[np.bool_],  # (n,) out
 ) -> None:
     """Put returns near z = 0 on it, but in tiles whose mean is off it by more than chance.
 
-    Above it; and below it with `two_sided`, else all that are as near as those above are put on it.
     What is above is gathered where it is; what is below, where its beam met z = 0, as beams that
     noise makes longer leave a tile at the edge of what the sensor sees, and none come in.
     """
@@ -224,14 +222,14 @@ def put_on_floor(
         share = abs(ends[i, 2]) / max(ranges_mm[i] * 1e-3, 1e-3)  # of the range's error in height
         deviation = np.sqrt(along * along * share * share + rest * rest)
         limit = min(TOLERANCE * deviation, most)
-        if two_sided and height < 0.0:
+        if height < 0.0:
             limit = BENEATH * deviation
         if not abs(height) <= limit:
             continue
         on_floor[i] = True
         tiles[i] = tile_of(x + ends[i, 0], y + ends[i, 1], centre, edge, size)
         add_to_tile(above, tiles[i], height, deviation)
-        if two_sided and z > 0.0 > ends[i, 2]:
+        if z > 0.0 > ends[i, 2]:
             part = -z / ends[i, 2]
             crossed[i] = tile_of(x + part * ends[i, 0], y + part * ends[i, 1], centre, edge, size)
             add_to_tile(below, crossed[i], height, deviation)
@@ -239,8 +237,7 @@ def put_on_floor(
         if not on_floor[i]:
             continue
         height = origins[moments[i], 2] + ends[i, 2]
-        stands = height > 0.0 or not two_sided
-        if (stands and tiles[i] >= 0 and is_off(above, tiles[i], 1.0, SIGNIFICANT, rest)) or (
+        if (height > 0.0 and tiles[i] >= 0 and is_off(above, tiles[i], 1.0, SIGNIFICANT, rest)) or (
             height < 0.0 and crossed[i] >= 0 and is_off(below, crossed[i], -1.0, BENEATH, rest)
         ):
             on_floor[i] = False

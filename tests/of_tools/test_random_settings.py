@@ -41,7 +41,7 @@ def test_wide_draws_hold_people_goals_robots_and_unknown_space_at_a_cost():
 
 
 def test_what_limits_the_machine_or_has_no_effect_is_not_varied():
-    config = override(Config("maze", "drone", 7), ["behaviour.keep_moving=false"])
+    config = override(Config("maze", "drone", 7), ["motion.limits=cautious"])
     seen = set()
     for n in range(DRAWS):
         varied = vary(config, np.random.default_rng(n))

@@ -166,7 +166,7 @@ def test_replanning_every_tenth_second_does_not_jump(room, seed, recut):
     assert now * 1e-9 + trajectory.duration_s == pytest.approx(once.duration_s, rel=0.1)
 
 
-def time_to_the_end(path, whole_bends):
+def time_to_the_end(path):
     """Time of a motion that is replanned on what is left of its path every tenth second, s."""
     now, trajectory = 0, follow_path(path, PathState(0, 0.0, 0.0, 0.0, 0.0), DRONE, 9.0)
     while now < 20_000 * MS and not trajectory.at(now + 100 * MS).at_rest:
@@ -174,7 +174,7 @@ def time_to_the_end(path, whole_bends):
         at = trajectory.at(now)
         path = remaining(path, at.arc_length)
         state = PathState(now, 0.0, at.speed, at.acceleration, at.heading)
-        trajectory = follow_path(path, state, DRONE, 9.0, whole_bends=whole_bends)
+        trajectory = follow_path(path, state, DRONE, 9.0)
     return now * 1e-9 + trajectory.duration_s
 
 
@@ -182,9 +182,8 @@ def test_replanning_in_a_bend_does_not_end_the_acceleration():
     """Along an arc of 1 m radius, which allows sqrt(3) m/s."""
     angles = np.linspace(0.0, 1.5, 30)
     arc = np.column_stack([np.sin(angles), 1.0 - np.cos(angles), np.zeros(30)])
-    once = follow_path(arc, PathState(0, 0.0, 0.0, 0.0, 0.0), DRONE, 9.0, whole_bends=True)
-    assert time_to_the_end(arc, whole_bends=True) == pytest.approx(once.duration_s, rel=0.01)
-    assert time_to_the_end(arc, whole_bends=False) > 1.2 * once.duration_s
+    once = follow_path(arc, PathState(0, 0.0, 0.0, 0.0, 0.0), DRONE, 9.0)
+    assert time_to_the_end(arc) == pytest.approx(once.duration_s, rel=0.01)
 
 
 def test_a_bend_that_is_entered_too_fast_begins_in_the_middle_of_its_edge():
@@ -255,7 +254,7 @@ def test_limits_are_kept_on_a_path_that_leaves_room_to_slow_down_and_to_stop(pat
     path, state = np.array(path), PathState(0, 0.0, speed, 0.0, 0.0)
     assert keeps_limits(path, state, DRONE, sideways_speed=9.0) is kept
     if kept:
-        driven = sampled(follow_path(path, state, DRONE, 9.0, sideways_speed=9.0, whole_bends=True))
+        driven = sampled(follow_path(path, state, DRONE, 9.0, sideways_speed=9.0))
         assert driven["arc_length"].max() == pytest.approx(arc_lengths(path)[-1])
 
 
@@ -376,6 +375,6 @@ def test_the_time_along_a_path_is_that_of_its_trajectory(points, speed_cap):
     for _ in range(20):
         path = np.cumsum(rng.normal(0.0, 0.3, (points, 3)), axis=0)
         state = PathState(0, float(rng.uniform(0.0, 0.3)), float(rng.uniform(0.0, 1.5)), 0.2, 1.0)
-        for options in ({}, {"reverse": True}, {"sideways_speed": 0.4, "whole_bends": True}):
+        for options in ({}, {"reverse": True}, {"sideways_speed": 0.4}):
             trajectory = follow_path(path, state, DRONE, speed_cap, **options)
             assert time_along(path, state, DRONE, speed_cap, **options) == trajectory.duration_s

@@ -123,15 +123,11 @@ def through_unknown(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str
 
 
 def _slowed_at(scene: Scene, free: float, share: float) -> Iterator[str]:
-    """Check that the body is slow from an arc length on, m, unless it could not stop before.
-
-    Older rules made it slow from its start.
-    """
+    """Check that the body is slow from an arc length on, m, unless it could not stop before."""
     limits, decision = scene.mission, scene.decision
     full = limits.max_speed * scene.config.motion.speed_fraction
     spare = free - stop_from(full, limits)
     slow = spare < 0.0 or _costs_speed(decision.predicate)
-    slow = slow or not scene.config.behaviour.slows_at_unknown
     if (decision.action == "slow") != slow and abs(spare) > NEAR:
         yield f"action {decision.action}, with {free:.2f} m known"
     arcs = np.array(decision.trajectory.arc_length)

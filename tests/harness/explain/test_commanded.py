@@ -47,14 +47,12 @@ def test_the_path_of_a_cut_command_is_worked_out_as_the_referee_judged_it(follow
 
 
 @pytest.mark.parametrize(
-    ("robot", "kind", "rules"),
-    [("drone", "ToGoalAtFullSpeed", 6), ("drone", "Swerves", 5), ("quadruped", "Swerves", 6)],
+    ("robot", "kind"),
+    [("drone", "ToGoalAtFullSpeed"), ("drone", "Swerves"), ("quadruped", "Swerves")],
 )
-def test_waypoints_of_a_cut_command_are_timed_as_the_referee_timed_them(
-    recorded, robot, kind, rules
-):
+def test_waypoints_of_a_cut_command_are_timed_as_the_referee_timed_them(recorded, robot, kind):
     """Another timing stops elsewhere, and keeps other limits of the body."""
-    settings = f"stack.name={STACKS}:{kind}", f"behaviour.rules={rules}", "episode.time_limit=4"
+    settings = f"stack.name={STACKS}:{kind}", "episode.time_limit=4"
     check_paths(open_log(Path(recorded("empty", robot, 1, *settings).log)))
 
 

@@ -313,19 +313,15 @@ def test_waypoints_are_followed_to_rest(tmp_path):
 
 @pytest.mark.parametrize("robot", ["quadruped", "drone"])
 def test_waypoints_go_on_with_the_acceleration_that_is_commanded(tmp_path, robot):
-    """As the built-in stack's paths do; before, each answer began without any."""
-    tops = {}
-    for rules in (5, 6):
-        settings = f"behaviour.rules={rules}", "episode.time_limit=1.5"
-        result = trial(
-            tmp_path, own("ToGoalAtFullSpeed"), "empty", robot, 1, *settings, name=f"{rules}"
-        )
-        assert replay(Path(result.log)).identical
-        speeds = [one.velocity for one in open_log(Path(result.log)).truth()]
-        tops[rules] = max(float(np.linalg.norm(speed)) for speed in speeds)
-        rules_broken = {one.rule for one in audit(Path(result.log)).violations}
-        assert not rules_broken & {"limits", "rest", "joined"}
-    assert tops[6] > 1.1 * tops[5]
+    """As the built-in stack's paths do: each answer that began without any would be slower."""
+    own_stack = own("ToGoalAtFullSpeed")
+    result = trial(tmp_path, own_stack, "empty", robot, 1, "episode.time_limit=1.5")
+    assert replay(Path(result.log)).identical
+    log = open_log(Path(result.log))
+    fastest = max(float(np.linalg.norm(one.velocity)) for one in log.truth())
+    assert fastest > 0.7 * log.mission.max_speed
+    broken = {one.rule for one in audit(Path(result.log)).violations}
+    assert not broken & {"limits", "rest", "joined"}
 
 
 @pytest.mark.parametrize("robot", ["quadruped", "drone"])

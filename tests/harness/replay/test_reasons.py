@@ -389,21 +389,19 @@ def test_a_long_body_may_come_to_rest_before_the_unknown_on_its_way(log, discs, 
 
 
 @pytest.mark.parametrize(
-    ("rules", "action", "speeds", "share", "complaint"),
+    ("action", "speeds", "share", "complaint"),
     [
-        (13, "follow", (1.0, 0.5), 0.4, ""),
-        (13, "slow", (1.0, 0.5), 0.4, "action slow"),
-        (13, "follow", (1.0, 1.0), 0.4, "where space is unknown"),
-        (12, "slow", (0.5, 0.5), 0.4, ""),
-        (12, "follow", (0.5, 0.5), 0.4, "action follow"),
-        (13, "follow", (1.0, 0.02), 1e-6, ""),  # as slowly as a body moves
-        (13, "follow", (1.0, 0.03), 1e-6, "where space is unknown"),
+        ("follow", (1.0, 0.5), 0.4, ""),
+        ("slow", (1.0, 0.5), 0.4, "action slow"),
+        ("follow", (1.0, 1.0), 0.4, "where space is unknown"),
+        ("follow", (1.0, 0.02), 1e-6, ""),  # as slowly as a body moves
+        ("follow", (1.0, 0.03), 1e-6, "where space is unknown"),
     ],
 )
-def test_a_body_is_slow_where_space_is_unknown(log, rules, action, speeds, share, complaint):
+def test_a_body_is_slow_where_space_is_unknown(log, action, speeds, share, complaint):
     *_, moment = itertools.islice(moments(log), 13)
     mission = replace(moment.mission, discs=LONG, max_speed=1.25, sideways_speed=1.0)
-    behaviour = replace(moment.config.behaviour, rules=rules, unknown_speed_fraction=share)
+    behaviour = replace(moment.config.behaviour, unknown_speed_fraction=share)
     config = replace(moment.config, behaviour=behaviour)
     spot = (1.0, 1.0, 1.0)
     reason = Reason(

@@ -24,7 +24,7 @@ from wayproof.harness.stack.early_bends import (
     replan_period,
 )
 from wayproof.harness.stack.global_path import keep_or_replan
-from wayproof.harness.stack.types import BehaviourConfig, arc_length, is_free_along
+from wayproof.harness.stack.types import arc_length, is_free_along
 from wayproof.planners import PathState, follow_path, stopping_distance
 
 FLIES = {"sideways_speed": LIMITS.speed}
@@ -32,11 +32,10 @@ BLOCK = (4.0, 4.3, 0.0, 2.4)
 """What comes to light on the straight line, with room beside it."""
 
 
-def in_motion(rules):
+def in_motion(**moves):
     """A robot at 2 m/s whose straight path is found blocked: its input, state and start."""
-    behaviour = BehaviourConfig(rules=rules)
-    state = drive(9, behaviour=behaviour, **FLIES)
-    input = next_input(state, 9, states=make_states(occupied=[BLOCK]), behaviour=behaviour, **FLIES)
+    state = drive(9, **moves)
+    input = next_input(state, 9, states=make_states(occupied=[BLOCK]), **moves)
     return input, state, state.trajectory.at(input.effect_ns)
 
 
@@ -47,15 +46,15 @@ def leaves_after(path):
 
 
 def test_a_path_is_left_within_the_distance_of_a_stop_and_still_ends_at_rest_in_free_space():
-    input, state, start = in_motion(rules=6)
+    input, state, start = in_motion(**FLIES)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     path = keep_or_replan(input, state, start).state.global_path
     assert leaves_after(path) < 0.7 * braking
     assert is_free_along(input.traversable, path)
     motion = PathState(0, 0.0, start.speed, start.acceleration, start.heading)
-    assert follow_path(path, motion, input.limits, 9.0, whole_bends=True).overshoot_m == 0.0
-    former, state, start = in_motion(rules=5)
-    assert leaves_after(keep_or_replan(former, state, start).state.global_path) > braking
+    assert follow_path(path, motion, input.limits, 9.0).overshoot_m == 0.0
+    facing, state, start = in_motion()
+    assert leaves_after(keep_or_replan(facing, state, start).state.global_path) > braking
 
 
 @pytest.mark.parametrize(
@@ -64,7 +63,6 @@ def test_a_path_is_left_within_the_distance_of_a_stop_and_still_ends_at_rest_in_
         (FLIES, True),
         ({}, False),
         ({**FLIES, "turns_in_place": True}, False),
-        ({**FLIES, "behaviour": BehaviourConfig(rules=5)}, False),
     ],
 )
 def test_only_a_body_that_flies_in_any_direction_bends_early(room, early):
@@ -93,9 +91,9 @@ def test_a_path_is_searched_anew_after_the_shorter_period():
 BENT = np.array([place(1.05, 2.05), place(3.05, 2.05), place(3.05, 3.55)])
 
 
-@pytest.mark.parametrize(("rules", "length"), [(5, 2.0), (6, 3.5)])
-def test_a_corner_that_cannot_be_rounded_is_flown_slowly_and_not_stopped_at(rules, length):
-    input = make_input(goal=(3.05, 3.55), behaviour=BehaviourConfig(rules=rules), **FLIES)
+@pytest.mark.parametrize(("moves", "length"), [({}, 2.0), (FLIES, 3.5)])
+def test_a_corner_that_cannot_be_rounded_is_flown_slowly_and_not_stopped_at(moves, length):
+    input = make_input(goal=(3.05, 3.55), **moves)
     state = at_rest(global_path=BENT)
     part = drivable_part(input, BENT, state.trajectory.at(input.effect_ns))
     assert part.length == pytest.approx(length)
@@ -115,7 +113,7 @@ def chosen(input, start, braking, paths):
 
 
 def test_the_fastest_path_is_taken_of_those_along_which_the_limits_are_kept():
-    input, _, start = in_motion(rules=6)
+    input, _, start = in_motion(**FLIES)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     long, short = ahead(start, (3.0, 0.0), (3.0, 1.0)), ahead(start, (3.0, 0.0))
     kink = ahead(start, (0.1, 0.0), (0.1, 0.05), (0.1, 1.5))
@@ -127,7 +125,7 @@ def test_the_fastest_path_is_taken_of_those_along_which_the_limits_are_kept():
 
 
 def test_no_path_is_taken_early_that_is_not_admitted_as_far_as_a_stop_takes():
-    input, _, start = in_motion(rules=6)
+    input, _, start = in_motion(**FLIES)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     x = round(float(start.position[0]) + 0.5 * braking, 1)
     near = make_input(make_states(unknown=[(x, 8.0, 0.0, 4.0)])).traversable

@@ -37,8 +37,7 @@ def test_evidence_is_kept_where_the_unknown_is_forbidden():
         config = override(Config("empty", "quadruped", 0), [f"costmap.unknown_policy={policy}"])
         scenario = build(config)
         assert (missing_floor_of(scenario.config, scenario.mission) is not None) == kept
-    for former in ("behaviour.rules=8", "map.ground_fit=false"):
-        scenario = build(override(Config("empty", "quadruped", 0), [former]))
-        assert missing_floor_of(scenario.config, scenario.mission) is None
+    plain = build(override(Config("empty", "quadruped", 0), ["map.ground_fit=false"]))
+    assert missing_floor_of(plain.config, plain.mission) is None
     drone = build(Config("empty", "drone", 0))
     assert missing_floor_of(drone.config, drone.mission) is None

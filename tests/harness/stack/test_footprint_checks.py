@@ -48,25 +48,21 @@ def path(start: float, end: float) -> np.ndarray:
 def test_a_trajectory_fits_where_each_of_its_poses_does(lane):
     start = 0, 0.0, 0.0, 0.0
     along = follow_path(path(2.0, 5.5), PathState(*start, 0.0), LIMITS, 1.0)
-    assert first_misfit(lane, along, corners=True) is None
+    assert first_misfit(lane, along) is None
     askew = follow_path(path(2.0, 5.5), PathState(*start, 1.0), LIMITS, 1.0)
-    assert first_misfit(lane, askew, corners=True) == 0.0  # it stands across the lane
+    assert first_misfit(lane, askew) == 0.0  # it stands across the lane
     backwards = follow_path(path(3.5, 2.0), PathState(*start, 0.0), LIMITS, 0.4, reverse=True)
-    assert first_misfit(lane, backwards, corners=True) is None
+    assert first_misfit(lane, backwards) is None
     assert np.abs(backwards.poses(0.1)[:, 3]).max() < 1e-9
     into_the_wall = follow_path(path(2.5, 1.0), PathState(*start, math.pi), LIMITS, 1.0)
-    found = first_misfit(lane, into_the_wall, corners=True)
+    found = first_misfit(lane, into_the_wall)
     assert 0.9 < found < 1.1  # 0.25 m and 0.2 m of its front, half a diagonal, and whole cells
-    assert first_misfit(dataclasses.replace(lane, discs=()), into_the_wall, corners=True) is None
+    assert first_misfit(dataclasses.replace(lane, discs=()), into_the_wall) is None
 
 
 def test_a_turn_is_checked_all_the_way(lane):
-    assert (
-        first_misfit(lane, turn_in_place(place(3.0), 0, 0.0, math.pi, LIMITS), corners=True) == 0.0
-    )
-    assert (
-        first_misfit(lane, turn_in_place(place(5.5), 0, 0.0, math.pi, LIMITS), corners=True) is None
-    )
+    assert first_misfit(lane, turn_in_place(place(3.0), 0, 0.0, math.pi, LIMITS)) == 0.0
+    assert first_misfit(lane, turn_in_place(place(5.5), 0, 0.0, math.pi, LIMITS)) is None
 
 
 def test_nose_first_where_it_can_turn_about_and_the_nearer_way_elsewhere(lane):

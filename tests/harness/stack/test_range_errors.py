@@ -22,10 +22,9 @@ from wayproof.models.worlds import Box
 SETTINGS = ("motion.limits=full", "episode.time_limit=3")
 
 
-def fly(path, perturbation, rules=8, *settings):
+def fly(path, perturbation, *settings):
     """Fly for three seconds; return the map at the end and the scenario."""
-    settings = (*SETTINGS, f"behaviour.rules={rules}", *settings)
-    config = override(Config("warehouse", "drone", 3), settings)
+    config = override(Config("warehouse", "drone", 3), (*SETTINGS, *settings))
     config = replace(config, perturbation=perturbation_from(perturbation))
     scenario = build(config)
     with open_episode(scenario, path, None) as opened:
@@ -52,23 +51,16 @@ def top_speed(trajectory):
     return float(np.diff(trajectory.arc_length).max(initial=0.0)) / trajectory.sample_period_s
 
 
-def test_lost_echoes_clear_little_of_what_they_met(tmp_path):
-    free = {
-        rules: free_within(*fly(tmp_path / f"{rules}.mcap", "depth_dropout:5", rules))
-        for rules in (6, 7)
-    }
-    assert free[6] > 0.02
-    assert free[7] < 0.5 * free[6]
-
-
-@pytest.mark.parametrize("perturbation", ["depth_dropout:5:patch", "depth_dropout:5:sweep"])
-def test_echoes_lost_side_by_side_clear_less_of_what_they_met(tmp_path, perturbation):
-    free = {
-        rules: free_within(*fly(tmp_path / f"{rules}.mcap", perturbation, rules))
-        for rules in (9, 10)
-    }
-    assert free[9] > 0.4
-    assert free[10] < 0.5 * free[9]
+@pytest.mark.parametrize(
+    ("perturbation", "most"),
+    [
+        ("depth_dropout:5", 0.01),
+        ("depth_dropout:5:patch", 0.2),
+        ("depth_dropout:5:sweep", 0.2),
+    ],
+)
+def test_lost_echoes_clear_little_of_what_they_met(tmp_path, perturbation, most):
+    assert free_within(*fly(tmp_path / "lossy.mcap", perturbation)) < most
 
 
 @pytest.mark.parametrize(("severity", "slow"), [(2, False), (4, True)])
@@ -90,24 +82,20 @@ def test_noise_costs_speed_and_the_log_says_so(tmp_path, severity, slow):
 
 def test_the_limit_of_noise_is_a_setting(tmp_path):
     path = tmp_path / "noisy.mcap"
-    fly(path, "depth_noise:4", 8, "behaviour.noisy_sigma=0.2", "episode.time_limit=1")
+    fly(path, "depth_noise:4", "behaviour.noisy_sigma=0.2", "episode.time_limit=1")
     assert not any(one.predicate.HasField("range_sigma_m") for one in open_log(path).decisions())
 
 
 @pytest.mark.parametrize("robot", ["quadruped", "drone"])
-def test_false_returns_stop_no_robot_as_they_did(tmp_path, robot):
+def test_false_returns_stop_no_robot(tmp_path, robot):
     """At 3 % of the beams, as in the heaviest snow."""
-    ended = {}
-    for rules in (7, 8):
-        path = tmp_path / f"{rules}.mcap"
-        settings = (f"behaviour.rules={rules}", "episode.time_limit=8")
-        config = override(Config("office", robot, 0), settings)
-        snow = replace(config, perturbation=perturbation_from("false_returns:4"))
-        ended[rules] = run_episode(build(snow), path)
-        assert verify(path).verified
-    assert ended[7].path_length_m < 1.0
-    assert ended[8].path_length_m > 3.0
-    assert ended[8].collisions == 0
+    path = tmp_path / "snow.mcap"
+    config = override(Config("office", robot, 0), ["episode.time_limit=8"])
+    snow = replace(config, perturbation=perturbation_from("false_returns:4"))
+    ended = run_episode(build(snow), path)
+    assert verify(path).verified
+    assert ended.path_length_m > 3.0
+    assert ended.collisions == 0
 
 
 def test_where_false_returns_stop_a_robot_they_are_the_cause(tmp_path):
@@ -119,19 +107,6 @@ def test_where_false_returns_stop_a_robot_they_are_the_cause(tmp_path):
     assert (ended.outcome, ended.cause, ended.collisions) == ("aborted", "perception", 0)
     found = find_cause(read_case(open_log(path)))
     assert "of the returns were false, far before any surface" in found.evidence
-
-
-def test_without_false_returns_the_rules_decide_alike(tmp_path):
-    for rules in (7, 8):
-        settings = (f"behaviour.rules={rules}", "episode.time_limit=4")
-        config = override(Config("warehouse", "quadruped", 5), settings)
-        run_episode(build(config), tmp_path / f"{rules}.mcap")
-    versions = [
-        [(one.map_version, one.action) for one in open_log(tmp_path / f"{rules}.mcap").decisions()]
-        for rules in (7, 8)
-    ]
-    assert versions[0] == versions[1]
-    assert len(versions[0]) == 41
 
 
 def rainy_sweep(columns, rows=8):

@@ -57,18 +57,13 @@ def test_an_escape_does_not_brush_an_obstacle(pillars, action, kind):
     assert (command.action, command.label, command.reason.kind) == (action, "start_blocked", kind)
 
 
-@pytest.mark.parametrize(("rules", "kind"), [(4, "escaping_inflation"), (5, "way_out_blocked")])
-def test_an_escape_of_the_circumscribed_disc_drags_no_disc_of_the_body_over_an_obstacle(
-    rules, kind
-):
+def test_an_escape_of_the_circumscribed_disc_drags_no_disc_of_the_body_over_an_obstacle():
     """The centre stands beside a wall, and leaves it; the pillar is as far, beside the nose."""
     states = make_states(occupied=[(0.0, 8.0, 0.0, 1.9), (1.2, 1.3, 2.1, 2.2)])
     discs = tuple(zip(LONG.offsets, LONG.radii, strict=True))
-    behaviour = BehaviourConfig(rules=rules)
-    about = Body((0.0,), (0.5,))
-    input = make_input(states, about, bare_discs=discs, behaviour=behaviour)
+    input = make_input(states, Body((0.0,), (0.5,)), bare_discs=discs)
     command, _ = escape(input, at_rest())
-    assert command.reason.kind == kind
+    assert command.reason.kind == "way_out_blocked"
 
 
 def escape(input, state):
@@ -92,12 +87,9 @@ def test_an_escape_leads_straight_and_slowly_to_the_nearest_traversable_position
 
 
 @pytest.mark.parametrize("sideways", [0.0, 0.4])
-@pytest.mark.parametrize("keep_moving", [False, True])
-@pytest.mark.parametrize("rules", [11, 12])
-def test_a_long_body_leaves_the_inflation_at_its_heading(rules, keep_moving, sideways):
+def test_a_long_body_leaves_the_inflation_at_its_heading(sideways):
     """Its discs are checked at that heading; the disc about them has none of its own."""
     states = make_states(occupied=[(0.0, 0.6, 0.0, 4.0)])
-    behaviour = BehaviourConfig(rules=rules, keep_moving=keep_moving)
     about = Body((0.0,), (0.5,))
     discs = tuple(zip(LONG.offsets, LONG.radii, strict=True))
     input = make_input(
@@ -105,14 +97,12 @@ def test_a_long_body_leaves_the_inflation_at_its_heading(rules, keep_moving, sid
         about,
         heading=1.2,
         bare_discs=discs,
-        behaviour=behaviour,
         turns_in_place=True,
         sideways_speed=sideways,
     )
     command, _ = escape(input, at_rest(heading=1.2))
     assert command.reason.kind == "escaping_inflation"
-    turned = abs(final_sample(command.trajectory).heading - 1.2)
-    assert (turned > 0.1) == (rules == 11 and not (keep_moving and sideways))
+    assert final_sample(command.trajectory).heading == 1.2
 
 
 def test_a_body_with_no_traversable_position_within_reach_waits():
@@ -251,7 +241,6 @@ def test_backtracking_follows_the_breadcrumbs_as_an_exploration():
 def test_an_escape_that_is_under_way_goes_on_until_the_body_is_free():
     """At the heading that it has, one decision after the other, and then to the goal."""
     room = {"states": make_states(occupied=[(0.0, 0.95, 0.0, 4.0)]), "sideways_speed": 0.3}
-    room["behaviour"] = BehaviourConfig(keep_moving=True)
     state, kinds = at_rest(heading=1.0), []
     for sequence in range(25):
         command, state = decide(next_input(state, sequence, **room), state)
@@ -266,11 +255,11 @@ def test_an_escape_that_is_under_way_goes_on_until_the_body_is_free():
 
 
 def test_an_escape_whose_end_was_taken_is_given_up():
-    first, keeps = make_states(occupied=[(0.0, 0.95, 0.0, 4.0)]), BehaviourConfig(keep_moving=True)
+    first = make_states(occupied=[(0.0, 0.95, 0.0, 4.0)])
     state = at_rest()
     for sequence in range(3):
-        _, state = decide(next_input(state, sequence, states=first, behaviour=keeps), state)
+        _, state = decide(next_input(state, sequence, states=first), state)
     end = final_sample(state.trajectory).position
     taken = make_states(occupied=[(0.0, 0.95, 0.0, 4.0), (end[0] + 0.2, 8.0, 0.0, 4.0)])
-    command, _ = decide(next_input(state, 3, states=taken, behaviour=keeps), state)
+    command, _ = decide(next_input(state, 3, states=taken), state)
     assert command.action == "stop_and_wait"

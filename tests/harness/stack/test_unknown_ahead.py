@@ -15,12 +15,11 @@ from tests.harness.stack.make_input import (
     place,
 )
 from wayproof.harness.config import Config
-from wayproof.harness.config_document import override
 from wayproof.harness.scenario.scenario import build
+from wayproof.harness.stack.footprint import body_of, costs
 from wayproof.harness.stack.global_path import keep_or_replan
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder, memoized_planner
-from wayproof.harness.stack.types import BehaviourConfig
 from wayproof.harness.stack.unknown_ahead import discounted_space, enough_admitted
 from wayproof.maps import FREE, OCCUPIED
 from wayproof.planners import PlannerConfig, stopping_distance
@@ -34,7 +33,7 @@ NEAR = (1.9, 2.4, 1.0, 4.0)
 UNKNOWN_COST = 4.0
 
 
-def room_with(unknown, rules=6, **others):
+def room_with(unknown, **others):
     """Input in a room with unknown space, where that is as dear as in a costmap."""
     states = make_states(unknown=[unknown])
     known, passable = make_space(states != FREE), make_space(states == OCCUPIED)
@@ -43,8 +42,7 @@ def room_with(unknown, rules=6, **others):
     costs[edge] = UNKNOWN_COST
     distances = np.where(known.field < edge, np.minimum(passable.field, edge), passable.field)
     optimistic = replace(passable, distances=distances.astype(np.uint16), cost_by_distance=costs)
-    behaviour = BehaviourConfig(rules=rules)
-    return make_input(states, optimistic=optimistic, behaviour=behaviour, **others)
+    return make_input(states, optimistic=optimistic, **others)
 
 
 def lowest_of(input, **state):
@@ -54,9 +52,8 @@ def lowest_of(input, **state):
     return planned.state.global_path[:, 1].min()
 
 
-@pytest.mark.parametrize(("rules", "around"), [(5, True), (6, False)])
-def test_a_way_through_unknown_space_far_ahead_is_taken_by_the_new_rules(rules, around):
-    assert (lowest_of(room_with(FAR, rules)) < 1.0) == around
+def test_a_way_through_unknown_space_far_ahead_is_taken():
+    assert lowest_of(room_with(FAR)) > 1.0
 
 
 def test_unknown_space_before_which_the_robot_would_brake_is_still_avoided():
@@ -64,7 +61,7 @@ def test_unknown_space_before_which_the_robot_would_brake_is_still_avoided():
 
 
 @pytest.mark.parametrize("other", [{"turns_in_place": True}, {"omnidirectional": False}])
-def test_a_robot_on_the_ground_or_with_a_camera_alone_pays_as_before(other):
+def test_a_robot_on_the_ground_or_with_a_camera_alone_pays_in_full(other):
     assert lowest_of(room_with(FAR, **other)) < 1.0
 
 
@@ -114,15 +111,11 @@ def test_a_plan_is_memoized_by_the_costs_that_it_was_made_with():
     [("drone", True, 0.5), ("drone", False, 1.0), ("quadruped", True, 1.0)],
 )
 def test_nearness_costs_a_robot_that_flies_half_and_the_unknown_as_much(robot, around, share):
-    costs, unknown = [], []
-    for rules in (5, 6):
-        config = override(Config("empty", robot, 0), [f"behaviour.rules={rules}"])
-        scenario = build(config)
-        mapper = Mapper(scenario.config, scenario.mission, {})
-        built = scenario.config, scenario.mission, mapper.costmap
-        spaces = FreeSpaceBuilder(*built, omnidirectional=around).circumscribed()
-        costs.append(spaces.known_free.cost_by_distance)
-        edge = spaces.optimistic.collision_distance_sq + 1
-        unknown.append(spaces.optimistic.cost_by_distance[edge])
-    np.testing.assert_array_equal(costs[1], share * costs[0])
-    assert unknown == [UNKNOWN_COST, UNKNOWN_COST]
+    scenario = build(Config("empty", robot, 0))
+    costmap = Mapper(scenario.config, scenario.mission, {}).costmap
+    builder = FreeSpaceBuilder(scenario.config, scenario.mission, costmap, omnidirectional=around)
+    spaces = builder.circumscribed()
+    whole = costs(costmap, body_of(scenario.mission))
+    np.testing.assert_array_equal(spaces.known_free.cost_by_distance, share * whole)
+    edge = spaces.optimistic.collision_distance_sq + 1
+    assert spaces.optimistic.cost_by_distance[edge] == UNKNOWN_COST

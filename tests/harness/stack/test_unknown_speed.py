@@ -9,13 +9,12 @@ from wayproof.harness.stack.types import BehaviourConfig
 from wayproof.planners import stopping_distance
 
 SHARE = BehaviourConfig().unknown_speed_fraction
-RULES = BehaviourConfig().rules
 
 
-def decided(unknown_from, rules=RULES, **behaviour):
+def decided(unknown_from, **behaviour):
     """Decision of a robot at rest before space that is unknown from some x on, m."""
     states = make_states(unknown=[(unknown_from, 8.0, 0.0, 4.0)])
-    settings = BehaviourConfig(rules=rules, **behaviour)
+    settings = BehaviourConfig(**behaviour)
     input = make_input(states, policy="penalize", behaviour=settings)
     return input, decide(input, at_rest())[0]
 
@@ -40,14 +39,6 @@ def test_a_robot_slows_down_where_the_unknown_begins(unknown_from, action):
     if action == "follow":
         assert known > stopping_distance(input.limits.speed, 0.0, input.limits)
         assert before.max() == pytest.approx(input.limits.speed)
-
-
-def test_older_rules_are_slow_from_the_start():
-    input, command = decided(4.0, rules=12)
-    assert (command.action, command.reason.kind) == ("slow", "through_unknown")
-    speeds = np.concatenate(speeds_of(command.trajectory, command.reason.free_m))
-    assert speeds.max() <= SHARE * input.limits.speed + 1e-6
-    assert command.trajectory.duration_s > decided(4.0)[1].trajectory.duration_s + 0.5
 
 
 def test_a_tiny_share_still_ends_at_the_goal():
