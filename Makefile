@@ -64,7 +64,7 @@ docs: $(TOOLS)  ## Build the documentation into site/; every link in it is check
 	$(BIN)/python -m sphinx -q -W --keep-going -c docs . site
 
 schema: $(TOOLS)  ## Regenerate the protobuf code from harness/schema/*.proto.
-	$(BIN)/python -m grpc_tools.protoc --proto_path=. --python_out=. --pyi_out=. harness/schema/wayproof.proto harness/schema/foxglove.proto harness/schema/stack.proto
+	$(BIN)/python -m grpc_tools.protoc --proto_path=. --python_out=. --pyi_out=. harness/schema/wayproof.proto harness/schema/stack.proto
 
 lock:  ## Resolve the pinned requirements again (needs uv).
 	$(LOCK) --extra dev --output-file requirements-dev.txt

@@ -234,12 +234,6 @@ def read_case(log: Log) -> Case:
     moments = tuple(moments_of(_without_keyframes(keyframes, read_messages(log.path))))
     if not moments:
         raise InputError(f"log '{log.path}': no decisions in it")
-    try:
-        recorded = log.config.recording is not None
-        space = TrueSpace(NO_SCENE if recorded else safe_scene(log.scene))
-    except (KeyError, *NOT_COMPILED) as error:
-        text = " ".join(str(error).split())[:200]
-        raise InputError(f"log '{log.path}': its scene: {text}") from None
     return Case(
         config=log.config,
         mission=leg_towards(log.mission, moments[-1].goal),
@@ -249,9 +243,23 @@ def read_case(log: Log) -> Case:
         end_s=float(log.result.get("sim_time_s", moments[-1].time_ns * 1e-9)),
         contact=Contact.from_text(log.result.get("contact", "")),
         moments=moments,
-        space=space,
+        space=true_space(log),
         keyframes=tuple(keyframes) if log.config.keyframe_period else (),
     )
+
+
+def true_space(log: Log) -> TrueSpace:
+    """Return the true geometry of a log's scene; an empty one of a recording.
+
+    Raises:
+        InputError: The scene in the log cannot be compiled.
+    """
+    try:
+        recorded = log.config.recording is not None
+        return TrueSpace(NO_SCENE if recorded else safe_scene(log.scene))
+    except (KeyError, *NOT_COMPILED) as error:
+        text = " ".join(str(error).split())[:200]
+        raise InputError(f"log '{log.path}': its scene: {text}") from None
 
 
 def _without_keyframes(

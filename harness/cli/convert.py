@@ -38,10 +38,10 @@ def _foxglove(options: argparse.Namespace, console: Console) -> Document:
     if out.resolve() == options.log.resolve():
         raise InputError(f"--foxglove: got the log itself, '{out}'")
     check_log(options.log, options)
-    from wayproof.harness.viewer.foxglove import convert
+    from wayproof.harness.viewer.foxglove import write_foxglove
 
     with console.status("making the maps again"):
-        decisions = convert(options.log, out, options.allow_plugins)
+        decisions = write_foxglove(options.log, out, options.allow_plugins)
     return {"out": str(out), "decisions": decisions}
 
 

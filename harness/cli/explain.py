@@ -82,7 +82,7 @@ def _explain_decision(options: argparse.Namespace, console: Console) -> Document
         case, card, navigator = made
     print_card(console, card)
     if options.png is not None:
-        _draw(case, card, navigator, target=options.png, console=console)
+        _draw(log, case, card, navigator, target=options.png, console=console)
     return asdict(card)
 
 
@@ -186,7 +186,7 @@ def _draw_episode(
         raise InputError(f"log '{log.path}': no sweeps in it, so there is no map")
     number = len(case.moments) - 1 if finding is None else finding.decision
     case, navigator = case.as_of(number), case.navigator_at(number)
-    _draw(case, make_card(case, number, navigator), navigator, target, console)
+    _draw(log, case, make_card(case, number, navigator), navigator, target, console)
 
 
 def _last_lines(log: Log) -> list[str]:
@@ -239,10 +239,12 @@ def _check(log: Log, finding: Finding | None, stack: str | None) -> Verdict:
     return check(log, finding, stack=stack or "")
 
 
-def _draw(case: Case, card: Card, navigator: Navigator, target: Path, console: Console) -> None:
-    from wayproof.harness.explain.picture import draw
+def _draw(
+    log: Log, case: Case, card: Card, navigator: Navigator, target: Path, console: Console
+) -> None:
+    from wayproof.harness.viewer.top_view import draw_card
 
-    draw(case, card, navigator, target)
+    draw_card(log, case, card, navigator, target)
     console.print(f"picture: {target}", soft_wrap=True, highlight=False)
 
 

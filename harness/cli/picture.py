@@ -1,4 +1,4 @@
-"""`wayproof picture`: draw the simulated scene with the map over it, as image or movie."""
+"""`wayproof picture`: draw the map, the truth and the plans from above, as image or movie."""
 
 from __future__ import annotations
 
@@ -16,11 +16,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Draw one decision, or all of them."""
     _check(options)
     check_log(options.log, options)
-    from wayproof.harness.viewer.driver import choose_driver
-
-    choose_driver()
     from wayproof.harness.viewer.movie import check_movie, draw_movie
-    from wayproof.harness.viewer.picture import draw_picture
+    from wayproof.harness.viewer.top_view import draw_picture
 
     began = time.perf_counter()
     log, plugins = options.log, options.allow_plugins
@@ -68,7 +65,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 VERB = Verb(
-    help="draw the simulated scene with the map over it: one decision, or a movie",
+    help="draw the map, the truth and the plans from above: one decision, or a movie",
     add_arguments=_add_arguments,
     run=run,
     example="wayproof picture logs/warehouse-drone-3.mcap 100 --out drone.png",

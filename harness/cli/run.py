@@ -38,10 +38,6 @@ SHOWN_LINES = 8
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run one episode."""
-    if options.render is not None:  # before anything loads the simulator
-        from wayproof.harness.viewer.driver import choose_driver
-
-        choose_driver()
     from wayproof.harness.config_document import from_document, override, with_perturbation
     from wayproof.harness.perturbations import perturbation_from
     from wayproof.harness.scenario.robots import refuse_unused

@@ -12,7 +12,6 @@ from wayproof.harness.mission import Mission
 from wayproof.maps import UNKNOWN, Costmap, Representation
 
 Array = NDArray[np.float64]
-Pixels = NDArray[np.uint8]
 
 OLD_S = 30.0
 """Age from which on evidence has one colour, s."""
@@ -40,6 +39,14 @@ class Evidence(NamedTuple):
 
     age_s: Array
     probability: Array
+
+    def images(self) -> dict[str, NDArray[np.uint8]]:
+        """Return both as colours (ny, nx, 3), least y first, by the names of `WORDS`."""
+        ages = AGE(np.clip(self.age_s / OLD_S, 0.0, 1.0))
+        return {
+            "age": _image(ages, np.isnan(self.age_s)),
+            "probability": _image(PROBABILITY(self.probability), np.isnan(self.probability)),
+        }
 
 
 def evidence_at(
@@ -75,17 +82,7 @@ def evidence_at(
     return Evidence(age.reshape(nx, ny), np.where(unknown, np.nan, probability).reshape(nx, ny))
 
 
-def age_pixels(age_s: Array) -> Pixels:
-    """Return ages (nx, ny), s, as an image (ny, nx, 3): x to the right, y up."""
-    return _image(AGE(np.clip(age_s / OLD_S, 0.0, 1.0)), np.isnan(age_s))
-
-
-def probability_pixels(probability: Array) -> Pixels:
-    """Return probabilities (nx, ny) as an image (ny, nx, 3): x to the right, y up."""
-    return _image(PROBABILITY(probability), np.isnan(probability))
-
-
-def _image(colours: Array, unknown: NDArray[np.bool_]) -> Pixels:
+def _image(colours: Array, unknown: NDArray[np.bool_]) -> NDArray[np.uint8]:
     image = np.round(255.0 * colours[..., :3]).astype(np.uint8)
     image[unknown] = UNKNOWN_COLOUR
-    return np.ascontiguousarray(image.transpose(1, 0, 2)[::-1])
+    return image.transpose(1, 0, 2)

@@ -1,24 +1,31 @@
-"""Image of one layer of the costmap: states, inflation and frontier."""
+"""One layer of the costmap: states, inflation and frontier, and their colours."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.viewer.colours import Colour
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap
 
 INFLATED, FRONTIER = 3, 4
 """Kinds of cells besides the states: free but inside the inflation; free, outside it, and next to
 unknown cells."""
 
-COLOURS = {
+COLOURS: dict[int, Colour] = {
     UNKNOWN: (150, 150, 160),
     FREE: (250, 250, 250),
     OCCUPIED: (30, 30, 35),
     INFLATED: (255, 190, 120),
     FRONTIER: (60, 190, 90),
 }
-"""Colours by kind: red, green and blue, 0 to 255."""
+"""Colours by kind."""
+
+MOST = 99
+"""Greatest cost but that of an occupied cell, 100, as in an OccupancyGrid of Nav2."""
+
+CHEAP, DEAR = (255, 238, 150), (226, 74, 40)
+"""Colours of the costs 1 and 99 of a stack; between them they change evenly."""
 
 
 def layer_at(costmap: Costmap, height: float) -> int:
@@ -45,12 +52,21 @@ def kinds(costmap: Costmap, layer: int, collision_distance_sq: int) -> NDArray[n
     return found
 
 
-def pixels(kinds: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return kinds (nx, ny) as an image (ny, nx, 3): x to the right, y up."""
-    palette = np.zeros((max(COLOURS) + 1, 3), np.uint8)
-    for kind, colour in COLOURS.items():
-        palette[kind] = colour
-    return np.ascontiguousarray(palette[kinds].transpose(1, 0, 2)[::-1])
+def palette() -> NDArray[np.uint8]:
+    """Return the colours of the kinds, (kinds, 3)."""
+    return np.array([COLOURS[kind] for kind in range(len(COLOURS))], np.uint8)
+
+
+def shades(cells: NDArray[np.int8]) -> NDArray[np.uint8]:
+    """Return costs of a stack, any shape, as colours, with an axis of 3 more.
+
+    A cost of 0 is free and 100 occupied; whatever is no cost is unknown.
+    """
+    table = np.full((256, 3), COLOURS[UNKNOWN], np.uint8)
+    share = np.linspace(0.0, 1.0, MOST)[:, None]
+    table[1 : MOST + 1] = np.round((1.0 - share) * CHEAP + share * DEAR)
+    table[0], table[MOST + 1] = COLOURS[FREE], COLOURS[OCCUPIED]
+    return table[np.ascontiguousarray(cells).view(np.uint8)]
 
 
 def _beside(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -9,9 +9,10 @@ import rerun.blueprint as rrb
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.log.reader import Log
 from wayproof.harness.schema import stack_pb2 as sb
+from wayproof.harness.shadow.picture import COLOURS_OF_WAY
+from wayproof.harness.viewer.curves import PLOTS
 from wayproof.harness.viewer.events import COLOURS, name_of
 from wayproof.harness.viewer.evidence import UNKNOWN_COLOUR, WORDS
-from wayproof.harness.viewer.recorded_way import LANE, WAYS
 from wayproof.harness.viewer.snapshots import layer_period_ns
 
 FLOORS = ("layer", "age", "probability", "stack_costmap")
@@ -20,7 +21,7 @@ FLOORS = ("layer", "age", "probability", "stack_costmap")
 FROM_ABOVE = ("occupied/**", "sweep", "scene/**")
 """Entities that would hide a grid on the floor from above."""
 
-TRACKS = ("trail", "believed_trail")
+TRACKS = ("trail", "believed_trail", *(f"way/{verdict}" for verdict in COLOURS_OF_WAY))
 
 
 def layout(logs: Mapping[str, Log]) -> rrb.Blueprint:
@@ -48,7 +49,7 @@ def _column(root: str, log: Log) -> rrb.Vertical:
         position=(x, y - 0.01, 0.85 * span), look_target=(x, y, 0.0), eye_up=(0.0, 1.0, 0.0)
     )
     world, period = f"/{root}/world", layer_period_ns(log) * 1e-9
-    verdict = "verdict" if log.config.recording is None else LANE
+    verdict = "verdict" if log.config.recording is None else "way"
     lanes = ("action", "label", verdict, "event")
     shown = _Spaces(world)
     maps = [
@@ -84,17 +85,6 @@ def _column(root: str, log: Log) -> rrb.Vertical:
         name=f"{root}: {log.path.name}, {log.result['outcome']}",
     )
 
-
-PLOTS = {
-    "clearance": "true clearance, m",
-    "speed": "true speed, m/s",
-    "pose": "error of the pose and margin, m",
-    "heading": "error of the heading, degrees",
-    "path": "committed path, m",
-    "latency": "stages, ms, without the first decision",
-    "delay": "delay and deadline, ms, without the first decision",
-}
-"""Names of the plots: one unit to a plot."""
 
 LEGENDS = ("clearance", "pose", "latency", "delay")
 """Plots of more than one curve."""
@@ -158,5 +148,5 @@ class _Spaces:
             eye_controls=eye,
             line_grid=False,
             background=list(UNKNOWN_COLOUR),
-            overrides={f"{self.world}/{one}": [so_far] for one in (*TRACKS, *marks, *WAYS)},
+            overrides={f"{self.world}/{one}": [so_far] for one in (*TRACKS, *marks)},
         )

@@ -7,29 +7,43 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from wayproof.harness.decision import path_of
-from wayproof.harness.explain.commanded import Commanded
+from wayproof.harness.interface.types import Grid
 from wayproof.harness.log.follow import FollowedLog
 from wayproof.harness.log.reader import Log
 from wayproof.harness.result import RECORDED
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.legs import Leg
+from wayproof.harness.shadow.picture import COLOURS_OF_WAY
 from wayproof.harness.viewer.curves import curves
 from wayproof.harness.viewer.events import CONTACT, LAST_CHANCE, PLOTS, Events, name_of
-from wayproof.harness.viewer.evidence import age_pixels, probability_pixels
-from wayproof.harness.viewer.recorded_way import show_way
-from wayproof.harness.viewer.rerun_grids import coloured_grid, costmap_grid, grid_map, layer_image
-from wayproof.harness.viewer.rerun_static import FAILURE, show_static, words_at
-from wayproof.harness.viewer.rows import AT_A_TIME, LIVE_AT_A_TIME, Rows
-from wayproof.harness.viewer.snapshots import Layer, Snapshot, tiles_of
+from wayproof.harness.viewer.layer import FRONTIER, INFLATED, MOST
+from wayproof.harness.viewer.moments import Moment
+from wayproof.harness.viewer.rerun_static import FAILURE, show_lanes, show_static, words_at
+from wayproof.harness.viewer.snapshots import MOST_HITS, Layer, Snapshot, tiles_of
 from wayproof.harness.viewer.tiles import Tile
 from wayproof.harness.viewer.words import describe, is_warning
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN
+
+RVIZ_MAP = {UNKNOWN: 255, FREE: 0, OCCUPIED: 100, INFLATED: 200, FRONTIER: 110}
+"""Values that RViz's map colours show as grey, white, black, orange and green."""
+
+_CODES = np.array([RVIZ_MAP[kind] for kind in range(len(RVIZ_MAP))], np.uint8)
+
+_COSTS = np.full(256, RVIZ_MAP[UNKNOWN], np.uint8)
+_COSTS[1 : MOST + 1] = np.linspace(254, 128, MOST).round()
+_COSTS[0], _COSTS[MOST + 1] = RVIZ_MAP[FREE], RVIZ_MAP[OCCUPIED]
+"""Values for a stack's costs, 0 to 100, that RViz's map colours show as white, yellow to red, and
+black; whatever is no cost is unknown."""
+
+WAY_LINE, WAY_ABOVE = rr.Radius.ui_points(2.0), 0.05
+"""Radius of the way of a recorded robot, which is seen as a whole, and its height above the body's
+origin, m: the layer of the map lies on the floor."""
 
 
 def show_log(
@@ -51,10 +65,9 @@ def show_log(
     Raises:
         InputError: The scene in the log cannot be compiled, or the log is damaged.
     """
-    movers = show_static(stream, log, root)
+    artist = _Artist(stream, log, root, with_trail=not legs)
     if legs:
-        show_way(stream, legs, root)
-    artist = _Artist(stream, log, root, movers, with_trail=not legs)
+        artist.show_way(legs)
     for snapshot in snapshots:
         artist.show(snapshot)
     if isinstance(log, FollowedLog):
@@ -66,113 +79,131 @@ def show_log(
 class _Artist:
     """Views of each moment; unchanged ones are not repeated."""
 
-    def __init__(
-        self,
-        stream: rr.RecordingStream,
-        log: Log,
-        root: str,
-        movers: frozenset[str],
-        with_trail: bool,
-    ) -> None:
-        self._stream, self._root, self._movers = stream, root, movers
+    def __init__(self, stream: rr.RecordingStream, log: Log, root: str, with_trail: bool) -> None:
+        self._stream, self._root = stream, root
+        self._movers = show_static(stream, log, root)
         self._with_trail = with_trail
-        self._rows = Rows(stream, root, LIVE_AT_A_TIME if log.under_way else AT_A_TIME)
         self._tiles = tiles_of(log)
         self._top = max(log.mission.high[2], 1.0)
-        self._cost_range = log.config.costmap.cost_range
-        self._axes = log.mission.axes
-        self._half = np.array([0.5 * log.config.map.resolution], np.float32)
+        self._cost_range, self._axes = log.config.costmap.cost_range, log.mission.axes
+        self._half = 0.5 * log.config.map.resolution
         self._events = Events(log)
         self._marked = False  # whether the lane of events shows one
-        self._last: Snapshot | None = None
-        self._count = 0
         self._shown: list[tuple[int, list[float]]] = []  # time, ns, and true position
-        self._frame: object = None
+        self._last: Moment | None = None
         self._layer: NDArray[np.uint8] | None = None
-        self._places: tuple[list[float], list[float]] | None = None  # true, believed
 
     def show(self, snapshot: Snapshot) -> None:
         """Show one moment."""
-        last, self._last = self._last, snapshot
-        if last is None or snapshot.decision.sequence != last.decision.sequence:
-            self._show_moment(snapshot)
+        moment = snapshot.moment
+        self._set_time(moment.time_ns, moment.decision.sequence)
+        if len(self._shown) <= moment.decision.sequence:
+            self._show_decision(moment)
+            self._show_tracks(moment)
+            self._show_movers(moment.truth)
+            for name, value in curves(moment, self._axes).items():
+                self._log(f"plots/{name}", rr.Scalars(value))
+            self._show_events(moment)
+            self._shown.append((moment.time_ns, list(moment.truth.position)))
+            self._last = moment
         if snapshot.layer is not None:
             self._show_layer(snapshot.layer)
-        if snapshot.stack_costmap is not None:
-            self._log_now("world/stack_costmap", costmap_grid(snapshot.stack_costmap))
-        if snapshot.hits is not None:
-            hits = snapshot.hits().astype(np.float32)
-            self._rows.put_many("world/sweep", rr.Points3D, positions=hits)
-        if snapshot.tiles:
-            self._show_cells(snapshot.tiles)
+        if snapshot.with_costmap and moment.stack_costmap is not None:
+            self._log("world/stack_costmap", _costs(moment.stack_costmap.grid))
+        if snapshot.with_hits:
+            hits = moment.hits(MOST_HITS).astype(np.float32)
+            self._log("world/sweep", rr.Points3D.from_fields(positions=hits))
+        for tile in snapshot.tiles:
+            self._show_cells(tile)
 
-    def finish(self, log: Log) -> int:
-        """Send the rest and the outcome; return the number of moments."""
-        if self._last is not None:
-            self._rows.send()
-            _show_end(self._stream, log, self._last, self._root)
-        return self._count
+    def show_way(self, legs: Sequence[Leg]) -> None:
+        """Show each leg of a recorded way at the time of its end, and its verdicts on a lane."""
+        colours = {name: int(colour[1:] + "ff", 16) for name, colour in COLOURS_OF_WAY.items()}
+        show_lanes(self._stream, self._root, {"way": colours})
+        for verdict, colour in colours.items():
+            style = rr.LineStrips3D.from_fields(radii=WAY_LINE, colors=colour)
+            self._stream.log(f"{self._root}/world/way/{verdict}", style, static=True)
+        before = ""
+        for leg in legs:
+            verdict = "admitted" if leg.admitted else leg.why
+            if verdict != before:
+                self._set_time(leg.begin_ns, leg.sequence)
+                self._log("way", rr.StateChange(state=verdict))
+                before = verdict
+            self._set_time(leg.end_ns, leg.sequence)
+            line = leg.poses[:, :3] + np.array([0.0, 0.0, WAY_ABOVE])
+            self._log(f"world/way/{verdict}", rr.LineStrips3D.from_fields(strips=[line]))
 
     def mark_last_chance(self, log: Log) -> None:
         """Mark the last chance, which only a finished log names, of one that was followed."""
         number = Events(log).last_chance
-        if not 0 <= number < len(self._shown):
-            return
-        time_ns, place = self._shown[number]
-        self._rows.send()
+        if 0 <= number < len(self._shown):
+            time_ns, place = self._shown[number]
+            self._set_time(time_ns, number)
+            mark = rr.Points3D.from_fields(positions=[place], labels=[LAST_CHANCE])
+            self._log(f"world/events/{name_of(LAST_CHANCE)}", mark)
+
+    def finish(self, log: Log) -> int:
+        """Show the outcome at the end, a failure with a mark; return the number of moments."""
+        last = self._last
+        if last is None:
+            return 0
+        outcome, reason = log.result["outcome"], log.result.get("reason", "")
+        end_ns = round(float(log.result.get("sim_time_s", last.time_ns * 1e-9)) * 1e9)
+        self._set_time(max(end_ns, last.time_ns), last.decision.sequence)
+        good = outcome in ("success", RECORDED)
+        self._log("reasons", rr.TextLog(f"{outcome}: {reason}", level="INFO" if good else "ERROR"))
+        if end_ns > last.time_ns:  # otherwise the last action would seem to go on
+            for lane in ("action", "label", *(["verdict"] if last.commanded else [])):
+                self._log(lane, rr.StateChange(state=""))
+        self._log("event", rr.StateChange(state=CONTACT if outcome == "collision" else ""))
+        if not good:
+            place = list(last.truth.position)
+            self._log("world/failure", rr.Points3D([place], radii=0.25, colors=FAILURE))
+            self._log("world/failure/words", words_at(place, f"{outcome}: {reason}"))
+        return len(self._shown)
+
+    def _set_time(self, time_ns: int, sequence: int) -> None:
         self._stream.set_time("time", duration=np.timedelta64(time_ns, "ns"))
-        self._stream.set_time("decision", sequence=number)
-        mark = rr.Points3D.from_fields(positions=[place], labels=[LAST_CHANCE])
-        self._stream.log(f"{self._root}/world/events/{name_of(LAST_CHANCE)}", mark)
+        self._stream.set_time("decision", sequence=sequence)
 
-    def _show_moment(self, moment: Snapshot) -> None:
-        self._count += 1
-        self._shown.append((moment.time_ns, list(moment.truth.position)))
-        self._rows.begin(moment.time_ns, moment.decision.sequence)
-        self._show_decision(moment)
-        self._show_tracks(moment)
-        self._show_movers(moment.truth)
-        for name, value in curves(moment, self._axes).items():
-            self._rows.put(f"plots/{name}", rr.Scalars, scalars=value)
-        self._show_events(moment)
+    def _log(self, entity: str, content: rr.AsComponents) -> None:
+        self._stream.log(f"{self._root}/{entity}", content)
 
-    def _show_decision(self, moment: Snapshot) -> None:
-        decision, pose, rows = moment.decision, moment.pose, self._rows
-        rows.put("world/robot", rr.Transform3D, **_transform(pose.position, pose.quaternion))
-        global_path, path = path_of(decision.global_path), path_of(decision.trajectory.path)
-        if moment.commanded is not None:
+    def _line(self, name: str, points: NDArray[np.float64]) -> None:
+        """Show a line through points (n, 3), m, in its static style."""
+        self._log(f"world/{name}", rr.LineStrips3D.from_fields(strips=[points]))
+
+    def _show_decision(self, moment: Moment) -> None:
+        decision, pose = moment.decision, moment.record.inputs.pose
+        self._log("world/robot", _transform(pose.position, pose.quaternion))
+        global_path, command = path_of(decision.global_path), moment.commanded
+        if command is not None:
             global_path = global_path[:0]  # it would be the stack's own, in the colour of ours
-            self._show_command(moment.commanded)
-        rows.put("world/global_path", rr.LineStrips3D, strips=global_path)
-        rows.put("world/trajectory", rr.LineStrips3D, strips=path)
-        words = describe(decision, self._cost_range, moment.commanded, moment.pose, moment.truth)
-        rows.put("decision", rr.TextDocument, text=words)
-        rows.put("action", rr.StateChange, state=decision.action)
-        rows.put("label", rr.StateChange, state=decision.label)
+            self._line("planned_path", command.planned_path)
+            self._line("not_admitted", command.refused)
+            self._log("verdict", rr.StateChange(state=command.verdict))
+        self._line("global_path", global_path)
+        self._line("trajectory", path_of(decision.trajectory.path))
+        words = describe(decision, self._cost_range, command, pose, moment.truth)
+        self._log("decision", rr.TextDocument(words, media_type="text/markdown"))
+        self._log("action", rr.StateChange(state=decision.action))
+        self._log("label", rr.StateChange(state=decision.label))
         level = "WARN" if is_warning(decision) else "INFO"
-        text = f"{decision.action}: {decision.reason}"
-        rows.put("reasons", rr.TextLog, text=text, level=level)
+        self._log("reasons", rr.TextLog(f"{decision.action}: {decision.reason}", level=level))
 
-    def _show_command(self, commanded: Commanded) -> None:
-        """Show a stack's plan, the part of its command that is not admitted, and the verdict."""
-        rows = self._rows
-        rows.put("world/planned_path", rr.LineStrips3D, strips=commanded.planned_path)
-        rows.put("world/not_admitted", rr.LineStrips3D, strips=commanded.refused)
-        rows.put("verdict", rr.StateChange, state=commanded.verdict)
-
-    def _show_tracks(self, moment: Snapshot) -> None:
+    def _show_tracks(self, moment: Moment) -> None:
         """Show the true pose, the true and the believed track, and the error between them."""
-        truth, rows = moment.truth, self._rows
-        true, believed = list(truth.position), moment.pose.position.tolist()
-        rows.put("world/truth", rr.Transform3D, **_transform(true, truth.quaternion))
-        if self._places is not None and self._with_trail:
+        truth = moment.truth
+        self._log("world/truth", _transform(truth.position, truth.quaternion))
+        both = np.array([truth.position, moment.record.inputs.pose.position])
+        self._line("pose_error", both)
+        if self._last is not None and self._with_trail:
+            last = self._last
+            before = np.array([last.truth.position, last.record.inputs.pose.position])
             # One piece per time; the layout shows all up to now.
-            for name, before, now in zip(
-                ("trail", "believed_trail"), self._places, (true, believed), strict=True
-            ):
-                rows.put(f"world/{name}", rr.LineStrips3D, strips=np.array([before, now]))
-        self._places = true, believed
-        rows.put("world/pose_error", rr.LineStrips3D, strips=np.array([true, believed]))
+            self._line("trail", np.array([before[0], both[0]]))
+            self._line("believed_trail", np.array([before[1], both[1]]))
 
     def _show_movers(self, truth: pb.Truth) -> None:
         if not truth.movers:
@@ -180,105 +211,76 @@ class _Artist:
         present = [mover for mover in truth.movers if mover.present]
         places = np.array([mover.position for mover in present]).reshape(-1, 3)
         names = [mover.name for mover in present]
-        self._rows.put_many("world/movers", rr.Points3D, positions=places, labels=names)
+        self._log("world/movers", rr.Points3D.from_fields(positions=places, labels=names))
         for mover in truth.movers:
             if mover.name in self._movers:
-                pose = _transform(mover.position, mover.quaternion)
-                size = [1.0 if mover.present else 0.0] * 3
-                self._rows.put(
-                    f"world/scene/movers/{mover.name}", rr.Transform3D, **pose, scale=size
-                )
+                scale = 1.0 if mover.present else 0.0
+                pose = _transform(mover.position, mover.quaternion, scale)
+                self._log(f"world/scene/movers/{mover.name}", pose)
 
-    def _show_events(self, moment: Snapshot) -> None:
+    def _show_events(self, moment: Moment) -> None:
         """Mark the events of a decision in space, on their lane, in the text and on a curve."""
-        rows, truth = self._rows, moment.truth
+        truth = moment.truth
         found = list(self._events.at(moment.decision, truth))
         for event in found:
-            name, place = name_of(event.kind), np.array([truth.position], np.float32)
-            rows.put_many(f"world/events/{name}", rr.Points3D, positions=place, labels=[event.mark])
-            rows.put("reasons", rr.TextLog, text=f"{event.kind}: {event.words}", level="WARN")
+            name, place = name_of(event.kind), [truth.position]
+            mark = rr.Points3D.from_fields(positions=place, labels=[event.mark])
+            self._log(f"world/events/{name}", mark)
+            self._log("reasons", rr.TextLog(f"{event.kind}: {event.words}", level="WARN"))
             plot = PLOTS[event.kind]
             value = truth.clearance_m if plot == "clearance" else moment.decision.delay_s * 1e3
             if not math.isnan(value):
-                rows.put(f"plots/{plot}/{name}", rr.Scalars, scalars=value)
+                self._log(f"plots/{plot}/{name}", rr.Scalars(value))
         if found or self._marked:
-            rows.put("event", rr.StateChange, state=found[-1].kind if found else "")
+            self._log("event", rr.StateChange(state=found[-1].kind if found else ""))
         self._marked = bool(found)
 
     def _show_layer(self, layer: Layer) -> None:
         """Show a layer if it differs from the last one, and its evidence if it has any."""
-        self._show_evidence(layer)
-        if self._layer is not None and np.array_equal(self._layer, layer.kinds):
-            return
-        self._layer = layer.kinds
-        self._show_frame(layer)
-        self._rows.put("world/layer", rr.GridMap, data=layer_image(layer))
+        if layer.evidence is not None:
+            for name, image in layer.evidence.images().items():
+                self._log(f"world/{name}", _grid(image, layer.corner, layer.resolution))
+        if self._layer is None or not np.array_equal(self._layer, layer.kinds):
+            self._layer = layer.kinds
+            self._log("world/layer", _grid(_CODES[layer.kinds.T], layer.corner, layer.resolution))
 
-    def _show_evidence(self, layer: Layer) -> None:
-        if layer.evidence is None:
-            return
-        images = {
-            "age": age_pixels(layer.evidence.age_s),
-            "probability": probability_pixels(layer.evidence.probability),
-        }
-        for name, image in images.items():
-            self._log_now(f"world/{name}", coloured_grid(image, layer))
-
-    def _show_frame(self, layer: Layer) -> None:
-        """Show the pose of the layer, once and after a fork that changes it."""
-        width, height = layer.kinds.shape
-        corner = layer.corner.tolist()
-        frame = (width, height, layer.resolution, *corner)
-        if frame == self._frame or self._last is None:
-            return
-        self._frame = frame
-        self._log_now("world/layer", grid_map(width, height, layer.resolution, corner))
-
-    def _log_now(self, entity: str, content: rr.AsComponents) -> None:
-        """Send one message of the last moment, out of the columns."""
-        assert self._last is not None
-        self._stream.set_time("time", duration=np.timedelta64(self._last.time_ns, "ns"))
-        self._stream.set_time("decision", sequence=self._last.decision.sequence)
-        self._stream.log(f"{self._root}/{entity}", content)
-
-    def _show_cells(self, tiles: list[Tile]) -> None:
-        each = [self._tiles.centres(tile).astype(np.float32) for tile in tiles]
-        heights = np.concatenate(each)[:, 2]
-        shade = (50 + 170 * np.clip(heights / self._top, 0.0, 1.0)).astype(np.uint32)
+    def _show_cells(self, tile: Tile) -> None:
+        """Show the occupied cells of a tile, in colours by height."""
+        centres = self._tiles.centres(tile).astype(np.float32)
+        shade = (50 + 170 * np.clip(centres[:, 2] / self._top, 0.0, 1.0)).astype(np.uint32)
         colours = (shade // 2) << 24 | shade << 16 | (255 - shade // 2) << 8 | 255
-        ends = np.cumsum([len(centres) for centres in each])
-        for tile, centres, shades in zip(tiles, each, np.split(colours, ends), strict=False):
-            self._rows.put_many(
-                f"world/occupied/{tile.name}",
-                rr.Points3D,
-                positions=centres,
-                colors=shades,
-                radii=self._half,
-            )
+        cells = rr.Points3D.from_fields(positions=centres, colors=colours, radii=self._half)
+        self._log(f"world/occupied/{tile.name}", cells)
 
 
-def _show_end(stream: rr.RecordingStream, log: Log, last: Snapshot, root: str) -> None:
-    """Show the outcome at the end; a failure with a mark."""
-    outcome, reason = log.result["outcome"], log.result.get("reason", "")
-    end_ns = round(float(log.result.get("sim_time_s", last.time_ns * 1e-9)) * 1e9)
-    stream.set_time("time", duration=np.timedelta64(max(end_ns, last.time_ns), "ns"))
-    good = outcome in ("success", RECORDED)
-    text = rr.TextLog(f"{outcome}: {reason}", level="INFO" if good else "ERROR")
-    stream.log(f"{root}/reasons", text)
-    if end_ns > last.time_ns:  # otherwise the last action would seem to go on
-        lanes = ("action", "label") if last.commanded is None else ("action", "label", "verdict")
-        for lane in lanes:
-            stream.log(f"{root}/{lane}", rr.StateChange(state=""))
-    state = CONTACT if outcome == "collision" else ""
-    stream.log(f"{root}/event", rr.StateChange(state=state))
-    if good:
-        return
-    place = list(last.truth.position)
-    mark = rr.Points3D([place], radii=0.25, colors=FAILURE)
-    stream.log(f"{root}/world/failure", mark)
-    stream.log(f"{root}/world/failure/words", words_at(place, f"{outcome}: {reason}"))
+def _costs(grid: Grid) -> rr.GridMap:
+    """Return a stack's own costmap."""
+    cells = _COSTS[np.ascontiguousarray(grid.cells).view(np.uint8)]
+    return _grid(cells, grid.origin, grid.resolution)
 
 
-def _transform(position: Iterable[float], quaternion: Iterable[float]) -> dict[str, Any]:
+def _grid(image: NDArray[np.uint8], corner: NDArray[np.float64], side: float) -> rr.GridMap:
+    """Return cells, least y first, on the floor: (ny, nx) of RViz's map colours, or (ny, nx, 3)."""
+    height, width = image.shape[:2]
+    flat = image.ndim == 2
+    return rr.GridMap(
+        data=np.ascontiguousarray(image[::-1]).tobytes(),
+        format=rr.components.ImageFormat(
+            width=width,
+            height=height,
+            color_model="L" if flat else "RGB",
+            channel_datatype="U8",
+        ),
+        cell_size=side,
+        translation=[*corner.tolist(), 0.0],
+        colormap=rr.components.Colormap.RvizMap if flat else None,
+        opacity=0.9 if flat else None,
+    )
+
+
+def _transform(
+    position: Iterable[float], quaternion: Iterable[float], scale: float = 1.0
+) -> rr.Transform3D:
     w, x, y, z = quaternion
-    return {"translation": list(position), "quaternion": rr.Quaternion(xyzw=[x, y, z, w])}
+    turn = rr.Quaternion(xyzw=[x, y, z, w])
+    return rr.Transform3D(translation=list(position), quaternion=turn, scale=scale)

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.explain.commanded import Commanded
-from wayproof.harness.inputs import Pose
-from wayproof.harness.interface.types import Grid
 from wayproof.harness.log.reader import Log
-from wayproof.harness.mission import Mission
-from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.viewer.evidence import Evidence, evidence_at
 from wayproof.harness.viewer.layer import kinds, layer_at
 from wayproof.harness.viewer.moments import Moment, moments, standing_low
@@ -37,8 +31,7 @@ LONG_S = 30.0
 """Simulated time beyond which a log is long, s."""
 
 
-@dataclass(frozen=True)
-class Layer:
+class Layer(NamedTuple):
     """Layer of the costmap at the height of the robot.
 
     Attributes:
@@ -54,32 +47,22 @@ class Layer:
     evidence: Evidence | None = None
 
 
-@dataclass(frozen=True)
-class Snapshot:
+class Snapshot(NamedTuple):
     """Data shown of one moment.
 
     Attributes:
-        time_ns: Simulated time, ns.
-        pose: Estimated pose.
-        decision: Logged decision.
-        truth: Ground truth.
+        moment: The decision; its map has changed since.
         layer: Layer, if it is shown.
-        hits: Function that returns end points of beams (n, 3), m, world, if the sweep is shown; it
-            needs no map, so it runs when they are drawn.
+        with_hits: Whether the end points of the sweep are shown.
         tiles: Tiles of the map that changed since the last check.
-        commanded: Command of a stack on trial; None of the built-in stack.
-        stack_costmap: Its own costmap, if it came with the command and is shown.
+        with_costmap: Whether a stack's own costmap came with the command and is shown.
     """
 
-    time_ns: int
-    pose: Pose
-    decision: pb.Decision
-    truth: pb.Truth
+    moment: Moment
     layer: Layer | None
-    hits: Callable[[], NDArray[np.float64]] | None
+    with_hits: bool
     tiles: list[Tile]
-    commanded: Commanded | None = None
-    stack_costmap: Grid | None = None
+    with_costmap: bool = False
 
 
 def layer_period_ns(log: Log) -> int:
@@ -94,23 +77,17 @@ def snapshots(log: Log) -> Iterator[Snapshot]:
     Raises:
         InputError: The log is damaged, or its sweeps were left out.
     """
-    tiles, mission = tiles_of(log), log.mission
-    layer, sweep = _Timer(layer_period_ns(log)), _Timer(SWEEP_PERIOD_NS)
-    cells, own = _Timer(CELLS_PERIOD_NS), _Timer(layer_period_ns(log))
-    evidence = _Timer(EVIDENCE_PERIOD_NS)
+    tiles, due = tiles_of(log), _Timers()
     moment = None
     for moment in moments(log):
-        now = moment.time_ns
-        yield _snapshot(
-            moment,
-            layer=_layer(moment, mission, evidence.due(now)) if layer.due(now) else None,
-            hits=partial(moment.hits, MOST_HITS) if sweep.due(now) else None,
-            tiles=tiles.changed(moment.map) if cells.due(now) else [],
-            with_costmap=moment.stack_costmap is not None and own.due(now),
-        )
+        due.now_ns, layer, own = moment.time_ns, None, moment.stack_costmap is not None
+        if due("layer", layer_period_ns(log)):
+            layer = _layer(log, moment, due("evidence", EVIDENCE_PERIOD_NS))
+        hits, cells = due("sweep", SWEEP_PERIOD_NS), due("cells", CELLS_PERIOD_NS)
+        changed = tiles.changed(moment.map) if cells else []
+        yield Snapshot(moment, layer, hits, changed, own and due("own", layer_period_ns(log)))
     if moment is not None:
-        last = _layer(moment, mission, with_evidence=True)
-        yield _snapshot(moment, layer=last, hits=None, tiles=tiles.changed(moment.map))
+        yield Snapshot(moment, _layer(log, moment, True), False, tiles.changed(moment.map))
 
 
 def tiles_of(log: Log) -> Tiles:
@@ -118,49 +95,26 @@ def tiles_of(log: Log) -> Tiles:
     return Tiles(standing_low(log.mission), log.mission.high, log.config.map.resolution)
 
 
-def _snapshot(
-    moment: Moment,
-    *,
-    layer: Layer | None,
-    hits: Callable[[], NDArray[np.float64]] | None,
-    tiles: list[Tile],
-    with_costmap: bool = False,
-) -> Snapshot:
-    own = moment.stack_costmap if with_costmap else None
-    return Snapshot(
-        time_ns=moment.time_ns,
-        pose=moment.record.inputs.pose,
-        decision=moment.decision,
-        truth=moment.truth,
-        layer=layer,
-        hits=hits,
-        tiles=tiles,
-        commanded=moment.commanded,
-        stack_costmap=None if own is None else own.grid,
-    )
-
-
-def _layer(moment: Moment, mission: Mission, with_evidence: bool) -> Layer:
-    costmap, record = moment.costmap, moment.record
-    index = layer_at(costmap, float(record.inputs.pose.position[2]))
-    layer_kinds = kinds(costmap, index, record.decision.collision_distance_sq)
+def _layer(log: Log, moment: Moment, with_evidence: bool) -> Layer:
+    costmap = moment.costmap
+    index = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
+    found = kinds(costmap, index, moment.decision.collision_distance_sq)
     evidence = None
     if with_evidence:
-        evidence = evidence_at(
-            moment.map, costmap, layer=index, mission=mission, time_ns=moment.time_ns
-        )
-    return Layer(layer_kinds, costmap.origin[:2], costmap.resolution, evidence)
+        evidence = evidence_at(moment.map, costmap, index, log.mission, moment.time_ns)
+    return Layer(found, costmap.origin[:2], costmap.resolution, evidence)
 
 
-class _Timer:
-    """Timer of a period of simulated time."""
+class _Timers:
+    """Timers of simulated time by name."""
 
-    def __init__(self, period_ns: int) -> None:
-        self._period_ns = period_ns
-        self._next_ns = 0
+    def __init__(self) -> None:
+        self.now_ns = 0
+        self._next_ns: dict[str, int] = {}
 
-    def due(self, now_ns: int) -> bool:
-        if now_ns < self._next_ns:
+    def __call__(self, name: str, period_ns: int) -> bool:
+        """Return whether a timer is due, and start its next period if it is."""
+        if self.now_ns < self._next_ns.get(name, 0):
             return False
-        self._next_ns = now_ns + self._period_ns
+        self._next_ns[name] = self.now_ns + period_ns
         return True

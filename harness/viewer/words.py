@@ -1,8 +1,9 @@
-"""Text of a decision, for stepping through a log."""
+"""Words of a decision: above a picture, and for stepping through a log."""
 
 from __future__ import annotations
 
 import math
+import textwrap
 
 import numpy as np
 
@@ -12,9 +13,13 @@ from wayproof.harness.explain.commanded import Commanded, command_in_words
 from wayproof.harness.inputs import Pose
 from wayproof.harness.log.paths import length
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.viewer.moments import Moment
 
 INTENDED = ("follow", "explore", "goal")
 """Actions without an obstruction."""
+
+WIDTH, MOST_LINES = 110, 3
+"""Characters of a line above a picture, and most lines of a reason."""
 
 
 def is_warning(decision: pb.Decision) -> bool:
@@ -91,3 +96,26 @@ def _stack_lines(decision: pb.Decision, commanded: Commanded) -> list[str]:
         + ("; the guard braked in its place" if commanded.cut else ""),
         f"- its planned path: {f'{plan:.2f} m' if plan else 'none'}",
     ]
+
+
+def head(moment: Moment, cost_range: float, axes: int) -> list[str]:
+    """Return the lines above a picture: time, decision, action and label; figures; reason.
+
+    Args:
+        moment: The decision.
+        cost_range: `costmap.cost_range` of its config, m.
+        axes: Number of axes that the pose error is over: 2 on the ground, 3 in the air.
+    """
+    decision, truth = moment.decision, moment.truth
+    label = "" if decision.label == "none" else f" [{decision.label}]"
+    first = f"decision {decision.sequence}, {moment.time_ns * 1e-9:.1f} s: {decision.action}{label}"
+    mapped = in_metres(decision.least_clearance_m, map_clearance_is_bound(decision, cost_range))
+    off = math.dist(moment.record.inputs.pose.position[:axes], truth.position[:axes])
+    known = not math.isnan(truth.clearance_m)  # a recording has no truth
+    now = f"{true_in_metres(truth.clearance_m)}, " if known else ""
+    figures = f"clearance {now}in the map along the path {mapped}; pose error {off:.2f} m"
+    reason = decision.reason
+    if moment.commanded is not None:
+        reason = f"referee: {moment.commanded.verdict}. {reason}"
+    lines = textwrap.wrap(reason, WIDTH, max_lines=MOST_LINES, placeholder=" ...")
+    return [first, figures, *lines]

@@ -108,38 +108,6 @@ def test_explain_prints_and_draws(stopped, tmp_path, capsys):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_beyond_the_map_a_picture_is_unknown_and_its_legend_covers_nothing(stopped, tmp_path):
-    from matplotlib.colors import to_hex
-    from matplotlib.figure import Figure
-
-    from wayproof.harness.explain import make_card
-    from wayproof.harness.explain.picture import KINDS, draw
-
-    case = read_case(open_log(stopped))
-    figures = []
-    saved = Figure.savefig
-
-    def keep(figure, *arguments, **options):
-        figures.append(figure)
-        return saved(figure, *arguments, **options)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Figure, "savefig", keep)
-        draw(case, make_card(case, 3), case.navigator_at(3), tmp_path / "a.png")
-    [figure] = figures
-    [axes] = figure.axes
-    assert to_hex(axes.get_facecolor()) == KINDS["unknown"] != KINDS["free"]
-    [legend] = figure.legends
-    assert axes.get_legend() is None
-    assert not legend.get_window_extent().overlaps(axes.get_window_extent())
-    named = {text.get_text() for text in legend.get_texts()}
-    tracks = {"true track so far", "believed track so far", "robot, where it was (solid circle)"}
-    assert tracks | {"free", "unknown, or outside the map", "occupied", "goal"} <= named
-    title = axes.get_title(loc="left")
-    assert "decision 3, 0.3 s: " in title
-    assert "clearance " in title
-
-
 def test_a_clearance_that_is_a_cap_says_so():
     from wayproof.harness.clearance import in_metres, map_clearance_is_bound, true_in_metres
     from wayproof.harness.schema import wayproof_pb2 as pb

@@ -4,23 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.Grid_pb2 import Grid
 from mcap.reader import make_reader
 from PIL import Image
 
-from tests.harness.viewer.drawn import drawn
 from tests.harness.viewer.test_rerun_view import entities
 from wayproof.harness.attribution import read_case
 from wayproof.harness.cli.main import main
-from wayproof.harness.explain.stack_costmap import CHEAP, DEAR, costmap_at, shades
+from wayproof.harness.explain.stack_costmap import costmap_at
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.schema import foxglove_pb2 as fox
-from wayproof.harness.viewer import own_costmap
-from wayproof.harness.viewer.layer import COLOURS
-from wayproof.harness.viewer.own_costmap import FREE_SPACE, UNKNOWN_SPACE
+from wayproof.harness.viewer.layer import COLOURS, shades
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
 STACKS = Path(__file__).parents[1] / "interface" / "stacks_on_trial.py"
-ANY = np.arange(256, dtype=np.uint8).view(np.int8)
 COSTS = range(1, 100)
 
 
@@ -30,19 +26,9 @@ def log(recorded):
     return Path(recorded("empty", "quadruped", 1, *settings).log)
 
 
-def test_only_a_cost_of_zero_is_free_and_the_rest_is_unknown():
-    free, unknown, occupied = COLOURS[FREE], COLOURS[UNKNOWN], COLOURS[OCCUPIED]
-    colours = [tuple(one) for one in shades(ANY, unknown=unknown, free=free, occupied=occupied)]
-    assert [cost for cost in range(256) if colours[cost] == free] == [0]
-    assert [cost for cost in range(256) if colours[cost] == occupied] == [100]
-    assert {cost for cost in range(256) if colours[cost] == unknown} == {*range(101, 256)}
-    assert (colours[1], colours[99]) == (CHEAP, DEAR)
-    assert len({colours[cost] for cost in COSTS}) == 99
-
-
 def test_rerun_s_codes_are_in_the_same_order():
-    rerun_grids = pytest.importorskip("wayproof.harness.viewer.rerun_grids")
-    codes = rerun_grids._COSTS.tolist()
+    rerun_log = pytest.importorskip("wayproof.harness.viewer.rerun_log")
+    codes = rerun_log._COSTS.tolist()
     assert [cost for cost in range(256) if codes[cost] == 0] == [0]
     assert [cost for cost in range(256) if codes[cost] == 255] == [*range(101, 256)]
     assert codes[100] == 100
@@ -64,28 +50,21 @@ def test_the_newest_costmap_is_shown_until_the_next(log):
     )
 
 
-def test_the_picture_of_a_decision_has_it_beside_the_referee_s(log, tmp_path, capsys):
+@pytest.mark.parametrize(
+    "command", [["explain", "LOG", "5", "--png", "OUT"], ["picture", "LOG", "5", "--out", "OUT"]]
+)
+def test_a_picture_has_it_beside_the_referee_s(log, tmp_path, command):
     out = tmp_path / "x.png"
-    assert main(["explain", str(log), "5", "--png", str(out)]) == 0
-    image = pixels_of(out)
-    height, width, _ = image.shape
-    assert width > 1.8 * height
-    black = 0, 0, 0
-    middle = shades(np.array([50], np.int8), unknown=black, free=black, occupied=black)[0]
-    assert (image[:, width // 2 :] == middle).all(axis=2).sum() > 500
-
-
-def test_the_picture_of_the_scene_has_it_from_above(log, tmp_path):
-    out = tmp_path / "x.png"
-    assert drawn(["picture", str(log), "5", "--out", str(out)]) == (0, "")
-    above = pixels_of(out)[:, 960:]
-    assert above.shape == (640, 640, 3)
-    for colour, area in ((FREE_SPACE, 0.75), (own_costmap.OCCUPIED, 0.25)):  # m^2, of 8 x 8 m
-        assert (above == colour).all(axis=2).mean() == pytest.approx(area / 64.0, abs=0.004)
-    assert tuple(above[300, 250]) == FREE_SPACE  # 0.9 m behind the robot, to the left
-    assert tuple(above[345, 250]) == own_costmap.OCCUPIED  # to the right
-    assert tuple(above[300, 385]) == UNKNOWN_SPACE  # ahead
-    assert tuple(above[100, 600]) == UNKNOWN_SPACE  # beyond the costmap
+    named = {"LOG": str(log), "OUT": str(out)}
+    assert main([named.get(word, word) for word in command]) == 0
+    beside = pixels_of(out)[:, 700:]
+    assert beside.shape == (840, 700, 3)
+    middle = shades(np.array([50], np.int8))[0]
+    assert (beside == middle).all(axis=2).sum() > 500
+    cells = beside[:650]  # the legend is below; a square metre is 74 x 74 pixels
+    for state, area in ((FREE, 0.75), (OCCUPIED, 0.25)):
+        shown = (cells == COLOURS[state]).all(axis=2).sum() / 74.0**2
+        assert shown == pytest.approx(area, rel=0.5)
 
 
 def test_rerun_has_it_in_a_view_of_its_own(log, recorded, tmp_path):
@@ -111,7 +90,7 @@ def test_foxglove_gets_it_as_a_grid(log, tmp_path):
     assert main(["convert", str(log), "--foxglove", str(out)]) == 0
     with out.open("rb") as file:
         read = make_reader(file).iter_messages(topics=["/viz/stack_costmap"])
-        grids = [fox.Grid.FromString(message.data) for _, _, message in read]
+        grids = [Grid.FromString(message.data) for _, _, message in read]
     assert len(grids) == 4
     cells = np.frombuffer(grids[0].data, np.uint8).reshape(10, 20, 4)[..., :3]
     assert tuple(cells[0, 0]) == COLOURS[OCCUPIED]

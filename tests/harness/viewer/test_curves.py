@@ -12,6 +12,7 @@ from wayproof.harness.viewer.curves import curves
 
 def moment(sequence=1, clearance=0.4, height=0.0):
     turned = [math.cos(0.1), 0.0, 0.0, math.sin(0.1)]  # by 0.2 rad about z
+    pose = SimpleNamespace(position=np.array([1.3, 2.4, height]), quaternion=np.array(turned))
     return SimpleNamespace(
         decision=pb.Decision(sequence=sequence, delay_s=0.6, localization_margin_m=0.2),
         truth=pb.Truth(
@@ -20,7 +21,7 @@ def moment(sequence=1, clearance=0.4, height=0.0):
             velocity=[3.0, 4.0, 0.0],
             clearance_m=clearance,
         ),
-        pose=SimpleNamespace(position=np.array([1.3, 2.4, height]), quaternion=np.array(turned)),
+        record=SimpleNamespace(inputs=SimpleNamespace(pose=pose)),
     )
 
 

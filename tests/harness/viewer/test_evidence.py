@@ -6,9 +6,8 @@ from tests.harness.viewer.seen_map import seen_map
 from wayproof.harness.viewer.evidence import (
     OLD_S,
     UNKNOWN_COLOUR,
-    age_pixels,
+    Evidence,
     evidence_at,
-    probability_pixels,
 )
 from wayproof.harness.viewer.layer import layer_at
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
@@ -51,18 +50,10 @@ def test_on_the_ground_the_worst_of_a_column_counts():
 
 def test_the_colour_of_the_unknown_is_on_neither_scale():
     values = np.linspace(0.0, 1.0, 500)[:, None]
-    for image in (age_pixels(OLD_S * values), probability_pixels(values)):
+    for image in Evidence(OLD_S * values, values).images().values():
         off = np.abs(image[0].astype(int) - UNKNOWN_COLOUR).max(axis=1)
         assert off.min() > 30
     nothing = np.full((2, 3), np.nan)
-    for image in (age_pixels(nothing), probability_pixels(nothing)):
+    for image in Evidence(nothing, nothing).images().values():
         assert image.shape == (3, 2, 3)
         assert (image == UNKNOWN_COLOUR).all()
-
-
-def test_images_have_x_to_the_right_and_y_up():
-    age = np.zeros((3, 2))
-    age[2, 1] = OLD_S
-    image = age_pixels(age)
-    assert (image[0, 2] != image[1, 0]).any()
-    assert (image[0, 2] != image[0, 0]).any()

@@ -1,9 +1,6 @@
 """Conversion for Foxglove, read with mcap's reader and the schemas in the file."""
 
-import importlib.util
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.reader import make_reader
 
 from wayproof.harness.cli.main import main
@@ -20,7 +16,7 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.viewer.evidence import UNKNOWN_COLOUR
-from wayproof.harness.viewer.foxglove_scene import EventMarks, TrueScene
+from wayproof.harness.viewer.foxglove import _Artist
 from wayproof.harness.viewer.layer import COLOURS
 from wayproof.harness.viewer.true_scene import true_scene
 from wayproof.maps import FREE, UNKNOWN
@@ -56,16 +52,6 @@ def decode(schema, message):
     return decoded
 
 
-def test_the_generated_code_is_that_of_the_schema(tmp_path):
-    root, proto = LAYOUT.parents[1], "harness/schema/foxglove.proto"
-    outputs = [f"--python_out={tmp_path}", f"--pyi_out={tmp_path}"]
-    command = [sys.executable, "-m", "grpc_tools.protoc", "--proto_path=.", *outputs, proto]
-    subprocess.run(command, cwd=root, check=True)
-    for name in ("foxglove_pb2.py", "foxglove_pb2.pyi"):
-        generated = (tmp_path / "harness/schema" / name).read_text()
-        assert (root / "harness/schema" / name).read_text() == generated, "run: make schema"
-
-
 def of(converted, topic):
     return [message for name, _, _, message in converted if name == topic]
 
@@ -88,50 +74,6 @@ def test_each_topic_has_the_schema_that_a_viewer_knows(converted):
     }
 
 
-STRANGER = """
-import importlib, sys
-from google.protobuf.unknown_fields import UnknownFieldSet
-from mcap.reader import make_reader
-
-def unknown(message):
-    for _ in UnknownFieldSet(message):
-        return True
-    for field, value in message.ListFields():
-        if field.message_type and any(
-            unknown(one) for one in (value if field.is_repeated else [value])
-        ):
-            return True
-    return False
-
-read = {}
-with open(sys.argv[1], "rb") as file:
-    for schema, channel, message in make_reader(file).iter_messages():
-        if not schema.name.startswith("foxglove."):
-            continue
-        name = schema.name.removeprefix("foxglove.")
-        module = importlib.import_module(f"foxglove_schemas_protobuf.{name}_pb2")
-        parsed = getattr(module, name).FromString(message.data)
-        assert not unknown(parsed), schema.name
-        assert parsed.SerializeToString(deterministic=True) == message.data, schema.name
-        read[name] = read.get(name, 0) + 1
-assert not any(module.startswith("harness") for module in sys.modules)
-print(sorted(read))
-"""
-
-
-def test_foxglove_s_own_classes_read_every_message(log, tmp_path):
-    """In a process of its own: two definitions of one message cannot live side by side."""
-    if importlib.util.find_spec("foxglove_schemas_protobuf") is None:
-        pytest.skip("foxglove-schemas-protobuf is not installed")
-    out = tmp_path / "x.mcap"
-    assert main(["convert", str(log), "--foxglove", str(out)]) == 0
-    command = [sys.executable, "-W", "error", "-c", STRANGER, str(out)]
-    read = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert read.returncode == 0, read.stderr
-    known = ["FrameTransforms", "Grid", "Log", "PointCloud", "SceneUpdate"]
-    assert read.stdout.strip() == str(known)
-
-
 def test_the_true_scene_comes_once_as_triangles(converted, log):
     (update,) = of(converted, "/viz/scene")
     (entity,) = update.entities
@@ -144,7 +86,7 @@ def test_the_true_scene_comes_once_as_triangles(converted, log):
 
 def test_movers_move_and_absent_ones_have_no_surface(log):
     mjcf = build(Config("ghosts", "drone", 1)).scene.mjcf
-    scene = TrueScene(replace(open_log(log), scene=mjcf))
+    artist = _Artist(replace(open_log(log), scene=mjcf))
     names = [mover.name for mover in WORLDS["ghosts"](1, 0.5).movers]
     movers = [
         pb.MoverPose(
@@ -152,25 +94,24 @@ def test_movers_move_and_absent_ones_have_no_surface(log):
         )
         for number, name in enumerate(names)
     ]
-    update = scene.update(pb.Truth(movers=movers), Timestamp())
-    shown = {entity.id: entity for entity in update.entities}
+    shown = {entity.id: entity for entity in artist._surfaces(pb.Truth(movers=movers), True)}
     assert not shown[f"mover {names[0]}"].triangles
     (surface,) = shown[f"mover {names[2]}"].triangles
     assert (surface.pose.position.x, surface.pose.position.z) == (1.0, 2.0)
-    again = scene.update(pb.Truth(movers=movers), Timestamp())
-    assert {entity.id for entity in again.entities} == {f"mover {name}" for name in names}
+    again = artist._surfaces(pb.Truth(movers=movers), False)
+    assert {entity.id for entity in again} == {f"mover {name}" for name in names}
 
 
 def test_events_stay_where_they_were(log):
-    marks = EventMarks(open_log(log))
+    artist = _Artist(open_log(log))
     truth = pb.Truth(position=[1.0, 2.0, 3.0])
     stop = SimpleNamespace(decision=pb.Decision(action="stop_and_wait"), truth=truth)
     hit = SimpleNamespace(
         decision=pb.Decision(action="stop_and_wait"),
         truth=pb.Truth(position=[1.0, 2.0, 3.0], collisions=1),
     )
-    (first,), (second,) = (marks.update(one).entities for one in (stop, hit))
-    assert marks.update(hit) is None
+    (first,), (second,) = (artist._event_marks(one) for one in (stop, hit))
+    assert not list(artist._event_marks(hit))
     assert (first.id, second.id) == ("event 0", "event 1")
     assert not first.texts
     assert second.texts[0].text == "contact 1"

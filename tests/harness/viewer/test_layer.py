@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from tests.harness.viewer.seen_map import seen_map
-from wayproof.harness.viewer.layer import COLOURS, FRONTIER, INFLATED, kinds, layer_at, pixels
+from wayproof.harness.viewer.layer import (
+    CHEAP,
+    COLOURS,
+    DEAR,
+    FRONTIER,
+    INFLATED,
+    kinds,
+    layer_at,
+    shades,
+)
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
 
@@ -27,10 +36,11 @@ def test_kinds_are_those_of_each_cell_alone(wider):
     assert set(np.unique(found)) == {UNKNOWN, FREE, OCCUPIED, INFLATED, FRONTIER}
 
 
-def test_an_image_has_x_to_the_right_and_y_up():
-    found = np.zeros((3, 2), np.uint8)
-    found[2, 1] = OCCUPIED
-    image = pixels(found)
-    assert image.shape == (2, 3, 3)
-    assert tuple(image[0, 2]) == COLOURS[OCCUPIED]
-    assert tuple(image[1, 2]) == COLOURS[int(found[2, 0])]
+def test_only_a_cost_of_zero_is_free_and_the_rest_is_unknown():
+    colours = [tuple(one) for one in shades(np.arange(256, dtype=np.uint8).view(np.int8)).tolist()]
+    assert [cost for cost in range(256) if colours[cost] == COLOURS[FREE]] == [0]
+    assert [cost for cost in range(256) if colours[cost] == COLOURS[OCCUPIED]] == [100]
+    unknown = {cost for cost in range(256) if colours[cost] == COLOURS[UNKNOWN]}
+    assert unknown == {*range(101, 256)}
+    assert (colours[1], colours[99]) == (CHEAP, DEAR)
+    assert len({colours[cost] for cost in range(1, 100)}) == 99

@@ -3,11 +3,10 @@
 import numpy as np
 
 from tests.harness.viewer.seen_map import HIGH, LOW, seen_map
-from wayproof.harness.viewer.boxes import upright_boxes
 from wayproof.harness.viewer.tiles import TILE, Tiles
 
 
-def test_tiles_report_a_change_once_and_boxes_have_the_same_cells():
+def test_tiles_report_a_change_once():
     a_map, _ = seen_map()
     tiles = Tiles(LOW, HIGH, 0.1)
     (tile,) = tiles.changed(a_map)
@@ -17,6 +16,3 @@ def test_tiles_report_a_change_once_and_boxes_have_the_same_cells():
     np.testing.assert_allclose(centres, [[1.05, 2.05, centres[0, 2]]])
     assert abs(centres[0, 2] - 0.55) < 0.1
     assert tiles.changed(a_map) == []
-    middles, halves = upright_boxes(a_map, LOW, HIGH)
-    np.testing.assert_allclose(middles, centres)
-    np.testing.assert_allclose(halves, [[0.05, 0.05, 0.05]])

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.harness.viewer.triangles import triangles_of
+from wayproof.harness.viewer.true_scene import triangles_of
 
 MESH = 'vertex="0 0 0 1 0 0 0 1 0 0 0 1"'
 SCENE = """

@@ -9,7 +9,8 @@ from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.scenario.scenario import build
-from wayproof.harness.viewer.true_scene import GLASS, GROUND, OBSTACLES, true_scene
+from wayproof.harness.viewer.colours import GLASS, GROUND, OBSTACLES
+from wayproof.harness.viewer.true_scene import true_scene
 from wayproof.models.worlds import WORLDS
 
 
