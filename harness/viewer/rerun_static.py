@@ -90,8 +90,8 @@ def show_static(stream: rr.RecordingStream, log: Log, root: str) -> frozenset[st
     for name, triangles in movers.items():
         shade = colours.SURFACES[colours.MOVERS]
         parts[f"scene/movers/{name}"] = _surface(triangles, shade)
-    for name, part in parts.items():
-        stream.log(f"{world}/{name}", part, static=True)
+    for name, content in parts.items():
+        stream.log(f"{world}/{name}", content, static=True)
     show_lanes(stream, root, LANES)
     for kind, plot in events.PLOTS.items():
         dots = rr.SeriesPoints(colors=events.COLOURS[kind], marker_sizes=4.0, names=kind)

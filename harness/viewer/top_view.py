@@ -71,7 +71,7 @@ BODY: dict[str, Any] = dict(facecolor=(*ink(ROBOT), 0.8), edgecolor=ink(TRUE), l
 BELIEVED_BODY: dict[str, Any] = dict(fill=False, edgecolor=ink(BELIEVED), lw=1.5, ls="--")
 """Styles of the body where it was and where it was believed to be."""
 
-STYLE: dict[str, Any] = {"font.size": 8.0, "text.parse_math": False}
+STYLE: Any = {"font.size": 8.0, "text.parse_math": False}
 
 CELLS = {
     FREE: "free",
@@ -135,7 +135,7 @@ class TopView:
         self, moment: Moment, own: Newest | None = None, marks: Sequence[Mark] = ()
     ) -> Image.Image:
         """Draw a moment, with a stack's own costmap beside it if one is given."""
-        canvas = FigureCanvasAgg(self.figure(moment, own, marks))
+        canvas: Any = FigureCanvasAgg(self.figure(moment, own, marks))
         canvas.draw()
         return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
 
@@ -187,8 +187,9 @@ class TopView:
         )
         radius, goal = self._log.mission.radius, self._log.mission.goal
         true, believed = moment.truth.position[:2], moment.record.inputs.pose.position[:2]
-        axes.add_patch(Circle(tuple(true), radius, zorder=3, **BODY))
-        axes.add_patch(Circle(tuple(believed), radius, zorder=3, **BELIEVED_BODY))
+        axes.add_patch(Circle((true[0], true[1]), radius, zorder=3, **BODY))
+        at = (float(believed[0]), float(believed[1]))
+        axes.add_patch(Circle(at, radius, zorder=3, **BELIEVED_BODY))
         axes.plot(*goal[:2], "o", color=ink(COMMITTED), ms=7, mfc="none", ls="none", label="goal")
 
     def _add_words(self, figure: Figure, moment: Moment) -> None:
