@@ -41,7 +41,9 @@ $(TOOLS): $(BASE) requirements-dev.txt requirements-robots.txt
 setup: $(READY) $(TOOLS) $(ROS2)  ## Install everything; with `--jobs 2`, kernels compile meanwhile.
 
 demo: $(READY)  ## Send a quadruped and a drone across a warehouse, then replay both logs.
-	$(BIN)/python -m wayproof demo
+	$(BIN)/wayproof run warehouse --robot quadruped --seed 0
+	$(BIN)/wayproof run warehouse --robot drone --seed 0
+	$(BIN)/wayproof replay logs/warehouse-quadruped-0.mcap logs/warehouse-drone-0.mcap
 
 test: $(READY) $(TOOLS)  ## Run every test, on two cores.
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal

@@ -17,10 +17,10 @@ import pyarrow as pa
 
 from docs.catalogue import catalogue
 from docs.docstrings import attributes, summary
-from wayproof.harness.cli import VERBS
+from wayproof.harness.cli import COMMANDS
 from wayproof.harness.cli.catalogue import FILE as CATALOGUE
 from wayproof.harness.cli.catalogue import encode
-from wayproof.harness.cli.main import verb_parsers
+from wayproof.harness.cli.main import parser_of
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import RECORDING, section_of
 from wayproof.harness.metrics import METRICS
@@ -47,7 +47,7 @@ EXIT_CODES = [
     "",
     "`--json` prints one JSON document on stdout and nothing else. `NO_COLOR=1` turns colours off; "
     "a pipe gets none. `python -m wayproof` is the same as `wayproof`. For completion in bash or "
-    'zsh: `eval "$(wayproof completion bash)"`; in fish: `wayproof completion fish | source`.',
+    'zsh: `eval "$(wayproof --completion bash)"`; in fish: `wayproof --completion fish | source`.',
 ]
 """What holds for all verbs."""
 
@@ -66,13 +66,15 @@ def cli() -> str:
     """Each verb with its arguments, and the exit codes."""
     lines = ["# Command line", "", "Every verb of `wayproof` with its arguments and exit codes."]
     lines += ["", NOTE, "", "| verb | does |", "|---|---|"]
-    lines += [f"| [`{name}`](#{name}) | {cell(verb.help)} |" for name, verb in VERBS.items()]
+    lines += [
+        f"| [`{name}`](#{name.replace(' ', '-')}) | {cell(verb.help)} |"
+        for name, verb in COMMANDS.items()
+    ]
     lines += ["", *EXIT_CODES]
-    for name, parser in verb_parsers().items():
-        lines += ["", f"## {name}", "", sentence(VERBS[name].help), ""]
-        lines += [*_typed(VERBS[name].example), ""]
+    for name, verb in COMMANDS.items():
+        lines += ["", f"## {name}", "", sentence(verb.help), "", *_typed(verb.example), ""]
         lines += ["| argument | default | meaning |", "|---|---|---|"]
-        lines += [_argument(action) for action in _arguments(parser)]
+        lines += [_argument(action) for action in _arguments(parser_of(name))]
         if lines[-1].startswith("|---"):
             lines[-2:] = ["No arguments."]
     return "\n".join(lines) + "\n"
@@ -110,8 +112,8 @@ def metrics() -> str:
     """Each metric of an episode with its unit."""
     better = {True: "higher", False: "lower", None: ""}
     lines = ["# Metrics", "", "Every metric of an episode, computed from its log alone.", "", NOTE]
-    lines += ["", "`wayproof score LOG` prints them; gates of a study name them.", ""]
-    lines += _typed("wayproof score logs/empty-drone-1.mcap")
+    lines += ["", "`wayproof explain LOG --metrics` prints them; gates of a study name them.", ""]
+    lines += _typed("wayproof explain logs/empty-drone-1.mcap --metrics")
     lines += ["", "The support decides the [interval](../statistics.md) of the mean."]
     lines += ["", "| metric | unit | better | support | meaning |", "|---|---|---|---|---|"]
     for name, metric in METRICS.items():

@@ -1,6 +1,6 @@
 """Metrics of an episode: pure functions of its log, each with unit, formula and source.
 
-None of them runs the simulator or the stack; `wayproof score` recomputes them from logs alone.
+None of them runs the simulator or the stack: `wayproof explain --metrics` has the log alone.
 """
 
 from __future__ import annotations

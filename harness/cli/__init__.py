@@ -4,24 +4,16 @@ from wayproof.harness.cli import (
     audit,
     bench,
     compare,
-    completion,
-    convert,
-    demo,
     explain,
     export,
-    import_world,
+    import_,
     lab,
     list_,
-    picture,
-    recover,
     replay,
     report,
-    robot,
     run,
-    score,
     serve,
     shadow,
-    sign,
     study,
     verify,
     view,
@@ -33,27 +25,26 @@ VERBS: dict[str, Verb] = {
     "shadow": shadow.VERB,
     "replay": replay.VERB,
     "verify": verify.VERB,
-    "explain": explain.VERB,
     "audit": audit.VERB,
-    "score": score.VERB,
-    "lab": lab.VERB,
-    "study": study.VERB,
-    "report": report.VERB,
-    "compare": compare.VERB,
+    "explain": explain.VERB,
     "view": view.VERB,
-    "picture": picture.VERB,
-    "convert": convert.VERB,
     "export": export.VERB,
-    "recover": recover.VERB,
-    "sign": sign.VERB,
-    "serve": serve.VERB,
+    "study": study.VERB,
+    "compare": compare.VERB,
+    "report": report.VERB,
+    "import": import_.VERB,
     "list": list_.VERB,
-    "demo": demo.VERB,
+    "lab": lab.VERB,
+    "serve": serve.VERB,
     "bench": bench.VERB,
-    "import": import_world.VERB,
-    "robot": robot.VERB,
-    "completion": completion.VERB,
 }
 """Name on the command line -> verb, in the order of `--help`."""
 
-__all__ = ["VERBS", "Document", "Verb"]
+COMMANDS: dict[str, Verb] = {}
+"""Every command by its name, which is a verb or a verb and its kind."""
+
+for _name, _verb in VERBS.items():
+    COMMANDS[_name] = _verb
+    COMMANDS |= {f"{_name} {_kind}": _one for _kind, _one in _verb.kinds.items()}
+
+__all__ = ["COMMANDS", "VERBS", "Document", "Verb"]

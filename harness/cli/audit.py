@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
@@ -14,6 +14,8 @@ from wayproof.harness.cli.verb import (
     Verb,
     add_log_paths,
     add_unchecked,
+    arg,
+    arguments,
     check_log,
     one_or_all,
 )
@@ -64,21 +66,19 @@ def print_audit(console: Console, audited: Audit) -> None:
         f"{audited.swept} paths swept, {audited.stops} forced stops, ",
         f"{audited.recoveries} recoveries, {audited.late} late, {reasons}; {audited.log}",
     )
-    console.print(text, soft_wrap=True)
+    console.print(text)
     if audited.rests is not None:
         rests = audited.rests
         console.print(
             f"  evidence: {rests.unmeasured} of the {rests.cells} cells of these paths admitted "
-            "by what was not measured",
-            soft_wrap=True,
-            highlight=False,
+            "by what was not measured"
         )
     if audited.volumes is not None:
         print_volumes(console, "this log", audited.volumes)
     for violation in audited.violations[:SHOWN_VIOLATIONS]:
-        console.print(f"  {violation.sequence}: {violation.rule}: {violation.text}", soft_wrap=True)
+        console.print(f"  {violation.sequence}: {violation.rule}: {violation.text}")
     if count > SHOWN_VIOLATIONS:
-        console.print(f"  and {count - SHOWN_VIOLATIONS} more", soft_wrap=True)
+        console.print(f"  and {count - SHOWN_VIOLATIONS} more")
 
 
 def print_volumes(console: Console, what: str, volumes: Volumes) -> None:
@@ -87,37 +87,33 @@ def print_volumes(console: Console, what: str, volumes: Volumes) -> None:
     console.print(
         f"  volumes, {what}: {volumes.short} of {volumes.paths} paths ({share:.1%}) come nearer "
         f"than radius and margin, by {1e2 * volumes.greatest_m:.1f} cm at most "
-        f"(bound {1e2 * volumes.bound_m:.1f} cm); {volumes.bare} nearer than the radius",
-        soft_wrap=True,
-        highlight=False,
+        f"(bound {1e2 * volumes.bound_m:.1f} cm); {volumes.bare} nearer than the radius"
     )
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    from wayproof.maps import UnknownPolicy
-
-    add_log_paths(parser)
-    add_unchecked(parser)
-    parser.add_argument(
-        "--policy",
-        choices=get_args(UnknownPolicy),
-        help="check paths under this policy for unknown space (default: the log's)",
-    )
-    parser.add_argument(
-        "--measured-only",
-        action="store_true",
-        help="check paths against what was measured alone, also where prior.policy=admit",
-    )
-    parser.add_argument(
-        "--volumes",
-        action="store_true",
-        help="measure how near paths come to the volumes of cells that are not traversable",
-    )
-
+POLICIES = ("forbid", "penalize", "allow")
+"""Values of `maps.UnknownPolicy`."""
 
 VERB = Verb(
     help="check that every committed path lay in space that its map knew to be free",
-    add_arguments=_add_arguments,
+    add_arguments=arguments(
+        add_log_paths,
+        add_unchecked,
+        arg(
+            "--policy POLICY",
+            f"check paths under this policy for unknown space: {', '.join(POLICIES)} "
+            "(default: the log's)",
+            choices=POLICIES,
+        ),
+        arg(
+            "--measured-only",
+            "check paths against what was measured alone, also where prior.policy=admit",
+        ),
+        arg(
+            "--volumes",
+            "measure how near paths come to the volumes of cells that are not traversable",
+        ),
+    ),
     run=run,
     example="wayproof audit logs/warehouse-drone-3.mcap",
 )

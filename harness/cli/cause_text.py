@@ -17,12 +17,9 @@ if TYPE_CHECKING:
 def print_finding(console: Console, finding: Finding) -> None:
     """Print the cause and its evidence."""
     line = Text.assemble("cause: ", (finding.cause, "bold red"), f": {finding.evidence}")
-    console.print(line, soft_wrap=True)
+    console.print(line)
     x, y, z = finding.place
-    console.print(
-        f"  last chance at decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})",
-        soft_wrap=True,
-    )
+    console.print(f"  last chance at decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})")
 
 
 def print_misses(console: Console, misses: Sequence[NearMiss]) -> None:
@@ -31,8 +28,7 @@ def print_misses(console: Console, misses: Sequence[NearMiss]) -> None:
         finding = miss.finding
         console.print(
             f"near miss at {miss.time_s:.1f} s (decision {miss.decision}): {miss.clearance_m:.3f} m"
-            f"; {finding.cause}: {finding.evidence}",
-            soft_wrap=True,
+            f"; {finding.cause}: {finding.evidence}"
         )
 
 
@@ -40,7 +36,7 @@ def print_verdict(console: Console, verdict: Verdict) -> None:
     """Print the result of each corrected simulation, a line each, and the conclusion."""
     if verdict.checks:
         _print_checks(console, verdict.checks)
-    console.print(f"check: {in_words(verdict)}", soft_wrap=True, highlight=False)
+    console.print(f"check: {in_words(verdict)}")
 
 
 def in_words(verdict: Verdict) -> str:

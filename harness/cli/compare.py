@@ -9,8 +9,15 @@ from pathlib import Path
 from rich.console import Console
 
 from wayproof.harness.cli.study import add_inconclusive, print_study
-from wayproof.harness.cli.summaries import add_summaries, write_summaries
-from wayproof.harness.cli.verb import Document, Verb, add_plugins
+from wayproof.harness.cli.verb import (
+    Document,
+    Verb,
+    add_plugins,
+    add_summaries,
+    arg,
+    arguments,
+    write_summaries,
+)
 from wayproof.harness.study.default_gates import DEFAULT_GATES
 
 
@@ -31,35 +38,26 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     identical = [one.against for one in result.arms if one.against]
     if identical and not any(one.changed for one in identical):
         pairs = sum(one.pairs for one in identical)
-        console.print(f"every decision is the same in all {pairs} pairs", highlight=False)
+        console.print(f"every decision is the same in all {pairs} pairs")
     document = {**asdict(result), "verdict": result.verdict}
     return result.exit_code(options.allow_inconclusive), document
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "before", metavar="A", type=Path, help="folder of the reference run of a study"
-    )
-    parser.add_argument(
-        "after", metavar="B", type=Path, help="folder of another run of the same study"
-    )
-    parser.add_argument(
-        "--gate",
-        action="append",
-        metavar="GATE",
-        help=f"condition on B against A, repeatable (default: {' and '.join(DEFAULT_GATES)})",
-    )
-    parser.add_argument(
-        "--html", type=Path, metavar="FILE", help="write the comparison as an HTML page"
-    )
-    add_summaries(parser)
-    add_inconclusive(parser)
-    add_plugins(parser)
-
-
 VERB = Verb(
     help="compare two runs of a study in pairs; exit code 1 if a gate fails, 3 if undecided",
-    add_arguments=_add_arguments,
+    add_arguments=arguments(
+        arg("A", "folder of the reference run of a study", Path, dest="before"),
+        arg("B", "folder of another run of the same study", Path, dest="after"),
+        arg(
+            "--gate GATE",
+            f"condition on B against A, repeatable (default: {' and '.join(DEFAULT_GATES)})",
+            action="append",
+        ),
+        arg("--html FILE", "write the comparison as an HTML page", Path),
+        add_summaries,
+        add_inconclusive,
+        add_plugins,
+    ),
     run=run,
     example="wayproof compare logs/before logs/after --gate 'success.drop <= 0.05'",
 )

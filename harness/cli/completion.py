@@ -1,19 +1,16 @@
-"""`wayproof completion`: print the completion script of a shell."""
+"""Completion scripts of shells, for `wayproof --completion SHELL`."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from rich.console import Console
-
+from wayproof.harness.cli import VERBS
 from wayproof.harness.cli.catalogue import Catalogue, read_catalogue
-from wayproof.harness.cli.verb import Document, Verb
-
-SHELLS = ("bash", "zsh", "fish")
 
 # Bash ends words at = and :, which are parts of settings and perturbations, and it replaces only
-# what follows the last of them.
+# what follows the last of them. A kind of a verb stands where its log may stand, which shtab does
+# not know.
 BASH = r"""
 _wayproof_words_joined() {
   local -a joined=()
@@ -32,6 +29,7 @@ _wayproof_words_joined() {
   local -a COMP_WORDS=("${joined[@]}")
   local COMP_CWORD=$((count - 1))
   _shtab_wayproof "$@"
+KINDS
   local reply
   local -a replies=()
   for reply in "${COMPREPLY[@]}"; do
@@ -46,34 +44,53 @@ complete -o bashdefault -F _wayproof_words_joined wayproof
 """
 
 
-def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Print the script."""
+def script(shell: str) -> str:
+    """Return the completion script of a shell: `bash`, `zsh` or `fish`."""
     import shtab
 
-    script = shtab.complete(_parser_with_values(), options.shell)
-    if options.shell == "bash":
-        script += BASH
-    if not console.quiet:
-        console.file.write(f"{script}\n")  # as it is: rich would wrap it
-    return 0, {"shell": options.shell, "script": script}
+    text: str = shtab.complete(_parser_with_values(), shell)
+    if shell != "bash":
+        return text
+    kinds = (
+        f"  [[ $COMP_CWORD == 2 && ${{COMP_WORDS[1]}} == {name} ]] && "
+        f'COMPREPLY+=($(compgen -W "{" ".join(verb.kinds)}" -- "$last"))'
+        for name, verb in VERBS.items()
+        if verb.kinds
+    )
+    return text + BASH.replace("KINDS", "\n".join(kinds))
 
 
 def _parser_with_values() -> argparse.ArgumentParser:
-    """Return the parser of the command with the possible values of each argument."""
-    import shtab
-
-    from wayproof.harness.cli.main import parsers
+    """Return the parser of the whole command with the possible values of each argument."""
+    from wayproof.harness.cli.main import parser_of, whole_parser
 
     names = values_of(read_catalogue())
-    parser, verbs = parsers()
-    for verb in verbs.values():
-        for action in verb._actions:
-            if action.dest in names and action.choices is None and action.type is not Path:
-                action.choices = names[action.dest]
-            elif action.dest == "log":
-                action.complete = shtab.glob("*.mcap")  # type: ignore[attr-defined]
-            elif action.type is Path:
-                action.complete = shtab.FILE  # type: ignore[attr-defined]
+    whole = whole_parser()
+    verbs = whole.add_subparsers()
+    for name, verb in VERBS.items():
+        parents = _with_values(parser_of(name), names)
+        parser = verbs.add_parser(name, help=verb.help, parents=[parents], add_help=False)
+        kinds = parser.add_subparsers() if verb.kinds else None
+        for kind, one in verb.kinds.items():
+            parents = _with_values(parser_of(f"{name} {kind}"), names)
+            assert kinds is not None
+            kinds.add_parser(kind, help=one.help, parents=[parents], add_help=False)
+    return whole
+
+
+def _with_values(
+    parser: argparse.ArgumentParser, names: dict[str, list[str]]
+) -> argparse.ArgumentParser:
+    """Add the possible values to the arguments of a parser."""
+    import shtab
+
+    for action in parser._actions:
+        if action.dest in names and action.choices is None and action.type is not Path:
+            action.choices = names[action.dest]
+        elif action.dest == "log":
+            action.complete = shtab.glob("*.mcap")  # type: ignore[attr-defined]
+        elif action.type is Path:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
     return parser
 
 
@@ -92,19 +109,7 @@ def values_of(catalogue: Catalogue) -> dict[str, list[str]]:
             f"{kind}:{one}{mode}" for kind in kinds for one in severities for mode in modes[kind]
         ],
         "file": list(catalogue["studies"]),
-        "stage": list(catalogue["benches"]),
+        "part": list(catalogue["benches"]),
         "name": [*catalogue, *(name for entries in catalogue.values() for name in entries)],
         "set": [*(f"{name}=" for name in settings), *chosen],
     }
-
-
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("shell", choices=SHELLS, help="shell of the script")
-
-
-VERB = Verb(
-    help='print a completion script for bash, zsh or fish: eval "$(wayproof completion bash)"',
-    add_arguments=_add_arguments,
-    run=run,
-    example="wayproof completion bash",
-)

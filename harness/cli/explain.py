@@ -13,12 +13,17 @@ from rich.console import Console
 
 from wayproof.harness.cli.card_table import print_card
 from wayproof.harness.cli.cause_text import print_finding, print_misses, print_verdict
+from wayproof.harness.cli.metrics import print_metrics
 from wayproof.harness.cli.verb import (
     Document,
     Verb,
     add_plugins,
     add_unchecked,
+    arg,
+    arguments,
+    check_ending,
     check_log,
+    one_or_all,
     warn_of_changed_plugins,
 )
 from wayproof.harness.errors import InputError
@@ -38,43 +43,70 @@ MOST_THREADS = 4
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Explain a decision, or the episode."""
-    from wayproof.harness.log.reader import open_log
+    """Explain a decision, or one or more episodes, or print their metrics."""
+    paths, number = _logs_and_number(options.log)
+    _check_options(options, paths, number)
+    if number is not None:
+        return 0, _explain_decision(paths[0], number, options, console)
+    explain = print_metrics if options.metrics else _explain_episode
+    documents = []
+    for path in paths:
+        check_log(path, options)
+        log = open_checked(path, options)
+        documents.append(explain(log, options, console))
+    return 0, one_or_all("logs", documents)
 
+
+def _logs_and_number(words: Sequence[str]) -> tuple[list[Path], int | None]:
+    """Return the logs, and the number of a decision if the last word is one."""
+    *before, last = words
+    if before and last.lstrip("-").isdecimal():
+        return [Path(word) for word in before], int(last)
+    return [Path(word) for word in words], None
+
+
+def _check_options(options: argparse.Namespace, paths: Sequence[Path], number: int | None) -> None:
+    check_ending("--png", options.png, ".png")
     if options.png is not None and not options.png.parent.is_dir():
         raise InputError(f"--png: got '{options.png}', expected a file in a folder that exists")
-    if options.png is not None and options.png.suffix != ".png":
-        raise InputError(f"--png: got '{options.png}', expected a name that ends in .png")
-    if options.check and options.decision is not None:
+    if len(paths) > 1 and (options.png is not None or number is not None):
+        raise InputError(f"N, --png: got {len(paths)} logs, expected one")
+    if options.check and number is not None:
         raise InputError("--check: goes with the whole episode, expected no decision's number")
+    if options.metrics and (options.check or options.png or number is not None):
+        raise InputError("--metrics: of the whole episode, goes with neither N, --png nor --check")
+    if options.long and not options.metrics:
+        raise InputError("--long: goes with --metrics")
     if options.stack is not None and not options.check:
         raise InputError("--stack: goes with --check, which lets the stack go on")
-    if options.decision is not None:
-        return 0, _explain_decision(options, console)
-    check_log(options.log, options)
-    log = open_log(options.log, options.allow_plugins)
+
+
+def open_checked(path: Path, options: argparse.Namespace) -> Log:
+    """Open a log; warn where a class that it names has changed, if that may run."""
+    from wayproof.harness.log.reader import open_log
+
+    log = open_log(path, options.allow_plugins)
     if options.allow_plugins:
         warn_of_changed_plugins(log)
-    return 0, _explain_episode(log, options, console)
+    return log
 
 
-def _explain_decision(options: argparse.Namespace, console: Console) -> Document:
+def _explain_decision(
+    path: Path, number: int, options: argparse.Namespace, console: Console
+) -> Document:
     """Explain a decision; the log is checked in another process meanwhile, where there is a core.
 
     Nothing is printed of a log that contradicts itself.
     """
     from wayproof.harness.forked import beside, cores
-    from wayproof.harness.log.reader import open_log
 
-    log = open_log(options.log, options.allow_plugins)
-    if options.allow_plugins:
-        warn_of_changed_plugins(log)
+    log = open_checked(path, options)
     if options.unchecked or cores() == 1:
-        check_log(options.log, options)
-        case, card, navigator = _card(log, options.decision)
+        check_log(path, options)
+        case, card, navigator = _card(log, number)
     else:
-        check = partial(_refusal, options.log, options)
-        made, (refusal,) = beside([check], partial(_card_or_error, log, options.decision))
+        check = partial(_refusal, path, options)
+        made, (refusal,) = beside([check], partial(_card_or_error, log, number))
         if refusal:
             raise InputError(refusal)
         if isinstance(made, InputError):
@@ -166,10 +198,10 @@ def _course(log: Log) -> list[Phase]:
 def _print_course(log: Log, course: Sequence[Phase], console: Console) -> None:
     """Print the outcome, the phases, and what a failed stack left behind."""
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
-    console.print(f"{outcome}: {reason}; {log.path}", soft_wrap=True)
+    console.print(f"{outcome}: {reason}; {log.path}")
     stderr = [f"stderr: {line}" for line in _last_lines(log)]
     for line in [*map(str, course), *log.traceback.splitlines(), *stderr]:
-        console.print(f"  {line}", soft_wrap=True, highlight=False)
+        console.print(f"  {line}")
 
 
 def _draw_episode(
@@ -245,30 +277,24 @@ def _draw(
     from wayproof.harness.viewer.top_view import draw_card
 
     draw_card(log, case, card, navigator, target)
-    console.print(f"picture: {target}", soft_wrap=True, highlight=False)
-
-
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("log", metavar="LOG", type=Path, help="log file")
-    parser.add_argument("decision", metavar="N", type=int, nargs="?", help="number of a decision")
-    parser.add_argument("--png", type=Path, metavar="FILE", help="draw the decision into FILE")
-    parser.add_argument(
-        "--check",
-        action="store_true",
-        help="check the cause by simulating again with one thing corrected at a time",
-    )
-    parser.add_argument(
-        "--stack",
-        metavar="STACK",
-        help="with --check: the stack that was on trial, which is run and goes on itself",
-    )
-    add_unchecked(parser)
-    add_plugins(parser)
+    console.print(f"picture: {target}")
 
 
 VERB = Verb(
-    help="explain why a decision was made, or how an episode went and why it failed",
-    add_arguments=_add_arguments,
+    help="explain why a decision was made, or how an episode went and why it failed; its metrics",
+    add_arguments=arguments(
+        arg("LOG", "log file, repeatable; after one log, N: number of a decision", nargs="+"),
+        arg("--png FILE", "draw the decision, or that of the cause, into FILE", Path),
+        arg("--check", "check the cause by simulating again with one thing corrected at a time"),
+        arg(
+            "--stack STACK",
+            "with --check: the stack that was on trial, which is run and goes on itself",
+        ),
+        arg("--metrics", "print the metrics of each log instead, computed from it alone"),
+        arg("--long", "with --metrics: print the formula and source of each as well"),
+        add_unchecked,
+        add_plugins,
+    ),
     run=run,
     example="wayproof explain logs/warehouse-drone-3.mcap 42 --png moment.png",
 )

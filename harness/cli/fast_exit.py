@@ -13,7 +13,7 @@ import sys
 
 from wayproof.harness.cli.parent_process import names_user_code
 
-READING_VERBS = ("audit", "explain", "picture", "replay", "score", "verify")
+READING_VERBS = ("audit", "explain", "replay", "verify")
 
 
 class FastExit:
@@ -46,4 +46,5 @@ def runs_only_our_code(options: argparse.Namespace) -> bool:
     """
     if getattr(options, "allow_plugins", False) or getattr(options, "stack", None):
         return False
-    return options.verb in READING_VERBS or (options.verb == "run" and not names_user_code(options))
+    verb = options.verb.partition(" ")[0]
+    return verb in READING_VERBS or (options.verb == "run" and not names_user_code(options))

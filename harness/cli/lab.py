@@ -10,8 +10,16 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from wayproof.harness.cli.recording_options import add_recording, options_of
-from wayproof.harness.cli.verb import Document, Verb, add_settings
+from wayproof.harness.cli.verb import (
+    Document,
+    Verb,
+    add_recording,
+    add_settings,
+    arg,
+    arguments,
+    check_ending,
+    recording_options,
+)
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
@@ -32,8 +40,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
     if not 1 <= options.sweeps <= 100_000:
         raise InputError(f"--sweeps: got {options.sweeps}, expected 1 to 100000")
-    if options.plot is not None and options.plot.suffix != ".png":
-        raise InputError(f"--plot: got '{options.plot}', expected a name that ends in .png")
+    check_ending("--plot", options.plot, ".png")
     source = _source(options)
     if options.kind is not None:
         source = replace(source, config=replace(source.config, kind=options.kind))
@@ -54,12 +61,12 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     _print(console, source, trials, refused, rays)
     _print_policies(console, policies)
     if peers is None:
-        console.print("  no OctoMap beside it: pip install pyoctomap", highlight=False)
+        console.print("  no OctoMap beside it: pip install pyoctomap")
     if options.plot is not None:
         from wayproof.harness.lab.plots import plot
 
         plot(trials, options.plot)
-        console.print(f"plot: {options.plot}", soft_wrap=True, highlight=False)
+        console.print(f"plot: {options.plot}")
     document: Document = {
         "source": source.name,
         "sweeps": len(source.sweeps),
@@ -86,7 +93,7 @@ def _source(options: argparse.Namespace) -> Source:
 
     if options.robot is None:
         raise InputError("--robot: expected a body for a recording, whose region is mapped")
-    recording = open_recording(path, options=options_of(options))
+    recording = open_recording(path, options=recording_options(options))
     prepared = prepare(recording, find_body(options.robot), options.set)
     return of_recording(recording, prepared, options.sweeps)
 
@@ -112,9 +119,7 @@ def _print_policies(console: Console, policies: list[Policy]) -> None:
         refused = ", ".join(f"{why} {length:.2f} m" for why, length in one.refused_m.items())
         console.print(
             f"  unknown {one.policy}: {share} of {one.driven_m:.2f} m admitted"
-            f"{f'; not: {refused}' if refused else ''}",
-            soft_wrap=True,
-            highlight=False,
+            f"{f'; not: {refused}' if refused else ''}"
         )
 
 
@@ -162,40 +167,28 @@ def _print(
     console.print(
         "  ms: median of a sweep; misses: sweeps through a cell until it is free again, on a plain "
         "wall; ghosts: occupied cells of these sweeps that became free; gone: sweeps from their "
-        "last hit until then, median; same: cells as in OctoMap",
-        soft_wrap=True,
-        highlight=False,
+        "last hit until then, median; same: cells as in OctoMap"
     )
     for setting, why in refused.items():
-        console.print(f"  not made: {setting}: {why}", soft_wrap=True, highlight=False)
+        console.print(f"  not made: {setting}: {why}")
     if rays is not None:
         console.print(
             f"  rays from the last place: {rays.occupied:.0%} meet something within 10 m, "
             f"{rays.unknown:.0%} meet unknown space before it; "
-            f"{rays.mean_free_m:.2f} m are free on average",
-            soft_wrap=True,
-            highlight=False,
+            f"{rays.mean_free_m:.2f} m are free on average"
         )
-
-
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_recording(parser)
-    parser.add_argument("--robot", help="body of a recording: a spec file, or a robot's name")
-    add_settings(parser)
-    parser.add_argument(
-        "--sweeps",
-        type=int,
-        default=SWEEPS,
-        metavar="N",
-        help=f"number of sweeps that are integrated (default: {SWEEPS})",
-    )
-    parser.add_argument("--kind", metavar="NAME", help="kind of the maps (default: the log's)")
-    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw memory and time")
 
 
 VERB = Verb(
     help="compare resolutions, clamps and decay of the map on the sweeps of a log or a recording",
-    add_arguments=_add_arguments,
+    add_arguments=arguments(
+        add_recording,
+        arg("--robot ROBOT", "body of a recording: a spec file, or a robot's name"),
+        add_settings,
+        arg("--sweeps N", "number of sweeps that are integrated", int, SWEEPS),
+        arg("--kind NAME", "kind of the maps (default: the log's)"),
+        arg("--plot FILE.png", "draw memory and time", Path),
+    ),
     run=run,
     example="wayproof lab logs/warehouse-drone-3.mcap",
 )

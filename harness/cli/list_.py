@@ -16,7 +16,7 @@ from wayproof.harness.cli.catalogue import (
     matching,
     read_catalogue,
 )
-from wayproof.harness.cli.verb import Document, Verb
+from wayproof.harness.cli.verb import Document, Verb, arg
 from wayproof.harness.errors import InputError, near_name
 
 
@@ -48,7 +48,7 @@ def _print_entry(console: Console, found: Catalogue) -> None:
         for name, entry in entries.items():
             console.print(Text.assemble((name, "bold"), f" ({kind})"))
             for label, text in _facts(entry).items():
-                console.print(Text(f"  {label + ':':9}{text}"), soft_wrap=True)
+                console.print(Text(f"  {label + ':':9}{text}"))
 
 
 def _facts(entry: Entry) -> dict[str, str]:
@@ -94,18 +94,13 @@ def _first_sentence(text: str) -> str:
     return re.split(r"(?<=\.) (?=[A-Z`])", text, maxsplit=1)[0]
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "name",
-        metavar="NAME",
-        nargs="?",
-        help="name, kind such as worlds, or section of settings such as map (default: all names)",
-    )
-
-
 VERB = Verb(
     help="list worlds, robots, settings, metrics, studies and all else by name, with its meaning",
-    add_arguments=_add_arguments,
+    add_arguments=arg(
+        "NAME",
+        "name, kind such as worlds, or section of settings such as map (default: all names)",
+        nargs="?",
+    ),
     run=run,
     example="wayproof list map.resolution",
 )

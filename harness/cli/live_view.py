@@ -39,7 +39,7 @@ def live_view(log: Path, saved: Path | None, console: Console) -> Iterator[None]
             code = _end_of(process)
     if code == 0:
         where = "in the viewer" if saved is None else str(saved)
-        console.print(f"view: {where}", soft_wrap=True, highlight=False)
+        console.print(f"view: {where}")
     else:
         print(f"wayproof: warning: the view ended with code {code}", file=sys.stderr)
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
 from typing import NoReturn
 
 import msgspec
 from rich.console import Console
 
-from wayproof.harness.cli import VERBS, Document
+from wayproof.harness.cli import COMMANDS, VERBS, Document, Verb
 from wayproof.harness.cli.arguments import check_options, refusing_unusable_paths
 from wayproof.harness.cli.fast_exit import FastExit, runs_only_our_code
 from wayproof.harness.cli.parent_process import fork_child, names_user_code
@@ -25,6 +25,8 @@ from wayproof.harness.supervision import ended
 EXAMPLE = """\
   wayproof run warehouse --robot drone --seed 4 --perturb pose_jump:5 --log d.mcap
   wayproof explain d.mcap"""
+
+SHELLS = ("bash", "zsh", "fish")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -38,7 +40,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     as_json = "--json" in arguments
     stdout = CheckedStdout(sys.stdout)
     # Printed text may come from a log of unknown origin: no markup in it; `Text` sets the styles.
-    console = Console(file=stdout, quiet=as_json, markup=False, emoji=False)  # type: ignore[arg-type]
+    console = Console(
+        file=stdout,  # type: ignore[arg-type]
+        quiet=as_json,
+        markup=False,
+        emoji=False,
+        highlight=False,
+        soft_wrap=True,
+    )
     document: Document
     try:
         try:
@@ -64,31 +73,103 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(
-    arguments: Sequence[str], console: Console, exit_handler: FastExit | None
+    words: Sequence[str], console: Console, exit_handler: FastExit | None
 ) -> tuple[int, Document]:
     """Run one command; return its exit code and the document of `--json`, which may be empty.
 
     Args:
-        arguments: Words of the command.
+        words: Words of the command.
         console: Where it prints.
         exit_handler: That of its own process, which may be forked; None without one.
     """
-    if not arguments:
-        parsers(())[0].print_help(sys.stderr)
+    if not words:
+        whole_parser().print_help(sys.stderr)
         return 2, {}
-    if not arguments[0].startswith("-") and arguments[0] not in VERBS:
-        raise unknown_name("verb", arguments[0], VERBS)
-    parser, verbs = parsers(arguments[:1])
-    if arguments[0] in VERBS:
-        check_options(verbs[arguments[0]], arguments[1:])
-    options = parser.parse_args(arguments)
+    if words[0].startswith("-"):
+        return _print_completion(whole_parser().parse_args(words).completion)
+    options = parse(words)
     if exit_handler is not None and options.verb == "run" and names_user_code(options):
         exit_code = fork_child()
         if exit_code is not None:
             return exit_code, {}
     if exit_handler is not None:
         exit_handler.allowed = runs_only_our_code(options)
-    return VERBS[options.verb].run(options, console)
+    return COMMANDS[options.verb].run(options, console)
+
+
+def parse(words: Sequence[str]) -> argparse.Namespace:
+    """Return the options of a command and, as `verb`, its name.
+
+    Raises:
+        InputError: There is no such verb or option, or a value of another kind.
+    """
+    name, rest = split_command(words)
+    parser = parser_of(name)
+    check_options(parser, rest)
+    return parser.parse_args(rest, argparse.Namespace(verb=name))
+
+
+def split_command(words: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the name of a command, which may be of two words, and the words after it.
+
+    Raises:
+        InputError: There is no such verb.
+    """
+    verb, *rest = words
+    if verb not in VERBS:
+        raise unknown_name("verb", verb, VERBS)
+    if rest and rest[0] in VERBS[verb].kinds:
+        return f"{verb} {rest[0]}", rest[1:]
+    return verb, rest
+
+
+def parser_of(name: str) -> argparse.ArgumentParser:
+    """Return the parser of the words after the name of a command."""
+    verb = COMMANDS[name]
+    parser = _Parser(
+        prog=f"wayproof {name}",
+        description=verb.help,
+        epilog=_epilog(name, verb),
+        formatter_class=argparse.RawDescriptionHelpFormatter,  # keeps the example in one line
+    )
+    verb.add_arguments(parser)
+    parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
+    return parser
+
+
+def _epilog(name: str, verb: Verb) -> str:
+    kinds = "".join(f"\n  wayproof {name} {kind}: {one.help}" for kind, one in verb.kinds.items())
+    return f"example:\n  {verb.example}" + (f"\n\nkinds:{kinds}" if kinds else "")
+
+
+def whole_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command's own options, whose help lists the verbs."""
+    width = max(map(len, VERBS))
+    verbs = "\n".join(f"  {name:{width}}  {verb.help}" for name, verb in VERBS.items())
+    parser = _Parser(
+        prog="wayproof",
+        usage="wayproof VERB ...",
+        description="Was the space that the robot entered proven safe, and if not, why did it go?",
+        epilog=f"verbs:\n{verbs}\n\nexample:\n{EXAMPLE}\n\n"
+        "'wayproof VERB --help' shows one for each verb.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
+    parser.add_argument(
+        "--completion",
+        choices=SHELLS,
+        help='print the completion script of a shell: eval "$(wayproof --completion bash)"',
+    )
+    return parser
+
+
+def _print_completion(shell: str | None) -> tuple[int, Document]:
+    if shell is None:
+        raise InputError("expected a verb (see 'wayproof --help')")
+    from wayproof.harness.cli.completion import script
+
+    print(script(shell))
+    return 0, {}
 
 
 class _Version(argparse.Action):
@@ -107,40 +188,3 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see '{self.prog} --help')")
-
-
-def verb_parsers() -> dict[str, argparse.ArgumentParser]:
-    """Return the parser of each verb by name."""
-    return parsers()[1]
-
-
-def parsers(
-    whole: Container[str] = VERBS,
-) -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
-    """Return the parser of the whole command, and those of its verbs by name.
-
-    Args:
-        whole: Verbs whose options are added, which may import modules.
-    """
-    parser = _Parser(
-        prog="wayproof",
-        description="Was the space that the robot entered proven safe, and if not, why did it go?",
-        epilog=f"example:\n{EXAMPLE}\n\n'wayproof VERB --help' shows one for each verb.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
-    verbs = parser.add_subparsers(title="verbs", required=True, metavar="VERB", dest="verb")
-    each: dict[str, argparse.ArgumentParser] = {}
-    for name, verb in VERBS.items():
-        verb_parser = verbs.add_parser(
-            name,
-            help=verb.help,
-            description=verb.help,
-            epilog=f"example:\n  {verb.example}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,  # keeps the example in one line
-        )
-        if name in whole:
-            verb.add_arguments(verb_parser)
-        verb_parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
-        each[name] = verb_parser
-    return parser, each

@@ -9,8 +9,15 @@ from pathlib import Path
 from rich.console import Console
 
 from wayproof.harness.cli.study import print_foreign
-from wayproof.harness.cli.summaries import add_summaries, write_summaries
-from wayproof.harness.cli.verb import Document, Verb, add_plugins
+from wayproof.harness.cli.verb import (
+    Document,
+    Verb,
+    add_plugins,
+    add_summaries,
+    arg,
+    arguments,
+    write_summaries,
+)
 from wayproof.harness.errors import InputError
 
 
@@ -33,11 +40,11 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         path, result = write_report(options.folder, options.allow_plugins)
     write_summaries(options, result)
     print_foreign(console, result)
-    console.print(verdict_in_words(result), highlight=False, soft_wrap=True)
+    console.print(verdict_in_words(result))
     if other := unplanned_in_words(options.folder, options.allow_plugins):
-        console.print(other, highlight=False, soft_wrap=True)
-    console.print(f"report: {path}", highlight=False, soft_wrap=True)
-    console.print(f"one page to send: {options.folder / 'report.html'}", soft_wrap=True)
+        console.print(other)
+    console.print(f"report: {path}")
+    console.print(f"one page to send: {options.folder / 'report.html'}")
     return 0, {**asdict(result), "verdict": result.verdict, "report": str(path)}
 
 
@@ -49,23 +56,19 @@ def _recording(options: argparse.Namespace, console: Console) -> tuple[int, Docu
         raise InputError("--markdown, --junit: expected the folder of a study, got a log")
     out = options.folder.with_suffix(".html")
     summary = write_page(options.folder, out, options.allow_plugins)
-    console.print(f"{summary.verdict}: {summary.reason}", highlight=False, soft_wrap=True)
-    console.print(f"page: {out}", highlight=False, soft_wrap=True)
+    console.print(f"{summary.verdict}: {summary.reason}")
+    console.print(f"page: {out}")
     return 0, {**asdict(summary), "report": str(out)}
-
-
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "folder", metavar="FOLDER", type=Path, help="folder of a study, or log of a recording"
-    )
-    add_summaries(parser)
-    add_plugins(parser)
 
 
 VERB = Verb(
     help="write a study as HTML: a site in its folder, and one self-contained page; "
     "or the page of a recording, beside its log",
-    add_arguments=_add_arguments,
+    add_arguments=arguments(
+        arg("FOLDER", "folder of a study, or log of a recording", Path),
+        add_summaries,
+        add_plugins,
+    ),
     run=run,
     example="wayproof report logs/smoke",
 )

@@ -15,15 +15,20 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from wayproof.harness.cli.render import check_render, render
 from wayproof.harness.cli.verb import (
     Document,
     Verb,
     add_check,
+    add_log_file,
     add_log_folder,
+    add_perturb,
+    add_prior,
     add_settings,
     add_stack,
+    arg,
+    arguments,
     refuse_idle_guard,
+    warn,
 )
 from wayproof.harness.errors import InputError, Interrupted
 
@@ -62,8 +67,6 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         config = replace(config, stack=replace(config.stack, guard=True))
         refuse_idle_guard(config.stack)
     path = options.log or options.logs / f"{episode_name(config)}.mcap"
-    if options.render is not None:
-        check_render(config, options.render)
     if options.view is not None:
         from wayproof.harness.viewer.rerun_view import check_view
 
@@ -76,8 +79,6 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     code, document = (0 if result.outcome == "success" else 1), document_of(result)
     if checked is not None:
         document["check"] = checked
-    if options.render is not None:
-        document["render"] = render(Path(result.log), options.render, console)
     return code, document
 
 
@@ -175,7 +176,7 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
     bound_memory(config.plugins.memory_mib)
     scenario = build(config)
     for warning in scenario.warnings:
-        print(f"wayproof: warning: {warning}", file=sys.stderr)
+        warn(warning)
     line = LiveLine(console, config.robot)
     with hold_log(path) as draft:
         warn_of_kept(draft)
@@ -208,7 +209,7 @@ def warn_of_kept(draft: Draft) -> None:
     """Print where the unfinished log of an earlier run of the same name was moved to."""
     if draft.kept is not None:
         text = f"an unfinished log of an earlier run is kept as '{draft.kept}'"
-        print(f"wayproof: warning: {text}; 'wayproof recover' reads it", file=sys.stderr)
+        warn(f"{text}; 'wayproof export' reads it")
 
 
 def interrupted(log: Path, decisions: int) -> Interrupted:
@@ -217,7 +218,7 @@ def interrupted(log: Path, decisions: int) -> Interrupted:
     if decisions == 0:
         partial.unlink(missing_ok=True)
         return Interrupted("nothing was decided yet, and no log is left")
-    return Interrupted(f"the log so far: wayproof recover {partial}")
+    return Interrupted(f"the log so far: wayproof export {partial} --log {log}")
 
 
 def document_of(result: Result) -> Document:
@@ -242,71 +243,51 @@ def print_verdict(console: Console, result: Result) -> None:
             f" least clearance {true_in_metres(result.min_clearance_m)},"
             f" log {result.log_mb_per_min:.1f} MB/min"
         )
-    console.print(Text.assemble((result.outcome, style), summary), soft_wrap=True)
+    console.print(Text.assemble((result.outcome, style), summary))
     if result.traceback:
         for line in result.traceback.splitlines()[-SHOWN_LINES:]:
-            console.print(f"  {line}", soft_wrap=True, highlight=False)
+            console.print(f"  {line}")
     if result.cause:
         line = f"cause: {result.cause}: {result.cause_evidence}"
-        console.print(line, soft_wrap=True)
+        console.print(line)
     if result.cause or result.traceback:
         planner = result.traceback and not result.cause  # of a planner or controller of the user's
         allowed = " --allow-plugins" if planner else ""
         line = f"explain: wayproof explain {result.log}{allowed}"
-        console.print(line, soft_wrap=True, highlight=False)
-    console.print(f"log: {result.log}  chain: {result.chain}", soft_wrap=True, highlight=False)
+        console.print(line)
+    console.print(f"log: {result.log}  chain: {result.chain}")
     if not result.cause:
         verb = "view" if result.outcome == "success" else "explain"
-        console.print(f"next: wayproof {verb} {result.log}", soft_wrap=True, highlight=False)
-
-
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("world", metavar="WORLD", help="name ('wayproof list') or world file")
-    parser.add_argument("--robot", required=True, help="name ('wayproof list') or spec file")
-    parser.add_argument(
-        "--seed", required=True, type=int, help="seed of the world and of all randomness"
-    )
-    parser.add_argument(
-        "--goal",
-        metavar="X,Y[,Z]",
-        action="append",
-        help="goal, m, or a place: home, world or aisle (default: world, the world's own); given "
-        "several times, one after the other",
-    )
-    parser.add_argument("--start", metavar="X,Y[,Z]", help="start, m (default: the world's)")
-    add_settings(parser)
-    parser.add_argument(
-        "--perturb",
-        metavar="KIND:SEVERITY[:MODE]",
-        help="break one assumption, at a severity of 1 to 5",
-    )
-    parser.add_argument(
-        "--prior",
-        metavar="FILE",
-        help="map of another day that may guide: .yaml, .bt, .ot, .map, .mcap or a world file; or "
-        "truth, the world's own geometry; prior.* says where it lies and what it may do",
-    )
-    add_stack(parser)
-    parser.add_argument(
-        "--log", type=Path, metavar="FILE", help="log file (default: in the folder of --logs)"
-    )
-    parser.add_argument(
-        "--render", type=Path, metavar="FILE", help="draw a movie of the episode: a .gif or .mp4"
-    )
-    parser.add_argument(
-        "--view",
-        nargs="?",
-        const=WINDOW,
-        metavar="FILE.rrd",
-        help="show the episode in the Rerun viewer while it runs, or write a recording for it",
-    )
-    add_check(parser)
-    add_log_folder(parser)
+        console.print(f"next: wayproof {verb} {result.log}")
 
 
 VERB = Verb(
     help="run one episode and write its log",
-    add_arguments=_add_arguments,
+    add_arguments=arguments(
+        arg("WORLD", "name ('wayproof list') or world file"),
+        arg("--robot ROBOT", "name ('wayproof list') or spec file", required=True),
+        arg("--seed N", "seed of the world and of all randomness", int, required=True),
+        arg(
+            "--goal X,Y[,Z]",
+            "goal, m, or a place: home, world or aisle (default: world, the world's own); given "
+            "several times, one after the other",
+            action="append",
+        ),
+        arg("--start X,Y[,Z]", "start, m (default: the world's)"),
+        add_settings,
+        add_perturb,
+        add_prior,
+        add_stack,
+        add_log_file,
+        arg(
+            "--view FILE.rrd",
+            "show the episode in the Rerun viewer while it runs, or write a recording for it",
+            nargs="?",
+            const=WINDOW,
+        ),
+        add_check,
+        add_log_folder,
+    ),
     run=run,
     example="wayproof run warehouse --robot drone --seed 3 --set map.resolution=0.05",
 )

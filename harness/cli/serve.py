@@ -6,7 +6,7 @@ import argparse
 
 from rich.console import Console
 
-from wayproof.harness.cli.verb import Document, Verb
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -19,21 +19,16 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     return 0, {}
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("stack", metavar="STACK", help="a name of 'wayproof list' or module:Class")
-    parser.add_argument(
-        "--predictor",
-        action="store_true",
-        help="serve a predictor, as prediction.source takes it: module:Class or FILE.onnx",
-    )
-    parser.add_argument(
-        "--listen", metavar="ADDRESS", help="unix:PATH or tcp:HOST:PORT in place of the pipes"
-    )
-
-
 VERB = Verb(
     help="serve a stack or a predictor to a harness in another process, on its pipes or a socket",
-    add_arguments=_add_arguments,
+    add_arguments=arguments(
+        arg("STACK", "a name of 'wayproof list' or module:Class"),
+        arg(
+            "--predictor",
+            "serve a predictor, as prediction.source takes it: module:Class or FILE.onnx",
+        ),
+        arg("--listen ADDRESS", "unix:PATH or tcp:HOST:PORT in place of the pipes"),
+    ),
     run=run,
     example="wayproof run office --robot drone --seed 1 --stack 'exec:wayproof serve gap'",
 )

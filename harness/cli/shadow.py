@@ -12,8 +12,19 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wayproof.harness.cli.recording_options import add_recording, options_of
-from wayproof.harness.cli.verb import Document, Verb, add_log_folder, add_settings
+from wayproof.harness.cli.verb import (
+    Document,
+    Verb,
+    add_log_file,
+    add_log_folder,
+    add_perturb,
+    add_prior,
+    add_recording,
+    add_settings,
+    arg,
+    arguments,
+    recording_options,
+)
 
 if TYPE_CHECKING:
     from wayproof.harness.recordings.recording import Recording
@@ -37,7 +48,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.shadow.summary import summarize
 
     body = find_body(options.robot)
-    recording = open_recording(options.recording, options=options_of(options))
+    recording = open_recording(options.recording, options=recording_options(options))
     perturbation = None
     if options.perturb is not None:
         from wayproof.harness.perturbations import perturbation_from
@@ -55,13 +66,11 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     path = options.log or options.logs / f"{log_name(recording, prepared)}.mcap"
     given = [one.partition("=")[2] for one in options.set]
     refuse_inputs(path, (options.recording, options.prior or "", *given))
-    console.print(f"{recording.name}: {recording.chosen}", soft_wrap=True, highlight=False)
+    console.print(f"{recording.name}: {recording.chosen}")
     if prepared.assumes_height:
         console.print(
             "the recording does not say how high the body is: its origin is taken to be on the "
-            "floor; --mount or --set recording.body_height=M says otherwise",
-            soft_wrap=True,
-            highlight=False,
+            "floor; --mount or --set recording.body_height=M says otherwise"
         )
     began = time.perf_counter()
     _run(recording, prepared, path, console)
@@ -73,11 +82,10 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     minutes = max(summary.duration_s, 1e-9) / 60.0
     console.print(
         f"{stepped:.1f} s for the decisions and {wall - stepped:.1f} s for the verdict: "
-        f"{wall / minutes:.1f} s a minute of recording",
-        highlight=False,
+        f"{wall / minutes:.1f} s a minute of recording"
     )
-    console.print(f"log: {summary.log}  chain: {summary.chain}", soft_wrap=True, highlight=False)
-    console.print(f"next: wayproof report {summary.log}", soft_wrap=True, highlight=False)
+    console.print(f"log: {summary.log}  chain: {summary.chain}")
+    console.print(f"next: wayproof report {summary.log}")
     document = asdict(summary)
     document |= {"wall_time_s": wall, "seconds_per_minute": wall / minutes}
     return EXIT_CODES[summary.verdict], document
@@ -119,17 +127,15 @@ def print_summary(console: Console, summary: Summary) -> None:
     text = Text.assemble(
         (summary.verdict, STYLES[summary.verdict]), f": {summary.reason}{share}; {summary.faults}"
     )
-    console.print(text, soft_wrap=True)
+    console.print(text)
     _print_places(console, summary)
     for line in lines_of(summary):
-        console.print(f"  {line}", soft_wrap=True, highlight=False)
+        console.print(f"  {line}")
     for stop in summary.stops[:SHOWN_STOPS]:
         at = ", ".join(f"{value:.1f}" for value in stop.position[:2])
         console.print(
             f"    {stop.seconds:.1f} s from {stop.begin_s:.1f} s on (decision {stop.sequence}), at "
-            f"({at}): {stop.action}: {stop.reason}",
-            soft_wrap=True,
-            highlight=False,
+            f"({at}): {stop.action}: {stop.reason}"
         )
 
 
@@ -160,37 +166,20 @@ def _point(place: tuple[float, ...]) -> str:
     return "(" + ", ".join(f"{value:.2f}" for value in place) + ")"
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_recording(parser)
-    parser.add_argument(
-        "--robot", required=True, help="body: a spec file, or a name of 'wayproof list'"
-    )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the searches (default: 0)")
-    add_settings(parser)
-    parser.add_argument(
-        "--prior",
-        metavar="FILE",
-        help="map of another day that may guide: .yaml, .bt, .ot, .map, .mcap, .ply, .spz or a "
-        "world file, in the frame of the log; prior.* says where it lies and what it may do",
-    )
-    parser.add_argument(
-        "--perturb",
-        metavar="KIND:SEVERITY[:MODE]",
-        help="break one assumption, at a severity of 1 to 5",
-    )
-    parser.add_argument(
-        "--stack", metavar="STACK", help="stack that decides, as of 'wayproof run'; it is run"
-    )
-    parser.add_argument(
-        "--log", type=Path, metavar="FILE", help="log file (default: in the folder of --logs)"
-    )
-    add_log_folder(parser)
-
-
 VERB = Verb(
     help="judge the way of a recorded robot, and what the stack would have done; "
     "exit code 1 if some of it was not admitted, 3 if nothing was shown",
-    add_arguments=_add_arguments,
+    add_arguments=arguments(
+        add_recording,
+        arg("--robot ROBOT", "body: a spec file, or a name of 'wayproof list'", required=True),
+        arg("--seed N", "seed of the searches", int, 0),
+        add_settings,
+        add_prior,
+        add_perturb,
+        arg("--stack STACK", "stack that decides, as of 'wayproof run'; it is run"),
+        add_log_file,
+        add_log_folder,
+    ),
     run=run,
     example="wayproof shadow examples/recordings/fr079/fr079-200.clf.bz2 --robot quadruped",
 )

@@ -195,5 +195,5 @@ def check_file(path: Path) -> None:
         raise InputError(f"log '{path}': not an MCAP file")
     if tail != MAGIC:
         raise InputError(
-            f"log '{path}': truncated after {size} bytes; 'wayproof recover' saves what it can"
+            f"log '{path}': truncated after {size} bytes; 'wayproof export --log' saves what it can"
         )

@@ -205,7 +205,7 @@ class Log:
         if self.record == "decisions":
             raise InputError(
                 f"log '{self.path}': its sweeps were left out (record = '{self.config.record}'); "
-                "wayproof replay --closed-loop --log FILE writes them again"
+                "wayproof replay simulate --log FILE writes them again"
             )
 
     def _records_and_rest(self, after: pb.Keyframe | None = None) -> Iterator[Record | Message]:

@@ -64,7 +64,7 @@ def recover(path: Path, target: Path | None = None, allow_plugins: bool = False)
     check_readable(path)
     target = target or recovered_name(path)
     if target.resolve() == path.resolve():
-        raise InputError(f"--out {target}: the log itself, expected another name")
+        raise InputError(f"--log {target}: the log itself, expected another name")
     reading = _Reading(path)
     head = read_head(reading.items(), path, allow_plugins)
     decisions = len(reading.decisions)

@@ -221,11 +221,11 @@ def live_through(
             trajectories.append((arrival_ns(recorded, trajectory), trajectory))
         decisions.append(recorded)
     if not reached:
-        raise InputError(f"--from {at}: expected a decision from 0 to {len(decisions) - 1}")
+        raise InputError(f"N: got {at}, expected a decision from 0 to {len(decisions) - 1}")
     if state is None and at > 0:
         raise InputError(
             f"log '{log.path}': no state kept at decision {at} (record = '{log.config.record}'); "
-            "--closed-loop --log FILE writes it in full"
+            "replay simulate --log FILE writes it in full"
         )
     truths = [truth for truth in log.truth() if truth.sequence < at]
     if len(truths) != len(decisions):

@@ -22,8 +22,8 @@ def refuse_not_compared(log: Log) -> None:
     if log.not_compared:
         raise InputError(
             f"log '{log.path}': format version {log.run['format_version']}, expected "
-            f"{FORMAT_VERSION}, whose chain a fork can go on with; --closed-loop --log FILE writes "
-            "it so"
+            f"{FORMAT_VERSION}, whose chain a fork can go on with; replay simulate --log FILE "
+            "writes it so"
         )
 
 

@@ -151,7 +151,7 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
         raise InputError(
             "--set stack.name: a log holds no answers of another stack; expected run --stack"
         )
-    refuse_sensed(log.config, changed, "these need the simulator: --from N forks the episode")
+    refuse_sensed(log.config, changed, "these need the simulator: replay fork forks the episode")
     _refuse_other_predictions(log.config, changed)
     began = time.perf_counter()
     twin = SideBySide(log, log.config, changed)
@@ -192,7 +192,7 @@ def changed_config(log: Log, settings: Sequence[str]) -> Config:
     if log.fork is not None:
         raise InputError(
             f"log '{log.path}': forked at {log.fork.at}, so it has no settings of its own to "
-            "change; expected the log forked from, or --from N"
+            "change; expected the log forked from, or replay fork"
         )
     return override(log.config, settings)
 
@@ -217,7 +217,7 @@ def _refuse_other_predictions(old: Config, new: Config) -> None:
     if outside and (before.source, before.reach) != (after.source, after.reach):
         raise InputError(
             "--set prediction.source or reach: the log holds what the predictor said; expected "
-            "prediction.policy, occupied_from or free_below, or --from N"
+            "prediction.policy, occupied_from or free_below, or replay fork"
         )
     if new.runs_predictor and not old.runs_predictor:
         raise InputError(

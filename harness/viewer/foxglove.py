@@ -47,7 +47,7 @@ from wayproof.harness.viewer.true_scene import true_scene
 from wayproof.harness.viewer.words import is_warning
 from wayproof.maps import UNKNOWN
 
-LIBRARY = "wayproof foxglove"
+LIBRARY = "wayproof export"
 """Name of the writing program in the head of a file, by which it may be overwritten."""
 
 EDGE_M = 1.0

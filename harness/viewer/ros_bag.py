@@ -186,9 +186,7 @@ def check_name(out: Path, kind: BagKind) -> None:
     """Refuse a name that ROS tools would not take.
 
     Raises:
-        InputError: A bag of ROS 1 that does not end in `.bag`, or one of ROS 2 with an ending.
+        InputError: A bag of ROS 2 with an ending.
     """
-    if kind == "ros1" and out.suffix != ".bag":
-        raise InputError(f"--ros1: got '{out}', expected a name that ends in .bag")
     if kind != "ros1" and out.suffix in (".mcap", ".db3", ".bag"):
-        raise InputError(f"--ros2: got '{out}', expected the name of a folder, without an ending")
+        raise InputError(f"--bag: got '{out}', expected a FILE.bag, or the name of a folder")

@@ -17,12 +17,11 @@ EARLY = 5
 """Decision on a small scale instead of a later one."""
 
 SMALLER = {
-    "demo": "--set episode.time_limit=0.5".split(),
     "shadow": "--end 2".split(),
 }
 """Additional options of a verb on a small scale."""
 
-ONCE = ("study", "bench", "demo")
+ONCE = ("study", "bench")
 """Verbs whose command on a small scale runs once, though several blocks hold it."""
 
 STAGES_SMALLER = {

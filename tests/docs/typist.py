@@ -48,7 +48,7 @@ from tests.docs.small_scale import (
 )
 from tests.sharing import alone
 from wayproof.harness.bench import BENCHES
-from wayproof.harness.cli.main import verb_parsers
+from wayproof.harness.cli.main import parse
 from wayproof.harness.cli.run import episode_name
 from wayproof.harness.config_document import from_document, override
 from wayproof.harness.perturbations import perturbation_from
@@ -60,7 +60,7 @@ from wayproof.models.robots.custom import parse_spec
 UNTYPED = {
     r"\. \.venv/bin/activate": "the tests run in an environment already",
     r"pip install .*": "installs from the network",
-    r"wayproof robot check my_robot.*": "the reader's own robot",
+    r"wayproof import robot my_robot.*": "the reader's own robot",
     r"wayproof bench .*": "tests/harness/bench/test_bench.py runs it",
     r"python -m tests.tools.trials.robots.*": "tests/of_tools/test_robots.py runs it",
     r"python -m tests.tools.statistics.*": "tests/of_tools/test_verdicts.py runs it",
@@ -69,9 +69,7 @@ UNTYPED = {
     r"wayproof study .* --check-determinism .*": "tests/harness/study/test_determinism.py runs it",
     r"wayproof study calibrate .*": "tests/harness/study/test_calibration.py runs it",
     r"wayproof lab logs/.*": "docs/tutorials/recording.md runs the verb in full",
-    r"wayproof picture logs/warehouse-drone-3.*": "docs/get-started.md runs the verb in full",
-    r"wayproof picture .* --movie docs/.*": "docs/seeing.md runs it with another log",
-    r"wayproof run .* --render .*": "tests/harness/viewer/test_movie.py runs it",
+    r"wayproof view .* --movie .*": "tests/harness/viewer/test_movie.py runs it",
     r"wayproof run .* --view .*": "tests/harness/viewer/test_rerun_view.py runs it",
 }
 """Commands that are only checked against their parser, and the reason."""
@@ -171,8 +169,8 @@ class Typist:
 
     def _type_ours(self, words):
         verb = words[0]
-        if verb == "sign" and "--key" in words:
-            key = Path(words[words.index("--key") + 1])
+        if "--sign" in words:
+            key = Path(words[words.index("--sign") + 1])
             if not key.exists():
                 new_key(key)
         if not self._whole:
@@ -182,16 +180,19 @@ class Typist:
                 words = with_options(words, ["--repeats", "1"])
             if "--movie" in words:
                 words = with_options(words, ["--period", "0.5"])
-            if verb in ("explain", "picture") and words[2:3] and words[2].isdecimal():
-                words = [*words[:2], str(min(int(words[2]), EARLY)), *words[3:]]
+            for at in (2, words.index("--decision") + 1 if "--decision" in words else len(words)):
+                if verb in ("explain", "view") and "".join(words[at : at + 1]).isdecimal():
+                    words[at] = str(min(int(words[at]), EARLY))
             words = with_options(words, SMALLER.get(verb, []))
-            if verb == "view" and "--save" not in words:
+            if verb == "view" and not {"--save", "--png", "--movie"} & set(words):
                 words += ["--save", "view.rrd"]  # opens no window
         if verb == "study":
             words = with_options(words, ["--jobs", "1"])
         if verb == "run":
             return self._run(words)
-        if verb == "picture":  # needs a driver chosen before the simulator is loaded
+        if {"--png", "--movie"} & set(
+            words
+        ) and verb == "view":  # needs a driver chosen before the simulator is loaded
             return run_command(words)
         if verb in ONCE and not self._whole:
             return self._run_once(words)
@@ -225,11 +226,11 @@ class Typist:
         """Run one episode, or reuse the one of another block."""
         log = log_of(words)
         if not self._whole:
-            shown = rf"(?:explain|picture) {re.escape(str(log))} (\d+)"
+            shown = rf"(?:explain {re.escape(str(log))}|--decision) (\d+)"
             last = max(map(int, re.findall(shown, self._whole_blocks)), default=0)
             limit = f"episode.time_limit={max(SHORT, 0.1 * last + 0.2):g}"
             words = with_options(words, ["--set", limit])
-            flies = verb_parsers()["run"].parse_args(words[1:]).robot == "drone"
+            flies = parse(words).robot == "drone"
             words = with_options(words, ["--set", f"map.resolution={COARSE if flies else 0.1}"])
         if "--log" in words:
             at = words.index("--log")
@@ -268,7 +269,7 @@ class Typist:
 
 def log_of(words):
     """Path of the log of a `run` with these words."""
-    options = verb_parsers()["run"].parse_args(words[1:])
+    options = parse(words)
     if options.log:
         return options.log
     named = {"world": options.world, "robot": options.robot, "seed": options.seed}
@@ -295,7 +296,7 @@ def check_against_parser(words):
     """Assert that a command is valid: its program, verb, options and files."""
     program, *rest = words
     if Path(program).name == "wayproof":
-        options = verb_parsers()[rest[0]].parse_args(rest[1 : _end(rest)])
+        options = parse(rest[: _end(rest)])
         assert rest[0] != "bench" or options.part in BENCHES, words
     elif program == "make":
         assert rest[0] in TARGETS, words

@@ -182,7 +182,7 @@ def test_a_least_clearance_that_is_a_bound_says_so(
     """Nothing is measured beyond 2 m."""
     log, far = str(COMMITTED / committed_name()), trace(clearances=np.full(4, least))
     monkeypatch.setattr("wayproof.harness.trace.read_trace", lambda _: far)
-    assert main(["score", log]) == 0
+    assert main(["explain", log, "--metrics"]) == 0
     assert f"│ least_clearance │ {said} │" in " ".join(capsys.readouterr().out.split())
-    assert main(["score", log, "--json"]) == 0
+    assert main(["explain", log, "--metrics", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["least_clearance_is_bound"] == (least == 2.0)

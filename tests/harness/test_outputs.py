@@ -143,11 +143,11 @@ def test_a_file_of_another_program_is_not_overwritten(tmp_path, recorded, capsys
     data = foreign(bag)
     for arguments in (
         ["run", "empty", "--robot", "drone", "--seed", "1", "--log", str(bag)],
-        ["replay", log, "--closed-loop", "--log", str(bag)],
-        ["replay", log, "--from", "3", "--log", str(bag)],
-        ["recover", str(cut), "--out", str(bag)],
-        ["convert", log, "--foxglove", str(bag)],
-        ["convert", log, "--ros2", str(bag)],
+        ["replay", "simulate", log, "--log", str(bag)],
+        ["replay", "fork", log, "3", "--log", str(bag)],
+        ["export", str(cut), "--log", str(bag)],
+        ["export", log, "--foxglove", str(bag)],
+        ["export", log, "--bag", str(bag)],
         ["export", log, "--csv", str(bag)],
     ):
         assert main(arguments) == 2
@@ -156,9 +156,9 @@ def test_a_file_of_another_program_is_not_overwritten(tmp_path, recorded, capsys
         assert bag.read_bytes() == data
     left = cut.read_bytes()
     for name, text in (("cut.mcap", "is a log, expected"), ("b.mcap", "")):
-        assert main(["convert", log, "--foxglove", str(tmp_path / name)]) == (2 if text else 0)
+        assert main(["export", log, "--foxglove", str(tmp_path / name)]) == (2 if text else 0)
         assert text in capsys.readouterr().err
-    assert main(["convert", log, "--foxglove", str(tmp_path / "b.mcap")]) == 0  # over its own
+    assert main(["export", log, "--foxglove", str(tmp_path / "b.mcap")]) == 0  # over its own
     assert cut.read_bytes() == left
     assert sorted(os.listdir(tmp_path)) == ["b.mcap", "bag.mcap", "cut.mcap.partial"]
 
@@ -198,9 +198,9 @@ def test_every_writer_of_logs_holds_the_name(tmp_path, recorded, capsys):
     cut.write_bytes(Path(log).read_bytes()[: Path(log).stat().st_size * 2 // 3])
     with Draft(target):
         for arguments in (
-            ["replay", log, "--closed-loop", "--log", str(target)],
-            ["replay", log, "--from", "3", "--log", str(target)],
-            ["recover", str(cut), "--out", str(target)],
+            ["replay", "simulate", log, "--log", str(target)],
+            ["replay", "fork", log, "3", "--log", str(target)],
+            ["export", str(cut), "--log", str(target)],
         ):
             assert main(arguments) == 2
             [line] = capsys.readouterr().err.splitlines()

@@ -180,7 +180,7 @@ def test_a_planner_that_raises_ends_the_episode_with_its_evidence(capsys, tmp_pa
     assert main(["replay", str(path), "--allow-plugins"]) == 0
     count = log.result["decisions"]
     assert f"identical: {count} of {count}" in capsys.readouterr().out
-    assert main(["score", str(path), "--allow-plugins"]) == 0
+    assert main(["explain", str(path), "--metrics", "--allow-plugins"]) == 0
 
 
 @pytest.mark.parametrize(
@@ -445,7 +445,7 @@ def test_a_planner_s_changed_file_makes_other_episodes_of_a_study(tmp_path):
 
 def test_the_formulas_of_a_score_are_printed_where_asked_for(recorded, capsys):
     log = recorded("empty", "drone", 1).log
-    assert main(["score", log]) == 0
+    assert main(["explain", log, "--metrics"]) == 0
     assert "Anderson" not in capsys.readouterr().out
-    assert main(["score", log, "--long"]) == 0
+    assert main(["explain", log, "--metrics", "--long"]) == 0
     assert "Anderson" in capsys.readouterr().out

@@ -23,7 +23,7 @@ from wayproof.harness.recordings.types import Transform
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 SILENT, UNSURE, LIMITS = "/no_return", "/no_return_unsure", "/limits"
-"""Ends of the topics beside a sensor's points that `wayproof convert` writes: the directions of its
+"""Ends of the topics beside a sensor's points that `wayproof export` writes: the directions of its
 beams without return, where these are known to have been free or not, and a Range with its limits.
 """
 

@@ -259,8 +259,11 @@ def test_ctrl_c_says_what_is_left(tmp_path, monkeypatch, capsys):
     press(3)
     assert main([*RUN, "--log", str(log)]) == 130
     said = capsys.readouterr().err
-    assert said == f"wayproof: interrupted; the log so far: wayproof recover {log}.partial\n"
-    assert main(["recover", f"{log}.partial"]) == 0
+    assert (
+        said
+        == f"wayproof: interrupted; the log so far: wayproof export {log}.partial --log {log}\n"
+    )
+    assert main(["export", f"{log}.partial", "--log", str(log)]) == 0
 
 
 def test_the_live_line_keeps_its_end_at_60_columns():
@@ -298,12 +301,13 @@ TOO_LONG = "x" * 300
 @pytest.mark.parametrize(
     "arguments",
     [
-        *([verb, TOO_LONG] for verb in ("explain", "audit", "replay", "score", "verify")),
-        *([verb, TOO_LONG] for verb in ("recover", "lab", "view", "report", "study")),
+        *([verb, TOO_LONG] for verb in ("explain", "audit", "replay", "verify", "lab")),
+        *([verb, TOO_LONG] for verb in ("view", "report", "study")),
         ["run", "empty", "--robot", TOO_LONG, "--seed", "1"],
         ["run", f"{TOO_LONG}.xml", "--robot", "drone", "--seed", "1"],
         ["explain", "x.mcap", "--png", f"{TOO_LONG}/x.png"],
-        ["sign", "--new-key", TOO_LONG],
+        ["verify", "--new-key", TOO_LONG],
+        ["export", TOO_LONG, "--log", "x.mcap"],
     ],
 )
 def test_a_path_that_the_system_refuses_is_one_line(capsys, arguments):
@@ -326,5 +330,5 @@ def test_a_log_that_may_not_be_read_is_one_line(capsys, tmp_path):
     log = tmp_path / "a.mcap"
     log.write_bytes(b"secret")
     log.chmod(0)
-    for verb in ("explain", "audit", "replay", "recover", "view"):
+    for verb in ("explain", "audit", "replay", "verify", "view"):
         assert "a.mcap': Permission denied" in bad_input(capsys, [verb, str(log)])

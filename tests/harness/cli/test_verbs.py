@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from wayproof.harness.cli import VERBS
-from wayproof.harness.cli.main import main, verb_parsers
+from wayproof.harness.cli import COMMANDS
+from wayproof.harness.cli.main import main, parse, parser_of
 
 WRONG = {
     "run": ["nowhere", "--robot", "drone", "--seed", "1"],
@@ -18,48 +18,47 @@ WRONG = {
     "compare": ["no-such-folder", "nor-this"],
     "bench": ["no-such-stage"],
     "list": ["surplus"],
-    "demo": ["--seed", "x"],
     "import": ["no-such-file.stl"],
-    "picture": ["no-such.mcap", "1"],
-    "convert": ["no-such.mcap", "--foxglove", "x.mcap"],
+    "import robot": ["no-such-file.toml"],
+    "replay what-if": ["no-such.mcap", "--set", "map.resolution=0.2"],
+    "replay fork": ["no-such.mcap", "3"],
     "export": ["no-such.mcap", "--csv", "x.csv"],
-    "completion": ["ksh"],
 }
 """Words after each verb that it must refuse; the others take a log."""
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", COMMANDS)
 def test_the_example_is_one_of_its_own_lines(verb):
-    program, named, *words = shlex.split(VERBS[verb].example)
+    program, *words = shlex.split(COMMANDS[verb].example)
     assert program == "wayproof"
-    assert named == verb or f"wayproof {verb} " in VERBS[verb].example  # `serve` runs inside `run`
-    verb_parsers()[named].parse_args(words)
+    named = parse(words).verb
+    assert named == verb or f"wayproof {verb} " in COMMANDS[verb].example  # `serve` is in a `run`
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", COMMANDS)
 def test_help_teaches_by_example_and_a_pipe_gets_no_colours(capsys, verb):
     with pytest.raises(SystemExit) as end:
-        main([verb, "--help"])
+        main([*verb.split(), "--help"])
     assert end.value.code == 0
     shown = capsys.readouterr()
-    assert VERBS[verb].example in shown.out
+    assert COMMANDS[verb].example in shown.out
     assert "\x1b" not in shown.out
     assert shown.err == ""
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", COMMANDS)
 def test_every_argument_says_what_it_is_for(verb):
     obvious = {"log", "help", "json"}
-    for action in verb_parsers()[verb]._actions:
+    for action in parser_of(verb)._actions:
         assert action.help or action.dest in obvious, f"{verb}: {action.dest}"
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize("verb", COMMANDS)
 def test_bad_input_is_one_document_on_stdout_and_one_line_on_stderr(
     capsys, monkeypatch, tmp_path, verb
 ):
     monkeypatch.chdir(tmp_path)
-    assert main([verb, *WRONG.get(verb, ["no-such.mcap"]), "--json"]) == 2
+    assert main([*verb.split(), *WRONG.get(verb, ["no-such.mcap"]), "--json"]) == 2
     shown = capsys.readouterr()
     assert set(json.loads(shown.out)) == {"error"}
     assert shown.out.count("\n") == 1
@@ -72,23 +71,22 @@ def test_bad_input_is_one_document_on_stdout_and_one_line_on_stderr(
     [
         ["replay"],
         ["audit"],
-        ["score"],
+        ["replay simulate"],
+        ["explain", "--metrics"],
         ["view", "--save", "x.rrd"],
-        ["convert", "--foxglove", "x.mcap"],
+        ["export", "--foxglove", "x.mcap"],
         ["export", "--csv", "x.csv", "--tum", "x.tum"],
         ["explain"],
         ["explain", "3", "--png", "x.png"],
-        ["recover", "--out", "x.mcap"],
         ["list"],
-        ["completion", "zsh"],
     ],
     ids=lambda words: words[0],
 )
 def test_good_input_is_one_document_and_nothing_else(capfd, monkeypatch, tmp_path, recorded, words):
     verb, *more = words
-    paths = [] if verb in ("list", "completion") else [recorded("empty", "drone", 1).log]
+    paths = [] if verb == "list" else [recorded("empty", "drone", 1).log]
     monkeypatch.chdir(tmp_path)
-    assert main([verb, *paths, *more, "--json"]) == 0
+    assert main([*verb.split(), *paths, *more, "--json"]) == 0
     shown = capfd.readouterr()
     assert isinstance(json.loads(shown.out), dict)
     assert shown.out.count("\n") == 1
@@ -98,7 +96,7 @@ def test_good_input_is_one_document_and_nothing_else(capfd, monkeypatch, tmp_pat
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["wayproof", "re"], {"replay", "report", "recover"}),
+        (["wayproof", "re"], {"replay", "report"}),
         (["wayproof", "run", "ware"], {"warehouse"}),
         (["wayproof", "run", "warehouse", "--robot", "q"], {"quadruped"}),
         (["wayproof", "run", "warehouse", "--perturb", "pose_jump", ":"], {"1"}),
@@ -108,6 +106,8 @@ def test_good_input_is_one_document_and_nothing_else(capfd, monkeypatch, tmp_pat
         (["wayproof", "study", "s"], {"smoke", "stacks"}),
         (["wayproof", "bench", "r"], {"rays"}),
         (["wayproof", "replay", ""], {"d.mcap"}),
+        (["wayproof", "replay", "wh"], {"what-if"}),
+        (["wayproof", "replay", "fork", ""], {"d.mcap"}),
         (["wayproof", "view", "x.mcap", "--sa"], {"--save"}),
     ],
 )
@@ -116,7 +116,7 @@ def test_bash_completes(capsys, monkeypatch, tmp_path, words, expected):
     bash = shutil.which("bash")
     if bash is None:
         pytest.skip("no bash here")
-    assert main(["completion", "bash"]) == 0
+    assert main(["--completion", "bash"]) == 0
     monkeypatch.chdir(tmp_path)
     (tmp_path / "d.mcap").touch()
     (tmp_path / "d.txt").touch()
@@ -132,7 +132,7 @@ def test_bash_completes(capsys, monkeypatch, tmp_path, words, expected):
 
 
 def test_fish_completes(capsys, tmp_path):
-    assert main(["completion", "fish"]) == 0
+    assert main(["--completion", "fish"]) == 0
     script = capsys.readouterr().out
     assert "map.resolution=" in script
     fish = shutil.which("fish")
@@ -151,14 +151,13 @@ def test_no_colour_on_request_and_none_into_a_pipe():
         assert b"\x1b" not in shown.stdout
 
 
-def test_help_of_the_viewers_loads_neither_them_nor_the_simulator():
+def test_help_of_the_viewer_loads_neither_them_nor_the_simulator():
     code = (
         "import sys\nfrom wayproof.harness.cli.main import main\n"
         "try:\n    main([sys.argv[1], '--help'])\nexcept SystemExit:\n    pass\n"
         "assert not {'rerun', 'mujoco', 'PIL'} & set(sys.modules), sorted(sys.modules)"
     )
-    for verb in ("view", "picture"):
-        subprocess.run([sys.executable, "-c", code, verb], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-c", code, "view"], check=True, capture_output=True)
 
 
 def _with(changes):

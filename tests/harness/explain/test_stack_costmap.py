@@ -51,7 +51,8 @@ def test_the_newest_costmap_is_shown_until_the_next(log):
 
 
 @pytest.mark.parametrize(
-    "command", [["explain", "LOG", "5", "--png", "OUT"], ["picture", "LOG", "5", "--out", "OUT"]]
+    "command",
+    [["explain", "LOG", "5", "--png", "OUT"], ["view", "LOG", "--decision", "5", "--png", "OUT"]],
 )
 def test_a_picture_has_it_beside_the_referee_s(log, tmp_path, command):
     out = tmp_path / "x.png"
@@ -87,7 +88,7 @@ def test_rerun_has_it_in_a_view_of_its_own(log, recorded, tmp_path):
 
 def test_foxglove_gets_it_as_a_grid(log, tmp_path):
     out = tmp_path / "x.mcap"
-    assert main(["convert", str(log), "--foxglove", str(out)]) == 0
+    assert main(["export", str(log), "--foxglove", str(out)]) == 0
     with out.open("rb") as file:
         read = make_reader(file).iter_messages(topics=["/viz/stack_costmap"])
         grids = [Grid.FromString(message.data) for _, _, message in read]

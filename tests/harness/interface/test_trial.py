@@ -289,7 +289,7 @@ def test_what_a_stack_raises_as_it_is_closed_changes_nothing(tried, tmp_path, ca
 )
 def test_a_stack_that_fails_as_it_is_asked_again_is_one_line(tried, capsys, kind, text):
     log = tried(own("Ahead")).log
-    assert main(["replay", log, "--stack", own(kind)]) == 2
+    assert main(["replay", "what-if", log, "--stack", own(kind)]) == 2
     printed = capsys.readouterr().err
     assert text in printed
     assert len(printed.strip().splitlines()) == 1

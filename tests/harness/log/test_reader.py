@@ -60,7 +60,8 @@ def test_code_named_in_a_log_is_not_imported(source, tmp_path, capsys, monkeypat
         config["planner"]["name"] = "evil:Planner"
 
     path = rewritten(source, tmp_path / "evil.mcap", name_it)
-    for verb in (["replay"], ["replay", "--closed-loop"], ["audit"], ["recover"]):
+    copy = ["--log", str(tmp_path / "copy.mcap")]
+    for verb in (["replay"], ["replay", "simulate"], ["audit"], ["export", *copy]):
         assert main([*verb, str(path)]) == 2
         assert "expected --allow-plugins" in capsys.readouterr().err
     assert not (tmp_path / "touched").exists()

@@ -38,10 +38,10 @@ def test_complete_decisions_before_a_cut_are_recovered(source, tmp_path, share):
 def test_recover_on_the_command_line(source, tmp_path, capsys):
     path = damaged(tmp_path, source.read_bytes()[:-100])
     out = tmp_path / "out.mcap"
-    assert main(["recover", str(path), "--out", str(out), "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
+    assert main(["export", str(path), "--log", str(out), "--json"]) == 0
+    [document] = json.loads(capsys.readouterr().out)["files"]
     assert document["decisions"] == 6
     assert document["damage"].startswith("truncated")
     assert main(["replay", str(out)]) == 0
-    assert main(["recover", str(tmp_path / "none.mcap")]) == 2
+    assert main(["export", str(tmp_path / "none.mcap"), "--log", str(tmp_path / "x.mcap")]) == 2
     assert "no such file" in capsys.readouterr().err

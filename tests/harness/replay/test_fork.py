@@ -79,7 +79,7 @@ def test_a_fork_can_save_the_robot(tmp_path, capsys):
     assert main([*run, "--set", "episode.time_limit=1", "--log", f"{tmp_path}/a.mcap"]) == 1
     change = ["--set", "latency.plan=0.02", "--set", "episode.time_limit=30"]
     capsys.readouterr()
-    code = main(["replay", f"{tmp_path}/a.mcap", "--from", "3", *change, "--json"])
+    code = main(["replay", "fork", f"{tmp_path}/a.mcap", "3", *change, "--json"])
     document = json.loads(capsys.readouterr().out)
     assert (code, document["recorded_outcome"], document["outcome"]) == (0, "timeout", "success")
     assert Path(document["log"]).name.startswith("a-from-3-")
@@ -171,5 +171,5 @@ def test_a_fork_does_not_change_between_the_built_in_stack_and_one_on_trial(reco
     result = recorded(*SHORT["drone"])
     with pytest.raises(InputError, match="goes on from stack 'builtin'"):
         fork(Path(result.log), 3, ("stack.name=blind",), tmp_path / "fork.mcap")
-    code = main(["replay", recorded(*BLIND).log, "--from", "3", "--stack", "builtin"])
+    code = main(["replay", "fork", recorded(*BLIND).log, "3", "--stack", "builtin"])
     assert code == 2

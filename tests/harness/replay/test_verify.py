@@ -65,7 +65,7 @@ def test_an_untouched_log_is_verified(source, capsys):
     shown = capsys.readouterr().out
     assert shown.startswith("verified: timeout, 13 decisions replayed, simulated again; ")
     assert "claims: stage latencies, versions, machine" in shown
-    assert "only --closed-loop" not in shown
+    assert "only 'replay simulate'" not in shown
 
 
 @pytest.mark.parametrize("name", [one for one in EDITS if one not in (*SIMULATED, *CLAIMS)])
@@ -124,18 +124,18 @@ def test_an_unchecked_signature_is_mentioned(source, tmp_path, capsys):
 def test_verbs_refuse_a_log_that_contradicts_itself(source, tmp_path, capsys, name):
     log = str(forge(source, name, tmp_path / "forged.mcap"))
     for words in (
-        ["score", log],
+        ["explain", log, "--metrics"],
         ["explain", log],
         ["audit", log],
         ["view", log, "--save", str(tmp_path / "x.rrd")],
-        ["convert", log, "--foxglove", str(tmp_path / "x.mcap")],
-        ["picture", log, "1", "--out", str(tmp_path / "x.png")],
+        ["export", log, "--foxglove", str(tmp_path / "x.mcap")],
+        ["view", log, "--png", str(tmp_path / "x.png")],
     ):
         assert main(words) == 2, words
         error = capsys.readouterr().err
         assert "result.outcome is " in error
         assert error.count("\n") == 1
-    assert main(["score", log, "--unchecked"]) == 0
+    assert main(["explain", log, "--metrics", "--unchecked"]) == 0
     assert {one.name for one in tmp_path.iterdir()} == {"forged.mcap"}
 
 
@@ -206,14 +206,14 @@ def test_a_recovered_log_is_verified_as_far_as_it_goes(source, tmp_path, capsys)
     shown = capsys.readouterr().out
     assert "as far as it goes (the log breaks off): error, " in shown
     assert "that its end is missing" in shown
-    for verb in ("score", "explain", "audit", "replay"):
-        assert main([verb, recovered]) == 0, verb
+    for words in (["explain"], ["explain", "--metrics"], ["audit"], ["replay"]):
+        assert main([*words, recovered]) == 0, words
 
 
 def test_an_intact_log_has_nothing_to_recover(source, tmp_path, capsys):
     log = Path(shutil.copy(source, tmp_path / "a.mcap"))
-    assert main(["recover", str(log)]) == 0
-    assert "nothing to recover" in capsys.readouterr().out
+    assert main(["export", str(log), "--log", str(tmp_path / "b.mcap")]) == 2
+    assert "whole, nothing to recover" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == [log]
 
 

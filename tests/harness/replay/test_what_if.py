@@ -26,7 +26,7 @@ def test_what_if_a_wider_margin(recorded, capsys):
     old = list(open_log(Path(log)).decisions())[first.sequence]
     assert (first.recorded.action, first.recorded.reason) == (old.action, old.reason)
     assert first.departure_m > 0.01 or first.recorded != first.changed
-    assert main(["replay", log, "--set", "costmap.localization_margin=0.5"]) == 1
+    assert main(["replay", "what-if", log, "--set", "costmap.localization_margin=0.5"]) == 1
     assert f"from {first.sequence} (" in capsys.readouterr().out
 
 
@@ -38,22 +38,20 @@ def test_a_change_later_on_is_no_echo(recorded):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("kind", "options", "said"),
     [
-        (["--set", "sensors.lidar=velodyne-vlp16"], "changes what is sensed"),
-        (["--set", "world=empty"], "changes what is sensed"),
-        (["--from", "9999"], "expected a decision from 0 to 20"),
-        (["--from", "-1"], "--from: got -1"),
-        (["--from", "5", "--set", "seed=2"], "the episode had begun with it"),
-        (
-            ["--closed-loop", "--set", "map.log_odds_hit=0.8"],
-            "--closed-loop: simulates what was recorded",
-        ),
-        (["--log", "x.mcap"], "--log: nothing to write"),
+        (["what-if"], ["--set", "sensors.lidar=velodyne-vlp16"], "changes what is sensed"),
+        (["what-if"], ["--set", "world=empty"], "changes what is sensed"),
+        (["what-if"], [], "expected either --set KEY=VALUE or --stack STACK"),
+        (["fork"], ["9999"], "N: got 9999, expected a decision from 0 to 20"),
+        (["fork"], ["-1"], "N: got -1"),
+        (["fork"], ["5", "--set", "seed=2"], "the episode had begun with it"),
+        (["simulate"], ["--set", "map.log_odds_hit=0.8"], "unknown option '--set'"),
+        ([], ["--log", "x.mcap"], "unknown option '--log'"),
     ],
 )
-def test_settings_that_what_if_refuses(recorded, capsys, options, said):
-    assert main(["replay", recorded(*SHORT["quadruped"]).log, *options]) == 2
+def test_a_kind_of_replay_refuses_what_is_not_its_own(recorded, capsys, kind, options, said):
+    assert main(["replay", *kind, recorded(*SHORT["quadruped"]).log, *options]) == 2
     captured = capsys.readouterr()
     assert said in captured.err
     assert captured.err.count("\n") == 1
@@ -70,7 +68,7 @@ def test_other_settings_of_the_referee_change_its_verdicts(recorded, capsys):
     assert new.cut > old.cut
     assert {one.changed.verdict for one in wider.changes} == {"blocked"}
     assert wider.actions == 0  # without the guard the commands are followed all the same
-    assert main(["replay", str(path), "--set", "stack.guard=true"]) == 1
+    assert main(["replay", "what-if", str(path), "--set", "stack.guard=true"]) == 1
     shown = capsys.readouterr().out
     assert f"a guard cuts {old.cut}, the first at {old.first_cut}" in shown
     with pytest.raises(InputError, match="a log holds no answers of another stack"):

@@ -85,16 +85,16 @@ def test_the_log_names_the_robot_and_holds_its_spec(log):
 
 
 def test_a_log_alone_is_replayed_and_simulated_anew(capsys, log):
-    for options in ([], ["--closed-loop"], ["--set", "costmap.localization_margin=0.1"]):
-        assert main(["replay", str(log), "--json", *options]) == 0
-        assert ('"identical":true' in capsys.readouterr().out) or "--set" in options
+    for kind in ([], ["simulate"], ["what-if", "--set", "costmap.localization_margin=0.1"]):
+        assert main(["replay", *kind, str(log), "--json"]) == 0
+        assert ('"identical":true' in capsys.readouterr().out) or "what-if" in kind
 
 
 def test_a_log_alone_is_forked(capsys, log, tmp_path):
     target = tmp_path / "fork.mcap"
     before = open_log(log).result["chain"]
-    options = ["--from", "5", "--set", "motion.speed_fraction=0.9", "--log", str(target)]
-    assert main(["replay", str(log), *options]) == 0
+    options = ["--set", "motion.speed_fraction=0.9", "--log", str(target)]
+    assert main(["replay", "fork", str(log), "5", *options]) == 0
     assert open_log(target).config.robot == open_log(log).config.robot
     assert open_log(target).result["outcome"] == "success"
     assert open_log(target).result["chain"] != before
@@ -120,7 +120,7 @@ def test_a_controller_of_ones_own(capsys, tmp_path, monkeypatch):
     assert main(["replay", result["log"]]) == 2
     refused = capsys.readouterr().err
     assert "names the controller 'standing_hound:Standing', which is code outside" in refused
-    assert main(["replay", result["log"], "--allow-plugins", "--closed-loop"]) == 0
+    assert main(["replay", "simulate", result["log"], "--allow-plugins"]) == 0
 
 
 BAD = [

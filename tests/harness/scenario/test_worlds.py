@@ -92,5 +92,5 @@ def test_a_wrong_parameter_is_one_line(capsys, setting, message):
 
 def test_a_replay_refuses_another_world(capsys, recorded):
     path = recorded("empty", "drone", 1, *SET).log
-    assert main(["replay", path, "--set", "world.empty.length=10"]) == 2
+    assert main(["replay", "what-if", path, "--set", "world.empty.length=10"]) == 2
     assert "the log holds its world; expected 'wayproof run'" in capsys.readouterr().err

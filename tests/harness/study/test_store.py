@@ -217,7 +217,7 @@ def test_a_forked_log_is_no_episode_of_a_study(finished, tmp_path, recorded):
     store, planned = finished
     log = recorded("empty", "drone", 1, *SHORT, "threads=2").log
     fork = tmp_path / "fork.mcap"
-    main(["replay", log, "--from", "3", "--set", "threads=1", "--log", str(fork)])
+    main(["replay", "fork", log, "3", "--set", "threads=1", "--log", str(fork)])
     shutil.copyfile(fork, store.log(planned[0].key))
     _, [line] = read_own_rows(planned, store)
     assert "forked at decision 3" in line

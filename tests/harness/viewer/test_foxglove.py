@@ -33,7 +33,7 @@ def log(recorded):
 @pytest.fixture(scope="module")
 def converted(log, tmp_path_factory):
     out = tmp_path_factory.mktemp("foxglove") / "x.mcap"
-    assert main(["convert", str(log), "--foxglove", str(out)]) == 0
+    assert main(["export", str(log), "--foxglove", str(out)]) == 0
     with out.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         return [(c.topic, s.name, m.log_time, decode(s, m)) for s, c, m in reader.iter_messages()]
@@ -204,6 +204,6 @@ def test_the_layout_names_topics_that_there_are(converted):
 )
 def test_bad_names_are_a_line(capsys, log, out, said):
     before = log.read_bytes()
-    assert main(["convert", str(log), "--foxglove", out or str(log)]) == 2
+    assert main(["export", str(log), "--foxglove", out or str(log)]) == 2
     assert said in capsys.readouterr().err
     assert log.read_bytes() == before

@@ -21,7 +21,7 @@ LOG = Path(__file__).parents[1] / "logs/format-6.mcap"
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory):
     out = tmp_path_factory.mktemp("bag") / "out"
-    assert main(["convert", str(LOG), "--ros2", str(out)]) == 0
+    assert main(["export", str(LOG), "--bag", str(out)]) == 0
     return out
 
 
@@ -101,12 +101,12 @@ def test_the_recording_is_that_of_the_log(bag):
 def test_a_recording_is_converted_by_the_verb(tmp_path, capsys):
     scans = Path(__file__).parents[3] / "examples/recordings/fr079/fr079-200.clf.bz2"
     out = tmp_path / "fr079.bag"
-    assert main(["convert", str(scans), "--ros1", str(out)]) == 0
-    assert "601 messages" in capsys.readouterr().out
+    assert main(["export", str(scans), "--bag", str(out)]) == 0
+    assert "messages 601" in capsys.readouterr().out
     assert len(list(open_recording(out).sweeps())) == 200
     again = tmp_path / "again"
     arguments = ["--storage", "sqlite", "--sensor", "FLASER", "--pose", "odom"]
-    assert main(["convert", str(out), "--ros2", str(again), *arguments]) == 0
+    assert main(["export", str(out), "--bag", str(again), *arguments]) == 0
     options = RecordingOptions(sensors=("FLASER",))
     assert len(list(open_recording(again, options=options).sweeps())) == 200
 
@@ -114,12 +114,11 @@ def test_a_recording_is_converted_by_the_verb(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--ros1", "x"], "--ros1: got 'x', expected a name that ends in .bag"),
-        (["--ros2", "x.mcap"], "--ros2: got 'x.mcap', expected the name of a folder"),
-        (["--ros2", "."], "exists already"),
-        (["--ros2", "x", "--sensor", "y"], "unknown sensor of the recording 'y'"),
+        (["--bag", "x.mcap"], "--bag: got 'x.mcap', expected a FILE.bag, or the name of a folder"),
+        (["--bag", "."], "exists already"),
+        (["--bag", "x", "--sensor", "y"], "unknown sensor of the recording 'y'"),
     ],
 )
 def test_names_that_cannot_be_written_are_refused(options, said, capsys):
-    assert main(["convert", str(LOG), *options]) == 2
+    assert main(["export", str(LOG), *options]) == 2
     assert said in capsys.readouterr().err

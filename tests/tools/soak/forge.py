@@ -22,7 +22,7 @@ SETTINGS = ("episode.time_limit=1.2", 'perturbation={"kind": "pose_drift", "seve
 NOTICED_BY: dict[Step | None, str] = {
     "content": "`score`, `explain`, `audit`, `report`, `view`, `replay`",
     "replay": "`replay`",
-    "simulation": "`replay --closed-loop`",
+    "simulation": "`replay simulate`",
     None: "a signature alone",
 }
 """Step of `verify` that detects an edit -> verbs that detect it as well."""

@@ -35,7 +35,7 @@ LOADED = (
     "wayproof.harness.replay.verify",
     "wayproof.harness.explain",
     "wayproof.harness.study.report.report",
-    "wayproof.harness.cli.score",
+    "wayproof.harness.cli.metrics",
     "wayproof.models.world_files",
     "trimesh",
 )

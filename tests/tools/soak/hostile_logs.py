@@ -85,7 +85,7 @@ SCENES = {
 
 VERBS = {
     "explain": ["explain"],
-    "replay --closed-loop": ["replay", "--closed-loop"],
+    "replay simulate": ["replay", "simulate"],
 }
 
 
@@ -175,9 +175,9 @@ def flood(one: bytes, count: int, chunks: int, head: bytes, target: Path) -> Pat
 
 
 FLOODS: dict[str, tuple[str, type[Message]]] = {
-    "/truth": ("score", pb.Truth),
+    "/truth": ("explain", pb.Truth),
     "/pose": ("replay", pb.Pose),
-    "/perturbation": ("score", pb.Perturbation),
+    "/perturbation": ("explain", pb.Perturbation),
 }
 
 NUMBER = 999
@@ -245,8 +245,8 @@ def _says_little(target: Path) -> Path:
     return with_chunks([record(CHUNK, body)], target)
 
 
-_add("a million empty /perturbation", _a_million, "score")
-_add(f"{CHUNKS} chunks of records of no kind", _unknown_records, "score")
-_add(f"{CHUNKS} chunks of channels", _channels, "score")
-_add("a decision of 30 million points", _points, "score")
-_add("a chunk of 1 GiB that says 1000 bytes", _says_little, "score")
+_add("a million empty /perturbation", _a_million, "explain")
+_add(f"{CHUNKS} chunks of records of no kind", _unknown_records, "explain")
+_add(f"{CHUNKS} chunks of channels", _channels, "explain")
+_add("a decision of 30 million points", _points, "explain")
+_add("a chunk of 1 GiB that says 1000 bytes", _says_little, "explain")

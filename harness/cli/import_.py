@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from wayproof.harness.cli.verb import Document, Verb
+from wayproof.harness.cli import check_robot
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, check_ending
 from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import written_whole
 
@@ -17,19 +18,11 @@ if TYPE_CHECKING:
 
 WORLDS = Path("worlds")
 
-LENGTHS = {
-    "height": "height of obstacles of a flat map, or of white in a height image, m (default: 2)",
-    "resolution": "cell size where the file gives none, m (default: 0.1)",
-    "scale": "metres per unit of a mesh (default: 1)",
-}
-"""Field of `models.world_files.ImportOptions` -> help text, with the default of the field."""
-
-
-FLAGS = {
-    "skip_missing": "leave out models and meshes that are not found",
-    "visuals": "make links solid that have visuals only",
-}
-"""Field of `models.world_files.ImportOptions` -> help text."""
+GIVEN = (
+    *("height", "resolution", "scale", "unknown", "floor", "root"),
+    *("skip_missing", "visuals"),
+)
+"""Options that are fields of `models.world_files.ImportOptions`, with its defaults."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -37,11 +30,10 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.models.world_files import ImportOptions, WorldFileError, read_scene, world_from
 
     out = options.out or WORLDS / f"{options.file.stem}.xml"
-    if out.suffix != ".xml":
-        raise InputError(f"--out: got '{out}', expected a name that ends in .xml")
+    check_ending("--out", out, ".xml")
+    check_ending("--places", options.places, ".png")
     try:
-        names = (*LENGTHS, *FLAGS, "unknown", "floor", "root")
-        given = {name: value for name in names if (value := getattr(options, name)) is not None}
+        given = {name: value for name in GIVEN if (value := getattr(options, name)) is not None}
         radius, height, step = _robot_size(options.robot)
         import_options = ImportOptions(
             **given,
@@ -61,15 +53,16 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         raise InputError(str(error)) from None
     except ValueError as error:
         raise InputError(f"import: {error}") from None
-    _write(out, world.text)
+    with written_whole(out, "--out") as partial:
+        partial.write_text(world.text, encoding="utf-8")
     document: Document = {
         "world": str(out), "name": world.identity, "solids": len(world.solids),
         "low": world.low, "high": world.high, "start": world.start, "goal": world.goal,
         "notes": found.notes,
     }  # fmt: skip
-    console.print(f"{out}: {len(world.solids)} solids, {world.identity}", soft_wrap=True)
+    console.print(f"{out}: {len(world.solids)} solids, {world.identity}")
     for note in found.notes:
-        console.print(f"  {note}", soft_wrap=True, highlight=False)
+        console.print(f"  {note}")
     return 0, document
 
 
@@ -81,8 +74,6 @@ def _show_places(
     from wayproof.models.world_files.importer import area_of
     from wayproof.models.world_files.places import free_space
 
-    if options.places.suffix != ".png":
-        raise InputError(f"--places: got '{options.places}', expected a name that ends in .png")
     space = free_space(found, *area_of(found), import_options)
     ends = {name: point for name, point in (("start", found.start), ("goal", found.goal)) if point}
     draw_places(options.places, space, ends)
@@ -91,10 +82,9 @@ def _show_places(
         level = f", ground at {z:g} m" if z else ""
         apart = "" if place.region == 1 else f", in region {place.region}: cut off from the largest"
         line = f"{number}: {x:g},{y:g}, {place.clear:.2f} m clear{level}{apart}"
-        console.print(line, soft_wrap=True, highlight=False)
+        console.print(line)
     radius = import_options.robot_radius
-    console.print(f"{options.places}: {len(space.places)} places for a radius of {radius:g} m",
-                  soft_wrap=True)  # fmt: skip
+    console.print(f"{options.places}: {len(space.places)} places for a radius of {radius:g} m")
     document: Document = {
         "picture": str(options.places), "places": [place._asdict() for place in space.places],
         "notes": found.notes,
@@ -133,66 +123,61 @@ def _point(name: str, text: str | None) -> tuple[float, float, float] | None:
     return x, y, z
 
 
-def _write(path: Path, text: str) -> None:
-    with written_whole(path, "--out") as partial:
-        partial.write_text(text, encoding="utf-8")
-
-
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "file", metavar="FILE", type=Path, help="file to import; its extension is the format"
-    )
-    parser.add_argument(
-        "--out", type=Path, metavar="FILE.xml", help="world file (default: worlds/NAME.xml)"
-    )
-    parser.add_argument(
-        "--start", metavar="X,Y[,Z]", help="start, m (default: the file's, or chosen)"
-    )
-    parser.add_argument(
-        "--goal", metavar="X,Y[,Z]", help="goal, m (default: the file's, or chosen)"
-    )
-    parser.add_argument(
-        "--places", type=Path, metavar="FILE.png",
-        help="draw the scene from above with numbered free places and list them, and stop there",
-    )  # fmt: skip
-    for name, text in LENGTHS.items():
-        parser.add_argument(f"--{name}", type=float, metavar="M", help=text)
-    parser.add_argument(
-        "--unknown",
-        choices=("occupied", "free"),
-        help="state of the unknown cells of a flat map (default: occupied)",
-    )
-    for name, text in FLAGS.items():
-        parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=text)
-    parser.add_argument(
-        "--model-path", type=Path, action="append", default=[], metavar="DIR",
-        help="folder with models that a Gazebo world includes (repeatable)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--floor", type=float, metavar="Z",
-        help="height of the floor in the file, m (default: found, or 0)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--as", dest="kinds", action="append", default=[], metavar="KIND=MODEL",
-        help="kind of the models of that name or pattern, such as floor=ground* (repeatable)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--robot", default="quadruped", metavar="R",
-        help="robot for which start and goal are chosen (default: quadruped)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--without", action="append", default=[], metavar="BODY",
-        help="body of a MuJoCo scene to leave out, with all on it (repeatable)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--root", type=Path, metavar="DIR",
-        help="folder below which a MuJoCo scene may name files (default: the scene's own)",
-    )  # fmt: skip
-
-
 VERB = Verb(
-    help="make a world file from a Gazebo world, MJCF, map, table or mesh",
-    add_arguments=_add_arguments,
+    help="make a world file from a Gazebo world, MJCF, map, table or mesh; check a robot's spec",
+    add_arguments=arguments(
+        arg("FILE", "file to import; its extension is the format", Path),
+        arg("--out FILE.xml", "world file (default: worlds/NAME.xml)", Path),
+        arg("--start X,Y[,Z]", "start, m (default: the file's, or chosen)"),
+        arg("--goal X,Y[,Z]", "goal, m (default: the file's, or chosen)"),
+        arg(
+            "--places FILE.png",
+            "draw the scene from above with numbered free places and list them, and stop there",
+            Path,
+        ),
+        arg(
+            "--height M",
+            "height of obstacles of a flat map, or of white in a height image, m (default: 2)",
+            float,
+        ),
+        arg("--resolution M", "cell size where the file gives none, m (default: 0.1)", float),
+        arg("--scale M", "metres per unit of a mesh (default: 1)", float),
+        arg(
+            "--unknown STATE",
+            "state of the unknown cells of a flat map: occupied or free (default: occupied)",
+            choices=("occupied", "free"),
+        ),
+        arg("--skip-missing", "leave out models and meshes that are not found"),
+        arg("--visuals", "make links solid that have visuals only"),
+        arg(
+            "--model-path DIR",
+            "folder with models that a Gazebo world includes (repeatable)",
+            Path,
+            [],
+            action="append",
+        ),
+        arg("--floor Z", "height of the floor in the file, m (default: found, or 0)", float),
+        arg(
+            "--as KIND=MODEL",
+            "kind of the models of that name or pattern, such as floor=ground* (repeatable)",
+            default=[],
+            action="append",
+            dest="kinds",
+        ),
+        arg("--robot R", "robot for which start and goal are chosen", default="quadruped"),
+        arg(
+            "--without BODY",
+            "body of a MuJoCo scene to leave out, with all on it (repeatable)",
+            default=[],
+            action="append",
+        ),
+        arg(
+            "--root DIR",
+            "folder below which a MuJoCo scene may name files (default: the scene's own)",
+            Path,
+        ),
+    ),
     run=run,
     example="wayproof import world_1.world --start=-2.25,3 --goal=-2.25,13",
+    kinds={"robot": check_robot.VERB},
 )
