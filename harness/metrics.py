@@ -71,15 +71,18 @@ def efficiency(path_length: float, route_length: float) -> float:
 def barn_score(trace: Trace) -> float | None:
     """S OT / clip(AT, 2 OT, 8 OT), OT = l / (2 m/s) (the BARN challenge's run.py).
 
-    Where the start is the goal, OT is 0, and a success has the score of the least time, 1/2.
+    A trial of BARN ends 1 m from the goal: S is whether it came there, AT when. Where the start is
+    the goal, OT is 0, and a success has the score of the least time, 1/2.
     """
     if trace.route_length is None:
         return None
+    if trace.arrival is None:
+        return 0.0
     optimal = trace.route_length / BARN_SPEED
     if optimal == 0.0:
-        return success(trace) / BARN_CLIP[0]
+        return 1.0 / BARN_CLIP[0]
     shortest, longest = (factor * optimal for factor in BARN_CLIP)
-    return success(trace) * optimal / min(max(trace.duration, shortest), longest)
+    return optimal / min(max(trace.arrival, shortest), longest)
 
 
 def collisions(trace: Trace) -> float:
@@ -110,6 +113,11 @@ def path_ratio(trace: Trace) -> float | None:
 def time_to_goal(trace: Trace) -> float | None:
     """Simulated time to the goal, s; for successes alone (average it restricted)."""
     return trace.duration if trace.success else None
+
+
+def time_near_goal(trace: Trace) -> float | None:
+    """Simulated time until the body is within 1 m of the last goal and stays there, s."""
+    return trace.arrival
 
 
 def time_stopped(trace: Trace) -> float:
@@ -306,6 +314,7 @@ METRICS: dict[str, Metric] = {
     "path_length": Metric(path_length, "m", None, MEASURE),
     "path_ratio": Metric(path_ratio, "", False, MEASURE),
     "time_to_goal": Metric(time_to_goal, "s", False, TIME),
+    "time_near_goal": Metric(time_near_goal, "s", False, TIME),
     "time_stopped": Metric(time_stopped, "s", False, TIME),
     "explorations": Metric(explorations, "", None, COUNT),
     "stops": Metric(stops, "", None, COUNT),

@@ -21,6 +21,9 @@ from wayproof.harness.trajectory_error import Track
 
 Array = NDArray[np.float64]
 
+NEAR = 1.0
+"""Distance from the last goal, m, at which a trial of the BARN Challenge ends."""
+
 
 @dataclass(frozen=True)
 class Beliefs:
@@ -55,6 +58,8 @@ class Trace:
         latencies: (n,) wall time of a decision's stages together, ms.
         predicting: (k,) wall time until each prediction from outside came, ms; none without any.
         missed: (n,) whether it was past its deadline.
+        arrival: Time from which the body is within 1 m of the last goal in the plane until the end,
+            s; none if it is not there at the end.
         start_distance: Distance of the start from the goal, measured as `goal_distance` is, m.
         goals: Number of goals of the mission.
         goals_reached: Number of them that were reached, by the truth.
@@ -84,6 +89,7 @@ class Trace:
     latencies: Array
     missed: NDArray[np.bool_]
     start_distance: float
+    arrival: float | None = None
     goals: int = 1
     goals_reached: int = 0
     verdicts: tuple[str, ...] | None = None
@@ -150,6 +156,7 @@ def trace_of(
         latencies=_latencies(decisions),
         predicting=_predicting(decisions),
         missed=np.array([decision.deadline_missed for decision in decisions], bool),
+        arrival=_arrival(log, decisions, truths, result["outcome"]),
         start_distance=distance_left(log.mission, 0, np.array(log.mission.start)),
         goals=len(log.mission.goals),
         goals_reached=goals_reached(decisions, result["outcome"]),
@@ -160,6 +167,21 @@ def trace_of(
         committed_evidence=_evidence(decisions, "committed_evidence"),
         global_evidence=_evidence(decisions, "global_evidence"),
     )
+
+
+def _arrival(
+    log: Log, decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth], outcome: str
+) -> float | None:
+    """Return the time from which the body stays near the last goal, s; None if it does not."""
+    goals = log.mission.goals
+    if goals_reached(decisions, outcome) < len(goals) - 1:
+        return None
+    x, y = goals[-1][:2]
+    far = [math.dist(truth.position[:2], (x, y)) > NEAR for truth in truths]
+    if far[-1]:
+        return None
+    first = len(far) - far[::-1].index(True) if any(far) else 0
+    return truths[first].timestamp.ToNanoseconds() * 1e-9
 
 
 def _evidence(decisions: Sequence[pb.Decision], name: str) -> Array | None:

@@ -18,8 +18,6 @@ from wayproof.harness.cli.verb import (
     Verb,
     add_check,
     add_plugins,
-    add_stack,
-    stack_of,
 )
 from wayproof.harness.errors import InputError, Interrupted
 
@@ -46,10 +44,6 @@ VERDICT_STYLES = {
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run a study, or continue it."""
-    if options.worlds is not None:
-        return _published(options, console)
-    if options.stack is not None or options.guard:
-        raise InputError("--stack, --guard: expected --worlds; a study's file has `stacks` for it")
     from wayproof.harness.study.file import read_study
     from wayproof.harness.study.plan import plan_episodes
     from wayproof.harness.study.store import Store, merge
@@ -142,18 +136,6 @@ def _checks(
     return run_checks
 
 
-def _published(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
-    """Run a published benchmark by its own protocol: some seeds of every world."""
-    from wayproof.harness.bench.published import run_published
-    from wayproof.harness.bench.published.files import Files
-    from wayproof.harness.bench.table import print_rows
-
-    files = Files("--worlds", options.worlds, options.out or LOGS, stack_of(options))
-    rows = run_published(options.file, files, options.repeats)
-    print_rows(console, f"study {options.file}", rows)
-    return 0, {"rows": rows}
-
-
 def _certify(
     options: argparse.Namespace,
     console: Console,
@@ -237,15 +219,8 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file",
         metavar="FILE",
-        help="study file (TOML) or name of a packaged study; with --worlds: barn or dodge",
+        help="study file (TOML) or name of a packaged study",
     )
-    parser.add_argument(
-        "--worlds", type=Path, metavar="DIR", help="folder with the worlds of a published benchmark"
-    )
-    parser.add_argument(
-        "--repeats", type=int, metavar="N", help="number of seeds of each world, with --worlds"
-    )
-    add_stack(parser)
     parser.add_argument(
         "--set",
         action="append",

@@ -18,6 +18,7 @@ from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.scenario.robots import controller_of
+from wayproof.harness.study.imported import Imports, import_worlds
 from wayproof.harness.study.randomise import check_ranges
 from wayproof.harness.study.source import ReadOptions
 from wayproof.harness.worker_pool import Bounds
@@ -80,7 +81,10 @@ class FalsifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StudyFile(
-    msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename={"settings": "set"}
+    msgspec.Struct,
+    frozen=True,
+    forbid_unknown_fields=True,
+    rename={"settings": "set", "imports": "import"},
 ):
     """A study as written.
 
@@ -94,6 +98,7 @@ class StudyFile(
             else the first. Empty: the one of the settings.
         seeds: Number of seeds, counted from 0, or the seeds.
         worlds: Names or files of worlds.
+        imports: Import of a folder of worlds, in place of their names.
         recordings: Files or folders of recordings, in place of worlds.
         read: Selection of each recording.
         settings: `section.field` -> value, for every episode; a `perturbation` here acts on the
@@ -115,6 +120,7 @@ class StudyFile(
     seeds: int | list[int]
     kind: Kind = "grid"
     worlds: list[str] = []
+    imports: Imports | None = None
     recordings: list[str] = []
     read: ReadOptions = ReadOptions()
     stacks: list[str] = []
@@ -186,7 +192,7 @@ def read_study(name: str, allow_plugins: bool = False, settings: Sequence[str] =
         document = tomllib.loads(_text_of(path, name))
         for text in settings:
             _set(document, text)
-        study = msgspec.convert(document, StudyFile)
+        study = _imported(msgspec.convert(document, StudyFile))
     except OSError as error:
         raise InputError(f"study '{name}': {error.strerror}") from None
     except (ValueError, RecursionError) as error:  # no TOML, no text, or values of another type
@@ -195,6 +201,17 @@ def read_study(name: str, allow_plugins: bool = False, settings: Sequence[str] =
     if not allow_plugins:
         refuse_code(study)
     return study
+
+
+def _imported(study: StudyFile) -> StudyFile:
+    """Import the worlds of a study that names a folder of them."""
+    if study.imports is None:
+        return study
+    if study.worlds or study.recordings or len(study.robots) != 1:
+        raise InputError(f"study '{study.name}': [import] is for one robot and instead of worlds")
+    seeds = seeds_of(study)
+    worlds, imports = import_worlds(study.imports, study.name, study.robots[0], seeds)
+    return msgspec.structs.replace(study, worlds=worlds, imports=imports)
 
 
 FIELDS = {field.encode_name for field in msgspec.structs.fields(StudyFile)}

@@ -121,10 +121,19 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
         )
         configs.append((arm, config))
     return [
-        planned_for(arm, replace(override(config, own), seed=seed), contents)
+        planned_for(arm, replace(override(config, own), seed=seed, **ends), contents)
         for seed, own in [(seed, drawn(study.randomise, seed)) for seed in seeds_of(study)]
         for arm, config in configs
+        for ends in [_ends_of(study, arm.world, seed)]
     ]
+
+
+def _ends_of(study: StudyFile, world: str, seed: int) -> dict[str, Any]:
+    """Return the start and goal of a seed where a world has one for each; else nothing."""
+    if study.imports is None or world not in study.imports.ends:
+        return {}
+    start, goal = study.imports.ends[world][seed]
+    return {"start": start, "goal": goal}
 
 
 def _refuse_prior_file(study: StudyFile, config: Config) -> None:

@@ -302,5 +302,4 @@ def _take_custom(model: mujoco.MjModel, texts: dict[str, str], found: Found) -> 
     route = numbers.get(f"{CUSTOM_PREFIX}route_length", np.zeros(1))
     found.route_length = float(route[0]) or None
     found.format = texts.get(f"{CUSTOM_PREFIX}format", "")
-    found.protocol = texts.get(f"{CUSTOM_PREFIX}protocol", "")
     found.source = texts.get(f"{CUSTOM_PREFIX}source", "")

@@ -126,7 +126,6 @@ class Found:
         high: Upper corner.
         route_length: Published length of a route from start to goal, m.
         source: Path or name of the imported file.
-        protocol: Protocol of the world's benchmark: limits and the constants of its score.
         format: Format of the world file that was read; empty for other files.
     """
 
@@ -146,7 +145,6 @@ class Found:
     high: Vector3 | None = None
     route_length: float | None = None
     source: str = ""
-    protocol: str = ""
     format: str = ""
 
     def ends(self) -> Ends | None:

@@ -78,13 +78,11 @@ class FileWorld(World):
     Attributes:
         text: The file's own.
         source: Name of the imported file.
-        protocol: Protocol of its benchmark: limits and the constants of its score.
         terrain: Height fields that may be stepped on.
     """
 
     text: str = field(default="", repr=False)
     source: str = ""
-    protocol: str = ""
     terrain: tuple[HeightField, ...] = field(default=(), repr=False)
 
     @property
@@ -184,7 +182,7 @@ def _world_in(model: mujoco.MjModel, text: str, path: Path | str, robot: int | N
             solids=tuple(solid for part, solid in solids if part.kind != FLOOR_KIND),
             start=ends.start, start_heading=ends.start_heading, goal=ends.goal,
             floor=None if found.plane or not slabs else slabs, route_length=found.route_length,
-            text=text, source=found.source, protocol=found.protocol, movers=tuple(found.movers),
+            text=text, source=found.source, movers=tuple(found.movers),
             terrain=tuple(solid for part, solid in solids
                           if part.kind == FLOOR_KIND and isinstance(solid, HeightField)),
         )  # fmt: skip
@@ -238,7 +236,7 @@ def _custom(found: Found, ends: Ends) -> list[str]:
         f'    <numeric name="{CUSTOM_PREFIX}{name}" data="{_numbers(data)}"/>'
         for name, data in values.items()
     ]
-    texts = {"format": FORMAT, "source": found.source, "protocol": found.protocol}
+    texts = {"format": FORMAT, "source": found.source}
     texts |= {MOVER_PREFIX + mover.name: mover_text(mover) for mover in found.movers}
     return lines + [
         f'    <text name="{CUSTOM_PREFIX}{name}" data={quoteattr(text)}/>'

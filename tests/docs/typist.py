@@ -64,7 +64,7 @@ UNTYPED = {
     r"wayproof bench .*": "tests/harness/bench/test_bench.py runs it",
     r"python -m tests.tools.trials.robots.*": "tests/of_tools/test_robots.py runs it",
     r"python -m tests.tools.statistics.*": "tests/of_tools/test_verdicts.py runs it",
-    r"wayproof study barn --worlds .*": "tests/harness/bench/published/test_barn.py runs it",
+    r"wayproof study (barn|dodge) .*": "tests/harness/study/test_imported.py runs it",
     r"wayproof study falsify .*budget=100": "tests/harness/study/test_falsify.py runs it",
     r"wayproof study .* --check-determinism .*": "tests/harness/study/test_determinism.py runs it",
     r"wayproof study calibrate .*": "tests/harness/study/test_calibration.py runs it",
@@ -174,10 +174,8 @@ class Typist:
             if not key.exists():
                 new_key(key)
         if not self._whole:
-            if verb == "study" and "--worlds" not in words:
+            if verb == "study":
                 words = [verb, smaller_study(words[1]), *words[2:]]
-            if "--worlds" in words:
-                words = with_options(words, ["--repeats", "1"])
             if "--movie" in words:
                 words = with_options(words, ["--period", "0.5"])
             for at in (2, words.index("--decision") + 1 if "--decision" in words else len(words)):

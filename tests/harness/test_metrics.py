@@ -35,6 +35,7 @@ def trace(**changes: object) -> Trace:
         actions=("follow", "explore", "explore", "stop_and_wait"),
         latencies=np.array([10.0, 20.0, 30.0, 40.0]),
         missed=np.array([False, True, False, False]),
+        arrival=4.0,
         start_distance=2.0,
         goals=4,
         goals_reached=3,
@@ -69,6 +70,7 @@ def test_every_metric_by_hand() -> None:
             "path_length": 2.5,
             "path_ratio": 1.25,
             "time_to_goal": 4.0,
+            "time_near_goal": 4.0,
             "time_stopped": 2.0,
             "explorations": 1.0,
             "stops": 1.0,
@@ -130,7 +132,7 @@ def test_jerk_of_a_constant_acceleration_is_none_at_uneven_times() -> None:
 
 @pytest.mark.parametrize("outcome", ["timeout", "stuck", "error", "collision", "aborted"])
 def test_no_failure_is_dropped_or_renamed(outcome: str) -> None:
-    scores = score(trace(outcome=outcome, goal_distance=1.0))
+    scores = score(trace(outcome=outcome, goal_distance=1.0, arrival=None))
     assert scores["success"] == scores["spl"] == scores["barn_score"] == 0.0
     assert scores["collisions"] == 0.0  # a timeout is no collision
     assert scores["time_to_goal"] is scores["path_ratio"] is None
@@ -143,15 +145,15 @@ def test_progress_is_clipped() -> None:
 
 def test_barn_score_is_clipped_at_both_ends() -> None:
     barn = METRICS["barn_score"].function
-    assert barn(trace(duration=0.5)) == 0.5
-    assert barn(trace(duration=100.0)) == 0.125
+    assert barn(trace(arrival=0.5)) == 0.5
+    assert barn(trace(arrival=100.0)) == 0.125
 
 
 def test_an_episode_that_starts_at_its_goal_has_every_score() -> None:
     """OT is 0, and the least time that counts, 2 OT, is too."""
     scores = score(trace(route_length=0.0, start_distance=0.0, duration=0.0))
     assert scores["barn_score"] == 0.5
-    late = trace(route_length=0.0, start_distance=0.0, outcome="timeout", duration=60.0)
+    late = trace(route_length=0.0, start_distance=0.0, outcome="timeout", arrival=None)
     assert score(late)["barn_score"] == 0.0
 
 

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from tests.harness.bench.published.benchmark_files import field_folder
+from tests.harness.study.benchmark_files import field_folder
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override

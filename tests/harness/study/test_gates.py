@@ -252,7 +252,11 @@ def test_a_failed_gate_comes_after_missing_episodes(tmp_path: Path) -> None:
     assert "1 of 2 have not run" in verdict_in_words(partial)
 
 
-@pytest.mark.parametrize("path", sorted(PACKAGED.glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    sorted(one for one in PACKAGED.glob("*.toml") if "[import]" not in one.read_text()),
+    ids=lambda path: path.stem,
+)
 def test_packaged_gates_can_be_held_by_their_own_seeds(path: Path) -> None:
     """Where every episode reaches the goal and touches nothing."""
     study = read_study(path.stem)

@@ -1,11 +1,6 @@
-"""Small files in the formats of published benchmarks, and finished trials."""
-
-import dataclasses
+"""Small files in the formats of published benchmarks."""
 
 import numpy as np
-
-from wayproof.harness.bench.published.trials import Finished, Trial
-from wayproof.harness.result import Result
 
 PILLAR = """<model name='p{n}'><static>1</static><pose frame=''>{x} {y} 0 0 0 0</pose>
 <link name='l'><collision name='c'><geometry><cylinder><radius>0.075</radius><length>1</length>
@@ -26,10 +21,3 @@ def field_folder(folder):
     rows = ["s, 8, 0, 4, 1, 0, 0, 0, 1.5, 1.5, 1.5", "s, 1000, 0, 4, 1, 0, 0, 0, 1, 1, 1"]
     (folder / "easy_0.csv").write_text("\n".join(rows))
     return folder
-
-
-def finished(world, config, outcome, time, track):
-    fields = dict.fromkeys([field.name for field in dataclasses.fields(Result)], 0)
-    fields |= {"outcome": outcome, "sim_time_s": time, "collisions": 1}
-    result = Result(**fields)
-    return Finished(Trial(world, config, None), result, "", track)
