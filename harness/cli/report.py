@@ -26,18 +26,10 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.folder.is_file():
         return _recording(options, console)
     from wayproof.harness.study.episodes import unplanned_in_words
-    from wayproof.harness.study.store import Store
+    from wayproof.harness.study.report.report import write_report
     from wayproof.harness.study.study import verdict_in_words
 
-    study = Store(options.folder).read_study(options.allow_plugins)
-    if study.recordings:
-        from wayproof.harness.study.report.recorded import write_recorded
-
-        path, result = write_recorded(options.folder, study, options.allow_plugins)
-    else:
-        from wayproof.harness.study.report.report import write_report
-
-        path, result = write_report(options.folder, options.allow_plugins)
+    path, result = write_report(options.folder, options.allow_plugins)
     write_summaries(options, result)
     print_foreign(console, result)
     console.print(verdict_in_words(result))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,8 +11,9 @@ import numpy as np
 
 from wayproof.harness.config import HASH_SEPARATOR
 from wayproof.harness.metrics import METRICS
-from wayproof.harness.statistics.exact import Interval, holm, mcnemar, restricted_mean
+from wayproof.harness.statistics.exact import CONFIDENCE, Interval, holm, mcnemar, restricted_mean
 from wayproof.harness.statistics.intervals import difference_interval, mean_interval
+from wayproof.harness.statistics.support import TIME, Support
 from wayproof.harness.study.plan import Arm
 from wayproof.harness.study.rows import Row, first_difference, prove, reference_of, share_differing
 
@@ -134,18 +136,16 @@ def pair(rows: Sequence[Row], references: Sequence[Row]) -> Pairs:
 
 def _summary(arm: Arm, rows: Sequence[Row], pairs: Pairs, time_limit: float) -> ArmSummary:
     times = [row.duration for row in rows]
+    success = values_of(rows, "success").interval()
+    assert success is not None  # every row has it
     return ArmSummary(
         arm=arm,
         episodes=len(rows),
-        success=mean_interval(
-            [row.metrics["success"] or 0.0 for row in rows],
-            [cluster_of(row) for row in rows],
-            METRICS["success"].support,
-        ),
+        success=success,
         outcomes=dict(Counter(row.outcome for row in rows)),
         causes=dict(Counter(row.cause for row in rows if row.cause)),
         mean_time=restricted_mean(times, [row.success for row in rows], time_limit),
-        metrics={name: _mean([row.metrics[name] for row in rows]) for name in METRICS},
+        metrics={name: _mean(values_of(rows, name).second) for name in METRICS},
         against=_compare(pairs) if pairs else None,
     )
 
@@ -160,7 +160,7 @@ def _compare(pairs: Pairs) -> Comparison:
     p_value = mcnemar(len(lost), len(won))
     return Comparison(
         pairs=len(pairs),
-        drop=difference(pairs, "success", -1.0),
+        drop=drop_of(pairs),
         p_value=p_value,
         p_adjusted=p_value,
         lost=lost,
@@ -174,14 +174,61 @@ def _compare(pairs: Pairs) -> Comparison:
     )
 
 
-def difference(pairs: Pairs, metric: str, sign: float = 1.0) -> Interval:
-    """Return the mean of row - twin, times `sign`, over the pairs in which both have the metric."""
+@dataclass(frozen=True)
+class Values:
+    """Values of a metric whose mean, or whose mean difference, is asked for.
+
+    Attributes:
+        second: Value of each episode, or of each pair's second.
+        first: Value of each pair's first; None of single episodes.
+        clusters: World of each.
+        support: Support of the metric.
+    """
+
+    second: list[float]
+    first: list[float] | None
+    clusters: list[tuple[str, int]]
+    support: Support
+
+    def interval(self, confidence: float = CONFIDENCE) -> Interval | None:
+        """Return the mean over worlds, of second less first for pairs; None without a value."""
+        if not self.second:
+            return None
+        if self.first is None:
+            return mean_interval(self.second, self.clusters, self.support, confidence)
+        return difference_interval(self.first, self.second, self.clusters, self.support, confidence)
+
+
+def values_of(rows: Sequence[Row], metric: str, time_limit: float = math.inf) -> Values:
+    """Return the values of the episodes that have a metric; a time is at most the limit, s."""
+    known = [(value, cluster_of(row)) for row in rows if (value := row.metrics[metric]) is not None]
+    support = METRICS[metric].support.within(time_limit)
+    return Values([value for value, _ in known], None, [world for _, world in known], support)
+
+
+def paired_values(pairs: Pairs, metric: str, time_limit: float = math.inf) -> Values:
+    """Return the values of the pairs in which both have a metric."""
     both = [(a.metrics[metric], b.metrics[metric], cluster_of(b)) for a, b in pairs]
-    kept = [(a, b, c) for a, b, c in both if a is not None and b is not None]
-    first, second, clusters = (list(column) for column in zip(*kept, strict=True))
-    if sign < 0:
-        first, second = second, first
-    return difference_interval(first, second, clusters, METRICS[metric].support)
+    kept = [(a, b, world) for a, b, world in both if a is not None and b is not None]
+    return Values(
+        second=[b for _, b, _ in kept],
+        first=[a for a, _, _ in kept],
+        clusters=[world for _, _, world in kept],
+        support=METRICS[metric].support.within(time_limit),
+    )
+
+
+def time_to_goal(rows: Sequence[Row], time_limit: float) -> Interval:
+    """Return the restricted mean time, s: a failure counts as the limit."""
+    times = [row.duration if row.success else time_limit for row in rows]
+    return mean_interval(times, [cluster_of(row) for row in rows], TIME.within(time_limit))
+
+
+def drop_of(pairs: Pairs) -> Interval:
+    """Return the success rate of the twins less that of the rows; at least one pair."""
+    drop = paired_values([(row, twin) for twin, row in pairs], "success").interval()
+    assert drop is not None
+    return drop
 
 
 def cluster_of(row: Row) -> tuple[str, int]:
@@ -194,9 +241,8 @@ def is_imported(world: str) -> bool:
     return "/" in world or "." in world or HASH_SEPARATOR in world
 
 
-def _mean(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None
 
 
 def _adjust(summaries: list[ArmSummary]) -> list[ArmSummary]:

@@ -11,20 +11,18 @@ import numpy as np
 from scipy import stats
 
 from wayproof.harness.config import BUILTIN
-from wayproof.harness.metrics import METRICS, OF_STACKS_ON_TRIAL
+from wayproof.harness.metrics import OF_STACKS_ON_TRIAL
 from wayproof.harness.statistics.exact import CONFIDENCE, Interval
-from wayproof.harness.statistics.intervals import (
-    LEAST_CLUSTERS,
-    LEAST_COUNTED,
-    cluster_means,
-    difference_interval,
-    mean_interval,
+from wayproof.harness.statistics.intervals import LEAST_CLUSTERS, LEAST_COUNTED, cluster_means
+from wayproof.harness.study.analysis import (
+    Sample,
+    Values,
+    is_imported,
+    paired_values,
+    values_of,
 )
-from wayproof.harness.statistics.support import Support
-from wayproof.harness.study.analysis import Pairs, Sample, cluster_of, is_imported
 from wayproof.harness.study.file import Gate
 from wayproof.harness.study.plan import Arm, name_of
-from wayproof.harness.study.rows import Row
 
 Verdict = Literal["held", "failed", "inconclusive"]
 
@@ -54,15 +52,6 @@ class GateResult:
     worlds: int
     worlds_needed: int | None
     required: bool
-
-
-@dataclass(frozen=True)
-class _Values:
-    """Values whose mean is the statistic of a gate, of rows or of rows and twins, by world."""
-
-    second: list[float]
-    first: list[float] | None
-    clusters: list[tuple[str, int]]
 
 
 def judge(
@@ -111,14 +100,13 @@ def _pool(samples: Sequence[Sample]) -> Sample:
 
 
 def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateResult:
-    support = METRICS[gate.metric].support.within(time_limit)
-    values = _values(gate, sample.rows, sample.pairs)
+    values = _values(gate, sample, time_limit)
     confidence = 1.0 - (1.0 - CONFIDENCE) / gates
-    interval = None if not values.second else _interval(values, support, confidence)
+    interval = values.interval(confidence)
     verdict = "inconclusive" if interval is None else verdict_of(gate, interval)
     needed = None
     if interval is not None and verdict == "inconclusive":
-        needed = _worlds_needed(gate, values, support, interval, tail=(1.0 - confidence) / 2.0)
+        needed = _worlds_needed(gate, values, interval, tail=(1.0 - confidence) / 2.0)
     worlds = len(set(values.clusters))
     return GateResult(
         gate=gate.text,
@@ -132,25 +120,14 @@ def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateRes
     )
 
 
-def _values(gate: Gate, rows: Sequence[Row], pairs: Pairs) -> _Values:
+def _values(gate: Gate, sample: Sample, time_limit: float) -> Values:
     """Return the values of the episodes that ran and have the metric."""
     if gate.statistic == "mean":
-        known = [(row.metrics[gate.metric], cluster_of(row)) for row in rows if row.ran]
-        kept = [(value, cluster) for value, cluster in known if value is not None]
-        return _Values([value for value, _ in kept], None, [cluster for _, cluster in kept])
-    ran = [(twin, row) for twin, row in pairs if twin.ran and row.ran]
-    both = [(a.metrics[gate.metric], b.metrics[gate.metric], cluster_of(b)) for a, b in ran]
-    known_both = [(a, b, c) for a, b, c in both if a is not None and b is not None]
+        return values_of([row for row in sample.rows if row.ran], gate.metric, time_limit)
+    ran = [(twin, row) for twin, row in sample.pairs if twin.ran and row.ran]
     if gate.statistic == "drop":
-        known_both = [(b, a, c) for a, b, c in known_both]
-    first, second, clusters = ([one[k] for one in known_both] for k in range(3))
-    return _Values(second, first, clusters)  # type: ignore[arg-type]  # columns of one list
-
-
-def _interval(values: _Values, support: Support, confidence: float) -> Interval:
-    if values.first is None:
-        return mean_interval(values.second, values.clusters, support, confidence)
-    return difference_interval(values.first, values.second, values.clusters, support, confidence)
+        ran = [(row, twin) for twin, row in ran]
+    return paired_values(ran, gate.metric, time_limit)
 
 
 def verdict_of(gate: Gate, interval: Interval) -> Verdict:
@@ -161,9 +138,7 @@ def verdict_of(gate: Gate, interval: Interval) -> Verdict:
     return "failed" if (low > gate.bound if gate.at_most else high < gate.bound) else "inconclusive"
 
 
-def _worlds_needed(
-    gate: Gate, values: _Values, support: Support, interval: Interval, tail: float
-) -> int | None:
+def _worlds_needed(gate: Gate, values: Values, interval: Interval, tail: float) -> int | None:
     """Return about how many worlds would show the gate to be held at the same estimate.
 
     If all values are alike the interval ends at 1 - tail^(1/k) of the way to the support's end;
@@ -172,7 +147,7 @@ def _worlds_needed(
     gap = gate.bound - interval.estimate if gate.at_most else interval.estimate - gate.bound
     if gap <= 0.0:
         return None
-    end = interval.high if gate.at_most else interval.low
+    end, support = interval.high if gate.at_most else interval.low, values.support
     least = LEAST_COUNTED if support.kind == "count" else LEAST_CLUSTERS
     differences = np.subtract(values.second, values.first or 0.0)
     means = cluster_means(differences, values.clusters)

@@ -10,34 +10,18 @@ from pathlib import Path
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.statistics.exact import CONFIDENCE, Interval
-from wayproof.harness.statistics.intervals import difference_interval
-from wayproof.harness.study.analysis import Pairs, Sample, cluster_of
+from wayproof.harness.study.analysis import Sample, paired_values
 from wayproof.harness.study.compare import Compared
-from wayproof.harness.study.gates import interval_in_words
-from wayproof.harness.study.plan import Arm, name_of
-from wayproof.harness.study.report.report import SITE
-from wayproof.harness.study.report.templates import templates
-from wayproof.harness.study.report.words import (
-    gate_reason,
-    heading,
-    side_of_difference,
-    side_of_drop,
-)
+from wayproof.harness.study.plan import name_of
+from wayproof.harness.study.report.page import Cell, Section
+from wayproof.harness.study.report.report import SITE, result_page
+from wayproof.harness.study.report.sections import gates_section
+from wayproof.harness.study.report.words import heading, number, side_of, spread
 from wayproof.harness.study.rows import Row, first_difference
-from wayproof.harness.study.study import verdict_in_words
 
 SHOWN_METRICS = (
-    "success",
-    "collisions",
-    "least_clearance",
-    "time_to_goal",
-    "path_ratio",
-    "time_stopped",
-    "ate",
-    "not_admitted",
-    "latency_p50",
-    "latency_p99",
-    "deadline_misses",
+    *("success", "collisions", "least_clearance", "time_to_goal", "path_ratio", "time_stopped"),
+    *("ate", "not_admitted", "latency_p50", "latency_p99", "deadline_misses"),
 )
 
 
@@ -46,6 +30,7 @@ class Change:
     """Mean of a metric in both builds, over the pairs in which both have it.
 
     Attributes:
+        arm: Name of the arm.
         metric: Name of the metric.
         before: Mean of the first build.
         after: Mean of the second build.
@@ -53,31 +38,12 @@ class Change:
         side: `good` or `bad` where the whole interval lies on one side of 0; else empty.
     """
 
+    arm: str
     metric: str
     before: float
     after: float
     difference: Interval
     side: str
-
-
-@dataclass(frozen=True)
-class Flip:
-    """An episode whose outcome differs between the builds, with links to its pages."""
-
-    arm: Arm
-    seed: int
-    before: Row
-    after: Row
-    differs: int | None
-    page_before: str
-    page_after: str
-
-    @property
-    def side(self) -> str:
-        """Return `good` or `bad` where one of the two succeeded."""
-        if self.before.success == self.after.success:
-            return ""
-        return "good" if self.after.success else "bad"
 
 
 def write_comparison(compared: Compared, before: Path, after: Path, out: Path) -> None:
@@ -92,75 +58,100 @@ def write_comparison(compared: Compared, before: Path, after: Path, out: Path) -
     Raises:
         InputError: The file cannot be written.
     """
-    page = (
-        templates()
-        .get_template("builds.html.j2")
-        .render(
-            site=False,
-            result=compared.result,
-            verdict=verdict_in_words(compared.result),
-            before=_site(before, out, "index.html"),
-            after=_site(after, out, "index.html"),
-            folders=(str(before), str(after)),
-            changes=_changes(compared.samples, compared.time_limit),
-            flips=_flips(compared.samples, before, after, out),
-            interval=interval_in_words,
-            reason=gate_reason,
-            side=side_of_drop,
-            heading=heading,
-            name_of=name_of,
-        )
-    )
+    builds = [
+        [name, Cell(str(folder), link=_site(folder, out, "index.html"))]
+        for name, folder in (("before", before), ("after", after))
+    ]
+    sections = [
+        Section("Builds", heads=("build", "folder"), rows=builds),
+        gates_section(compared.result),
+        Section(
+            "Metrics",
+            note="Means over the pairs in which both builds have the figure, and the difference of "
+            "after less before. All intervals together hold at 95 % (Bonferroni). A difference is "
+            "green where it is better and red where it is worse, if the whole interval lies on one "
+            "side of 0; elsewhere no difference is shown.",
+            heads=("arm", "metric", "before", "after", "difference"),
+            rows=[
+                [
+                    one.arm,
+                    heading(one.metric),
+                    number(one.before, ".3f"),
+                    number(one.after, ".3f"),
+                    Cell(spread(one.difference, "+.3f"), one.side),
+                ]
+                for one in changes_of(compared.samples, compared.time_limit)
+            ],
+        ),
+        Section(
+            "Episodes with another outcome",
+            heads=("episode", "seed", "before", "after", "cause", "first differing decision"),
+            rows=flips_of(compared.samples, before, after, out) or [["none", *[""] * 5]],
+        ),
+    ]
+    page = result_page(compared.result, sections, "Build against build")
     with written_whole(out, "page") as partial:
-        partial.write_text(page, encoding="utf-8")
+        partial.write_text(page.html(), encoding="utf-8")
 
 
-def _changes(samples: Sequence[Sample], time_limit: float) -> list[tuple[str, list[Change]]]:
+def changes_of(samples: Sequence[Sample], time_limit: float) -> list[Change]:
     """Return the changes of each arm; all intervals together hold at 95 % (Bonferroni)."""
-    known = [(one, name) for one in samples for name in SHOWN_METRICS if _both(one.pairs, name)]
+    every = [
+        (one.arm, name, paired_values(one.pairs, name, time_limit))
+        for one in samples
+        for name in SHOWN_METRICS
+    ]
+    known = [(arm, name, values) for arm, name, values in every if values.second]
     confidence = 1.0 - (1.0 - CONFIDENCE) / max(len(known), 1)
-    by_arm: dict[str, list[Change]] = {}
-    for one, name in known:
-        change = _change(one.pairs, name, confidence, time_limit)
-        by_arm.setdefault(name_of(one.arm), []).append(change)
-    return list(by_arm.items())
+    changes = []
+    for arm, name, values in known:
+        interval = values.interval(confidence)
+        assert interval is not None
+        assert values.first is not None
+        count = len(values.second)
+        changes.append(
+            Change(
+                arm=name_of(arm),
+                metric=name,
+                before=sum(values.first) / count,
+                after=sum(values.second) / count,
+                difference=interval,
+                side=side_of(interval, METRICS[name].higher_is_better),
+            )
+        )
+    return changes
 
 
-def _both(pairs: Pairs, metric: str) -> list[tuple[float, float, tuple[str, int]]]:
-    found = [(a.metrics[metric], b.metrics[metric], cluster_of(b)) for a, b in pairs]
-    return [(a, b, c) for a, b, c in found if a is not None and b is not None]
+def flips_of(
+    samples: Sequence[Sample], before: Path, after: Path, out: Path
+) -> list[list[Cell | str]]:
+    """Return a row for each episode of another outcome, the lost ones first, with links."""
+    pairs = [pair for one in samples for pair in one.pairs if pair[0].outcome != pair[1].outcome]
+    pairs.sort(key=lambda pair: ("bad", "", "good").index(_side(*pair)))
+    rows = []
+    for first, second in pairs:
+        rows.append(
+            [
+                name_of(second.arm),
+                str(second.seed),
+                Cell(first.outcome, link=_site(before, out, f"episodes/{first.key}.html")),
+                Cell(
+                    second.outcome,
+                    _side(first, second),
+                    link=_site(after, out, f"episodes/{second.key}.html"),
+                ),
+                second.cause or first.cause,
+                number(first_difference(second, first), "d"),
+            ]
+        )
+    return rows
 
 
-def _change(pairs: Pairs, metric: str, confidence: float, time_limit: float) -> Change:
-    first, second, clusters = (list(one) for one in zip(*_both(pairs, metric), strict=True))
-    support = METRICS[metric].support.within(time_limit)
-    interval = difference_interval(first, second, clusters, support, confidence)
-    return Change(
-        metric=metric,
-        before=sum(first) / len(first),
-        after=sum(second) / len(second),
-        difference=interval,
-        side=side_of_difference(metric, interval),
-    )
-
-
-def _flips(samples: Sequence[Sample], before: Path, after: Path, out: Path) -> list[Flip]:
-    flips = []
-    for sample in samples:
-        for first, second in sample.pairs:
-            if first.outcome != second.outcome:
-                flips.append(
-                    Flip(
-                        arm=sample.arm,
-                        seed=second.seed,
-                        before=first,
-                        after=second,
-                        differs=first_difference(second, first),
-                        page_before=_site(before, out, f"episodes/{first.key}.html"),
-                        page_after=_site(after, out, f"episodes/{second.key}.html"),
-                    )
-                )
-    return sorted(flips, key=lambda one: ("bad", "", "good").index(one.side))
+def _side(first: Row, second: Row) -> str:
+    """Return `good` or `bad` where one of the two builds succeeded."""
+    if first.success == second.success:
+        return ""
+    return "good" if second.success else "bad"
 
 
 def _site(folder: Path, out: Path, name: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from markupsafe import escape
 from numpy.typing import NDArray
 
+from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.report.palette import LABEL, action_colour
 
 Array = NDArray[np.float64]
@@ -24,6 +25,31 @@ STRIP_HEIGHT = 46
 
 HALF_LABEL = 16
 """Half the width of the label of a time."""
+
+
+COLOURS = ("#2b6cb0", "#d55e00", "#009e73", "#cc79a7", "#806000", "#444444")
+"""Colours of curves, in turn, which differ for the colour-blind as well."""
+
+REACH = 1.5
+"""Reach of the axis beyond the means, in their spread or their size: an interval may be a hundred
+times as wide, and would press the means together."""
+
+ASIDE = 5
+"""Distance between the points of two curves, so that no interval hides another."""
+
+
+class Curve(NamedTuple):
+    """Means over the amount of a perturbation.
+
+    Attributes:
+        name: Name in the legend; empty of a single curve.
+        doses: Severity and amount of each mean; the first is that of the unperturbed twin.
+        means: Means with their intervals; None where no episode has the figure.
+    """
+
+    name: str
+    doses: Sequence[tuple[float, float]]
+    means: Sequence[Interval | None]
 
 
 class Line(NamedTuple):
@@ -130,6 +156,96 @@ def strip(times: Array, actions: Sequence[str], labels: Sequence[str], late: Seq
         for tick in nice_ticks(float(times[0]), float(ends[-1]))
     ]
     return _svg(STRIP_HEIGHT, parts)
+
+
+def bars_chart(curves: Sequence[Curve], label: str, ylabel: str, top: float | None = None) -> str:
+    """Draw means with their intervals over the amount of a perturbation, curves side by side.
+
+    Args:
+        curves: One, or one for each stack. The severities are spaced evenly, with their amounts.
+        label: Label of the amounts.
+        ylabel: Label of the mean.
+        top: Upper end of the axis; none if None. An interval that goes on beyond the axis, or has
+            no end, ends in an arrow.
+    """
+    doses = sorted({dose for curve in curves for dose in curve.doses})
+    low, high = limits_of(curves, top)
+    across = _scale(doses[0][0], doses[-1][0], LEFT + 20, WIDTH - RIGHT - 20)
+    down = _scale(low, high, HEIGHT - BOTTOM, TOP + 14)
+    parts = [_y_tick(tick, down(tick)) for tick in nice_ticks(low, high)]
+    parts.append(f'<text x="{LEFT}" y="{TOP + 4}">{escape(ylabel)}</text>')
+    for severity, amount in doses:
+        x = f'<text x="{across(severity):.1f}" text-anchor="middle"'
+        parts.append(f'{x} y="{HEIGHT - 6}">{amount:g}</text>')
+        parts.append(f'{x} y="{HEIGHT + 8}">{severity:g}</text>')
+    parts.append(f'<text x="{WIDTH}" y="{HEIGHT + 22}" text-anchor="end">{escape(label)}</text>')
+    for place, curve in enumerate(curves):
+        colour = COLOURS[place % len(COLOURS)]
+        aside = ASIDE * (place - 0.5 * (len(curves) - 1))
+        known = [
+            (across(severity) + aside, one)
+            for (severity, _), one in zip(curve.doses, curve.means, strict=True)
+            if one
+        ]
+        points = " ".join(f"{x:.1f},{down(one.estimate):.1f}" for x, one in known)
+        parts.append(f'<polyline points="{points}" fill="none" stroke="{colour}"/>')
+        for x, one in known:
+            parts.append(
+                f'<circle cx="{x:.1f}" cy="{down(one.estimate):.1f}" r="3" fill="{colour}"/>'
+            )
+            parts += [
+                _bar(x, one.estimate, end, (low, high), down, colour) for end in (one.low, one.high)
+            ]
+        if curve.name:
+            y = HEIGHT + 36 + 14 * place
+            parts.append(f'<text x="{LEFT}" y="{y}" fill="{colour}">{escape(curve.name)}</text>')
+    names = sum(bool(curve.name) for curve in curves)
+    return _svg(HEIGHT + 28 + 14 * names, parts)
+
+
+def limits_of(curves: Sequence[Curve], top: float | None) -> tuple[float, float]:
+    """Return the ends of the axis: all means lie on it, and the parts of intervals near them."""
+    if top is not None:
+        return 0.0, top
+    known = [one for curve in curves for one in curve.means if one]
+    if not known:
+        return 0.0, 1.0
+    least, most = (end(one.estimate for one in known) for end in (min, max))
+    near = REACH * max(most - least, abs(most), 1e-9)
+    low = max(least - near, min(one.low for one in known))
+    return min(0.0, low), max(min(most + near, max(one.high for one in known)), 1e-9)
+
+
+def _bar(
+    x: float, middle: float, end: float, limits: tuple[float, float], down: _scale, colour: str
+) -> str:
+    """Return half an interval, which ends in an arrow where it goes on beyond the limits."""
+    y = down(min(max(end, limits[0]), limits[1]))
+    sign = 5 if end < middle else -5
+    tip = f"M{x - 4:.1f} {y:.1f}h8"
+    if not limits[0] <= end <= limits[1]:
+        tip = f"M{x - 4:.1f} {y:.1f}l4 {sign}l4 {-sign}"
+    way = f"M{x:.1f} {down(middle):.1f}V{y:.1f}{tip}"
+    return f'<path d="{way}" fill="none" stroke="{colour}" stroke-width="1.3"/>'
+
+
+def stairs(thresholds: Sequence[float], greatest: float, label: str) -> str:
+    """Draw the share of seeds that still reach the goal over severity."""
+    across = _scale(0.0, greatest, LEFT, WIDTH - RIGHT)
+    down = _scale(0.0, 1.0, HEIGHT - BOTTOM, TOP)
+    steps = sorted(value for value in thresholds if value <= greatest)
+    way = f"M{LEFT} {down(1.0):.1f}"
+    for number, step in enumerate(steps, 1):
+        way += f"H{across(step):.1f}V{down(1.0 - number / len(thresholds)):.1f}"
+    parts = [_y_tick(tick, down(tick)) for tick in nice_ticks(0.0, 1.0)]
+    for tick in nice_ticks(0.0, greatest):
+        parts.append(
+            f'<text x="{across(tick):.1f}" y="{HEIGHT - 4}" text-anchor="middle">{tick:g}</text>'
+        )
+    parts.append(f'<path d="{way}H{WIDTH - RIGHT}" fill="none" stroke="{COLOURS[0]}"/>')
+    caption = f"share that bears it, over {escape(label)}"
+    parts.append(f'<text x="{WIDTH}" y="{HEIGHT + 10}" text-anchor="end">{caption}</text>')
+    return _svg(HEIGHT + 14, parts)
 
 
 def nice_ticks(low: float, high: float, most: int = 5) -> list[float]:

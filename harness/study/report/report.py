@@ -1,6 +1,7 @@
 """HTML report of a study: a site in a folder, and one self-contained page.
 
-The same logs, with their dates, give the same bytes. Nothing on a page is loaded from elsewhere.
+The same logs, with their dates, give the same bytes. Nothing on a page is loaded from elsewhere. A
+study over recordings has the one page alone, with a row for each pass.
 """
 
 from __future__ import annotations
@@ -8,28 +9,31 @@ from __future__ import annotations
 import shlex
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import jinja2
-
+from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import written_whole
-from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.study.analysis import Sample, samples_of
 from wayproof.harness.study.file import StudyFile
-from wayproof.harness.study.gates import interval_in_words
 from wayproof.harness.study.plan import Planned, name_of, plan_episodes
-from wayproof.harness.study.report.conditions import conditions_of
-from wayproof.harness.study.report.dose import doses_of
-from wayproof.harness.study.report.gallery import MAP_LEGEND, Views, episode_context, pages_first
-from wayproof.harness.study.report.plots import borne
+from wayproof.harness.study.recorded_table import COLUMNS, cells, passes_of
+from wayproof.harness.study.report.episode import MAP_LEGEND, Views, episode_page, title_of
+from wayproof.harness.study.report.page import Cell, Figure, Page, Section, style
 from wayproof.harness.study.report.provenance import of_study
-from wayproof.harness.study.report.templates import templates
+from wayproof.harness.study.report.sections import (
+    answers_section,
+    arms_section,
+    conditions_section,
+    doses_section,
+    gates_section,
+    metrics_section,
+    outcomes_section,
+    stacks_section,
+)
 from wayproof.harness.study.report.view import map_picture
-from wayproof.harness.study.report.words import gate_reason, heading, side_of_drop
+from wayproof.harness.study.report.words import heading, number
 from wayproof.harness.study.rows import Row, first_difference, reference_of
-from wayproof.harness.study.stack_table import stack_table
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import (
     StudyResult,
@@ -38,7 +42,6 @@ from wayproof.harness.study.study import (
     read_own_rows,
     verdict_in_words,
 )
-from wayproof.harness.study.threshold import Thresholds
 
 SITE = "report"
 """Folder of the site in the folder of the study."""
@@ -49,42 +52,8 @@ SHOWN_FAILURES = 24
 MOST_PAGES = 2000
 """Maximum number of episodes with a page of their own, failures first; the table has all."""
 
-SHOWN_METRICS = (
-    "spl",
-    "path_ratio",
-    "collisions",
-    "least_clearance",
-    "time_stopped",
-    "ate",
-    "not_admitted",
-    "guard_cuts",
-    "jerk",
-    "latency_p50",
-    "latency_p99",
-    "deadline_misses",
-)
-
 TABLE_METRICS = ("time_to_goal", "least_clearance", "collisions", "ate", "latency_p99")
 """Columns of the table of all episodes."""
-
-
-@dataclass(frozen=True)
-class Failure:
-    """One failed episode on the overview."""
-
-    row: Row
-    log: str
-    picture: str
-    page: str
-
-
-@dataclass(frozen=True)
-class Listed:
-    """One episode in the table of all."""
-
-    row: Row
-    page: str
-    differs: int | None
 
 
 @dataclass(frozen=True)
@@ -100,6 +69,7 @@ class Material:
         store: Folder of the study.
         views: Views of its logs.
         twins: Key of an episode -> its reference.
+        paged: Keys of the episodes that get a page: failures first, then the others.
     """
 
     study: StudyFile
@@ -110,36 +80,44 @@ class Material:
     store: Store
     views: Views
     twins: Mapping[str, Row]
+    paged: frozenset[str]
+
+    def page_of(self, row: Row) -> str:
+        """Return the address of an episode's page from the first one; empty without one."""
+        return f"episodes/{row.key}.html" if row.key in self.paged else ""
 
 
 def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, StudyResult]:
-    """Write `report/` and `report.html` into the folder of a study; return the site's first page.
+    """Write `report.html` and the site `report/` into the folder of a study.
+
+    Returns:
+        The first page of the site, or the one page of a study over recordings; and the verdict.
 
     Raises:
         InputError: The folder is not one of a study or has no episode, or a log is damaged.
     """
     material = read_material(folder, allow_plugins)
-    pages_of = templates()
-    runs: list[Mapping[str, str]] = []
-    paged = pages_first(material.rows, MOST_PAGES)
+    whole = folder / "report.html"
+    if material.study.recordings:
+        _write(whole, _recorded_page(material).html())
+        return whole, material.result
     draft = folder / f".{SITE}"
     shutil.rmtree(draft, ignore_errors=True)  # of a run that was ended
     (draft / "episodes").mkdir(parents=True)
-    _write_episodes(material, paged, site=draft, pages_of=pages_of, runs=runs)
-    overview = _overview(material, paged, runs)
-    pages = {
-        draft / "index.html": ("report.html.j2", {**overview, "site": True, "root": ""}),
-        draft / "episodes.html": ("episodes.html.j2", _table(material, paged)),
-        draft / "style.css": ("style.css.j2", {}),
-    }
-    for path, (name, context) in pages.items():
-        path.write_text(pages_of.get_template(name).render(context), encoding="utf-8")
-    with written_whole(folder / "report.html", "report") as partial:
-        page = pages_of.get_template("report.html.j2").render({**overview, "site": False})
-        partial.write_text(page, encoding="utf-8")
+    runs = _write_episodes(material, draft / "episodes")
+    overview = _overview(material, runs, linked=True)
+    (draft / "index.html").write_text(overview.html(root=""), encoding="utf-8")
+    (draft / "episodes.html").write_text(_table(material).html(root=""), encoding="utf-8")
+    (draft / "style.css").write_text(style(), encoding="utf-8")
+    _write(whole, _overview(material, runs, linked=False).html())
     shutil.rmtree(folder / SITE, ignore_errors=True)
     draft.rename(folder / SITE)
     return folder / SITE / "index.html", material.result
+
+
+def _write(path: Path, text: str) -> None:
+    with written_whole(path, "report") as partial:
+        partial.write_text(text, encoding="utf-8")
 
 
 def read_material(folder: Path, allow_plugins: bool = False) -> Material:
@@ -153,6 +131,8 @@ def read_material(folder: Path, allow_plugins: bool = False) -> Material:
     contents = store.read_contents()
     planned = plan_episodes(study, contents)
     rows, foreign = read_own_rows(planned, store, allow_plugins)
+    if study.recordings and not rows:
+        raise InputError(f"study '{folder}': no pass has ended")
     first = planned[0].arm
     by_arm = {(row.arm, row.seed): row for row in rows}
     twins = {}
@@ -161,6 +141,7 @@ def read_material(folder: Path, allow_plugins: bool = False) -> Material:
         if reference is not None and (reference, row.seed) in by_arm:
             twins[row.key] = by_arm[reference, row.seed]
     answers = answers_of(study, planned, store, contents, rows)
+    shown = sorted(rows, key=lambda row: row.success)[:MOST_PAGES]
     return Material(
         study=study,
         planned=planned,
@@ -170,112 +151,133 @@ def read_material(folder: Path, allow_plugins: bool = False) -> Material:
         store=store,
         views=Views(store, allow_plugins),
         twins=twins,
+        paged=frozenset(row.key for row in shown),
     )
 
 
-def _write_episodes(
-    material: Material,
-    paged: set[str],
-    site: Path,
-    pages_of: jinja2.Environment,
-    runs: list[Mapping[str, str]],
-) -> None:
-    """Write the pages of episodes, and note the versions that ran them."""
-    template = pages_of.get_template("episode.html.j2")
+def _write_episodes(material: Material, folder: Path) -> list[Mapping[str, str]]:
+    """Write the pages of episodes; return the versions that ran them."""
     planned = {one.key: one for one in material.planned}
-    shown = [row for row in material.rows if row.key in paged]
+    shown = [row for row in material.rows if row.key in material.paged]
     keys = ["", *(row.key for row in shown), ""]
-    for number, row in enumerate(shown):
-        context = episode_context(
+    runs = []
+    for place, row in enumerate(shown):
+        page = episode_page(
+            material.result.name,
             row,
             twin=material.twins.get(row.key),
             planned=planned[row.key],
             views=material.views,
-            neighbours=(keys[number], keys[number + 2]),
+            neighbours=(keys[place], keys[place + 2]),
         )
         view = material.views.of(row)
         if view is not None:
             runs.append(view.log.run)
-        page = template.render(context, site=True, root="../", study=material.result.name)
-        (site / "episodes" / f"{row.key}.html").write_text(page, encoding="utf-8")
+        (folder / f"{row.key}.html").write_text(page.html(root="../"), encoding="utf-8")
+    return runs
 
 
-def _overview(
-    material: Material, paged: set[str], runs: Sequence[Mapping[str, str]]
-) -> dict[str, Any]:
-    """Return the content of the first page."""
-    result, limit = material.result, _time_limit(material)
-    return {
-        "result": result,
-        "verdict": verdict_in_words(result),
-        "interval": interval_in_words,
-        "reason": gate_reason,
-        "side": side_of_drop,
-        "name_of": name_of,
-        "metrics": _measured(material),
-        "heading": heading,
-        "stacks": stack_table(material.samples, limit),
-        "conditions": conditions_of(material.samples),
-        "doses": doses_of(material.samples, limit),
-        "answers": [(name_of(one.arm), one.in_words(), _picture(one)) for one in result.answers],
-        "kind": material.study.kind,
-        "causes": sorted({cause for one in result.arms for cause in one.causes}),
-        "outcomes": sorted({outcome for one in result.arms for outcome in one.outcomes}),
-        "failures": _failures(material, paged),
-        "failed": sum(not row.success for row in material.rows),
-        "map_legend": MAP_LEGEND,
-        "provenance": of_study(material.study, material.planned, material.store, runs),
-    }
+def result_page(result: StudyResult, sections: Sequence[Section | None], title: str) -> Page:
+    """Return a page that begins with a verdict, with the sections that there are."""
+    return Page(
+        title,
+        verdict=result.verdict,
+        outcome=result.verdict,
+        lines=[verdict_in_words(result), *result.foreign],
+        sections=[one for one in sections if one is not None],
+    )
 
 
-def _measured(material: Material) -> list[str]:
-    """Return the shown metrics that an arm has; `progress` of missions with several goals."""
+def _overview(material: Material, runs: Sequence[Mapping[str, str]], linked: bool) -> Page:
+    """Return the first page of the site, or the one to send, which has no links."""
+    result, samples = material.result, material.samples
+    limit = max(one.config.episode.time_limit for one in material.planned)
     several = any(one.config.waypoints for one in material.planned)
-    names = (*(["progress"] if several else []), *SHOWN_METRICS)
-    arms = material.result.arms
-    return [name for name in names if any(one.metrics[name] is not None for one in arms)]
+    sections = [
+        gates_section(result) if result.gates else None,
+        conditions_section(samples),
+        answers_section(result, material.study.kind),
+        arms_section(result),
+        stacks_section(samples, limit),
+        doses_section(samples, limit),
+        outcomes_section(result),
+        metrics_section(result, several),
+        _failures(material, linked),
+        Section(
+            "Provenance", terms=of_study(material.study, material.planned, material.store, runs)
+        ),
+    ]
+    page = result_page(result, sections, result.name)
+    return replace(page, links=[(result.name, ""), ("All episodes", "episodes.html")] * linked)
 
 
-def _time_limit(material: Material) -> float:
-    return max(one.config.episode.time_limit for one in material.planned)
+def _failures(material: Material, linked: bool) -> Section:
+    rows = [row for sample in material.samples for row in sample.rows if not row.success]
+    if not rows:
+        return Section("Failures", note="None.")
+    more = f"; the first {SHOWN_FAILURES} are shown" if len(rows) > SHOWN_FAILURES else ""
+    figures = []
+    for row in rows[:SHOWN_FAILURES]:
+        view = material.views.of(row)
+        log = shlex.quote(str(material.store.log(row.key)))
+        checked = f", {row.check} by its check" if row.check else ""
+        figures.append(
+            Figure(
+                f"{title_of(row)}: {row.outcome}",
+                link=material.page_of(row) if linked else "",
+                lines=[row.reason, *([f"Cause: {row.cause}{checked}"] if row.cause else [])],
+                pictures=[] if view is None else [map_picture(view)],
+                commands=[f"wayproof {verb} {log}" for verb in ("explain", "view") if view],
+                kind="map",
+            )
+        )
+    return Section(
+        "Failures", note=f"{len(rows)} episodes failed{more}.", legend=MAP_LEGEND, figures=figures
+    )
 
 
-def _table(material: Material, paged: set[str]) -> dict[str, Any]:
-    """Return the content of the table of all episodes."""
-    listed = []
+def _table(material: Material) -> Page:
+    """Return the page with the table of all episodes."""
+    heads = ["episode", "seed", "outcome", "cause", *map(heading, TABLE_METRICS)]
+    heads.append("differs from its twin at")
+    rows = []
     for row in material.rows:
         twin = material.twins.get(row.key)
         differs = None if twin is None else first_difference(row, twin)
-        page = f"episodes/{row.key}.html" if row.key in paged else ""
-        listed.append(Listed(row, page, differs))
-    return {
-        "result": material.result,
-        "rows": listed,
-        "outcomes": sorted({row.outcome for row in material.rows}),
-        "columns": TABLE_METRICS,
-        "causes": any(row.cause for row in material.rows),
-        "paired": bool(material.twins),
-        "heading": heading,
-        "name_of": name_of,
-        "site": True,
-        "root": "",
-    }
+        rows.append(
+            [
+                Cell(name_of(row.arm), link=material.page_of(row)),
+                str(row.seed),
+                Cell(row.outcome, "good" if row.success else "bad"),
+                f"{row.cause}, {row.check}" if row.check else row.cause,
+                *(number(row.metrics[name]) for name in TABLE_METRICS),
+                number(differs, "d"),
+            ]
+        )
+    return Page(
+        "All episodes",
+        links=[(material.result.name, "index.html"), ("All episodes", "")],
+        sections=[Section(heads=heads, rows=rows)],
+        outcomes=sorted({row.outcome for row in material.rows}) or ["success"],
+    )
 
 
-def _picture(answer: object) -> str:
-    """Return the picture of thresholds; none of another answer."""
-    if not isinstance(answer, Thresholds) or not answer.seeds:
-        return ""
-    return borne([one.severity for one in answer.seeds], MAX_SEVERITY, "severity")
-
-
-def _failures(material: Material, paged: set[str]) -> list[Failure]:
-    rows = [row for sample in material.samples for row in sample.rows if not row.success]
-    failures = []
-    for row in rows[:SHOWN_FAILURES]:
-        view = material.views.of(row)
-        picture = "" if view is None else map_picture(view)
-        page = f"episodes/{row.key}.html" if row.key in paged else ""
-        log = shlex.quote(str(material.store.log(row.key)))
-        failures.append(Failure(row, log, picture, page))
-    return failures
+def _recorded_page(material: Material) -> Page:
+    """Return the page of a study over recordings."""
+    result, first = material.result, material.planned[0].arm
+    passes = passes_of(material.rows, first.variant, first.stack)
+    sections = [
+        Section(
+            "Passes",
+            note="Each pass steps the stack through a recording with at most one assumption "
+            "broken. Admitted: share of the way really driven that was known to be free when it "
+            "was entered; change: beside the pass without perturbation, in percentage points; "
+            "others: decisions of another action; inputs: streams that differ from its up to the "
+            f"first of them. 'wayproof report {material.store.folder}/logs/KEY.mcap' writes the "
+            "page of one pass.",
+            heads=(*COLUMNS, "log"),
+            rows=[[*cells(one), "" if one.error else f"logs/{one.key}.mcap"] for one in passes],
+        ),
+        gates_section(result) if result.gates else None,
+    ]
+    return result_page(result, sections, result.name)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 
 from wayproof.harness.errors import printable
-from wayproof.harness.study.gates import GateResult, gate_in_words, interval_in_words
+from wayproof.harness.study.gates import gate_in_words
 from wayproof.harness.study.plan import name_of
-from wayproof.harness.study.report.words import gate_reason
+from wayproof.harness.study.report.sections import ARM_HEADS, arm_cells, gates_section
 from wayproof.harness.study.study import StudyResult, verdict_in_words
 
 MARKS = {
@@ -25,32 +26,24 @@ def markdown(result: StudyResult) -> str:
     lines = [f"### {MARKS[result.verdict]} {_text(result.name)}: {result.verdict}", ""]
     lines += [_text(verdict_in_words(result)), ""]
     if result.gates:
-        lines += ["| | gate | arm | estimate (95 %, all gates together) | reason |"]
-        lines += ["|---|---|---|---|---|"]
-        lines += [_gate_line(gate) for gate in result.gates]
-        lines.append("")
+        marks = {verdict: f"{mark} {verdict}" for verdict, mark in MARKS.items()}
+        gates = gates_section(result).cells
+        rows = [
+            [marks[verdict.text], f"`{gate.text}`", arm.text, estimate.text, reason.text]
+            for verdict, gate, arm, estimate, _, reason in gates
+        ]
+        heads = ["", "gate", "arm", "estimate (95 %, all gates together)", "reason"]
+        lines += [*_table(heads, rows), ""]
     lines += ["<details><summary>Arms</summary>", ""]
-    lines += ["| arm | episodes | success (95 %) | mean time, s | drop (95 %) | lost | won |"]
-    lines += ["|---|---|---|---|---|---|---|"]
-    for one in result.arms:
-        rate = interval_in_words(one.success, ".2f")
-        cells = [name_of(one.arm), str(one.episodes), rate, f"{one.mean_time:.1f}"]
-        if one.against is None:
-            cells += ["", "", ""]
-        else:
-            drop = interval_in_words(one.against.drop, "+.2f")
-            cells += [drop, str(len(one.against.lost)), str(len(one.against.won))]
-        lines.append(_row(cells))
+    lines += _table(ARM_HEADS, [[cell.text for cell in arm_cells(one)] for one in result.arms])
     return "\n".join([*lines, "", "</details>"]) + "\n"
 
 
-def _gate_line(gate: GateResult) -> str:
-    estimate = "" if gate.interval is None else interval_in_words(gate.interval)
-    mark = f"{MARKS[gate.verdict]} {gate.verdict}"
-    return _row([mark, f"`{gate.gate}`", name_of(gate.arm), estimate, gate_reason(gate)])
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    return [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}", *map(_row, rows)]
 
 
-def _row(cells: list[str]) -> str:
+def _row(cells: Sequence[str]) -> str:
     return f"| {' | '.join(_text(cell) for cell in cells)} |"
 
 

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.errors import InputError
+from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.study.report.palette import BELIEVED, CHANCE, GOAL, LIMIT, OBSTACLE, TRUE
+from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 
 Array = NDArray[np.float64]
 
@@ -20,6 +24,9 @@ TALLEST = 420
 
 BAND = 20
 """Height of the band below the drawing, which holds the scale."""
+
+TALLEST_FLOOR = 0.05
+"""Height below which a geom counts as floor, m."""
 
 EDGE = 0.4
 """Space around the drawing, m."""
@@ -103,3 +110,30 @@ def _ring(place: Array, colour: str, radius: float, name: str) -> str:
 
 def _text(points: Array) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+
+
+def footprints(scene: str) -> list[NDArray[np.float64]]:  # (4, 2) each
+    """Return the outlines from above of the world's geoms: boxes exactly, others by their bounds.
+
+    Raises:
+        InputError: The scene refers to other files, or does not compile.
+    """
+    text = safe_scene(scene)
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+    except NOT_COMPILED as error:
+        raise InputError(f"scene: {' '.join(str(error).split())[:200]}") from None
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    outlines = []
+    for geom in range(model.ngeom):
+        robot = model.body_weldid[model.geom_bodyid[geom]] != 0
+        if robot or model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
+            continue
+        centre, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
+        R = data.geom_xmat[geom].reshape(3, 3)
+        if data.geom_xpos[geom][2] + np.abs(R[2]) @ half < TALLEST_FLOOR:
+            continue
+        corners = centre + half * [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+        outlines.append((data.geom_xpos[geom] + corners @ R.T)[:, :2])
+    return outlines

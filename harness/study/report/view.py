@@ -15,15 +15,9 @@ from wayproof.harness.log.codec.messages import decode
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.study.report.charts import Line, Mark, line_chart, strip
-from wayproof.harness.study.report.palette import (
-    BELIEVED,
-    CHANCE,
-    LIMIT,
-    STAGES,
-    TRUE,
-)
-from wayproof.harness.study.report.plots import footprints
-from wayproof.harness.study.report.top_view import Tracks, top_view
+from wayproof.harness.study.report.page import Figure
+from wayproof.harness.study.report.palette import BELIEVED, CHANCE, LIMIT, STAGES, TRUE
+from wayproof.harness.study.report.top_view import Tracks, footprints, top_view
 
 Array = NDArray[np.float64]
 
@@ -146,17 +140,7 @@ def map_picture(view: View) -> str:
     return top_view(footprints(view.log.scene), tracks)
 
 
-@dataclass(frozen=True)
-class Chart:
-    """A chart with its heading and its legend: colour and name of each line."""
-
-    heading: str
-    legend: list[tuple[str, str]]
-    picture: str
-    note: str = ""
-
-
-def charts_of(view: View) -> list[Chart]:
+def charts_of(view: View) -> list[Figure]:
     """Draw clearance, speed, pose error against the margin, and latency by stage over time."""
     marks = []
     if view.chance is not None:
@@ -172,48 +156,37 @@ def charts_of(view: View) -> list[Chart]:
         if true_clearance_is_bound(float(np.nanmax(view.clearances, initial=0.0)))
         else ""
     )
-    return [
-        _chart(
+    ahead = "in the map along the committed path, at least"
+    charts: list[tuple[str, list[Line]]] = [
+        (
             f"Clearance, m{bound}",
-            view.times,
             [
                 Line("true", TRUE, view.clearances),
-                Line("in the map along the committed path, at least", BELIEVED, view.planned, True),
+                Line(ahead, BELIEVED, view.planned, True),
             ],
-            marks,
         ),
-        _chart("Speed, m/s", view.times, [Line("true", TRUE, view.speeds)], marks),
-        _chart(
+        ("Speed, m/s", [Line("true", TRUE, view.speeds)]),
+        (
             "Error of the position, m",
-            view.times,
             [
                 Line("true error", TRUE, view.errors),
                 Line("localization margin", LIMIT, view.margins, True),
             ],
-            marks,
-        ),
-        _chart(
-            "Latency by stage, ms, on top of each other",
-            view.times,
-            stages,
-            marks,
-            top=top if top > 0.0 else None,
-            note=f"The first decision took {first:.0f} ms. What exceeds the 99th percentile of the "
-            "others is cut off.",
-            stacked=True,
         ),
     ]
-
-
-def _chart(
-    heading: str,
-    times: Array,
-    lines: Sequence[Line],
-    marks: Sequence[Mark],
-    top: float | None = None,
-    note: str = "",
-    stacked: bool = False,
-) -> Chart:
-    legend = [(one.colour, one.name) for one in lines]
-    legend += [(one.colour, one.name) for one in marks]
-    return Chart(heading, legend, line_chart(times, lines, marks, top, stacked), note)
+    figures = [
+        Figure(
+            title,
+            legend=[(one.colour, one.name) for one in (*lines, *marks)],
+            pictures=[line_chart(view.times, lines, marks)],
+        )
+        for title, lines in charts
+    ]
+    latency = Figure(
+        "Latency by stage, ms, on top of each other",
+        legend=[(one.colour, one.name) for one in (*stages, *marks)],
+        pictures=[line_chart(view.times, stages, marks, top if top > 0.0 else None, stacked=True)],
+        note=f"The first decision took {first:.0f} ms. What exceeds the 99th percentile of the "
+        "others is cut off.",
+    )
+    return [*figures, latency]

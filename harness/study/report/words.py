@@ -1,10 +1,10 @@
-"""Words and sides of verdicts that pages and summaries share."""
+"""Words, numbers and sides of verdicts that pages and summaries share."""
 
 from __future__ import annotations
 
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.statistics.exact import Interval
-from wayproof.harness.study.gates import GateResult, gate_advice
+from wayproof.harness.study.gates import GateResult, gate_advice, interval_in_words
 
 
 def gate_reason(gate: GateResult) -> str:
@@ -14,19 +14,11 @@ def gate_reason(gate: GateResult) -> str:
     return f"the whole interval {'keeps' if gate.verdict == 'held' else 'breaks'} the bound"
 
 
-def side_of_drop(drop: Interval) -> str:
-    """Return `bad` or `good` where the whole interval of a drop lies on one side of 0."""
-    if drop.low > 0.0:
-        return "bad"
-    return "good" if drop.high < 0.0 else ""
-
-
-def side_of_difference(metric: str, difference: Interval) -> str:
-    """Return `bad` or `good` where a whole difference does, and the metric has a better side."""
-    better = METRICS[metric].higher_is_better
-    if better is None or difference.low <= 0.0 <= difference.high:
+def side_of(interval: Interval, higher_is_better: bool | None) -> str:
+    """Return `good` or `bad` where a whole difference lies on one side of 0."""
+    if higher_is_better is None or interval.low <= 0.0 <= interval.high:
         return ""
-    return "good" if (difference.low > 0.0) == better else "bad"
+    return "good" if (interval.low > 0.0) == higher_is_better else "bad"
 
 
 def heading(metric: str) -> str:
@@ -36,11 +28,11 @@ def heading(metric: str) -> str:
     return f"{text}, {unit}" if unit else text
 
 
-def number(value: float | None, digits: int = 2) -> str:
-    """Format a number with `digits` digits; empty for None."""
-    return "" if value is None else f"{value:.{digits}f}"
+def number(value: float | None, form: str = ".2f") -> str:
+    """Format a number; empty for None."""
+    return "" if value is None else f"{value:{form}}"
 
 
-def signed(value: float | None, digits: int = 2) -> str:
-    """Format a number with `digits` digits and a sign; empty for None."""
-    return "" if value is None else f"{value:+.{digits}f}"
+def spread(interval: Interval | None, form: str = ".2f") -> str:
+    """Return an estimate and its interval; empty for None."""
+    return "" if interval is None else interval_in_words(interval, form)

@@ -16,9 +16,9 @@ from wayproof.harness.study.analysis import samples_of
 from wayproof.harness.study.compare import compare
 from wayproof.harness.study.file import read_study
 from wayproof.harness.study.plan import Arm, plan_episodes
-from wayproof.harness.study.report.plots import COLOURS, Curve, dose_response
+from wayproof.harness.study.report.charts import COLOURS, Curve, bars_chart
+from wayproof.harness.study.report.sections import stacks_section
 from wayproof.harness.study.rows import Row, reference_of
-from wayproof.harness.study.stack_table import stack_table
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
 
@@ -154,18 +154,16 @@ def test_the_table_of_stacks_by_hand():
         row("gap", 1, "success", collisions=0.0, not_admitted=0.2, guard_cuts=0.0),
         row("gap", 2, "collision", collisions=1.0, not_admitted=0.6, guard_cuts=4.0),
     ]
-    builtin, gap = stack_table(samples_of(rows, "", "builtin"), 60.0)
-    assert (builtin.conditions, builtin.stack) == ("office drone", "builtin")
-    assert builtin.not_admitted is builtin.guard_cuts is None
-    assert builtin.success.estimate == 1.0
-    assert (gap.stack, gap.episodes) == ("gap", 2)
-    assert gap.success.estimate == 0.5
-    assert gap.collisions.estimate == 0.5
-    assert gap.time.estimate == pytest.approx((20.0 + 60.0) / 2)  # a failure counts the limit
-    assert gap.time.high <= 60.0
-    assert gap.not_admitted.estimate == pytest.approx(0.4)
-    assert 0.0 <= gap.not_admitted.low < 0.4 < gap.not_admitted.high <= 1.0
-    assert gap.guard_cuts.estimate == 2.0
+    table = stacks_section(samples_of(rows, "", "builtin"), 60.0)
+    builtin, gap = ([cell.text for cell in cells] for cells in table.cells)
+    assert builtin[:3] == ["office drone", "builtin", "2"]
+    assert builtin[3].startswith("1.00 (")
+    assert builtin[6:] == ["", ""]  # no referee
+    assert gap[1:3] == ["gap", "2"]
+    # A failure counts the limit: (20 + 60) / 2 = 40 s.
+    starts = ["0.50 (", "0.50 (", "40.0 (", "0.400 (", "2.0 ("]
+    assert [one.startswith(start) for one, start in zip(gap[3:], starts, strict=True)] == [True] * 5
+    assert gap[5].endswith("to 60.0)")
 
 
 @pytest.fixture(scope="module")
@@ -289,10 +287,10 @@ def test_curves_of_stacks_stand_in_one_plot():
     rate, doses = Interval(0.5, 0.2, 0.8), [(0, 0.0), (1, 0.5), (3, 1.5), (5, 2.5)]
     names = ("builtin", "gap", "a/mine.py:Mine")
     curves = [Curve(name, doses, [rate, rate, None, rate]) for name in names]
-    picture = dose_response(curves, label="pose_drift, %", ylabel="success", top=1.0)
+    picture = bars_chart(curves, label="pose_drift, %", ylabel="success", top=1.0)
     for name, colour in zip(names, COLOURS, strict=False):
         assert f">{name}</text>" in picture
         assert colour in picture
-    alone = dose_response([Curve("", doses, [rate] * 4)], label="x", ylabel="success", top=1.0)
+    alone = bars_chart([Curve("", doses, [rate] * 4)], label="x", ylabel="success", top=1.0)
     assert COLOURS[0] in alone
     assert COLOURS[1] not in alone

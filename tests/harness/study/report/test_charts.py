@@ -1,11 +1,24 @@
 """Charts of an episode's page: where lines, areas and blocks lie, by hand."""
 
+import math
 import re
 
 import numpy as np
 import pytest
 
-from wayproof.harness.study.report.charts import WIDTH, Line, Mark, line_chart, nice_ticks, strip
+from wayproof.harness.statistics.exact import Interval
+from wayproof.harness.study.report.charts import (
+    WIDTH,
+    Curve,
+    Line,
+    Mark,
+    bars_chart,
+    limits_of,
+    line_chart,
+    nice_ticks,
+    stairs,
+    strip,
+)
 from wayproof.harness.study.report.top_view import Tracks, top_view
 
 
@@ -91,3 +104,46 @@ def test_from_above_y_is_up_and_the_end_of_a_failure_is_marked():
 def test_the_label_of_the_last_time_stays_within_a_chart():
     svg = strip(np.arange(0.0, 60.1, 0.1), ["follow"] * 601, ["none"] * 601, [False] * 601)
     assert f'<text x="{WIDTH}" y="42" text-anchor="end">60 s</text>' in svg
+
+
+DOSES = [(0.0, 0.0), (3.0, 0.02), (5.0, 0.09)]
+
+
+def arrows(*means, top=None):
+    """Ends of the axis, and the number of intervals that go on beyond it."""
+    curves = [Curve("", DOSES, means)]
+    return limits_of(curves, top), len(re.findall(r"l4 -?5l4", bars_chart(curves, "x", "y", top)))
+
+
+def test_a_wide_interval_does_not_press_the_means_together():
+    (low, high), count = arrows(
+        Interval(0.5, 0.45, 0.55), Interval(0.48, 0.2, 13.5), Interval(0.3, 0.25, 0.35)
+    )
+    assert low <= 0.0
+    assert 0.55 < high < 2.0
+    assert count == 1
+
+
+@pytest.mark.parametrize("ends", [(-math.inf, 11.0), (9.0, math.inf)])
+def test_an_end_that_is_unknown_is_an_arrow_and_no_short_bar(ends):
+    (low, high), count = arrows(Interval(10.0, *ends), None, None)
+    assert count == 1
+    assert math.isfinite(low)
+    assert math.isfinite(high)
+
+
+def test_narrow_intervals_are_whole_and_without_arrows():
+    (low, high), count = arrows(*[Interval(x, x - 0.1, x + 0.1) for x in (1.0, 2.0, 3.0)])
+    assert count == 0
+    assert low <= 0.9
+    assert high >= 3.1
+
+
+def test_rates_have_the_axis_of_rates():
+    assert arrows(Interval(0.0, 0.0, 0.5), None, None, top=1.0)[0] == (0.0, 1.0)
+    assert arrows(None, None, None)[0] == (0.0, 1.0)
+
+
+def test_the_share_that_bears_a_severity_falls_at_each_threshold():
+    way = re.search(r'<path d="([^"]*)"', stairs([1.0, math.inf], 5.0, "severity"))[1]
+    assert way == "M42 8.0H116.0V69.0H412"

@@ -51,7 +51,7 @@ def test_a_page_tells_what_happened(folder: Path, capsys: pytest.CaptureFixture[
     assert document["verdict"] == "failed"
     assert "2 of 4 episodes reached the goal. Of 2 gates: 1 failed, 1 inconclusive" in page
     assert page.count("<figure>") == 2  # one for each failure
-    assert page.count("timeout</strong>") == 2
+    assert page.count(": timeout</strong>") == 2
     logs = re.findall(r"wayproof explain (\S+)</code> <code>wayproof view (\S+)</code>", page)
     assert len(logs) == 2
     for log, same in logs:  # as they are typed where the report was made
@@ -102,7 +102,7 @@ def test_the_page_of_an_episode_has_its_twin_its_charts_and_commands(folder: Pat
     page = (folder / "report" / "episodes" / f"{row['key']}.html").read_text()
     assert f'href="{twin["key"]}.html">its twin' in page
     assert page.count("<svg") == 2 + 2 + 4  # maps, strips, charts
-    assert f"<td>{row['least_clearance']:.3f}</td>" in page
+    assert f">{row['least_clearance']:.3f}</td>" in page
     assert f"{row['least_clearance'] - twin['least_clearance']:+.3f}" in page
     commands = html.unescape(re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)[0]).splitlines()
     assert commands[-1].endswith("--set episode.time_limit=2.0")
