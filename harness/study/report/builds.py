@@ -58,7 +58,7 @@ def write_comparison(compared: Compared, before: Path, after: Path, out: Path) -
     Raises:
         InputError: The file cannot be written.
     """
-    builds = [
+    builds: list[list[Cell | str]] = [
         [name, Cell(str(folder), link=_site(folder, out, "index.html"))]
         for name, folder in (("before", before), ("after", after))
     ]
@@ -128,7 +128,7 @@ def flips_of(
     """Return a row for each episode of another outcome, the lost ones first, with links."""
     pairs = [pair for one in samples for pair in one.pairs if pair[0].outcome != pair[1].outcome]
     pairs.sort(key=lambda pair: ("bad", "", "good").index(_side(*pair)))
-    rows = []
+    rows: list[list[Cell | str]] = []
     for first, second in pairs:
         rows.append(
             [

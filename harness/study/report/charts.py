@@ -175,9 +175,9 @@ def bars_chart(curves: Sequence[Curve], label: str, ylabel: str, top: float | No
     parts = [_y_tick(tick, down(tick)) for tick in nice_ticks(low, high)]
     parts.append(f'<text x="{LEFT}" y="{TOP + 4}">{escape(ylabel)}</text>')
     for severity, amount in doses:
-        x = f'<text x="{across(severity):.1f}" text-anchor="middle"'
-        parts.append(f'{x} y="{HEIGHT - 6}">{amount:g}</text>')
-        parts.append(f'{x} y="{HEIGHT + 8}">{severity:g}</text>')
+        middle = f'<text x="{across(severity):.1f}" text-anchor="middle"'
+        parts.append(f'{middle} y="{HEIGHT - 6}">{amount:g}</text>')
+        parts.append(f'{middle} y="{HEIGHT + 8}">{severity:g}</text>')
     parts.append(f'<text x="{WIDTH}" y="{HEIGHT + 22}" text-anchor="end">{escape(label)}</text>')
     for place, curve in enumerate(curves):
         colour = COLOURS[place % len(COLOURS)]

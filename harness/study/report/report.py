@@ -160,7 +160,7 @@ def _write_episodes(material: Material, folder: Path) -> list[Mapping[str, str]]
     planned = {one.key: one for one in material.planned}
     shown = [row for row in material.rows if row.key in material.paged]
     keys = ["", *(row.key for row in shown), ""]
-    runs = []
+    runs: list[Mapping[str, str]] = []
     for place, row in enumerate(shown):
         page = episode_page(
             material.result.name,
@@ -240,7 +240,7 @@ def _table(material: Material) -> Page:
     """Return the page with the table of all episodes."""
     heads = ["episode", "seed", "outcome", "cause", *map(heading, TABLE_METRICS)]
     heads.append("differs from its twin at")
-    rows = []
+    rows: list[list[Cell | str]] = []
     for row in material.rows:
         twin = material.twins.get(row.key)
         differs = None if twin is None else first_difference(row, twin)

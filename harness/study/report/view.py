@@ -177,16 +177,20 @@ def charts_of(view: View) -> list[Figure]:
     figures = [
         Figure(
             title,
-            legend=[(one.colour, one.name) for one in (*lines, *marks)],
+            legend=_legend(lines, marks),
             pictures=[line_chart(view.times, lines, marks)],
         )
         for title, lines in charts
     ]
     latency = Figure(
         "Latency by stage, ms, on top of each other",
-        legend=[(one.colour, one.name) for one in (*stages, *marks)],
+        legend=_legend(stages, marks),
         pictures=[line_chart(view.times, stages, marks, top if top > 0.0 else None, stacked=True)],
         note=f"The first decision took {first:.0f} ms. What exceeds the 99th percentile of the "
         "others is cut off.",
     )
     return [*figures, latency]
+
+
+def _legend(lines: Sequence[Line], marks: Sequence[Mark]) -> list[tuple[str, str]]:
+    return [(one.colour, one.name) for one in lines] + [(one.colour, one.name) for one in marks]
