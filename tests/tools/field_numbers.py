@@ -16,7 +16,7 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from wayproof.harness.errors import InputError
 from wayproof.harness.schema import wayproof_pb2 as pb
 
-TABLE = Path(__file__).parents[2] / "schema" / "field_numbers.json"
+TABLE = Path(__file__).resolve().parents[2] / "harness" / "schema" / "field_numbers.json"
 
 Numbers = dict[str, dict[str, str]]
 """Message -> number -> name and type."""

@@ -18,7 +18,7 @@ from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.warm_up import warm_up
 
-COMMITTED = Path(__file__).resolve().parents[3] / "tests" / "harness" / "logs"
+COMMITTED = Path(__file__).resolve().parents[1] / "harness" / "logs"
 
 
 def small_log(path: Path) -> Path:
