@@ -79,9 +79,7 @@ class Difference:
     recomputed: str
 
 
-def differences(
-    recorded: pb.Decision, recomputed: pb.Decision, without: Iterable[str] = ()
-) -> list[Difference]:
+def differences(recorded: pb.Decision, recomputed: pb.Decision) -> list[Difference]:
     """Return every value that differs in a bit, except the measured stage latencies.
 
     Of repeated fields, the number of elements if that differs, and the first element that does.
@@ -89,14 +87,12 @@ def differences(
     Args:
         recorded: Decision from the log.
         recomputed: Decision from the recomputation.
-        without: Names of fields that are not compared.
     """
     pair = []
     for decision in (recorded, recomputed):
         alone = pb.Decision()
         alone.CopyFrom(decision)
-        for name in ("stages", *without):
-            alone.ClearField(name)
+        alone.ClearField("stages")
         pair.append(alone)
     return message_differences(*pair)
 

@@ -126,7 +126,7 @@ def time_stopped(trace: Trace) -> float:
     return float(spans[np.linalg.norm(trace.velocities, axis=1) < STANDING_SPEED].sum())
 
 
-def explorations(trace: Trace) -> float | None:
+def explorations(trace: Trace) -> float:
     """Number of explorations: runs of `explore`, not decisions.
 
     Following a path whose far end is unknown is no exploration.
@@ -134,7 +134,7 @@ def explorations(trace: Trace) -> float | None:
     return _runs(trace, "explore")
 
 
-def stops(trace: Trace) -> float | None:
+def stops(trace: Trace) -> float:
     """Times that the stack stopped for something or waited: runs of `stop_and_wait`, not decisions.
 
     Braking to the goal is no stop.
@@ -142,10 +142,8 @@ def stops(trace: Trace) -> float | None:
     return _runs(trace, "stop_and_wait")
 
 
-def _runs(trace: Trace, action: str) -> float | None:
+def _runs(trace: Trace, action: str) -> float:
     """Number of times that an action begins."""
-    if trace.actions is None:
-        return None
     chosen = [name == action for name in trace.actions]
     pairs = zip([False, *chosen[:-1]], chosen, strict=True)
     return float(sum(now and not before for before, now in pairs))

@@ -54,7 +54,7 @@ class Trace:
         positions: (n, 3) true, of the base, m.
         velocities: (n, 3) true, m/s.
         clearances: (n,) least true distance to anything but the floor, m.
-        actions: (n,) names; none for a log before format 5, where they had other meanings.
+        actions: (n,) names.
         latencies: (n,) wall time of a decision's stages together, ms.
         predicting: (k,) wall time until each prediction from outside came, ms; none without any.
         missed: (n,) whether it was past its deadline.
@@ -85,7 +85,7 @@ class Trace:
     positions: Array
     velocities: Array
     clearances: Array
-    actions: tuple[str, ...] | None
+    actions: tuple[str, ...]
     latencies: Array
     missed: NDArray[np.bool_]
     start_distance: float
@@ -138,7 +138,7 @@ def trace_of(
         return _recorded_trace(log, decisions, motions)
     if not truths:
         raise InputError(f"log '{log.path}': no decisions in it")
-    known = _known_without_result(log, decisions, truths[-1])  # older recovered logs state less
+    known = _known_without_result(log, decisions, truths[-1])
     result = {**known, **log.result}
     route = result.get("route_length_m")
     verdicts = [one.verdict for one in decisions if one.HasField("verdict")]
@@ -152,7 +152,7 @@ def trace_of(
         positions=np.array([truth.position for truth in truths]).reshape(-1, 3),
         velocities=np.array([truth.velocity for truth in truths]).reshape(-1, 3),
         clearances=np.array([truth.clearance_m for truth in truths]),
-        actions=None if log.not_compared else tuple(one.action for one in decisions),
+        actions=tuple(one.action for one in decisions),
         latencies=_latencies(decisions),
         predicting=_predicting(decisions),
         missed=np.array([decision.deadline_missed for decision in decisions], bool),

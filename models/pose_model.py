@@ -25,7 +25,7 @@ X, Y, Z, HEADING, SCALE, TURN_SCALE = range(6)
 
 
 STREAM = "odometry"
-"""Name of the random streams; another one would draw other errors for the seeds of old logs."""
+"""Name of the random streams."""
 
 DRAW_BLOCK = 128
 """Number of estimates whose random numbers come from one generator, which takes 30 us to make."""

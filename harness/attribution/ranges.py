@@ -62,7 +62,7 @@ class RangeFacts:
         lost: Fraction of them without one, less the dropout of the device.
         off: Fraction of returns that differ by more than the noise of the device.
         early: Fraction of returns that lie far before the first surface, less those as far behind
-            it, as noise makes both; of logs by rules of a decision before 8 always 0.
+            it, as noise makes both.
         bias: Median of reported less true range, m.
         blind: Distance below which the map drops every return, m.
         withheld: Fraction of moments without a sweep of the first sensor.

@@ -41,8 +41,3 @@ def print_scope(console: Console, scope: Scope) -> None:
     for title, names in parts.items():
         if names:
             console.print(f"  {title}: {', '.join(names)}")
-
-
-def not_compared(fields: Sequence[str]) -> str:
-    """Return the note on fields that a log of an older format does not have."""
-    return f" ({', '.join(fields)} not compared: an older format)" if fields else ""

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.text import Text
 
 from wayproof.harness.cli import fork, simulate, what_if
-from wayproof.harness.cli.differences import not_compared, print_differences, print_scope
+from wayproof.harness.cli.differences import print_differences, print_scope
 from wayproof.harness.cli.verb import (
     Document,
     Verb,
@@ -48,11 +48,27 @@ def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[
 
 
 def print_replay(console: Console, replayed: Replay) -> None:
-    """Print the verdict of a replay, the first differences, and what the verdict covers."""
+    """Print the verdict of a replay, the first differences, and what the verdict covers.
+
+    Of another program's log that does not come out the same: the version that decided it.
+    """
+    program = replayed.program
     if replayed.identical:
         text = Text.assemble(
             ("identical", "bold green"), f": {replayed.decisions} of {replayed.decisions} decisions"
         )
+        if program is not None:
+            text.append(f", recorded by another build, wayproof {program.version}")
+    elif program is not None:
+        console.print(
+            Text.assemble(
+                ("another program's", "bold yellow"),
+                f": {replayed.differing} of {replayed.decisions} decisions differ from those of "
+                f"wayproof {program.version}, code {program.code}; to replay it: "
+                f"pip install wayproof=={program.version}; {replayed.log}",
+            )
+        )
+        return
     else:
         first = replayed.first_difference
         where = "" if first is None else f", first {first}"
@@ -62,7 +78,6 @@ def print_replay(console: Console, replayed: Replay) -> None:
             ("differs", "bold red"),
             f": {replayed.differing} of {replayed.decisions} decisions{where}",
         )
-    text.append(not_compared(replayed.not_compared))
     text.append(f"; {replayed.wall_time_s:.1f} s; chain {replayed.chain}; {replayed.log}")
     console.print(text)
     print_differences(console, [*replayed.differences, *replayed.contradictions])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from wayproof.harness.cli.differences import not_compared, print_differences, print_elsewhere
+from wayproof.harness.cli.differences import print_differences, print_elsewhere
 from wayproof.harness.cli.verb import (
     Document,
     Verb,
@@ -50,7 +50,7 @@ def print_closed_loop(console: Console, again: ClosedLoop) -> None:
     console.print(
         Text.assemble(
             verdict,
-            f": {kept} of {again.decisions} decisions, {ended}{not_compared(again.not_compared)}; "
+            f": {kept} of {again.decisions} decisions, {ended}; "
             f"{again.wall_time_s:.1f} s; chain {again.chain}; {again.log}",
         )
     )

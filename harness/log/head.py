@@ -23,7 +23,7 @@ from wayproof.harness.log.codec.container import (
     Packet,
 )
 from wayproof.harness.log.codec.messages import decode
-from wayproof.harness.log.writer import PACKED_SCENE, READABLE, digest_name
+from wayproof.harness.log.writer import FORMAT_VERSION, PACKED_SCENE, digest_name
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 
@@ -131,10 +131,8 @@ def _checked_run(metadata: dict[str, dict[str, str]], path: Path) -> dict[str, s
     if "run" not in metadata:
         raise InputError(f"log '{path}': an MCAP file, but not a Wayproof log")
     version = metadata["run"].get("format_version")
-    if version not in READABLE:
-        raise InputError(
-            f"log '{path}': format version {version}, expected {READABLE[0]} to {READABLE[-1]}"
-        )
+    if version != FORMAT_VERSION:
+        raise InputError(f"log '{path}': format version {version}, expected {FORMAT_VERSION}")
     return metadata["run"]
 
 

@@ -19,7 +19,7 @@ from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_keyframes, read_messages
 from wayproof.harness.log.decision_messages import DecisionMessages
 from wayproof.harness.log.head import Head, check_file, read_head
-from wayproof.harness.log.writer import PLUGINS, STDERR, TRACEBACK, WITH_REASONS
+from wayproof.harness.log.writer import PLUGINS, STDERR, TRACEBACK
 from wayproof.harness.mission import Mission
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -32,9 +32,6 @@ MOST_LINES = 400
 
 MOST_FORKS = 99
 """Maximum number of forks of one log."""
-
-BEFORE_PREDICATES = ("action", "reason", "label", "predicate", "chain")
-"""Fields of a decision whose meaning changed with format 5, and those that depend on them."""
 
 LONGEST_NS = 4000 * 10**9
 """Simulated time beyond every episode, ns: `episode.time_limit` is at most an hour."""
@@ -258,11 +255,6 @@ class Log:
         return self.config.recording is not None or bool(self.mission.waypoints)
 
     @property
-    def not_compared(self) -> tuple[str, ...]:
-        """Fields of a decision whose meaning differs in the format of this log."""
-        return () if self.run["format_version"] in WITH_REASONS else BEFORE_PREDICATES
-
-    @property
     def record(self) -> str:
         """Extent of the log: `full` or `decisions`."""
         return self.result.get("record", "full")
@@ -373,8 +365,7 @@ def _read_forks(head: Head, path: Path, allow_plugins: bool) -> tuple[Fork, ...]
                 f"log '{path}': forked at {at[:20]!r}, expected a decision's number from {least} on"
             )
         config = from_json(fields.get("config", "").encode(), allow_plugins)
-        text = fields.get("mission")  # older logs have none for their first fork
-        mission = head.mission if text is None else Mission.from_json(text.encode())
+        mission = Mission.from_json(fields.get("mission", "").encode())
         beams = head.before.get(before(len(forks) + 1), {})
         forks.append(Fork(int(at), config, beams, mission))
     return tuple(forks)

@@ -33,20 +33,7 @@ from wayproof.harness.log.machine import installed_version, this_machine
 from wayproof.harness.outputs import Draft, check_target
 
 FORMAT_VERSION = "6"
-"""Format of the logs written; raised when decisions or settings are recorded differently.
-
-5 holds each reason as a predicate with figures; 6 has settings and the planner `astar` under their
-present names (`harness/renamed.py`).
-"""
-
-WITH_REASONS = ("5", FORMAT_VERSION)
-"""Format versions that hold each reason as a predicate, and a digest of the whole file."""
-
-PACKED_AS = {"3": "4"}
-"""Format version of a packed log where it differs: 4 is 3 with the longest fields packed."""
-
-READABLE = ("2", "3", "4", *WITH_REASONS)
-"""Format versions that this version reads."""
+"""Format of the logs written and read; raised when messages are recorded differently."""
 
 LEAST_FREE_BYTES = 64 * 2**20
 """Minimum free disk space to start an episode, bytes; a minute of a 20,000-ray lidar takes less."""
@@ -126,8 +113,6 @@ class LogWriter:
         self._flush_period_ns = flush_period_ns
         attachments = {"config.json": config, "mission.json": mission, "scene.xml": scene.encode()}
         run = dict(run or _run_metadata(attachments))
-        if packed:
-            run["format_version"] = PACKED_AS.get(run["format_version"], run["format_version"])
         self._writer.add_metadata("run", run)
         if packed:
             attachments[PACKED_SCENE] = zstandard.compress(attachments.pop("scene.xml"), 19)

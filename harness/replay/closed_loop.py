@@ -78,7 +78,6 @@ class ClosedLoop:
         result: Fields of the result that differ; not compared if the end of the log is missing.
         elsewhere: Fields of the recording machine and software that differ here.
         chain: Hash over the new decisions.
-        not_compared: Fields of decisions whose meaning differs in the older format of the log.
         outcome: Outcome of the new episode.
         recorded_outcome: Outcome in the log.
         regenerated: Whether the log lacks its sweeps.
@@ -99,7 +98,6 @@ class ClosedLoop:
     result: tuple[Difference, ...]
     elsewhere: tuple[Difference, ...]
     chain: str
-    not_compared: tuple[str, ...]
     outcome: str
     recorded_outcome: str
     regenerated: bool
@@ -164,7 +162,6 @@ def simulate_again(
         result=result,
         elsewhere=tuple(other_than_here(log.run)),
         chain=again.result["chain"],
-        not_compared=log.not_compared,
         outcome=again.result["outcome"],
         recorded_outcome=log.result["outcome"],
         regenerated=log.record == "decisions",
@@ -267,7 +264,7 @@ def _compare(log: Log, again: Log) -> _Comparison:
             continue
         if thinned and not old.decision.global_path:
             new.decision.ClearField("global_path")  # left out of the log; the chain covers it
-        different = differences(old.decision, new.decision, log.not_compared)
+        different = differences(old.decision, new.decision)
         if different:
             found.first_decision, found.differences = old.number, different
             found.decisions += sum(1 for one, _ in pairs if one and one.decision is not None)
@@ -331,11 +328,11 @@ def _number_of(message: Message) -> int:
 
 
 def _result_differences(log: Log, again: Log) -> Iterator[Difference]:
-    """Yield the fields of the recorded result that differ; an older log has fewer fields."""
+    """Yield the fields of the recorded result that differ."""
     for name, now in again.result.items():
         then = log.result.get(name)
         # The digest covers measured times, which no simulation reproduces.
-        if name in ("record", CONTENT) or name in log.not_compared:
+        if name in ("record", CONTENT):
             continue
         if then is not None and not _same(then, now):
             yield Difference(f"result.{name}", then, now)

@@ -26,7 +26,6 @@ from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.answers import RestartedStack
 from wayproof.harness.replay.fork_refusals import (
     refuse_goals,
-    refuse_not_compared,
     refuse_other_task,
     refuse_predictor,
     refuse_stack,
@@ -139,7 +138,6 @@ def fork_with(
         InputError: A changed setting determines the beginning of the episode, there is no such
             decision, or no state was kept there.
     """
-    refuse_not_compared(log)
     log = log.as_of(at)
     refuse_sensed(log.config, config, "the episode had begun with it", FIXED)
     refuse_predictor(log.config, config)

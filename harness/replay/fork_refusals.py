@@ -11,20 +11,9 @@ from wayproof.harness.goals import goals_claimed
 from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.types import Task
 from wayproof.harness.log.reader import Log
-from wayproof.harness.log.writer import FORMAT_VERSION
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.replay.answers import sensors_of
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
-
-
-def refuse_not_compared(log: Log) -> None:
-    """Raise an InputError if a log is of a format whose chain a fork cannot go on with."""
-    if log.not_compared:
-        raise InputError(
-            f"log '{log.path}': format version {log.run['format_version']}, expected "
-            f"{FORMAT_VERSION}, whose chain a fork can go on with; replay simulate --log FILE "
-            "writes it so"
-        )
 
 
 def refuse_stack(log: Log, config: Config, goes_on: bool) -> None:

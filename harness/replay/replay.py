@@ -12,6 +12,7 @@ from pathlib import Path
 from wayproof.harness.decision import Difference, differences
 from wayproof.harness.errors import InputError
 from wayproof.harness.forked import ForkFailed, beside
+from wayproof.harness.log.machine import Program, other_program
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.recompute.keyframes import WHOLE, Piece, pieces_of, stack_at, startable
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
@@ -38,7 +39,7 @@ class Replay:
         chain: Hash over the recomputed decisions.
         outcome: Recorded outcome.
         scope: Parts that were recomputed, that need a new simulation, and that are claims.
-        not_compared: Fields of decisions whose meaning differs in the older format of the log.
+        program: Program that recorded the log, if it is not this one.
         wall_time_s: Wall time of the replay, s.
     """
 
@@ -52,7 +53,7 @@ class Replay:
     chain: str
     outcome: str
     scope: Scope
-    not_compared: tuple[str, ...]
+    program: Program | None
     wall_time_s: float
 
 
@@ -91,9 +92,7 @@ def replay(
     others += cause or []
     return Replay(
         log=str(path),
-        identical=not differing
-        and (bool(log.not_compared) or recomputed.chain == log.result["chain"])
-        and not others,
+        identical=not differing and recomputed.chain == log.result["chain"] and not others,
         decisions=recomputed.decisions,
         differing=differing,
         first_difference=recomputed.first_difference,
@@ -102,7 +101,7 @@ def replay(
         chain=recomputed.chain,
         outcome=log.result["outcome"],
         scope=scope_of(log, with_cause=cause is not None),
-        not_compared=log.not_compared,
+        program=other_program(log.run),
         wall_time_s=time.perf_counter() - began,
     )
 
@@ -187,7 +186,7 @@ def recompute_piece(log: Log, keyframes: Sequence[pb.Keyframe], piece: Piece) ->
     others: list[Difference] = []
     for record in log.records(start):
         recomputed = stack.step(record)
-        found = differences(record.decision, recomputed, log.not_compared)
+        found = differences(record.decision, recomputed)
         if found:
             differing += 1
             first = first or (record.decision.sequence, found)

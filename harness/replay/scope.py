@@ -80,8 +80,6 @@ def _scope_of_recording(log: Log) -> Scope:
 
 def _claims(log: Log) -> tuple[str, ...]:
     claims = ["stage latencies", "versions", "machine"]
-    if log.not_compared:
-        claims.append(f"{', '.join(log.not_compared)} of decisions, as an older format gave them")
     runs = segments_of(log)
     if any(run.config.latency.mode == "measured" for run in runs):
         claims.append("measured delays")

@@ -160,7 +160,7 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
     old, new = Verdicts(), Verdicts()
     for record in log.records():
         recorded, other = twin.step(record)
-        faithful = faithful and not differences(record.decision, recorded, log.not_compared)
+        faithful = faithful and not differences(record.decision, recorded)
         change = compare(recorded, other, log.mission.planar)
         if change is not None:
             changes.append(change)

@@ -294,7 +294,7 @@ def margin_of(pose: Pose, config: Config, mission: Mission) -> Margin:
 
 
 def climbs(config: Config, mission: Mission) -> bool:
-    """Return whether the robot may walk over ramps; not in logs without its height at rest."""
+    """Return whether the robot may walk over ramps."""
     return config.costmap.max_slope > 0.0 and mission.planar and mission.rest_height > 0.0
 
 

@@ -250,7 +250,7 @@ def _by_stream(row: Row, hashes: bytes) -> dict[str, bytes]:
 def write_table(rows: Sequence[Row], first_variant: str, path: Path, first_stack: str = "") -> None:
     """Write the table as Parquet, atomically, with the comparison of each row with its twin.
 
-    Without any row, as where all logs are of other episodes, there is no table, nor a former one.
+    Without any row, as where all logs are of other episodes, there is no table.
     """
     if not rows:
         path.unlink(missing_ok=True)

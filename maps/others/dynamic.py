@@ -285,7 +285,7 @@ class DynamicMap(VoxelMap):
 
         Where one return makes a free cell occupied, the hits (k, 3) come first: what they make
         occupied would be no ever-free space any more, and nothing would ever be seen to move. Where
-        it takes more returns, they come after, as they did in older logs.
+        it takes more returns, they come after.
         """
         at_once = self.evidence.low + self.evidence.hit > 0
         met = self._met(hits) if at_once else NO_CELLS

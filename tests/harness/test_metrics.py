@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.tools.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED
 from wayproof.harness.cli.main import main
 from wayproof.harness.metrics import METRICS, score
 from wayproof.harness.trace import Beliefs, Trace, read_trace
@@ -182,7 +182,7 @@ def test_a_least_clearance_that_is_a_bound_says_so(
     least: float, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nothing is measured beyond 2 m."""
-    log, far = str(COMMITTED / committed_name()), trace(clearances=np.full(4, least))
+    log, far = str(COMMITTED), trace(clearances=np.full(4, least))
     monkeypatch.setattr("wayproof.harness.trace.read_trace", lambda _: far)
     assert main(["explain", log, "--metrics"]) == 0
     assert f"│ least_clearance │ {said} │" in " ".join(capsys.readouterr().out.split())

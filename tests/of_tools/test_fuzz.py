@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from tests.tools.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED
 from tests.tools.soak.cases import MOST_MEMORY_MIB
 from tests.tools.soak.fuzz import KINDS, run_case
 from wayproof.harness.errors import InputError
@@ -29,7 +29,7 @@ def test_mutated_input_in_a_watched_process():
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory):
     path = tmp_path_factory.mktemp("fuzz") / "source.mcap"
-    path.write_bytes((COMMITTED / committed_name()).read_bytes())
+    path.write_bytes(COMMITTED.read_bytes())
     return path
 
 

@@ -73,7 +73,7 @@ def tally(path: Path, check: bool = True) -> Tally:
         InputError: It is no finished log, or has no sweeps.
     """
     log, found = open_log(path), Tally(logs=1)
-    if log.not_compared or not check:
+    if not check:
         found.decisions.update(map(_row, log.decisions()))
         return found
     reasons = ReasonCheck()
@@ -90,8 +90,7 @@ def tally(path: Path, check: bool = True) -> Tally:
 
 
 def _row(decision: pb.Decision) -> Row:
-    kind = decision.predicate.kind or NUMBER.sub("#", decision.reason)
-    return decision.action, decision.label, kind
+    return decision.action, decision.label, decision.predicate.kind
 
 
 def logs_of(paths: Iterable[Path]) -> list[Path]:

@@ -125,7 +125,7 @@ def audit(
     violations: list[Violation] = []
     counts: Counter[str] = Counter()
     measured: list[Volumes] = []
-    reasons = ReasonCheck(required=not log.not_compared)
+    reasons = ReasonCheck()
     cells: list[Rests] = []
     for moment in moments(log, policy, measured_only):
         kind, found = judge(moment)

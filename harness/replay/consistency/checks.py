@@ -11,7 +11,6 @@ from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.replay.consistency.messages import (
     check_chain,
     check_digest,
-    check_format,
     check_hashes,
     check_inputs,
     check_numbering,
@@ -83,7 +82,7 @@ def contradictions(log: Log, content: Content | None = None) -> list[Difference]
             return altered  # a stack may fail before its first decision
         raise InputError(f"log '{log.path}': no decisions in it")
     subject = Subject(log, content, tuple(segments_of(log)))
-    found = [*check_format(subject), *check_numbering(subject)]
+    found = list(check_numbering(subject))
     if not found:  # the checks index the messages by number
         checks = CHECKS if log.config.recording is None else CHECKS_OF_RECORDING
         found = [one for check in checks for one in check(subject)]

@@ -12,7 +12,6 @@ from wayproof.harness.input_messages import unit_quaternion
 from wayproof.harness.log.digest import CONTENT
 from wayproof.harness.log.reader import Log
 from wayproof.harness.log.streams import own_streams
-from wayproof.harness.log.writer import FORMAT_VERSION, WITH_REASONS
 from wayproof.harness.replay.consistency.subject import HALF_STEP_S, Subject
 from wayproof.harness.replay.content import Content
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -31,21 +30,10 @@ INPUTS = ("poses", "goals", "latencies")
 
 
 def check_digest(log: Log, content: Content) -> Iterator[Difference]:
-    """Check that the file's digest is that in the result; formats before 5 may have none."""
+    """Check that the file's digest is that in the result."""
     recorded = log.result.get(CONTENT)
-    if not content.digest or (recorded is None and log.run["format_version"] not in WITH_REASONS):
-        return
-    if recorded != content.digest:
+    if content.digest and recorded != content.digest:
         yield Difference("content digest", recorded or "none", content.digest)
-
-
-def check_format(subject: Subject) -> Iterator[Difference]:
-    """Check that no decision of formats before 5 has a predicate: replay would skip reasons."""
-    version = subject.log.run["format_version"]
-    if version not in WITH_REASONS and any(
-        one.HasField("predicate") for one in subject.content.decisions
-    ):
-        yield Difference("run.format_version", version, FORMAT_VERSION)
 
 
 def check_numbering(subject: Subject) -> Iterator[Difference]:
@@ -143,12 +131,11 @@ def check_inputs(subject: Subject) -> Iterator[Difference]:
 def check_hashes(subject: Subject) -> Iterator[Difference]:
     """Check that the running hashes follow from the logged inputs."""
     content = subject.content
-    older = subject.log.run["format_version"] == "3"  # its first logs have longer hashes
     for streams, had in zip(content.streams, content.inputs, strict=False):
         recorded = {one.name: one.hash for one in streams.streams}
         expected_names = {f"sensor/{name}" for name in subject.segment_of(streams.sequence).beams}
         for name in sorted({*expected_names, *own_streams(subject.log.config)}):
             one, other = recorded.get(name, "none"), had.hashes[name]
-            if one != other and not (older and len(one) > len(other)):
+            if one != other:
                 yield Difference(f"/streams[{streams.sequence}].{name}", one, other)
                 return

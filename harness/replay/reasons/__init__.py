@@ -46,14 +46,9 @@ class ReasonCheck:
         checked: Number of reasons checked so far.
     """
 
-    def __init__(self, required: bool = True) -> None:
-        """Start before the first decision.
-
-        Args:
-            required: Whether each decision must have a predicate, as it does from format 5 on.
-        """
+    def __init__(self) -> None:
+        """Start before the first decision."""
         self._past = Past()
-        self._required = required
         self.checked = 0
 
     def check(
@@ -77,7 +72,7 @@ class ReasonCheck:
             scene = Scene(decision, built, config, mission)
             found = list(self._contradictions(scene))
             self.checked += 1
-        elif self._required:
+        else:
             found = ["there is no reason with figures"]
         self._past.take(decision)
         return found

@@ -104,7 +104,6 @@ class QuadrupedController:
         memory = np.frombuffer(state["memory"].tobytes(), MEMORY)[0]
         for name in MEMORY.names or ():
             self.memory[name] = memory[name]
-        # Older logs hold it apart from the memory alone.
         self.memory.arrived = bool(state["arrived"])
         self._warm[:] = state["warm"]
         self._leg_inertia[:] = state["leg_inertia"]

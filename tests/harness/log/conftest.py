@@ -2,9 +2,9 @@
 
 import pytest
 
-from tests.tools.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED
 
 
 @pytest.fixture(scope="module")
 def source():
-    return COMMITTED / committed_name()
+    return COMMITTED

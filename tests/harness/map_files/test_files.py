@@ -20,7 +20,7 @@ from wayproof.maps import FREE, OCCUPIED, UNKNOWN, VoxelMap
 from wayproof.models.world_files.importer import import_world
 from wayproof.models.world_files.options import ImportOptions
 
-LOG = Path(__file__).parents[1] / "logs/format-6.mcap"
+LOG = Path(__file__).parents[1] / "logs/small.mcap"
 
 
 @pytest.fixture(scope="module")

@@ -5,14 +5,14 @@ import sys
 
 import pytest
 
-from tests.tools.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.recompute.side_by_side import as_input_error
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.planners.ompl._plugin import UserCodeError
 
-SMALL_LOG = str(COMMITTED / committed_name())
+SMALL_LOG = str(COMMITTED)
 
 
 def raising(error):

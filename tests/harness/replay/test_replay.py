@@ -10,6 +10,7 @@ import pytest
 import zstandard
 
 from tests.harness.replay.episodes import SHORT, altered
+from tests.tools.soak.forgeries import Forgery
 from wayproof.harness.cli.main import main
 from wayproof.harness.decision import differences
 from wayproof.harness.errors import InputError
@@ -162,3 +163,35 @@ def test_a_log_of_decisions_keeps_new_global_paths(recorded):
     assert all(one.global_path == other.global_path for one, other in pairs if one.global_path)
     assert all(one.global_path for one, other in pairs if other.planner and other.global_path)
     assert all(one.trajectory == other.trajectory for one, other in pairs)
+
+
+def by_another_program(path, target, change):
+    """Write a log as a program with other code recorded it."""
+    forgery = Forgery(path)
+    forgery.run |= {"wayproof": "0.0.1", "code": "0123456789abcdef"}
+    change(forgery)
+    forgery.write(target)
+    return target
+
+
+def test_a_log_of_another_program_that_decided_alike_replays(recorded, tmp_path, capsys):
+    log = Path(recorded(*SHORT["drone"]).log)
+    path = by_another_program(log, tmp_path / "alike.mcap", lambda forgery: None)
+    assert main(["replay", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("identical")
+    assert "recorded by another build, wayproof 0.0.1" in said
+    assert replay(log).program is None
+
+
+def test_decisions_of_another_program_are_named_so_and_not_a_divergence(recorded, tmp_path, capsys):
+    def decide_otherwise(forgery):
+        forgery.middle(pb.Decision).reason = "because"
+
+    log = Path(recorded(*SHORT["drone"]).log)
+    path = by_another_program(log, tmp_path / "other.mcap", decide_otherwise)
+    assert main(["replay", str(path)]) == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith("another program's: 1 of ")
+    assert "wayproof 0.0.1, code 0123456789abcdef" in line
+    assert "pip install wayproof==0.0.1" in line

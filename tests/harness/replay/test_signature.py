@@ -9,7 +9,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from tests.tools.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.replay.signature import (
@@ -24,7 +24,7 @@ from wayproof.harness.replay.signature import (
 
 @pytest.fixture
 def log(tmp_path):
-    return shutil.copy(COMMITTED / committed_name(), tmp_path / "a.mcap")
+    return shutil.copy(COMMITTED, tmp_path / "a.mcap")
 
 
 def openssh(key):

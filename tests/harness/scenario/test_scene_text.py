@@ -5,7 +5,7 @@ import re
 import mujoco
 import pytest
 
-from tests.tools.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.scenario.scene_text import safe_scene
@@ -19,7 +19,7 @@ TEXTURES = '<texture builtin="flat" width="2048" height="2048"/>' * 400
 
 
 def test_our_own_scenes_pass():
-    text = open_log(COMMITTED / committed_name()).scene
+    text = open_log(COMMITTED).scene
     assert safe_scene(text).count("<geom") == text.count("<geom")
 
 

@@ -15,7 +15,7 @@ from wayproof.harness.viewer.moments import moments
 from wayproof.harness.viewer.ros_bag import costs_of, occupancy_of_costs
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
-LOG = Path(__file__).parents[1] / "logs/format-6.mcap"
+LOG = Path(__file__).parents[1] / "logs/small.mcap"
 
 
 @pytest.fixture(scope="module")

@@ -479,11 +479,6 @@ def _version(forgery: Forgery) -> None:
     forgery.run["wayproof"] = "99.0"
 
 
-@_edit("an older format, which replays without its reasons")
-def _older_format(forgery: Forgery) -> None:
-    forgery.run["format_version"] = "4"
-
-
 @_edit("versions of packages")
 def _packages(forgery: Forgery) -> None:
     forgery.run["numpy"] = "99.0"

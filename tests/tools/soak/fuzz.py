@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.tools.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED
 from tests.tools.soak.cases import Fuzzed, Report, judge_case, judged, limit_memory
 from tests.tools.soak.child import scratch
 from tests.tools.soak.mutate import forge, mutate, mutate_values
@@ -40,7 +40,7 @@ def soak_fuzz(count: int, seed: int, progress: Progress, first: int = 0) -> Fuzz
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         source = folder / "source.mcap"
-        source.write_bytes((COMMITTED / committed_name()).read_bytes())
+        source.write_bytes(COMMITTED.read_bytes())
         replay(source)
         log = open_log(source)
 

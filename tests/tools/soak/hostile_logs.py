@@ -12,7 +12,7 @@ from pathlib import Path
 import zstandard
 from google.protobuf.message import Message
 
-from tests.tools.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED
 from tests.tools.soak.forgeries import Forgery
 from tests.tools.soak.hostile_files import Maker
 from wayproof.harness.config import Config
@@ -42,7 +42,7 @@ END, CHUNK, MESSAGE, SCHEMA, CHANNEL, UNKNOWN = 15, 6, 5, 3, 4, 0x7F
 
 def source() -> Path:
     """Return the small log that is forged."""
-    return COMMITTED / committed_name()
+    return COMMITTED
 
 
 def with_scene(edit: Callable[[str], str], target: Path) -> Path:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from tests.tools.small_log import COMMITTED, committed_name
+from tests.tools.small_log import COMMITTED
 from wayproof.harness.recordings.bags.building import Builder
 from wayproof.harness.recordings.bags.messages import (
     CAMERA,
@@ -93,7 +93,7 @@ def kitti(folder: Path) -> Path:
 def episode(folder: Path) -> Path:
     """Copy the committed log of an episode."""
     path = folder / "episode.mcap"
-    path.write_bytes((COMMITTED / committed_name()).read_bytes())
+    path.write_bytes(COMMITTED.read_bytes())
     return path
 
 

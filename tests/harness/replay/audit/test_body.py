@@ -58,7 +58,7 @@ def test_only_a_trajectory_that_goes_on_is_checked_from_where_the_decision_takes
     decision, before = pb.Decision(trajectory=trajectory()), trajectory()
     decision.timestamp.FromMilliseconds(150)  # decisions take effect after 50 ms
     before.path[1].x += shifted
-    real = next(moments(open_log(LOGS / "format-6.mcap")))
+    real = next(moments(open_log(LOGS / "small.mcap")))
     body = Body(CONFIG, MISSION, "forbid")
     record = replace(real.record, decision=decision)
     moment = replace(
