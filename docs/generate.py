@@ -27,7 +27,7 @@ from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.statistics.support import Support
-from wayproof.harness.tables.tables import COLUMNS
+from wayproof.harness.tables.tables import TABLES
 
 FOLDER = Path(__file__).parent / "reference"
 
@@ -131,11 +131,11 @@ def tables() -> str:
         "",
     ]
     lines += _typed("wayproof export logs/empty-drone-1.mcap --parquet decisions.parquet")
-    for name, columns in COLUMNS.items():
+    for name, table in TABLES.items():
         lines += ["", f"## {name}", "", "| column | type | unit | meaning |", "|---|---|---|---|"]
         lines += [
             f"| `{one.name}` | {_arrow(one.type)} | {one.unit} | {cell(one.meaning)} |"
-            for one in columns
+            for one in table.columns
         ]
     return "\n".join(lines) + "\n"
 

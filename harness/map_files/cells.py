@@ -1,4 +1,4 @@
-"""The cells of a log's map at a decision."""
+"""The cells of a map in a box."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.harness.errors import InputError
-from wayproof.harness.log.reader import Log
-from wayproof.harness.viewer.layer import layer_at
-from wayproof.harness.viewer.moments import Moment, moments
 from wayproof.maps import FREE, OCCUPIED, Representation
 from wayproof.maps.columns import WORD_BITS, Window, unpack
 
 
 @dataclass(frozen=True)
 class Cells:
-    """States of the cells in the operating area.
+    """States of the cells in a box.
 
     Attributes:
         states: (nx, ny, nz) unknown, free or occupied.
@@ -38,45 +34,6 @@ class Cells:
         return centres
 
 
-@dataclass(frozen=True)
-class FlatMap:
-    """States of the cells of a plane, as a robot on the ground plans in.
-
-    Attributes:
-        states: (nx, ny) unknown, free or occupied.
-        origin: (2,) corner of the first cell, m, world.
-        resolution: Edge of a cell, m.
-    """
-
-    states: NDArray[np.uint8]
-    origin: NDArray[np.float64]
-    resolution: float
-
-
-def moment_at(log: Log, decision: int | None) -> Moment:
-    """Return a decision with its map rebuilt; the last one without a number.
-
-    Raises:
-        InputError: There is no such decision.
-    """
-    last = None
-    for moment in moments(log):
-        last = moment
-        if decision is not None and moment.decision.sequence == decision:
-            return moment
-    if last is None:
-        raise InputError(f"log '{log.path}': without a decision, so without a map")
-    if decision is not None:
-        most = last.decision.sequence
-        raise InputError(f"--at {decision}: no such decision, expected 0 to {most}")
-    return last
-
-
-def cells_of(log: Log, a_map: Representation) -> Cells:
-    """Return the cells of a map within the operating area of its log."""
-    return cells_within(a_map, log.mission.low, log.mission.high)
-
-
 def cells_within(a_map: Representation, low: ArrayLike, high: ArrayLike) -> Cells:
     """Return the cells of a map that cover a box.
 
@@ -90,10 +47,3 @@ def cells_within(a_map: Representation, low: ArrayLike, high: ArrayLike) -> Cell
     occupied, free = a_map.columns(window.first, (nx, ny, -(-nz // WORD_BITS)))
     states = unpack(free, nz) * np.uint8(FREE) + unpack(occupied, nz) * np.uint8(OCCUPIED)
     return Cells(states, window.first, window.origin, a_map.resolution)
-
-
-def flat_map_of(moment: Moment) -> FlatMap:
-    """Return the plane of a moment's costmap: projected on the ground, or at the robot's height."""
-    costmap = moment.costmap
-    layer = layer_at(costmap, float(moment.record.inputs.pose.position[2]))
-    return FlatMap(costmap.state[:, :, layer], costmap.origin[:2], costmap.resolution)

@@ -13,9 +13,14 @@ from ruamel.yaml import YAML
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.map_files.cells import FlatMap, cells_of, flat_map_of, moment_at
-from wayproof.harness.map_files.files import WRITERS, write_map
-from wayproof.harness.map_files.occupancy import write_occupancy_map
+from wayproof.harness.map_files.files import (
+    WRITERS,
+    cells_of,
+    moment_at,
+    plane_of,
+    write_map,
+    write_nav2,
+)
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, VoxelMap
 from wayproof.models.world_files.importer import import_world
 from wayproof.models.world_files.options import ImportOptions
@@ -35,7 +40,7 @@ def moment(log):
 
 @pytest.fixture(scope="module")
 def cells(log, moment):
-    return cells_of(log, moment.map)
+    return cells_of(log, moment)
 
 
 def nav2_states(path):
@@ -52,43 +57,43 @@ def nav2_states(path):
 
 
 def test_nav2_reads_the_states_of_the_plane(tmp_path, log, moment):
-    flat = flat_map_of(moment)
-    assert set(np.unique(flat.states)) == {UNKNOWN, FREE, OCCUPIED}
+    flat, costmap = plane_of(moment), moment.costmap
+    assert set(np.unique(flat)) == {UNKNOWN, FREE, OCCUPIED}
     decision, count = write_map(log, tmp_path / "m.yaml")
     states, described = nav2_states(tmp_path / "m.yaml")
-    assert np.array_equal(states, flat.states)
-    assert described["resolution"] == flat.resolution
-    assert described["origin"] == [*flat.origin.tolist(), 0]
+    assert np.array_equal(states, flat)
+    assert described["resolution"] == costmap.resolution
+    assert described["origin"] == [*costmap.origin[:2].tolist(), 0]
     assert (decision, count) == (moment.decision.sequence, states.size)
 
 
 def test_our_import_has_a_wall_where_the_plane_is_occupied(tmp_path, log, moment):
-    flat = flat_map_of(moment)
+    flat, costmap = plane_of(moment), moment.costmap
     write_map(log, tmp_path / "m.yaml")
     options = ImportOptions(height=1.0, unknown="free")
     found, notes = import_world(tmp_path / "m.yaml", options, (1.0, 1.0, 0.0), (2.0, 2.0, 0.0))
-    occupied = np.zeros(flat.states.shape, bool)
+    occupied = np.zeros(flat.shape, bool)
     for part in found.solids:
         if part.kind == "floor":
             continue
         middle, half = np.array(part.centre[:2]), np.array(part.half_extents[:2])
-        low = np.rint((middle - half - flat.origin) / flat.resolution).astype(int)
-        high = np.rint((middle + half - flat.origin) / flat.resolution).astype(int)
+        low = np.rint((middle - half - costmap.origin[:2]) / costmap.resolution).astype(int)
+        high = np.rint((middle + half - costmap.origin[:2]) / costmap.resolution).astype(int)
         occupied[low[0] : high[0], low[1] : high[1]] = True
-    assert np.array_equal(occupied, flat.states == OCCUPIED)
-    counted = (flat.states == OCCUPIED).sum(), (flat.states == UNKNOWN).sum()
+    assert np.array_equal(occupied, flat == OCCUPIED)
+    counted = (flat == OCCUPIED).sum(), (flat == UNKNOWN).sum()
     assert f"{counted[0]} cells occupied, {counted[1]} unknown, taken as free" in notes
 
 
 def test_unknown_cells_are_unknown_under_every_threshold_that_is_written(tmp_path):
     states = np.array([[UNKNOWN, FREE], [OCCUPIED, UNKNOWN], [FREE, FREE]], np.uint8)
-    write_occupancy_map(FlatMap(states, np.array([-1.5, 0.25]), 0.05), tmp_path / "a.yaml")
+    write_nav2(states, np.array([-1.5, 0.25]), 0.05, tmp_path / "a.yaml")
     read, described = nav2_states(tmp_path / "a.yaml")
     assert np.array_equal(read, states)
     assert described["origin"] == [-1.5, 0.25, 0]
     assert (255 - 205) / 255 > described["free_thresh"]
     with pytest.raises(InputError, match="expected one without"):
-        write_occupancy_map(FlatMap(states, np.zeros(2), 0.05), tmp_path / "a#b.yaml")
+        write_nav2(states, np.zeros(2), 0.05, tmp_path / "a#b.yaml")
 
 
 def test_octomap_has_the_same_cells(tmp_path, log, cells):

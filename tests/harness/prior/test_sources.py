@@ -11,8 +11,7 @@ from wayproof.harness.config import Config
 from wayproof.harness.config_document import from_json, override, to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.map_files.cells import cells_of, moment_at
-from wayproof.harness.map_files.files import write_map
+from wayproof.harness.map_files.files import cells_of, moment_at, write_map
 from wayproof.harness.prior.cells import PriorCells, packed, prior_layer, unpacked
 from wayproof.harness.prior.truth import grid_of_world
 from wayproof.harness.scenario.prior_maps import with_prior
@@ -82,7 +81,7 @@ def test_the_map_of_a_log_and_its_file_give_the_same_cells(log, tmp_path, ending
         path = tmp_path / "own.map"
         write_map(log, path)
     config, cells = prior_of(path)
-    own = cells_of(log, moment_at(log, None).map)
+    own = cells_of(log, moment_at(log, None))
     assert config.prior.source.startswith(f"{path.name}@")
     np.testing.assert_array_equal(dense(cells, window_of(config)), own.states)
 
@@ -106,7 +105,7 @@ def test_an_octomap_that_was_exported_has_free_and_occupied_cells(log, tmp_path)
     path = tmp_path / "oct.bt"
     write_map(log, path)
     _, cells = prior_of(path, "prior.z=0.025")  # its lattice has a face at z = 0
-    own = cells_of(log, moment_at(log, None).map)
+    own = cells_of(log, moment_at(log, None))
     window = Window(own.resolution, own.first, own.states.shape)
     there = dense(cells, window)
     assert (there == own.states).mean() > 0.99

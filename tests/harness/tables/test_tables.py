@@ -11,7 +11,7 @@ import pytest
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.tables.files import WRITERS, write_csv, write_kitti, write_parquet, write_tum
-from wayproof.harness.tables.tables import COLUMNS, TABLES
+from wayproof.harness.tables.tables import TABLES
 from wayproof.harness.trajectory_error import rotations
 
 
@@ -24,8 +24,8 @@ def log(recorded):
 def test_a_table_has_its_columns_with_units(log, name):
     table = TABLES[name](log)
     assert len(table) > 20
-    assert table.column_names == [one.name for one in COLUMNS[name]]
-    for field, column in zip(table.schema, COLUMNS[name], strict=True):
+    assert table.column_names == [one.name for one in TABLES[name].columns]
+    for field, column in zip(table.schema, TABLES[name].columns, strict=True):
         assert field.metadata[b"unit"].decode() == column.unit
         assert field.metadata[b"meaning"]
 
