@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
+from wayproof.harness.config import Config
 from wayproof.harness.input_messages import beams_from_info, inputs_from_messages
-from wayproof.harness.inputs import WorldSweep
+from wayproof.harness.inputs import Beams, Inputs, WorldSweep
 from wayproof.harness.log.reader import open_log
+from wayproof.harness.mission import Mission
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.shadow.batches import batches
 from wayproof.harness.shadow.inputs import InputWriter
@@ -61,31 +64,9 @@ def of_log(path: Path, most: int) -> Source:
         InputError: It is no log, or has no sweeps.
     """
     log = open_log(path)
-
-    def placed() -> Iterator[PlacedSweep]:
-        missing = missing_floor_of(log.config, log.mission)
-        for record in log.records():
-            inputs = record.inputs
-            for sweep in inputs.sweeps:
-                beams = log.beams[sweep.sensor]
-                world = beams.place(sweep, inputs.pose, inputs.sequence)
-                world = floor_evidence(
-                    world,
-                    beams.range,
-                    pose=inputs.pose,
-                    config=log.config,
-                    mission=log.mission,
-                    missing=missing,
-                )
-                yield PlacedSweep(inputs.time_ns, world, beams.range)
-
-    return Source(
-        path.name,
-        config=log.config.map,
-        low=log.mission.low,
-        high=log.mission.high,
-        sweeps=first(placed(), most),
-    )
+    inputs = (record.inputs for record in log.records())
+    placed = _placed(inputs, log.beams, log.config, log.mission)
+    return _source(path.name, log.config, log.mission, islice(placed, most))
 
 
 def of_recording(recording: Recording, prepared: Prepared, most: int) -> Source:
@@ -94,43 +75,32 @@ def of_recording(recording: Recording, prepared: Prepared, most: int) -> Source:
     Raises:
         InputError: It is damaged.
     """
-    mission = prepared.mission
+    config, mission = prepared.config, prepared.mission
     beams = {info.name: beams_from_info(info) for info in prepared.infos}
-    writer = InputWriter(prepared, RecordedPerturbation(prepared.config, prepared.infos))
-
-    def placed() -> Iterator[PlacedSweep]:
-        missing = missing_floor_of(prepared.config, mission)
-        for sequence, batch in enumerate(batches(recording.sweeps(), 0)):
-            given = writer.write(batch, sequence)
-            inputs = inputs_from_messages(given.pose, given.sweeps, goal=given.goal)
-            for sweep in inputs.sweeps:
-                own = beams[sweep.sensor]
-                world = own.place(sweep, inputs.pose, sequence)
-                world = floor_evidence(
-                    world,
-                    own.range,
-                    pose=inputs.pose,
-                    config=prepared.config,
-                    mission=mission,
-                    missing=missing,
-                )
-                yield PlacedSweep(inputs.time_ns, world, own.range)
-
-    sweeps = first(placed(), most)
-    return Source(
-        recording.name,
-        config=prepared.config.map,
-        low=mission.low,
-        high=mission.high,
-        sweeps=sweeps,
-    )
+    writer = InputWriter(prepared, RecordedPerturbation(config, prepared.infos))
+    given = (writer.write(each, n) for n, each in enumerate(batches(recording.sweeps(), 0)))
+    inputs = (inputs_from_messages(one.pose, one.sweeps, goal=one.goal) for one in given)
+    placed = _placed(inputs, beams, config, mission)
+    return _source(recording.name, config, mission, islice(placed, most))
 
 
-def first(sweeps: Iterator[PlacedSweep], most: int) -> tuple[PlacedSweep, ...]:
-    """Return the first of some sweeps."""
-    kept = []
-    for sweep in sweeps:
-        kept.append(sweep)
-        if len(kept) >= most:
-            break
-    return tuple(kept)
+def _placed(
+    each: Iterable[Inputs], beams: Mapping[str, Beams], config: Config, mission: Mission
+) -> Iterator[PlacedSweep]:
+    missing = missing_floor_of(config, mission)
+    for inputs in each:
+        for sweep in inputs.sweeps:
+            own = beams[sweep.sensor]
+            world = floor_evidence(
+                own.place(sweep, inputs.pose, inputs.sequence),
+                own.range,
+                pose=inputs.pose,
+                config=config,
+                mission=mission,
+                missing=missing,
+            )
+            yield PlacedSweep(inputs.time_ns, world, own.range)
+
+
+def _source(name: str, config: Config, mission: Mission, sweeps: Iterable[PlacedSweep]) -> Source:
+    return Source(name, config.map, low=mission.low, high=mission.high, sweeps=tuple(sweeps))

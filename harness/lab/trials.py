@@ -36,7 +36,7 @@ RAYS = 64
 RAY_RANGE = 10.0
 """Their range, m."""
 
-OUR_GUARD, OCTOMAP = "floor_grazing_filter", "octomap"
+OCTOMAP = "octomap"
 
 
 @dataclass(frozen=True)
@@ -108,6 +108,17 @@ def run_trial(source: Source, group: str, setting: str, config: MapConfig) -> Tr
     """
     ghosts = GhostWatch(config.resolution)
     a_map, spent = build(source, config, ghosts)
+    return replace(
+        _trial(group, setting, config, a_map, spent),
+        ghosts=len(ghosts.cleared),
+        sweeps_to_free=float(np.median(ghosts.cleared)) if ghosts.cleared else None,
+    )
+
+
+def _trial(
+    group: str, setting: str, config: MapConfig, a_map: Representation, spent: list[float]
+) -> Trial:
+    """Return the figures of a map and of the wall times of its sweeps, ms."""
     counts = a_map.counts()
     p50, p99 = np.percentile(spent, [50, 99]).tolist()
     return Trial(
@@ -120,8 +131,6 @@ def run_trial(source: Source, group: str, setting: str, config: MapConfig) -> Tr
         occupied=counts.get("occupied", 0),
         free=counts.get("free", 0),
         misses_to_free=misses_to_free(config),
-        ghosts=len(ghosts.cleared),
-        sweeps_to_free=float(np.median(ghosts.cleared)) if ghosts.cleared else None,
     )
 
 
@@ -201,25 +210,11 @@ def against_octomap(source: Source) -> tuple[Trial, Trial] | None:
         raise
     ours, ours_ms = build(source, settings)
     share = agreement(source, ours, peer)
-    made = []
-    for a_map, kind, spent in ((ours, "voxel", ours_ms), (peer, OCTOMAP, peer_ms)):
-        counts = a_map.counts()
-        p50, p99 = np.percentile(spent, [50, 99]).tolist()
-        made.append(
-            Trial(
-                group="peer",
-                setting="no decay",
-                kind=kind,
-                ms_p50=p50,
-                ms_p99=p99,
-                memory_mib=a_map.memory_bytes() / 2**20,
-                occupied=counts.get("occupied", 0),
-                free=counts.get("free", 0),
-                misses_to_free=misses_to_free(replace(settings, kind=kind)),
-                agreement=share,
-            )
-        )
-    return made[0], made[1]
+    made = [
+        _trial("peer", "no decay", replace(settings, kind=kind), a_map, spent)
+        for a_map, kind, spent in ((ours, "voxel", ours_ms), (peer, OCTOMAP, peer_ms))
+    ]
+    return replace(made[0], agreement=share), replace(made[1], agreement=share)
 
 
 def agreement(source: Source, ours: Representation, peer: Representation) -> float | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import closing
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +21,6 @@ from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.recompute.side_by_side import as_input_error
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.harness.viewer.ahead import Ahead
 from wayproof.maps import Costmap, Representation
 
 Array = NDArray[np.float64]
@@ -31,9 +29,6 @@ NO_RETURN_MM = 65535
 
 THREADS = min(2, os.cpu_count() or 1)
 """Minimum number of threads of a map, whose bytes do not depend on it."""
-
-RECORDS_AHEAD = 8
-"""Number of records that are prefetched."""
 
 
 @dataclass(frozen=True)
@@ -111,21 +106,20 @@ def moments(log: Log, shown: int = 0) -> Iterator[Moment]:
     Raises:
         InputError: The log is damaged, or its sweeps were left out.
     """
-    with closing(Ahead(log.records_with_truth(), RECORDS_AHEAD)) as records:
-        stack = SegmentedStack(segments_of(log.on_threads(max(log.config.threads, THREADS))))
-        followed: pb.Trajectory | None = None
-        keyframe = map_before(startable(log, log.keyframes()), shown) if shown else None
-        for record, truth in records:
-            if keyframe is None or record.decision.sequence > keyframe.sequence:
-                stack.watch(record.inputs)
-            elif record.decision.sequence == keyframe.sequence:
-                start_at(stack, keyframe)
-            navigator, now = stack.go_to(record.decision.sequence), stack.segment
-            answer, decision = record.answer, record.decision
-            command = commanded(answer, decision, followed, now.config, now.mission)
-            yield Moment(record, truth, now.beams, navigator, command)
-            if not decision.deadline_missed:
-                followed = decision.trajectory
+    stack = SegmentedStack(segments_of(log.on_threads(max(log.config.threads, THREADS))))
+    followed: pb.Trajectory | None = None
+    keyframe = map_before(startable(log, log.keyframes()), shown) if shown else None
+    for record, truth in log.records_with_truth():
+        if keyframe is None or record.decision.sequence > keyframe.sequence:
+            stack.watch(record.inputs)
+        elif record.decision.sequence == keyframe.sequence:
+            start_at(stack, keyframe)
+        navigator, now = stack.go_to(record.decision.sequence), stack.segment
+        answer, decision = record.answer, record.decision
+        command = commanded(answer, decision, followed, now.config, now.mission)
+        yield Moment(record, truth, now.beams, navigator, command)
+        if not decision.deadline_missed:
+            followed = decision.trajectory
 
 
 def standing_low(mission: Mission) -> tuple[float, float, float]:

@@ -20,7 +20,7 @@ from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.writer import check_folder
 from wayproof.harness.outputs import check_target, written_whole
 from wayproof.harness.viewer.ahead import Ahead
-from wayproof.harness.viewer.snapshots import Snapshot, snapshots
+from wayproof.harness.viewer.snapshots import snapshots
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -100,10 +100,7 @@ def view_live(path: Path, saved: Path | None = None, allow_plugins: bool = False
     if not partial_name(path).exists() and path.is_file():
         return view([path], saved, allow_plugins)
     with followed(path, allow_plugins) as log:
-        try:
-            return _view({ROOTS[0]: log}, saved, began)
-        finally:
-            log.stop.set()
+        return _view({ROOTS[0]: log}, saved, began, {})
 
 
 def check_view(saved: Path | None) -> None:
@@ -113,45 +110,14 @@ def check_view(saved: Path | None) -> None:
         InputError: There is no display, or the file cannot be written.
     """
     if saved is None:
-        _check_display()
+        displays = ("DISPLAY", "WAYLAND_DISPLAY")
+        if sys.platform == "linux" and not any(os.environ.get(name) for name in displays):
+            raise InputError("no display here: --save FILE.rrd writes what 'rerun FILE.rrd' opens")
         return
     if saved.suffix != ENDING:
         raise InputError(f"view '{saved}': expected a name that ends in {ENDING}")
     check_target(saved, "view")
     check_folder(saved.parent)
-
-
-def _view(
-    logs: Mapping[str, Log],
-    saved: Path | None,
-    began: float,
-    legs: Mapping[str, Sequence[Leg]] | None = None,
-) -> View:
-    with ExitStack() as threads:
-        threads.enter_context(_brief_turns())
-        coming = {
-            root: threads.enter_context(closing(Ahead(snapshots(log), SNAPSHOTS_AHEAD)))
-            for root, log in logs.items()
-        }
-        threads.callback(_stop_waiting, logs)
-        decisions = _draw(logs, coming, legs or {}, saved)
-    size = None if saved is None else saved.stat().st_size * 1e-6
-    wall = time.perf_counter() - began
-    saved_as = None if saved is None else str(saved)
-    return View(
-        tuple(str(log.path) for log in logs.values()),
-        decisions,
-        saved_as,
-        megabytes=size,
-        wall_time_s=wall,
-    )
-
-
-def _stop_waiting(logs: Mapping[str, Log]) -> None:
-    """Let the threads that wait for a log's next decision end."""
-    for log in logs.values():
-        if isinstance(log, FollowedLog):
-            log.stop.set()
 
 
 def _legs(log: Log, allow_plugins: bool) -> Sequence[Leg]:
@@ -163,35 +129,53 @@ def _legs(log: Log, allow_plugins: bool) -> Sequence[Leg]:
     return assess(log.path, allow_plugins).legs
 
 
-def _draw(
+def _view(
     logs: Mapping[str, Log],
-    coming: Mapping[str, Ahead[Snapshot]],
-    legs: Mapping[str, Sequence[Leg]],
     saved: Path | None,
-) -> tuple[int, ...]:
-    """Send all snapshots to a file or a viewer; return the number of decisions of each log."""
-    import rerun as rr  # takes a while; the first maps are made meanwhile
-
-    from wayproof.harness.viewer.layout import layout
-    from wayproof.harness.viewer.rerun_log import show_log
-
-    name = " ".join(log.path.stem for log in logs.values())
-    stream = rr.RecordingStream("wayproof", recording_id=name)
+    began: float,
+    legs: Mapping[str, Sequence[Leg]],
+) -> View:
+    """Send all snapshots to a file or a viewer."""
     with ExitStack() as stack:
+        stack.enter_context(_brief_turns())
+        coming = {
+            root: stack.enter_context(closing(Ahead(snapshots(log), SNAPSHOTS_AHEAD)))
+            for root, log in logs.items()
+        }
+        stack.callback(_stop_waiting, logs)
+        import rerun as rr  # takes a while; the first maps are made meanwhile
+
+        from wayproof.harness.viewer.layout import layout
+        from wayproof.harness.viewer.rerun_log import show_log
+
+        name = " ".join(log.path.stem for log in logs.values())
+        stream = rr.RecordingStream("wayproof", recording_id=name)
         if saved is None:
-            folder = stack.enter_context(TemporaryDirectory())
-            viewer = loopback_viewer(Path(folder))
+            viewer = loopback_viewer(Path(stack.enter_context(TemporaryDirectory())))
             rr.spawn(executable_path=str(viewer), default_blueprint=layout(logs), recording=stream)
         else:
             partial = stack.enter_context(written_whole(saved, "--save"))
             stream.save(partial, default_blueprint=layout(logs))
         stack.callback(stream.disconnect)
         decisions = tuple(
-            show_log(stream, log, coming[root], root, legs=legs.get(root, ()))
+            show_log(stream, log, coming[root], root, legs.get(root, ()))
             for root, log in logs.items()
         )
         _flush(stream)
-    return decisions
+    return View(
+        logs=tuple(str(log.path) for log in logs.values()),
+        decisions=decisions,
+        saved=None if saved is None else str(saved),
+        megabytes=None if saved is None else saved.stat().st_size * 1e-6,
+        wall_time_s=time.perf_counter() - began,
+    )
+
+
+def _stop_waiting(logs: Mapping[str, Log]) -> None:
+    """Let the threads that wait for a log's next decision end."""
+    for log in logs.values():
+        if isinstance(log, FollowedLog):
+            log.stop.set()
 
 
 @contextmanager
@@ -222,9 +206,3 @@ def loopback_viewer(folder: Path) -> Path:
     start.write_text(f'#!/bin/sh\nexec {shlex.quote(found)} --bind 127.0.0.1 "$@"\n')
     start.chmod(0o700)
     return start
-
-
-def _check_display() -> None:
-    displays = ("DISPLAY", "WAYLAND_DISPLAY")
-    if sys.platform == "linux" and not any(os.environ.get(name) for name in displays):
-        raise InputError("no display here: --save FILE.rrd writes what 'rerun FILE.rrd' opens")

@@ -9,7 +9,7 @@ from tests.harness.shadow.conftest import BODY as SPEC
 from tests.harness.shadow.conftest import shadowed, written
 from wayproof.harness.inputs import WorldSweep
 from wayproof.harness.lab.policies import policies_of
-from wayproof.harness.lab.source import PlacedSweep, Source, first, of_recording
+from wayproof.harness.lab.source import PlacedSweep, Source, of_recording
 from wayproof.harness.lab.trials import build, misses_to_free, run_trial
 from wayproof.harness.recordings.formats import open_recording
 from wayproof.harness.shadow.assess import assess
@@ -53,10 +53,6 @@ def test_the_sweeps_are_those_of_the_recording(source):
     a_map, spent = build(source, source.config)
     assert len(spent) == 20
     assert a_map.counts()["free"] > 1000
-
-
-def test_only_so_many_sweeps_are_read():
-    assert first(iter(range(10)), 3) == (0, 1, 2)
 
 
 def beam(range_m):
