@@ -1,4 +1,4 @@
-"""Ends of intervals of a mean, for many samples of the same size at once.
+"""Ends of intervals of the mean of a sample.
 
 Two families: from the ends of the support alone, whatever the distribution; and from the spread of
 the sample, by Student's t and the bootstrap-t.
@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from wayproof.harness.statistics.exact import clopper_pearson
+
 Array = NDArray[np.float64]
+
+Ends = tuple[float, float]
+"""Lower and upper end; infinite without one."""
 
 DRAWS = 10_000
 """Weights or resamples of a sample at least; the ends then move by about 1 % of the width."""
@@ -32,19 +36,8 @@ lognormal values covers 0.90 in place of 0.95 at 5 values; at this share 0.94.""
 ALIKE = 1e-6
 """A resample that varies by less than this share of the sample's deviation holds one value."""
 
-CHUNK = 2_000_000
-"""Weighted means held at a time."""
 
-
-@dataclass(frozen=True)
-class Ends:
-    """Both ends of the intervals of n samples, (n,) each."""
-
-    low: Array
-    high: Array
-
-
-def bounded(means: Array, low: Array, high: Array, tail: float) -> Ends:
+def bounded(means: Array, low: float, high: float, tail: float) -> Ends:
     """Return the interval of a bounded figure's mean: of rates Clopper and Pearson's (1934).
 
     Gaffke (2005), "Three test statistics for a nonparametric one-sided hypothesis on the mean of a
@@ -53,43 +46,26 @@ def bounded(means: Array, low: Array, high: Array, tail: float) -> Ends:
     the mean of a bounded random variable", find it to cover in every case that they tried.
 
     Args:
-        means: (n, k).
-        low: (n,) ends of the support; infinite where it has none.
-        high: (n,)
+        means: (k,).
+        low: Lower end of the support; infinite where it has none.
+        high: Upper end.
         tail: Share of the samples that an end may miss.
     """
-    ends = Ends(low.copy(), high.copy())
-    extreme = np.isfinite(low) & np.isfinite(high)
-    extreme &= ((means == low[:, None]) | (means == high[:, None])).all(axis=1)
-    if extreme.any():
-        rates = _clopper_pearson(means[extreme] == high[extreme, None], tail)
-        width = high[extreme] - low[extreme]
-        ends.low[extreme] = low[extreme] + width * rates.low
-        ends.high[extreme] = low[extreme] + width * rates.high
-    for side, quantile in ((ends.low, tail), (ends.high, 1.0 - tail)):
-        drawn = ~extreme & np.isfinite(side)
-        if drawn.any():
-            side[drawn] = _weighted_quantile(means[drawn], side[drawn], quantile, tail)
-    return ends
+    if math.isfinite(high - low) and ((means == low) | (means == high)).all():
+        rate = clopper_pearson(int((means == high).sum()), len(means), 1.0 - 2.0 * tail)
+        return low + (high - low) * rate.low, low + (high - low) * rate.high
+    below, above = (
+        _weighted_quantile(means, end, quantile, tail) if math.isfinite(end) else end
+        for end, quantile in ((low, tail), (high, 1.0 - tail))
+    )
+    return below, above
 
 
-def _clopper_pearson(successes: NDArray[np.bool_], tail: float) -> Ends:
-    count, trials = successes.sum(axis=1), successes.shape[1]
-    low = stats.beta.ppf(tail, count, trials - count + 1)
-    high = stats.beta.ppf(1.0 - tail, count + 1, trials - count)
-    return Ends(np.where(count == 0, 0.0, low), np.where(count == trials, 1.0, high))
-
-
-def _weighted_quantile(means: Array, end: Array, quantile: float, tail: float) -> Array:
-    """Return the quantile (n,) of the flat Dirichlet mean of each sample and a support's end."""
-    sample = np.column_stack([means, end])
-    weights = _dirichlet(sample.shape[1], _draws(sample.shape[1], tail))
-    step = max(1, CHUNK // weights.shape[1])
-    parts = [
-        np.quantile(sample[at : at + step] @ weights, quantile, axis=1)
-        for at in range(0, len(sample), step)
-    ]
-    return np.concatenate(parts)
+def _weighted_quantile(means: Array, end: float, quantile: float, tail: float) -> float:
+    """Return the quantile of the flat Dirichlet mean of a sample and a support's end."""
+    sample = np.append(means, end)
+    weights = _dirichlet(len(sample), _draws(len(sample), tail))
+    return float(np.quantile(sample @ weights, quantile))
 
 
 def _draws(size: int, tail: float) -> int:
@@ -113,40 +89,27 @@ def studentized(means: Array, tail: float) -> Ends:
     one value only stands for an infinite t.
 
     Args:
-        means: (n, k), k at least 2, of which not all are equal.
+        means: (k,), k at least 2, of which not all are equal.
         tail: Share of the samples that an end may miss.
     """
-    count = means.shape[1]
-    if len(means) == 0:
-        return Ends(np.zeros(0), np.zeros(0))
-    middle = means.mean(axis=1)
-    error = means.std(axis=1, ddof=1) / math.sqrt(count)
-    normal = stats.t.ppf(1.0 - tail, count - 1)
+    count, middle = len(means), float(means.mean())
+    error = float(means.std(ddof=1)) / math.sqrt(count)
+    normal = float(stats.t.ppf(1.0 - tail, count - 1))
     low, high = _bootstrap_t(means, SKEWNESS_SHARE * tail)
-    return Ends(
-        middle - np.maximum(high, normal) * error, middle - np.minimum(low, -normal) * error
-    )
+    return middle - max(high, normal) * error, middle - min(low, -normal) * error
 
 
-def _bootstrap_t(means: Array, tail: float) -> tuple[Array, Array]:
-    """Return quantiles of the studentized mean in resamples of each sample, (n,) each."""
-    count = means.shape[1]
+def _bootstrap_t(means: Array, tail: float) -> Ends:
+    """Return quantiles of the studentized mean in resamples of a sample."""
+    count = len(means)
     times = _resamples(count, _draws(count, tail))  # (k, draws)
-    centred = means - means.mean(axis=1, keepdims=True)
-    centred /= means.std(axis=1, keepdims=True)
-    step = max(1, CHUNK // times.shape[1])
-    parts = []
-    for at in range(0, len(centred), step):
-        sample = centred[at : at + step]
-        middle = sample @ times / count
-        variance = np.maximum(np.square(sample) @ times / count - np.square(middle), 0.0)
-        error = np.sqrt(variance / (count - 1))
-        t = np.where(
-            error > ALIKE, middle / np.maximum(error, ALIKE), np.copysign(math.inf, middle)
-        )
-        parts.append(np.quantile(t, [tail, 1.0 - tail], axis=1, method="inverted_cdf"))
-    low, high = np.concatenate(parts, axis=1)
-    return low, high
+    centred = (means - means.mean()) / means.std()
+    middle = centred @ times / count
+    variance = np.maximum(np.square(centred) @ times / count - np.square(middle), 0.0)
+    error = np.sqrt(variance / (count - 1))
+    t = np.where(error > ALIKE, middle / np.maximum(error, ALIKE), np.copysign(math.inf, middle))
+    low, high = np.quantile(t, [tail, 1.0 - tail], method="inverted_cdf")
+    return float(low), float(high)
 
 
 @functools.lru_cache(maxsize=2)

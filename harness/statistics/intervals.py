@@ -16,9 +16,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wayproof.harness.statistics.bounds import Array, Ends, bounded, studentized
 from wayproof.harness.statistics.exact import CONFIDENCE, Interval, paired_rate_difference
@@ -55,9 +56,7 @@ def mean_interval(
         ValueError: No values, or not one cluster for each.
     """
     means = cluster_means(values, clusters)
-    greatest = np.array([np.max(np.asarray(values, np.float64))])
-    ends = interval_ends(means[None, :], support, confidence, greatest)
-    return Interval(float(means.mean()), float(ends.low[0]), float(ends.high[0]))
+    return _interval(means, support, confidence, float(np.max(np.asarray(values, np.float64))))
 
 
 def difference_interval(
@@ -86,35 +85,12 @@ def difference_interval(
     if a.shape != b.shape:
         raise ValueError(f"got {a.shape} and {b.shape}, expected as many of each")
     means = cluster_means(b - a, clusters)
-    if len(means) == len(a):
-        ends = pair_ends(a[None, :], b[None, :], support, confidence)
-    else:
-        greatest = np.array([max(a.max(), b.max())])
-        ends = interval_ends(means[None, :], support.difference, confidence, greatest)
-    return Interval(float(means.mean()), float(ends.low[0]), float(ends.high[0]))
-
-
-def pair_ends(first: Array, second: Array, support: Support, confidence: float) -> Ends:
-    """Return intervals of the mean of second - first, of samples of k clusters with a pair each.
-
-    Args:
-        first: (n, k) figures.
-        second: (n, k) their partners.
-        support: Support of the figure itself.
-        confidence: Coverage of each interval by itself.
-    """
-    greatest = np.maximum(first.max(axis=1), second.max(axis=1))
-    ends = interval_ends(second - first, support.difference, confidence, greatest)
+    greatest = float(max(a.max(), b.max()))
     least = {"rate": LEAST_CLUSTERS, "count": LEAST_COUNTED}.get(support.kind, math.inf)
-    if first.shape[1] < least:
-        return ends
-    known: dict[tuple[int, ...], Interval] = {}
-    for k in np.flatnonzero(greatest <= 1.0):
-        table = tuple(np.bincount((2 * first[k] + second[k]).astype(int), minlength=4).tolist())
-        if table not in known:
-            known[table] = paired_rate_difference(first[k], second[k], confidence)
-        ends.low[k], ends.high[k] = known[table].low, known[table].high
-    return ends
+    if len(means) == len(a) >= least and greatest <= 1.0:
+        pairs = paired_rate_difference(a, b, confidence)
+        return replace(pairs, estimate=float(means.mean()))
+    return _interval(means, support.difference, confidence, greatest)
 
 
 def cluster_means(values: ArrayLike, clusters: Sequence[object]) -> Array:
@@ -132,71 +108,55 @@ def cluster_means(values: ArrayLike, clusters: Sequence[object]) -> Array:
     return means
 
 
-def interval_ends(
-    means: Array, support: Support, confidence: float, greatest: Array | None = None
-) -> Ends:
-    """Return intervals of many samples at once, each of the same number of clusters.
+def _interval(means: Array, support: Support, confidence: float, greatest: float) -> Interval:
+    """Return the interval of the mean of clusters.
 
     Args:
-        means: (n, k) of the clusters of each sample.
-        support: Support of each value.
-        confidence: Coverage of each interval by itself.
-        greatest: (n,) largest count in any episode of a sample; by default the largest value.
+        means: (k,) of the clusters.
+        support: Support of each.
+        confidence: Coverage.
+        greatest: Largest value in any episode.
     """
     tail = (1.0 - confidence) / 2.0
     if support.kind == "count":
-        return _count(means, support, tail, greatest)
-    if support.kind == "measure":
-        return _measure(means, support, tail)
-    return bounded(means, *_ends_of(means, support), tail)
+        low, high = _count(means, support, tail, greatest)
+    elif support.kind == "measure":
+        low, high = _measure(means, support, tail)
+    else:
+        low, high = bounded(means, *_ends_of(means, support), tail)
+    return Interval(float(means.mean()), float(low), float(high))
 
 
-def _count(means: Array, support: Support, tail: float, greatest: Array | None) -> Ends:
-    """Return intervals of counts from their assumed ends, and from their spread if there is any."""
-    if greatest is None:
-        greatest = np.abs(means).max(axis=1)
-    largest = np.where(greatest > 1.0, 2.0 * greatest, 1.0)
+def _count(means: Array, support: Support, tail: float, greatest: float) -> Ends:
+    """Return the interval of a count from its assumed ends, and from its spread if there is any."""
+    largest = 2.0 * greatest if greatest > 1.0 else 1.0
     signed = math.isinf(support.low)
-    ends = bounded(means, -largest if signed else np.zeros(len(means)), largest, tail)
-    several = _distinct(means) >= LEAST_EVENTS
-    spread = studentized(means[several], tail)
-    ends.high[several] = np.maximum(ends.high[several], spread.high)
-    if signed:
-        ends.low[several] = np.minimum(ends.low[several], spread.low)
-    if means.shape[1] < LEAST_COUNTED:
-        ends.high[:] = math.inf
-        ends.low[:] = -math.inf if signed else ends.low
-    return ends
+    low, high = bounded(means, -largest if signed else 0.0, largest, tail)
+    if _distinct(means) >= LEAST_EVENTS:
+        spread = studentized(means, tail)
+        low, high = min(low, spread[0]) if signed else low, max(high, spread[1])
+    if len(means) < LEAST_COUNTED:
+        return -math.inf if signed else low, math.inf
+    return low, high
 
 
 def _measure(means: Array, support: Support, tail: float) -> Ends:
     """Return Student's interval, widened for skewness; the support's if values hardly differ."""
     low, high = _ends_of(means, support)
-    few = _distinct(means) < LEAST_CLUSTERS
-    ends = Ends(low.copy(), high.copy())
-    if few.any():
-        outer = bounded(means[few], low[few], high[few], tail)
-        ends.low[few], ends.high[few] = outer.low, outer.high
-    if not few.all():
-        spread = studentized(means[~few], tail)
-        ends.low[~few] = np.maximum(spread.low, low[~few])
-        ends.high[~few] = np.minimum(spread.high, high[~few])
-    return ends
+    if _distinct(means) < LEAST_CLUSTERS:
+        return bounded(means, low, high, tail)
+    spread = studentized(means, tail)
+    return max(spread[0], low), min(spread[1], high)
 
 
-def _ends_of(means: Array, support: Support) -> tuple[Array, Array]:
-    """Return the ends (n,) of the support, moved out to a sample that rounding took beyond."""
-    low = np.minimum(support.low, means.min(axis=1))
-    return low, np.maximum(support.high, means.max(axis=1))
+def _ends_of(means: Array, support: Support) -> Ends:
+    """Return the ends of the support, moved out to a sample that rounding took beyond."""
+    return min(support.low, float(means.min())), max(support.high, float(means.max()))
 
 
-def _distinct(means: Array) -> NDArray[np.int64]:
-    """Return clusters of each sample that differ from its most frequent value, and one: (n,)."""
-    ordered = np.sort(means, axis=1)
-    same = np.diff(ordered, axis=1) <= ROUNDING * np.abs(ordered).max(axis=1, keepdims=True)
-    run = longest = np.ones(len(means), np.int64)
-    for equal in same.T:
-        run = np.where(equal, run + 1, 1)
-        longest = np.maximum(longest, run)
-    distinct: NDArray[np.int64] = means.shape[1] - longest + 1
-    return distinct
+def _distinct(means: Array) -> int:
+    """Return the number of clusters that differ from the most frequent value, and one."""
+    ordered = np.sort(means)
+    new = np.diff(ordered) > ROUNDING * np.abs(ordered).max()
+    runs = np.bincount(np.concatenate([[0], np.cumsum(new)]))
+    return int(len(means) - runs.max() + 1)

@@ -17,8 +17,8 @@ import numpy as np
 from tests.tools.statistics.verdicts import bench_alarms, bench_power
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.bench.table import Row as Document
-from wayproof.harness.statistics.bounds import Array, Ends
-from wayproof.harness.statistics.intervals import interval_ends, pair_ends
+from wayproof.harness.statistics.bounds import Array
+from wayproof.harness.statistics.intervals import difference_interval, mean_interval
 from wayproof.harness.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 CLUSTERS = (2, 3, 5, 10, 25, 50)
@@ -97,16 +97,23 @@ def coverage_of(
     generator = np.random.default_rng([seed, clusters, episodes])
     first, second = DRAWS[kind](generator, data, (samples, clusters, episodes))
     before, after = _true_means(kind, data)
+    support, worlds = SUPPORTS[kind], np.repeat(np.arange(clusters), episodes).tolist()
     if of == "mean":
-        greatest = second.max(axis=(1, 2))
-        ends, true = interval_ends(second.mean(axis=2), SUPPORTS[kind], 0.95, greatest), after
+        intervals = [mean_interval(one.ravel(), worlds, support) for one in second]
+        true = after
     else:
-        ends, true = _difference_ends(first, second, SUPPORTS[kind]), after - before
+        intervals = [
+            difference_interval(one.ravel(), other.ravel(), worlds, support)
+            for one, other in zip(first, second, strict=True)
+        ]
+        true = after - before
+    low = np.array([one.low for one in intervals])
+    high = np.array([one.high for one in intervals])
     slack = 1e-9 * max(1.0, abs(true))
-    width = ends.high - ends.low
+    width = high - low
     return {
         "clusters": clusters,
-        "coverage": float(np.mean((ends.low <= true + slack) & (ends.high >= true - slack))),
+        "coverage": float(np.mean((low <= true + slack) & (high >= true - slack))),
         "zero_width": float(np.mean(width <= slack)),
         "unbounded": float(np.mean(np.isinf(width))),
         "width": None if np.isinf(np.median(width)) else float(np.median(width)),
@@ -117,14 +124,6 @@ def coverage_of(
 def _true_means(kind: str, data: Data) -> tuple[float, float]:
     first, second = DRAWS[kind](np.random.default_rng(0), data, (1, SAMPLE, 1))
     return float(first.mean()), float(second.mean())
-
-
-def _difference_ends(first: Array, second: Array, support: Support) -> Ends:
-    if first.shape[2] == 1:
-        return pair_ends(first[:, :, 0], second[:, :, 0], support, 0.95)
-    greatest = np.maximum(first, second).max(axis=(1, 2))
-    differences = (second - first).mean(axis=2)
-    return interval_ends(differences, support.difference, 0.95, greatest)
 
 
 Shape = tuple[int, int, int]

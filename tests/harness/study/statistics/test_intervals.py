@@ -9,11 +9,7 @@ import pytest
 
 from tests.tools.statistics.coverage import STATISTICS, Data, coverage_of
 from wayproof.harness.metrics import METRICS
-from wayproof.harness.statistics.intervals import (
-    difference_interval,
-    interval_ends,
-    mean_interval,
-)
+from wayproof.harness.statistics.intervals import difference_interval, mean_interval
 from wayproof.harness.statistics.support import COUNT, MEASURE, RATE, SHARE, TIME, Support
 
 WORLDS = list(range(200))
@@ -92,13 +88,6 @@ def test_a_difference_turns_with_its_sides() -> None:
     there = difference_interval(first, second, WORLDS[:12], COUNT)
     back = difference_interval(second, first, WORLDS[:12], COUNT)
     assert (there.low, there.high) == pytest.approx((-back.high, -back.low), rel=0.05)
-
-
-def test_every_sample_of_many_has_its_own_interval() -> None:
-    means = np.random.default_rng(3).random((7, 6))
-    whole = interval_ends(means, SHARE, 0.95)
-    alone = [interval_ends(one[None, :], SHARE, 0.95) for one in means]
-    assert whole.low.tolist() == pytest.approx([one.low[0] for one in alone])
 
 
 def test_a_value_beyond_its_declared_support_moves_the_end() -> None:
