@@ -167,7 +167,9 @@ def _compare(pairs: Pairs) -> Comparison:
         won=won,
         changed=len(changed),
         first_difference=float(np.median(changed)) if changed else None,
-        share_differing=float(np.mean([share_differing(row, twin) for twin, row in pairs])),
+        share_differing=float(
+            np.mean([share_differing(row.acts, twin.acts) for twin, row in pairs])
+        ),
         streams=tuple(sorted({name for _, one in known for name in one.pairing.changed})),
         proven=sum(not one.undeclared for _, one in known),
         undeclared=tuple(seed for seed, one in known if one.undeclared),

@@ -16,30 +16,6 @@ Stack = tuple[str, str, str]
 """Robot, kind of map and planner, which decide the kernels that an episode needs."""
 
 
-def run_in_processes(
-    jobs: Sequence[Job],
-    stacks: Sequence[bytes],
-    finished: Finished,
-    *,
-    workers: int,
-    bounds: Bounds,
-) -> None:
-    """Run every job in worker processes that end with the last job.
-
-    Args:
-        jobs: Episodes to run.
-        stacks: Config of one episode of each stack among them, whose kernels are compiled first.
-        finished: Called in this process after each job, in the order in which they end.
-        workers: Number of processes.
-        bounds: Limits of one job.
-
-    Raises:
-        InputError: Workers die before they end any job.
-    """
-    with ProcessEngine(workers, bounds) as engine:
-        engine(jobs, stacks, finished)
-
-
 class ProcessEngine:
     """Worker processes kept from one batch of jobs to the next; an `Engine`, closed by `with`."""
 
@@ -64,7 +40,17 @@ class ProcessEngine:
         self._pool.__exit__()
 
     def __call__(self, jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) -> None:
-        """Run every job; see `run_in_processes`."""
+        """Run every job.
+
+        Args:
+            jobs: Episodes to run.
+            stacks: Config of one episode of each stack among them, whose kernels are compiled
+                first.
+            finished: Called in this process after each job, in the order in which they end.
+
+        Raises:
+            InputError: Workers die before they end any job.
+        """
         self._compile(stacks)
         for ended in self._pool.run(run_job, [(job,) for job in jobs]):
             finished(ended.value or Done(jobs[ended.number].key, ended.failure))

@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 from wayproof.harness.study.plan import CLEAN
 from wayproof.harness.study.recorded import short_name
-from wayproof.harness.study.rows import Row, other_action, prove, reference_of
+from wayproof.harness.study.rows import Row, other_action, prove, share_differing, twins_of
 
 MOST_STREAMS = 3
 """Maximum number of undeclared streams that are named."""
@@ -59,10 +59,9 @@ class Pass:
 
 def passes_of(rows: Sequence[Row], first_variant: str, first_stack: str = "") -> Iterator[Pass]:
     """Yield each pass in the order of the rows, with its reference of the same seed."""
-    by_arm = {(row.arm, row.seed): row for row in rows}
+    twins = twins_of(rows, first_variant, first_stack)
     for row in rows:
-        reference = reference_of(row.arm, first_variant, first_stack)
-        twin = None if reference is None else by_arm.get((reference, row.seed))
+        twin = twins.get(row.key)
         yield _pass(row, twin if twin is not None and twin.ran else None)
 
 
@@ -85,7 +84,9 @@ def _pass(row: Row, twin: Row | None) -> Pass:
         change=_change(row, twin),
         first=first,
         actions=_actions(row, twin, first),
-        share_differing=None if twin is None or not row.ran else _differing(row, twin),
+        share_differing=None
+        if twin is None or not row.ran
+        else share_differing(row.actions, twin.actions),
         changed=() if proof is None else tuple(sorted(proof.pairing.changed)),
         undeclared=() if proof is None else proof.undeclared,
         key=row.key,
@@ -100,13 +101,6 @@ def _change(row: Row, twin: Row | None) -> float | None:
     own = row.metrics["admitted_share"]
     other = None if twin is None else twin.metrics["admitted_share"]
     return None if own is None or other is None else own - other
-
-
-def _differing(row: Row, twin: Row) -> float:
-    """Return the share of decisions, of the longer pass, with another action."""
-    longest = max(len(row.actions), len(twin.actions))
-    alike = sum(one == other for one, other in zip(row.actions, twin.actions, strict=False))
-    return 1.0 - alike / longest if longest else 0.0
 
 
 COLUMNS = ("arm", "admitted", "change", "not admitted", "first other action", "others", "inputs")

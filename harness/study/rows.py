@@ -192,6 +192,17 @@ def reference_of(arm: Arm, first_variant: str, first_stack: str = "") -> Arm | N
     return None
 
 
+def twins_of(rows: Sequence[Row], first_variant: str, first_stack: str = "") -> dict[str, Row]:
+    """Return key of a row -> the row of its reference and seed, of those that have one."""
+    by_arm = {(row.arm, row.seed): row for row in rows}
+    twins = {}
+    for row in rows:
+        reference = reference_of(row.arm, first_variant, first_stack)
+        if reference is not None and (reference, row.seed) in by_arm:
+            twins[row.key] = by_arm[reference, row.seed]
+    return twins
+
+
 def first_difference(row: Row, twin: Row) -> int | None:
     """Return the number of the first decision with another action or path; None without one."""
     for number, (one, other) in enumerate(zip(row.acts, twin.acts, strict=False)):
@@ -206,13 +217,11 @@ def other_action(row: Row, twin: Row) -> int | None:
     return next((number for number, (one, other) in enumerate(both) if one != other), None)
 
 
-def share_differing(row: Row, twin: Row) -> float:
-    """Return the share of decisions, of the longer episode, with another action or path."""
-    longest = max(len(row.acts), len(twin.acts))
-    if longest == 0:
-        return 0.0
-    alike = sum(one == other for one, other in zip(row.acts, twin.acts, strict=False))
-    return 1.0 - alike / longest
+def share_differing(acts: Sequence[object], others: Sequence[object]) -> float:
+    """Return the share of decisions, of the longer episode, that acted otherwise."""
+    longest = max(len(acts), len(others))
+    alike = sum(one == other for one, other in zip(acts, others, strict=False))
+    return 1.0 - alike / longest if longest else 0.0
 
 
 @dataclass(frozen=True)
@@ -262,12 +271,8 @@ def write_table(rows: Sequence[Row], first_variant: str, path: Path, first_stack
 
 def arrow_table(rows: Sequence[Row], first_variant: str, first_stack: str = "") -> pa.Table:
     """Return the table, with the comparison of each row with its twin; at least one row."""
-    by_arm = {(row.arm, row.seed): row for row in rows}
-    flat = []
-    for row in rows:
-        reference = reference_of(row.arm, first_variant, first_stack)
-        twin = by_arm.get((reference, row.seed)) if reference else None
-        flat.append({**_flat(row), **_paired(row, twin)})
+    twins = twins_of(rows, first_variant, first_stack)
+    flat = [{**_flat(row), **_paired(row, twins.get(row.key))} for row in rows]
     return pa.Table.from_pylist(flat, schema=_schema(flat))
 
 

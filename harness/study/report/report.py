@@ -33,7 +33,7 @@ from wayproof.harness.study.report.sections import (
 )
 from wayproof.harness.study.report.view import map_picture
 from wayproof.harness.study.report.words import heading, number
-from wayproof.harness.study.rows import Row, first_difference, reference_of
+from wayproof.harness.study.rows import Row, first_difference, twins_of
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import (
     StudyResult,
@@ -134,12 +134,6 @@ def read_material(folder: Path, allow_plugins: bool = False) -> Material:
     if study.recordings and not rows:
         raise InputError(f"study '{folder}': no pass has ended")
     first = planned[0].arm
-    by_arm = {(row.arm, row.seed): row for row in rows}
-    twins = {}
-    for row in rows:
-        reference = reference_of(row.arm, first.variant, first.stack)
-        if reference is not None and (reference, row.seed) in by_arm:
-            twins[row.key] = by_arm[reference, row.seed]
     answers = answers_of(study, planned, store, contents, rows)
     shown = sorted(rows, key=lambda row: row.success)[:MOST_PAGES]
     return Material(
@@ -150,7 +144,7 @@ def read_material(folder: Path, allow_plugins: bool = False) -> Material:
         result=conclude(study, planned, rows, foreign, answers),
         store=store,
         views=Views(store, allow_plugins),
-        twins=twins,
+        twins=twins_of(rows, first.variant, first.stack),
         paged=frozenset(row.key for row in shown),
     )
 

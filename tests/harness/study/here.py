@@ -15,3 +15,16 @@ def run_here(
     """
     for job in jobs:
         finished(run_job(job))
+
+
+def run_in_processes(
+    jobs: Sequence[Job],
+    stacks: Sequence[bytes],
+    finished: Finished,
+    *,
+    workers: int,
+    bounds: Bounds,
+) -> None:
+    """Run every job in worker processes that end with the last job."""
+    with ProcessEngine(workers, bounds) as engine:
+        engine(jobs, stacks, finished)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.harness.study.here import run_in_processes
 from wayproof.harness.study.cluster import run_on_ray
 from wayproof.harness.study.file import read_study
 from wayproof.harness.study.plan import plan_episodes
-from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import read_rows, run_study
 from wayproof.harness.worker_pool import Bounds

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.harness.study.here import run_in_processes
 from wayproof.harness.cli.main import main
 from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
@@ -24,7 +25,6 @@ from wayproof.harness.study.contents import contents_of
 from wayproof.harness.study.file import files_of, read_gate, read_study
 from wayproof.harness.study.job import Done, Job, run_job
 from wayproof.harness.study.plan import plan_episodes
-from wayproof.harness.study.processes import run_in_processes
 from wayproof.harness.study.store import Store, merge
 from wayproof.harness.study.study import StudyResult, count_missing, read_rows, run_study, shard
 from wayproof.harness.worker_pool import Bounds
