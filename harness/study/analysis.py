@@ -154,6 +154,7 @@ def _compare(pairs: Pairs) -> Comparison:
     lost = tuple(row.seed for twin, row in pairs if twin.success and not row.success)
     won = tuple(row.seed for twin, row in pairs if row.success and not twin.success)
     firsts = [first_difference(row, twin) for twin, row in pairs]
+    shares = [share_differing(row.acts, twin.acts) for twin, row in pairs]
     changed = [first for first in firsts if first is not None]
     proofs = [(row.seed, prove(row, twin)) for twin, row in pairs]
     known = [(seed, proof) for seed, proof in proofs if proof is not None]
@@ -167,9 +168,7 @@ def _compare(pairs: Pairs) -> Comparison:
         won=won,
         changed=len(changed),
         first_difference=float(np.median(changed)) if changed else None,
-        share_differing=float(
-            np.mean([share_differing(row.acts, twin.acts) for twin, row in pairs])
-        ),
+        share_differing=float(np.mean(shares)),
         streams=tuple(sorted({name for _, one in known for name in one.pairing.changed})),
         proven=sum(not one.undeclared for _, one in known),
         undeclared=tuple(seed for seed, one in known if one.undeclared),

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from wayproof.harness.study.job import Done, Job, run_job
+from wayproof.harness.study.job import Job, run_job
+from wayproof.harness.study.processes import Finished, ProcessEngine
+from wayproof.harness.worker_pool import Bounds
 
 
-def run_here(
-    jobs: Sequence[Job], stacks: Sequence[bytes], finished: Callable[[Done], None]
-) -> None:
+def run_here(jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) -> None:
     """Run every job in turn, as an engine of `run_study`; tests/harness/study/test_study.py tests
     the one with worker processes.
     """
