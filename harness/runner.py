@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from wayproof.harness.attribution.attribution import with_cause
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import to_json
 from wayproof.harness.episode import Episode, Observer
@@ -105,7 +104,11 @@ class OpenEpisode:
                 self.log.attach(STDERR, bounded(text))
             if self.predictor is not None and (text := self.predictor.stderr()):
                 self.log.attach(PREDICTOR_STDERR, bounded(text))
-            result = with_cause(self.episode.result, self.scenario, self.log)
+            result = self.episode.result
+            if result.outcome not in ("success", "error") and result.decisions:
+                from wayproof.harness.attribution.attribution import with_cause  # slow to load
+
+                result = with_cause(result, self.scenario, self.log)
             result = finish(self.episode, self.log, result)
         return settle_log(self.draft, result, record or self.scenario.config.record)
 

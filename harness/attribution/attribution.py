@@ -16,18 +16,16 @@ from wayproof.harness.scenario.scenario import Scenario
 
 
 def with_cause(result: Result, scenario: Scenario, log: LogWriter) -> Result:
-    """Return the result with the cause of a failure; successes and errors have none.
+    """Return the result of a failure, which is no error, with its cause.
 
     Args:
-        result: Result of the episode.
+        result: Result of the episode, with at least one decision.
         scenario: Scenario of the episode.
         log: Its full log, without a result yet.
 
     Raises:
         OSError: The log cannot be written or read.
     """
-    if result.outcome in ("success", "error") or not result.decisions:
-        return result
     log.flush()
     moments = tuple(moments_of(read_unfinished(log.partial_path)))
     if len(moments) != result.decisions:

@@ -7,6 +7,7 @@ Ctrl-C, 141 a reader of standard output that went away.
 from __future__ import annotations
 
 import argparse
+import gc
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -26,6 +27,10 @@ EXAMPLE = """\
   wayproof run warehouse --robot drone --seed 4 --perturb pose_jump:5 --log d.mcap
   wayproof explain d.mcap"""
 
+GARBAGE_THRESHOLD = 50_000
+"""Objects between two collections of garbage; by the default of 700 they take a tenth of a short
+command, which only loads modules."""
+
 SHELLS = ("bash", "zsh", "fish")
 
 
@@ -35,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: Words of the command; None for those of this process, which may be forked.
     """
+    gc.set_threshold(GARBAGE_THRESHOLD)
     exit_handler = FastExit() if arguments is None else None
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     as_json = "--json" in arguments

@@ -151,7 +151,9 @@ COMPILING = "compiling kernels (a minute the first time, then cached)"
 
 
 def run_one(config: Config, path: Path, console: Console, view: str | None = None) -> Result:
-    """Build the scenario, compile the kernels, and run the episode with a live line.
+    """Build the scenario and run the episode with a live line.
+
+    Kernels are loaded as they are called, unless wall time counts or none was ever compiled.
 
     Args:
         config: Config of the episode.
@@ -167,11 +169,12 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
     from wayproof.harness.runner import run_episode
     from wayproof.harness.scenario.scenario import build
     from wayproof.harness.supervision import bound_memory
-    from wayproof.harness.warm_up import warm_up
+    from wayproof.harness.user_code import plugins_of
     from wayproof.kernel_cache import any_cached
 
     refuse_inputs(path, (config.prior.source, config.world, config.robot))
-    if not (console.is_terminal or any_cached()):  # else minutes without a word
+    cached = any_cached()
+    if not (console.is_terminal or cached):  # else minutes without a word
         print(f"wayproof: {COMPILING}", file=sys.stderr, flush=True)
     bound_memory(config.plugins.memory_mib)
     scenario = build(config)
@@ -181,8 +184,11 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
     with hold_log(path) as draft:
         warn_of_kept(draft)
         try:
-            with console.status(COMPILING):
-                warm_up(config)
+            if config.latency.mode == "measured" or plugins_of(config) or not cached:
+                from wayproof.harness.warm_up import warm_up  # wall time counts in the episode
+
+                with console.status(COMPILING):
+                    warm_up(config)
             with _viewed(draft, view, console), line:
                 return run_episode(scenario, draft, line)
         except KeyboardInterrupt:

@@ -43,8 +43,6 @@ ATTEMPTS = 100
 LOWEST_FLIGHT = 0.2
 """Lower end of a height band below which a body needs floor under it, m."""
 
-_EIGHT_CONNECTED = np.ones((3, 3), np.bool_)
-
 
 def is_solvable(
     world: World,
@@ -231,10 +229,36 @@ def _far_from_holes(
 
 def label_regions(free: NDArray[np.bool_]) -> NDArray[np.int32]:  # (nx, ny)
     """Return number the 8-connected regions of free cells from 1; 0 is not free."""
-    from scipy import ndimage
-
-    labels: NDArray[np.int32] = ndimage.label(free, _EIGHT_CONNECTED)[0]
+    labels = np.zeros(free.shape, np.int32)
+    number_regions(free, labels, np.empty(free.size, np.int64))
     return labels
+
+
+@kernel
+def number_regions(
+    free: NDArray[np.bool_],  # (nx, ny)
+    labels: NDArray[np.int32],  # (nx, ny) zeros, out
+    ahead: NDArray[np.int64],  # (nx ny,) scratch
+) -> int:
+    """Number the 8-connected regions of free cells in the order of their first; return how many."""
+    nx, ny = free.shape
+    count = 0
+    for first in range(nx * ny):
+        if not free[first // ny, first % ny] or labels[first // ny, first % ny]:
+            continue
+        count += 1
+        labels[first // ny, first % ny] = count
+        ahead[0], left = first, 1
+        while left:
+            left -= 1
+            x, y = ahead[left] // ny, ahead[left] % ny
+            for u in range(max(x - 1, 0), min(x + 2, nx)):
+                for v in range(max(y - 1, 0), min(y + 2, ny)):
+                    if free[u, v] and labels[u, v] == 0:
+                        labels[u, v] = count
+                        ahead[left] = u * ny + v
+                        left += 1
+    return count
 
 
 def cell_of(world: World, point: ArrayLike) -> tuple[int, int]:
@@ -316,6 +340,7 @@ def _taut(free: NDArray[np.bool_], cells: NDArray[np.int64]) -> list[int]:
 def warm_up() -> None:
     """Compile the search of ways and their corners, and load scipy's search."""
     free = np.ones((3, 3), np.bool_)
+    label_regions(free)
     _grid_path(free, (0, 0), (2, 2))
     _taut(free, np.array([[0, 0], [1, 1], [2, 2]]))
 

@@ -4,6 +4,7 @@ from math import acos, asin, hypot, pi, sqrt
 import mujoco
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from wayproof.models.worlds import WORLDS, is_solvable, is_solvable_in_any, shortest_path_length
 from wayproof.models.worlds.solids import Box
@@ -13,6 +14,7 @@ from wayproof.models.worlds.solvability import (
     REFERENCE_RADIUS,
     first_solvable,
     list_edges,
+    number_regions,
 )
 from wayproof.models.worlds.world import World
 
@@ -49,6 +51,18 @@ def test_edges_join_free_neighbours_once_and_in_order():
         tails = np.repeat(np.arange(free.size), np.diff(ends))
         found = zip(tails.tolist(), heads[:count].tolist(), lengths[:count].tolist(), strict=True)
         assert [*found] == expected
+
+
+@pytest.mark.parametrize("shape", [(40, 30), (1, 6), (6, 1)])
+@pytest.mark.parametrize("number", [number_regions, number_regions.py_func])
+def test_regions_are_numbered_as_scipy_does(shape, number):
+    for share in (0.3, 0.5, 0.9):
+        free = np.random.default_rng(8).random(shape) < share
+        labels = np.zeros(shape, np.int32)
+        count = number(free, labels, np.empty(free.size, np.int64))
+        expected, expected_count = ndimage.label(free, np.ones((3, 3)))
+        assert count == expected_count
+        np.testing.assert_array_equal(labels, expected)
 
 
 @pytest.mark.parametrize("name", WORLDS)
