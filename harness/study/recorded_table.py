@@ -118,14 +118,8 @@ def in_words(one: Pass) -> str:
     """Describe the result of a pass in a line."""
     if one.error:
         return f"error: {one.error}"
-    _, admitted, change, refused, first, others, inputs = cells(one)
-    parts = [f"{admitted} admitted" if one.admitted_share is not None else one.verdict]
-    parts[0] += f" ({change} points)" if change else ""
-    parts += [f"not admitted: {refused}"] if refused else []
-    if one.share_differing is not None:
-        action = "no other action" if one.first is None else f"first other action at {first}"
-        parts += [action, f"{others} of the decisions act otherwise", f"inputs {inputs}"]
-    return "; ".join(parts)
+    told = zip(COLUMNS[1:], cells(one)[1:], strict=True)
+    return "; ".join(f"{head} {text}" for head, text in told if text)
 
 
 def cells(one: Pass) -> tuple[str, ...]:
