@@ -3,7 +3,7 @@
 It sees, around a column, how many of the cells were measured occupied and free: one by one, in
 blocks of 3 x 3 and of 9 x 9, 7 x 7 of each. Two hidden layers of rectifiers lead to one log-odds.
 Inputs and weights are whole numbers, and all sums stay below 2^53, so that floats hold them exactly
-and no order of summation changes a bit. `tests.tools.completion` trains it.
+and no order of summation changes a bit.
 """
 
 from __future__ import annotations

@@ -59,11 +59,7 @@ def added(table: Numbers, now: Numbers) -> list[str]:
 
 
 def add() -> list[str]:
-    """Add new numbers to the table.
-
-    Raises:
-        InputError: A number changed its meaning.
-    """
+    """Add new numbers to the table."""
     table = committed() if TABLE.exists() else {}
     now = current()
     if wrong := changed(table, now):

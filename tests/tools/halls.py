@@ -22,12 +22,7 @@ END_INSET = 2.0
 
 
 def make_hall(side: float, seed: int) -> World:
-    """Make a square hall with racks, crates and pillars, as many by area as in any other.
-
-    Args:
-        side: m.
-        seed: Seed of the places and sizes.
-    """
+    """Make a square hall with racks, crates and pillars, as many by area as in any other."""
     rng = np.random.default_rng([seed, round(side)])
     low: Vector3 = (0.0, 0.0, -0.5)
     start = END_INSET, 0.25 * side, 0.0

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.harness.replay.audit.test_run import forge
-from tests.tools.reasons import main, tally
 from wayproof.harness.config import StackConfig
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit.run import moments
@@ -505,34 +503,3 @@ def test_every_figure_of_a_sentence_is_one_of_a_reason(kind):
     assert set(figures_of(MEANINGS[kind].text)) <= set(FIGURES)
     assert MEANINGS[kind].actions
     assert MEANINGS[kind].labels
-
-
-def false_in_all(decision):
-    occupied(decision)
-    decision.reason = sentence(logged_reason(decision.predicate))
-
-
-def test_decisions_are_counted_by_action_label_and_reason():
-    row = ("follow", "unknown_ahead", "unknown_ahead")
-    found = tally(LOGS / "small.mcap")
-    count = found.decisions.total()
-    assert found.decisions == {row: count}
-    assert found.checked == count > 0
-    assert found.texts == []
-    counted = tally(LOGS / "small.mcap", check=False)
-    assert (counted.decisions, counted.checked) == (found.decisions, 0)
-
-
-def test_the_table_takes_folders_and_ends_with_1_if_a_reason_is_false(tmp_path, capsys):
-    (tmp_path / "logs").mkdir()
-    forge(LOGS / "small.mcap", tmp_path / "logs" / "forged.mcap", false_in_all)
-    count = tally(LOGS / "small.mcap").checked
-    assert main([str(tmp_path)]) == 1
-    printed = capsys.readouterr().out
-    assert "forged.mcap: decision 0: unknown_ahead: the cell is unknown, not occupied" in printed
-    assert f"1 logs, {count} decisions: {count} reasons checked, {count} false" in printed
-    assert main(["--no-check", str(tmp_path)]) == 0
-    assert "0 reasons checked, 0 false" in capsys.readouterr().out
-    (tmp_path / "none").mkdir()
-    assert main([str(tmp_path / "none")]) == 2
-    assert "no log in it, expected *.mcap" in capsys.readouterr().err

@@ -56,17 +56,7 @@ ATTEMPTS = 16
 
 @dataclass(frozen=True)
 class Failure:
-    """Failure with a known cause.
-
-    Attributes:
-        kind: Kind of change, one of `KINDS`.
-        cause: Its cause.
-        world: Name of the world.
-        robot: Name of the robot.
-        seed: Seed of the episode; even ones are for tuning.
-        outcome: Outcome.
-        log: Name of the log in the folder.
-    """
+    """Failure with a known cause."""
 
     kind: str
     cause: str
@@ -156,11 +146,7 @@ def run_broken(broken: Broken, sound: Scenario, path: Path) -> Result:
 
 
 def read_failures(folder: Path) -> list[Failure]:
-    """Read the failures in a folder of `--make`.
-
-    Raises:
-        InputError: There are none.
-    """
+    """Read the failures in a folder of `--make`."""
     files = sorted(folder.glob("*.json"))
     if not files:
         raise InputError(f"{folder}: no failures there, expected a folder of --make")
@@ -179,14 +165,7 @@ def judge(failures: list[Failure], folder: Path, console: Console) -> Matrix:
 
 @dataclass
 class Checked:
-    """Results of counterfactual checks.
-
-    Attributes:
-        matrix: Known causes against those after the check.
-        answers: Number of each answer.
-        refused: Number of failures that cannot be checked.
-        simulated_s: Simulated time that the checks took, s.
-    """
+    """Results of counterfactual checks."""
 
     matrix: Matrix
     answers: Counter[str]

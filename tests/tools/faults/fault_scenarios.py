@@ -40,18 +40,7 @@ Settings = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Fault:
-    """A room with one fault.
-
-    Attributes:
-        solids: Solids in the room besides its walls.
-        movers: Movers.
-        settings: Settings as `section.field=value`.
-        mission: Wrong fields of the mission of the stack.
-        goal_x: Position of the goal, m.
-        flies: Whether the fault needs a drone.
-        delay: Delay of every decision, s, unknown to the stack; None for the expected one.
-        stack: Stack.
-    """
+    """A room with one fault."""
 
     solids: tuple[Solid, ...] = ()
     movers: tuple[Mover, ...] = ()
@@ -65,13 +54,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class FaultScenario:
-    """A scenario with a fault.
-
-    Attributes:
-        scenario: Scenario.
-        delays: Delay by decision, s.
-        stack: Stack.
-    """
+    """A scenario with a fault."""
 
     scenario: Scenario
     delays: dict[int, float]
@@ -79,11 +62,7 @@ class FaultScenario:
 
 
 def make_fault_scenario(cause: str, seed: int) -> FaultScenario:
-    """Return a scenario that fails by a cause; each seed gives another one.
-
-    Raises:
-        InputError: There is no such cause.
-    """
+    """Return a scenario that fails by a cause; each seed gives another one."""
     if cause not in FAULTS:
         raise unknown_name("cause", cause, FAULTS)
     rng = np.random.default_rng([seed, list(FAULTS).index(cause)])

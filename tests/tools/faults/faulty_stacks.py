@@ -198,24 +198,6 @@ class FloodsStderr(Faulty):
         os._exit(9)
 
 
-class Unseeded:
-    """Draws its speed from a generator without a seed, from decision `BEGINS` on."""
-
-    BEGINS = 7
-
-    def start(self, task: Task) -> None:
-        """Seed a generator that cannot be repeated."""
-        self._rng = np.random.default_rng()
-
-    def step(self, observation: Observation) -> Command:
-        """Creep, by chance."""
-        chance = self._rng.uniform() if observation.sequence >= self.BEGINS else 0.5
-        return Command(Velocity(CREEP * chance))
-
-    def close(self) -> None:
-        """Do nothing: there is nothing to end."""
-
-
 def _towards(target: Array, observation: Observation, speed: float) -> Velocity:
     """Return a velocity at a place, at any heading."""
     x, y, _ = (target - observation.position).tolist()

@@ -11,8 +11,8 @@ import signal
 import traceback
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 from tests.tools.soak.child import in_child
 from wayproof.harness.bench.table import Progress
@@ -33,43 +33,14 @@ MOST_MEMORY_MIB = 1024.0
 Report = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Fuzzed:
-    """Results of broken input.
-
-    Attributes:
-        count: Number of cases.
-        refused: Kind -> number of cases refused in a line.
-        read: Kind -> number of cases that were read.
-        peak_mib: Greatest resident memory of a child, MiB.
-        longest_s: Longest processor time of a case that was refused or read, s.
-        failures: Tracebacks, hangs, crashes, several lines, excess memory, files touched elsewhere.
-    """
-
-    count: int
-    refused: dict[str, int]
-    read: dict[str, int]
-    peak_mib: float
-    longest_s: float
-    failures: tuple[str, ...]
-
-
 def judged(
     work: Callable[[range, Report], None],
     kinds: Sequence[str],
     numbers: range,
     name: str,
     progress: Progress,
-) -> Fuzzed:
-    """Run cases in children, batch by batch.
-
-    Args:
-        work: Runs a batch of cases in a child, and reports.
-        kinds: All kinds of cases.
-        numbers: Numbers of the cases.
-        name: Name of the cases, for the progress.
-        progress: Called with a line about the progress.
-    """
+) -> SimpleNamespace:
+    """Run cases in children, batch by batch."""
     found = Counter[tuple[str, str]]()
     failures: list[str] = []
     peak = longest = 0.0
@@ -95,7 +66,14 @@ def judged(
     if peak > MOST_MEMORY_MIB:
         failures.append(f"memory: {peak:.0f} MiB")
     refused, read = ({kind: found[one, kind] for kind in kinds} for one in ("refused", "read"))
-    return Fuzzed(len(numbers), refused, read, peak, longest, failures=tuple(failures))
+    return SimpleNamespace(
+        count=len(numbers),
+        refused=refused,
+        read=read,
+        peak_mib=peak,
+        longest_s=longest,
+        failures=failures,
+    )
 
 
 def judge_case(number: int, kind: str, read: Callable[[], None], report: Report) -> None:

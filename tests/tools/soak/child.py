@@ -27,10 +27,6 @@ class Kill:
     """Time at which a child is killed: a delay after some lines of its output.
 
     Wall time alone would depend on the load of the machine.
-
-    Attributes:
-        lines: Number of lines before it; 0 is the start.
-        then_s: Delay after these, s.
     """
 
     lines: int
@@ -39,15 +35,7 @@ class Kill:
 
 @dataclass(frozen=True)
 class Ended:
-    """End of a child.
-
-    Attributes:
-        code: Exit code; negative is the signal that ended it.
-        lines: Lines that it reported; a kill may cut the last one short.
-        overdue: Whether it was killed because it reported nothing for too long.
-        peak_mib: Greatest resident memory, MiB.
-        cpu_s: Processor time, s.
-    """
+    """End of a child."""
 
     code: int
     lines: tuple[str, ...]
@@ -57,17 +45,9 @@ class Ended:
 
 
 def in_child(
-    work: Callable[[Callable[[str], None]], None],
-    silence_s: float,
-    kill: Kill | None = None,
+    work: Callable[[Callable[[str], None]], None], silence_s: float, kill: Kill | None = None
 ) -> Ended:
-    """Run a function in a forked child.
-
-    Args:
-        work: Function to run; its argument is a function that reports a line to the parent.
-        silence_s: Time without a line after which the child is killed, s.
-        kill: Time at which the child gets SIGKILL; None for never.
-    """
+    """Run a function in a forked child."""
     return listen(*start_child(work), silence_s, kill)
 
 

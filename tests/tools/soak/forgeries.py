@@ -50,16 +50,7 @@ KEPT_SHARE = 0.6
 
 
 class Forgery:
-    """Editable content of a log, written back with valid hashes.
-
-    Attributes:
-        result: Fields of the result.
-        run: Fields of the run without digests.
-        sealed: Whether the chain is recomputed.
-        digested: Whether the digest of the content is recomputed.
-        messages: Messages in file order, without the tables of sensors.
-        tables: Tables of the sensors.
-    """
+    """Editable content of a log, written back with valid hashes."""
 
     def __init__(self, source: Path) -> None:
         """Read all of a log."""
@@ -186,13 +177,7 @@ def _edit(name: str) -> Callable[[Edit], Edit]:
 
 
 def forge(source: Path, name: str, target: Path) -> Path:
-    """Write a forged log.
-
-    Args:
-        source: Complete log, with sweeps, of a perturbed episode that failed.
-        name: Key of `EDITS`.
-        target: Path to write to.
-    """
+    """Write a forged log."""
     forgery = Forgery(source)
     EDITS[name](forgery)
     return forgery.write(target)

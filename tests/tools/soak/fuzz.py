@@ -9,12 +9,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from tests.tools.small_log import COMMITTED
-from tests.tools.soak.cases import Fuzzed, Report, judge_case, judged, limit_memory
+from tests.tools.soak.cases import Report, judge_case, judged, limit_memory
 from tests.tools.soak.child import scratch
 from tests.tools.soak.mutate import forge, mutate, mutate_values
 from wayproof.harness.bench.table import Progress
@@ -28,15 +29,8 @@ from wayproof.harness.stack.build import build_navigator
 KINDS = ("bytes", "forged", "settings", "scene")
 
 
-def soak_fuzz(count: int, seed: int, progress: Progress, first: int = 0) -> Fuzzed:
-    """Mutate a small log `count` times: its bytes, content, settings and scene in turn.
-
-    Args:
-        count: Number of cases.
-        seed: Seed of all random choices.
-        progress: Called with a line about the progress.
-        first: Number of the first case.
-    """
+def soak_fuzz(count: int, seed: int, progress: Progress, first: int = 0) -> SimpleNamespace:
+    """Mutate a small log `count` times: its bytes, content, settings and scene in turn."""
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         source = folder / "source.mcap"
@@ -60,23 +54,14 @@ def watched(
     seed: int,
     progress: Progress,
     may_start: str = "",
-) -> Fuzzed:
-    """Run cases in children with limits on time, memory and the files that they touch.
-
-    Args:
-        run: Run one case of a kind, in `work` in the folder; an InputError refuses it.
-        kinds: Taken in turn.
-        folder: Cases may write below it.
-        numbers: Numbers of the cases.
-        seed: Seed of all random choices.
-        progress: Called with a line about the progress.
-        may_start: Program that a case may start.
-    """
+) -> SimpleNamespace:
+    """Run cases in children with limits on time, memory and the files that they touch."""
     (folder / "work").mkdir()
     work = partial(_cases, run, kinds, folder, seed, may_start)
     found = judged(work, kinds, numbers, name="fuzz", progress=progress)
     written = [f"file {one} written" for one in os.listdir(folder / "work")]
-    return replace(found, failures=(*found.failures, *written))
+    found.failures += written
+    return found
 
 
 def _cases(
@@ -99,11 +84,7 @@ def _cases(
 
 
 def run_case(kind: str, source: Path, log: Log, rng: np.random.Generator) -> None:
-    """Mutate and read once.
-
-    Raises:
-        InputError: The mutated input is refused, as it should be.
-    """
+    """Mutate and read once."""
     if kind == "settings":
         config = from_json(mutate_values(to_json(log.config).decode(), rng).encode())
         build_navigator(config, log.mission, log.beams)

@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 from tests.tools.soak.child import in_child, scratch
 from tests.tools.soak.hostile_files import BOX, FILES, Maker
@@ -46,16 +47,7 @@ PLAIN = "<mujoco><worldbody>" + BOX + "<geom size='.1' pos='-5 -5 1'/></worldbod
 
 @dataclass(frozen=True)
 class Taken:
-    """Resources that one command took.
-
-    Attributes:
-        name: Name of the hostile file.
-        file_bytes: Size of all files made for it, bytes.
-        cpu_s: Processor time, s.
-        peak_mib: Greatest resident memory, MiB.
-        code: Exit code; negative is the signal that ended it.
-        said: Lines on stderr.
-    """
+    """Resources that one command took."""
 
     name: str
     file_bytes: int
@@ -65,32 +57,8 @@ class Taken:
     said: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Refused:
-    """Results of hostile files.
-
-    Attributes:
-        count: Number of files.
-        longest_s: Greatest processor time, s.
-        peak_mib: Greatest resident memory, MiB.
-        failures: Commands that exceeded a limit, or did not end with one line of refusal.
-    """
-
-    count: int
-    longest_s: float
-    peak_mib: float
-    failures: tuple[str, ...]
-
-
-def soak_hostile(count: int, seed: int, progress: Progress, first: int = 0) -> Refused:
-    """Give each hostile file to the command that reads it, in a watched process.
-
-    Args:
-        count: Maximum number of files.
-        seed: Unused: the files are the same each time.
-        progress: Called with the lines of a table in Markdown.
-        first: Number of the first file.
-    """
+def soak_hostile(count: int, seed: int, progress: Progress, first: int = 0) -> SimpleNamespace:
+    """Give each hostile file to the command that reads it, in a watched process."""
     del seed
     chosen = list({**FILES, **LOGS}.items())[first : first + count]
     for name in LOADED:
@@ -108,7 +76,7 @@ def soak_hostile(count: int, seed: int, progress: Progress, first: int = 0) -> R
         progress(_row(found))
     longest = max((one.cpu_s for one in taken), default=0.0)
     peak = max((one.peak_mib for one in taken), default=0.0)
-    return Refused(len(chosen), longest, peak, tuple(failures))
+    return SimpleNamespace(count=len(chosen), longest_s=longest, peak_mib=peak, failures=failures)
 
 
 def _harmless_command(folder: Path) -> list[str]:

@@ -83,10 +83,7 @@ SCENES = {
     ),
 }
 
-VERBS = {
-    "explain": ["explain"],
-    "replay simulate": ["replay", "simulate"],
-}
+VERBS = {"explain": ["explain"], "replay simulate": ["replay", "simulate"]}
 
 
 def _scene(name: str, verb: str) -> None:

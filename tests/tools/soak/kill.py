@@ -5,8 +5,8 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -32,42 +32,8 @@ CHECKED = 10
 """Period, in recovered logs, of a replay and an audit."""
 
 
-@dataclass(frozen=True)
-class Killed:
-    """Results of killed episodes.
-
-    Attributes:
-        count: Number of episodes started.
-        killed: Number of episodes killed before their log was finished.
-        finished: Number of episodes whose log was finished before the kill.
-        before_first: Number of kills before a second was simulated, with nothing due.
-        recovered: Number of recovered logs.
-        decisions_reported: Number of decisions that the killed episodes had written.
-        decisions_lost: Number of these that are not in the recovered logs.
-        checked: Number of recovered logs that were replayed and audited.
-        failures: Broken guarantees; empty without any.
-    """
-
-    count: int
-    killed: int
-    finished: int
-    before_first: int
-    recovered: int
-    decisions_reported: int
-    decisions_lost: int
-    checked: int
-    failures: tuple[str, ...]
-
-
-def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> Killed:
-    """Kill episodes with SIGKILL, each at a random time after a random decision.
-
-    Args:
-        count: Number of episodes.
-        seed: Seed of all random choices.
-        progress: Called with a line about the progress.
-        first: Number of the first episode.
-    """
+def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> SimpleNamespace:
+    """Kill episodes with SIGKILL, each at a random time after a random decision."""
     scenarios = []
     for world, robot in EPISODES:
         config = override(Config(world, robot, seed), SETTINGS)
@@ -86,17 +52,7 @@ def soak_kill(count: int, seed: int, progress: Progress, first: int = 0) -> Kill
             _kill_one(scenario, path, kill, trial, tally, failures)
         if (trial + 1) % 20 == 0:
             progress(f"kill: up to {trial + 1}, {len(failures)} failures")
-    return Killed(
-        count=count,
-        killed=tally["killed"],
-        finished=tally["finished"],
-        before_first=tally["before_first"],
-        recovered=tally["recovered"],
-        decisions_reported=tally["reported"],
-        decisions_lost=tally["lost"],
-        checked=tally["checked"],
-        failures=tuple(failures),
-    )
+    return SimpleNamespace(count=count, **tally, failures=failures)
 
 
 def _run_whole(config: Config) -> tuple[int, float]:

@@ -137,11 +137,7 @@ def _in_turn(names: object, turn: int) -> str:
 
 
 def draw(number: int, seed: int) -> Drawn:
-    """Draw the episode of a number: the kinds in turn, each with its next value.
-
-    Raises:
-        RuntimeError: None of many draws is valid.
-    """
+    """Draw the episode of a number: the kinds in turn, each with its next value."""
     rng = np.random.default_rng((seed, number))
     kind = list(KINDS)[number % len(KINDS)]
     refused = ""

@@ -57,16 +57,7 @@ MOST_DRAWS = 12
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of fault.
-
-    Attributes:
-        stack: Class in `faulty_stacks`; empty for garbage on a pipe.
-        outcomes: Outcomes of an episode that the fault harmed.
-        causes: Causes that are right.
-        remote: Whether it can only be a process of its own.
-        worlds: Names of the worlds.
-        settings: Further settings.
-    """
+    """A kind of fault."""
 
     stack: str
     outcomes: tuple[str, ...]
@@ -105,17 +96,7 @@ audit of its last second says: through occupied space, or through unknown."""
 
 @dataclass(frozen=True)
 class Drawn:
-    """One episode with a fault.
-
-    Attributes:
-        kind: Its kind.
-        seed: Seed of the episode.
-        outcome: Outcome.
-        cause: Cause found.
-        evidence: Evidence for it.
-        check: Answer of the counterfactual check; empty where there is none.
-        failures: Other failures, in words.
-    """
+    """One episode with a fault."""
 
     kind: str
     seed: int
@@ -133,12 +114,7 @@ class Drawn:
 
 @dataclass
 class Tally:
-    """Results of one kind.
-
-    Attributes:
-        drawn: Episodes in which the fault did harm.
-        harmless: Number of seeds drawn again, as it did none.
-    """
+    """Results of one kind."""
 
     drawn: list[Drawn] = field(default_factory=list)
     harmless: int = 0
@@ -211,13 +187,7 @@ def _words(kind: str, seed: int, log: Path) -> list[str]:
 
 
 def in_process_of_its_own(words: list[str], mark: str, folder: Path) -> tuple[int, str]:
-    """Fork, run a command there, and return its exit code and output.
-
-    Args:
-        words: Words of the command, without `wayproof`.
-        mark: Value of `MARK` in its environment, and in that of its children.
-        folder: Folder for what it prints.
-    """
+    """Fork, run a command there, and return its exit code and output."""
     printed = folder / f"{mark}.txt"
     child = os.fork()
     if child == 0:

@@ -11,13 +11,13 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -48,16 +48,7 @@ BLAS_CORES = {
 
 @dataclass(frozen=True)
 class Emulation:
-    """Emulation of another processor in a child process.
-
-    Attributes:
-        name: Name of the emulation.
-        environment: Environment variables of the child.
-        shows: Function that tests whether the emulation is in effect, from the arithmetic of the
-            child and of this process.
-        python: Interpreter.
-        refused: Reason why this machine cannot emulate it; empty if it can.
-    """
+    """Emulation of another processor in a child process."""
 
     name: str
     environment: dict[str, str]
@@ -68,52 +59,17 @@ class Emulation:
 
 @dataclass
 class Emulated:
-    """Results of replays under one emulation.
-
-    Attributes:
-        replays: Number of replayed logs.
-        identical: Number of identical replays.
-        decisions: Number of compared decisions.
-        arithmetic: Arithmetic of the child; None if it was not run.
-        skipped: Reason why it was not run; empty if it was.
-        wall_s: Wall time of all replays, s.
-    """
+    """Results of replays under one emulation."""
 
     replays: int = 0
     identical: int = 0
     decisions: int = 0
     arithmetic: Arithmetic | None = None
     skipped: str = ""
-    wall_s: float = 0.0
-
-
-@dataclass
-class Processors:
-    """Results of replays on all emulated processors.
-
-    Attributes:
-        count: Number of recorded logs.
-        first: Number of the first.
-        kinds: Kind (`kinds`) -> number of logs; `given` were not recorded here.
-        emulations: Name -> results.
-        failures: Differences, and emulations without effect; empty without any.
-    """
-
-    count: int = 0
-    first: int = 0
-    kinds: dict[str, int] = field(default_factory=dict)
-    emulations: dict[str, Emulated] = field(default_factory=dict)
-    failures: list[str] = field(default_factory=list)
 
 
 def emulations(caches: Path, pythons: Sequence[str] = (), compiled: bool = True) -> list[Emulation]:
-    """Return all emulations that this processor allows, and this processor itself.
-
-    Args:
-        caches: Folder for kernels compiled for another processor.
-        pythons: Other interpreters with the packages of a replay.
-        compiled: Compile the kernels for a processor without extensions, which takes minutes.
-    """
+    """Return all emulations that this processor allows, and this processor itself."""
     found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
     lacking = "" if AVX_512 in found else "OpenBLAS's kernels for it need AVX-512"
     made = [
@@ -155,11 +111,7 @@ def _blas(core: str, refused: str) -> Emulation:
 def replay_under(
     emulation: Emulation, logs: Sequence[Path]
 ) -> tuple[Arithmetic, list[Verdict], str]:
-    """Replay logs in one child process; return its arithmetic, verdicts, and its failure.
-
-    Raises:
-        RuntimeError: The child ended before it printed anything.
-    """
+    """Replay logs in one child process; return its arithmetic, verdicts, and its failure."""
     paths = os.pathsep.join(filter(None, (str(ROOT / "src"), os.environ.get("PYTHONPATH", ""))))
     environment = {**os.environ, "PYTHONPATH": paths, **emulation.environment}
     done = subprocess.run(
@@ -189,20 +141,9 @@ def soak_processors(
     pythons: Sequence[str] = (),
     given: Sequence[Path] = (),
     compiled: bool = True,
-) -> Processors:
-    """Record short episodes of every kind and replay each on every emulated processor.
-
-    Args:
-        count: Number of episodes.
-        seed: Seed of all random choices.
-        progress: Called with a line after each emulation.
-        first: Number of the first episode.
-        jobs: Number of processes.
-        pythons: Other interpreters to replay with.
-        given: Further logs to replay.
-        compiled: Compile the kernels for a processor without extensions as well.
-    """
-    found = Processors(count, first)
+) -> SimpleNamespace:
+    """Record short episodes of every kind and replay each on every emulated processor."""
+    found = SimpleNamespace(count=count, kinds={}, emulations={}, failures=[])
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         recorded = _record_all(range(first, first + count), seed, folder, jobs)
@@ -227,7 +168,6 @@ def replay_all(
     emulation: Emulation, logs: Sequence[Path], own: Arithmetic, result: Emulated
 ) -> list[str]:
     """Replay all logs under one emulation; return the failures."""
-    began = time.perf_counter()
     result.arithmetic, verdicts, ended = replay_under(emulation, logs)
     failures = [f"{emulation.name}: {ended}"] if ended else []
     if not emulation.shows(result.arithmetic, own):
@@ -237,7 +177,6 @@ def replay_all(
     result.replays = len(verdicts)
     result.identical = sum(not verdict.differs for verdict in verdicts)
     result.decisions = sum(verdict.decisions for verdict in verdicts)
-    result.wall_s = round(time.perf_counter() - began, 1)
     wrong = [verdict for verdict in verdicts if verdict.differs]
     return failures + [f"{emulation.name}: {one.log}: {one.differs}" for one in wrong]
 

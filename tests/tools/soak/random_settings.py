@@ -72,14 +72,7 @@ EXAMPLES = Path(custom.__file__).parent / "examples"
 def random_config(
     rng: np.random.Generator, time_limit_s: float = 3.0, *, wide: bool = False
 ) -> Config:
-    """Return a random config; every fourth is unperturbed.
-
-    Args:
-        rng: Generator of every choice.
-        time_limit_s: Simulated time of the episode, s.
-        wide: Whether it also varies settings of any section, and may have people, several goals and
-            a robot of a spec file, as `vary`.
-    """
+    """Return a random config; every fourth is unperturbed."""
     world, robot = (str(rng.choice(sorted(names))) for names in (WORLDS, ROBOTS))
     kinds = sorted(set(MAPS) - {"octomap"} if wide else MAPS)  # minutes for each OctoMap
     kind = str(rng.choice(kinds)) if rng.integers(2) else MapConfig().kind

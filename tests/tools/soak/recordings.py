@@ -14,11 +14,12 @@ from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from tests.tools.soak.cases import Fuzzed, Report, judge_case, judged, limit_memory
+from tests.tools.soak.cases import Report, judge_case, judged, limit_memory
 from tests.tools.soak.child import scratch
 from tests.tools.soak.mutate import mutate
 from tests.tools.soak.recording_sources import SOURCES
@@ -111,15 +112,8 @@ MESSAGES = "messages"
 KINDS = (*BYTES, MESSAGES)
 
 
-def soak_recordings(count: int, seed: int, progress: Progress, first: int = 0) -> Fuzzed:
-    """Break small recordings of every format `count` times, in every way in turn.
-
-    Args:
-        count: Number of cases.
-        seed: Seed of all random choices.
-        progress: Called with a line about the progress.
-        first: Number of the first case.
-    """
+def soak_recordings(count: int, seed: int, progress: Progress, first: int = 0) -> SimpleNamespace:
+    """Break small recordings of every format `count` times, in every way in turn."""
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         sound = {key: make(_make_folder(folder / key)) for key, make in SOURCES.items()}
@@ -214,11 +208,7 @@ def _make_folder(folder: Path) -> Path:
 
 
 def _read(path: Path) -> None:
-    """Open a recording and read all of it.
-
-    Raises:
-        InputError: It is refused, as it may be.
-    """
+    """Open a recording and read all of it."""
     recording = open_recording(path)
     for sweep in recording.sweeps():
         if np.isnan(sweep.ranges).any() or not (sweep.ranges > 0.0).all():

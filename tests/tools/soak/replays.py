@@ -30,17 +30,7 @@ MOST_NAMED = 3
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """Arithmetic of a process, as far as it depends on the processor.
-
-    Attributes:
-        python: Version of Python.
-        numpy: Version of numpy.
-        blas: Name of OpenBLAS's kernels; empty if it is not loaded.
-        vectors: Instruction sets that numpy uses.
-        compiler: Processor that numba compiles for.
-        library: Digest of results of the C library's elementary functions.
-        products: Digest of dot products.
-    """
+    """Arithmetic of a process, as far as it depends on the processor."""
 
     python: str
     numpy: str
@@ -53,14 +43,7 @@ class Arithmetic:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on the replay of one log.
-
-    Attributes:
-        log: Path of the log.
-        decisions: Number of compared decisions.
-        differs: First values that differ, or the error of the replay; empty if identical.
-        chain: Hash over the recomputed decisions.
-    """
+    """Verdict on the replay of one log."""
 
     log: str
     decisions: int

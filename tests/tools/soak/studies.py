@@ -8,8 +8,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -34,38 +34,11 @@ SEEDS = 3
 LONGEST_S = 600.0
 """Wall time limit of one run of the study on a loaded machine, s."""
 
-Chains = dict[str, str]
 
-
-@dataclass(frozen=True)
-class Disturbed:
-    """Results of killed studies.
-
-    Attributes:
-        count: Number of requested kills.
-        workers: Number of killed workers, whose episodes are tried again.
-        parents: Number of killed parents, which are started again.
-        episodes: Number of episodes of the study.
-        failures: Studies whose chains are not those of the undisturbed one.
-    """
-
-    count: int
-    workers: int
-    parents: int
-    episodes: int
-    failures: tuple[str, ...]
-
-
-def soak_studies(count: int, seed: int, progress: Progress, first: int = 0) -> Disturbed:
+def soak_studies(count: int, seed: int, progress: Progress, first: int = 0) -> SimpleNamespace:
     """Kill a worker and the parent in turn at random times, `count` times in all.
 
     Each study gets one kill, and is started again if its parent died; then its chains are compared.
-
-    Args:
-        count: Number of kills.
-        seed: Seed of their times.
-        progress: Called with a line about what is under way.
-        first: Another seed of the times.
     """
     rng = np.random.default_rng([seed, first])
     failures: list[str] = []
@@ -92,16 +65,10 @@ def soak_studies(count: int, seed: int, progress: Progress, first: int = 0) -> D
             if trial > 10 * count:
                 failures.append(f"only {sum(done.values())} kills in {trial} studies")
                 break
-    return Disturbed(
-        count,
-        workers=done["worker"],
-        parents=done["parent"],
-        episodes=len(expected),
-        failures=tuple(failures),
-    )
+    return SimpleNamespace(count=count, **done, episodes=len(expected), failures=failures)
 
 
-def chains(file: Path, out: Path) -> Chains:
+def chains(file: Path, out: Path) -> dict[str, str]:
     """Return the chain of each finished episode by its key."""
     planned = plan_episodes(read_study(str(file)))
     return {row.key: row.chain for row in read_rows(planned, Store(out))}

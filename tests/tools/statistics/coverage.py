@@ -79,20 +79,7 @@ def _cell(row: Document) -> str:
 def coverage_of(
     statistic: str, data: Data, clusters: int, episodes: int, samples: int, seed: int
 ) -> Document:
-    """Return how often the 95 % interval of a statistic contains the true mean.
-
-    Args:
-        statistic: One of `STATISTICS`.
-        data: Distribution of the samples.
-        clusters: Number of worlds of a sample.
-        episodes: Number of episodes of each world.
-        samples: Number of samples.
-        seed: Seed of the samples.
-
-    Returns:
-        `coverage`; `zero_width`, the share of intervals of no width; `unbounded`, the share with an
-        open end; `width`, the median, None if more than half are open.
-    """
+    """Return how often the 95 % interval of a statistic contains the true mean."""
     kind, of = statistic.split()
     generator = np.random.default_rng([seed, clusters, episodes])
     first, second = DRAWS[kind](generator, data, (samples, clusters, episodes))

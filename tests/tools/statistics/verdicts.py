@@ -29,13 +29,7 @@ ALIKE = 0.7
 
 @dataclass(frozen=True)
 class Stack:
-    """Distribution of the episodes of a stack.
-
-    Attributes:
-        success: Share that reach the goal.
-        collisions: Share with a collision, at most that of failures.
-        time: Median time to the goal, s.
-    """
+    """Distribution of the episodes of a stack."""
 
     success: float = 0.95
     collisions: float = 0.02
@@ -154,14 +148,7 @@ def compared(
 
 
 def _rows(generator: np.random.Generator, arm: Arm, stack: Stack, luck: Array) -> list[Row]:
-    """Simulate an episode of each seed: failures and collisions by rank, lognormal times.
-
-    Args:
-        generator: Source of what an episode does not share with others of its seed.
-        arm: Arm of the rows.
-        stack: Distribution of the episodes.
-        luck: (k,) standard normal, shared by the episodes of each seed.
-    """
+    """Simulate an episode of each seed: failures and collisions by rank, lognormal times."""
     own, pace = generator.normal(size=(2, len(luck)))
     rank = np.array([_normal(x) for x in ALIKE * luck + math.sqrt(1.0 - ALIKE**2) * own])
     reached, collided = rank < stack.success, rank > 1.0 - stack.collisions

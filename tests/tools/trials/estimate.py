@@ -18,13 +18,7 @@ from wayproof.models.arrays import Array
 
 
 class Error(NamedTuple):
-    """White noise of every tick, and drift: a Gauss-Markov process of first order.
-
-    Attributes:
-        white: Standard deviation at each tick.
-        drift: Standard deviation of the drift.
-        drift_time: Its correlation time, s.
-    """
+    """White noise of every tick, and drift: a Gauss-Markov process of first order."""
 
     white: float = 0.0
     drift: float = 0.0
@@ -41,16 +35,7 @@ class Error(NamedTuple):
 
 
 class EstimateNoise(NamedTuple):
-    """Errors of an onboard estimator; sizes assumed, drifts the greater part where drifts hurt.
-
-    Attributes:
-        position: Position of the base origin, world frame, m.
-        orientation: Rotation vector in body axes, rad.
-        velocity: Velocity of the base origin, world frame, m/s.
-        angular_velocity: Body axes, rad/s; white alone, as of a gyroscope whose bias is known.
-        joint_position: rad.
-        joint_velocity: rad/s.
-    """
+    """Errors of an onboard estimator; sizes assumed, drifts the greater part where drifts hurt."""
 
     position: Error = Error(0.002, 0.01, 2.0)
     orientation: Error = Error(0.002, 0.01, 1.0)
@@ -61,23 +46,12 @@ class EstimateNoise(NamedTuple):
 
 
 class Estimate:
-    """Estimated state of one robot through one run, tick by tick.
-
-    Attributes:
-        data: Read by the controller, which writes its commands to it.
-    """
+    """Estimated state of one robot through one run, tick by tick."""
 
     def __init__(
         self, model: mujoco.MjModel, noise: EstimateNoise, ticks: int, rng: np.random.Generator
     ) -> None:
-        """Draw every error of the run at once.
-
-        Args:
-            model: Nominal model of a robot whose free joint is the first of the model.
-            noise: Errors.
-            ticks: Length of the run; it starts over beyond.
-            rng: Source of the draws.
-        """
+        """Draw every error of the run at once."""
         self.data = mujoco.MjData(model)
         self._model = model
         self._ticks = ticks

@@ -40,13 +40,7 @@ _SCENE = f"""\
 
 
 class Limits(NamedTuple):
-    """Limits of point-to-point flights, along the line.
-
-    Attributes:
-        speed: m/s.
-        acceleration: m/s^2.
-        jerk: m/s^3.
-    """
+    """Limits of point-to-point flights, along the line."""
 
     speed: float = 3.0
     acceleration: float = 4.0
@@ -54,16 +48,7 @@ class Limits(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """Result of one flight.
-
-    Attributes:
-        crashed: Tilted beyond the spec's limit, or touched the floor; the flight ends there.
-        error: Root mean square distance from the course, m; the controller's constant lag behind
-            its setpoints is taken off, what its smoothing cuts is not.
-        top_speed: m/s.
-        energy: Energy of the rotors, J: the integral of `rotor_power`.
-        seconds: Simulated.
-    """
+    """Result of one flight."""
 
     crashed: bool
     error: float
@@ -90,16 +75,7 @@ def fly(
     noise: EstimateNoise | None,
     rng: np.random.Generator,
 ) -> Flown:
-    """Fly a course from hovering at its begin.
-
-    Args:
-        robot: Under trial.
-        course: Course to fly.
-        seconds: Duration, s.
-        wind_speed: Mean of the gusts, m/s.
-        noise: Errors of the estimate; None reads the truth.
-        rng: Source of gusts and noise.
-    """
+    """Fly a course from hovering at its begin."""
     ticks = round(seconds / TIMESTEP)
     model = _compile(robot)
     data = mujoco.MjData(model)
@@ -161,13 +137,7 @@ def hover(rng: np.random.Generator) -> Course:
 
 
 def figure_of_eight(rng: np.random.Generator, speed: float = 3.0, ramp: float = 4.0) -> Course:
-    """Return a Lissajous figure, 6 m by 3 m, climbing and sinking by 0.4 m, at any heading.
-
-    Args:
-        rng: Generator of the heading.
-        speed: Greatest, in the middle of the figure, m/s.
-        ramp: The pace grows smoothly from rest for so long, s.
-    """
+    """Return a Lissajous figure, 6 m by 3 m, climbing and sinking by 0.4 m, at any heading."""
     length, width, rise = 3.0, 1.5, 0.4
     rate = speed / math.sqrt(length**2 + (2.0 * width) ** 2 + rise**2)
     heading = rng.uniform(-math.pi, math.pi)
@@ -190,12 +160,6 @@ def point_to_point(
 
     The profiles are ruckig's (Berscheid and Kroeger, RSS 2021); the heading turns to a drawn one
     by a smooth step meanwhile.
-
-    Args:
-        rng: Generator of points, headings and pauses.
-        seconds: Time to fill, s.
-        limits: Along the line.
-        far: Side of the square the points are in, m; they are 1 to 3 m high.
     """
     legs: list[_Leg] = []
     leg = _Leg(
@@ -226,12 +190,6 @@ def turning_about(
     """Return flights within 6 m, with turns by up to half a circle at a constant rate meanwhile.
 
     Navigation commands such turns: at once at the full rate, whatever the motion.
-
-    Args:
-        rng: Generator of points, headings and pauses.
-        seconds: Time to fill, s.
-        yaw_rate: rad/s.
-        limits: Along the lines.
     """
     places = point_to_point(rng, seconds, limits, far=6.0)
     times, headings = [0.0], [0.0]
@@ -252,13 +210,7 @@ def motion_limits(robot: Quadrotor) -> MotionLimits:
 
 
 def winding(rng: np.random.Generator, limits: MotionLimits, corners: int = 14) -> Course:
-    """Return a path as navigation plans it, through drawn corners in space, at its limits, to rest.
-
-    Args:
-        rng: Generator of edges of 0.5 to 3 m, turns of up to 1.2 rad and heights of 1 to 3 m.
-        limits: Limits of the trajectory; the body may face anywhere.
-        corners: Number of edges.
-    """
+    """Return a path as navigation plans it, through drawn corners, at its limits, to rest."""
     waypoints = [np.array([0.0, 0.0, 2.0])]
     heading = rng.uniform(-math.pi, math.pi)
     for _ in range(corners):

@@ -30,14 +30,7 @@ SPEEDS = (1.5, 0.4, 1.0)
 
 
 class Tracked(NamedTuple):
-    """Tracking of velocity commands in one run.
-
-    Attributes:
-        fallen: Whether it fell; the run ends there.
-        errors: (3,) rms over the run of true minus commanded velocity, both averaged over one
-            stride: forward, m/s, left, m/s, yaw rate, rad/s.
-        seconds: Simulated.
-    """
+    """Tracking of velocity commands in one run."""
 
     fallen: bool
     errors: tuple[float, float, float]
@@ -53,17 +46,7 @@ def follow_commands(
     speeds: Velocity = SPEEDS,
     kick: float = 0.0,
 ) -> Tracked:
-    """Walk by random commands, each for 1.5 to 4 s, of which a tenth is standing still.
-
-    Args:
-        robot: Under trial.
-        conditions: Physical conditions that it does not know.
-        noise: Errors of its estimate.
-        rng: Source of commands, kicks and noise.
-        seconds: Duration, s.
-        speeds: Largest commands.
-        kick: Speed that is added in a random horizontal direction every 3 to 5 s, m/s.
-    """
+    """Walk by random commands, each for 1.5 to 4 s, of which a tenth is standing still."""
     sim = TrialSim(robot, conditions, noise, seconds, rng)
     ticks = round(seconds / TIMESTEP)
     moved, commanded = np.zeros((ticks, 3)), np.zeros((ticks, 3))
@@ -114,13 +97,7 @@ def stride_rms(errors: Array, ticks: int) -> tuple[float, float, float]:
 
 
 class Crossed(NamedTuple):
-    """End of a walk over terrain.
-
-    Attributes:
-        fallen: Whether it fell.
-        arrived: Whether it reached the course's end in time.
-        seconds: Simulated.
-    """
+    """End of a walk over terrain."""
 
     fallen: bool
     arrived: bool
@@ -155,13 +132,7 @@ def cross_terrain(
 
 
 class Stopped(NamedTuple):
-    """An emergency stop.
-
-    Attributes:
-        fallen: Whether it fell.
-        distance: Distance from where braking was ordered to where it stood, m.
-        seconds: Simulated.
-    """
+    """An emergency stop."""
 
     fallen: bool
     distance: float
@@ -194,13 +165,7 @@ def stop_from(
 
 
 class Stood(NamedTuple):
-    """Standing still.
-
-    Attributes:
-        fallen: Whether it fell.
-        creep: Farthest that a foot went from where it stood after the first second, m.
-        seconds: Simulated.
-    """
+    """Standing still."""
 
     fallen: bool
     creep: float
@@ -208,10 +173,7 @@ class Stood(NamedTuple):
 
 
 def stand(
-    robot: Quadruped,
-    noise: EstimateNoise | None,
-    rng: np.random.Generator,
-    seconds: float = 60.0,
+    robot: Quadruped, noise: EstimateNoise | None, rng: np.random.Generator, seconds: float = 60.0
 ) -> Stood:
     """Measure a body that stands without a command."""
     sim = TrialSim(robot, Conditions(), noise, seconds, rng)
@@ -226,13 +188,7 @@ def stand(
 
 
 class Followed(NamedTuple):
-    """A path followed.
-
-    Attributes:
-        fallen: Whether it fell.
-        error: Root mean square of the base's distance from the path, m.
-        seconds: Simulated.
-    """
+    """A path followed."""
 
     fallen: bool
     error: float

@@ -36,15 +36,7 @@ _SCENE = """\
 
 
 class Conditions(NamedTuple):
-    """Physical conditions that the controller does not know.
-
-    Attributes:
-        friction: Sliding friction coefficient of the ground.
-        payload: Mass fixed to the trunk, kg: a cube of 0.15 m on its back.
-        payload_place: Centre of the payload in the body frame, m.
-        delay: Time from a command to its torque, s.
-        blocks: Obstacles on the floor.
-    """
+    """Physical conditions that the controller does not know."""
 
     friction: float = 0.8
     payload: float = 0.0
@@ -54,14 +46,7 @@ class Conditions(NamedTuple):
 
 
 class TrialSim:
-    """One run from standing at the origin, tick by tick.
-
-    Attributes:
-        data: The true state.
-        controller: The robot's own; it reads the estimate.
-        fallen: Whether it tilted beyond the spec's limit, or trunk or hip touched the ground.
-        tick: Number of ticks simulated.
-    """
+    """One run from standing at the origin, tick by tick."""
 
     def __init__(
         self,

@@ -49,14 +49,7 @@ class Run(NamedTuple):
 
 
 class Case(NamedTuple):
-    """Case of the benchmark.
-
-    Attributes:
-        robot: Name of the robot.
-        name: Name of the case.
-        share: Runs for each repeat; at least one in all.
-        run: Function from a random generator to one run.
-    """
+    """Case of the benchmark."""
 
     robot: str
     name: str

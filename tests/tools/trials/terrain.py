@@ -24,14 +24,7 @@ HALF_WIDTH = 1.5
 
 
 class Block(NamedTuple):
-    """A solid box.
-
-    Attributes:
-        centre: World frame, m.
-        half_extents: Along its own axes, m.
-        yaw: About z, rad.
-        pitch: About its own y after yaw, nose down positive, rad.
-    """
+    """A solid box."""
 
     centre: Vector3
     half_extents: Vector3

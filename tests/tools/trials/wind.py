@@ -18,21 +18,9 @@ LOWEST = 10.0 * FOOT
 
 
 def dryden_gusts(
-    rng: np.random.Generator,
-    count: int,
-    timestep: float,
-    mean_speed: float,
-    height: float = LOWEST,
+    rng: np.random.Generator, count: int, timestep: float, mean_speed: float, height: float = LOWEST
 ) -> Array:
-    """Wind in the world frame (count, 3), m/s: a mean in a drawn direction and gusts on it.
-
-    Args:
-        rng: Generator of direction and gusts.
-        count: Ticks.
-        timestep: s.
-        mean_speed: m/s; stands for the specification's wind at 20 ft, too.
-        height: Above the ground, m; below 10 ft it counts as that.
-    """
+    """Wind in the world frame (count, 3), m/s: a mean in a drawn direction and gusts on it."""
     direction = rng.uniform(0.0, 2.0 * math.pi)
     along = np.array([math.cos(direction), math.sin(direction), 0.0])
     if mean_speed == 0.0:

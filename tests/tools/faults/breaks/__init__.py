@@ -4,16 +4,7 @@ Each kind takes an episode that reached its goal and changes one thing. If the c
 fails, undoing that one thing makes the failure go away.
 """
 
-from tests.tools.faults.breaks import (
-    body,
-    changing,
-    hidden,
-    no_way,
-    pose,
-    ranges,
-    stack,
-    timing,
-)
+from tests.tools.faults.breaks import body, changing, hidden, no_way, pose, ranges, stack, timing
 from tests.tools.faults.breaks.broken import Broken, Kind
 
 __all__ = ["KINDS", "Broken", "Kind"]

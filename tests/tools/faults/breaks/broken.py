@@ -32,17 +32,7 @@ Places = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Broken:
-    """Change to a successful episode.
-
-    Attributes:
-        settings: Settings as `section.field=value`.
-        perturbation: Perturbation as `KIND:SEVERITY[:MODE]`; empty for none.
-        mission: Wrong fields of the mission of the stack.
-        world: World, if it differs.
-        edit: Edit of the compiled scene.
-        delay: Delay of every decision, s, unknown to the stack.
-        stack: Stack, if it is not the built-in one.
-    """
+    """Change to a successful episode."""
 
     settings: tuple[str, ...] = ()
     perturbation: str = ""
@@ -73,14 +63,7 @@ Break = Callable[[Scenario, Result, Rng], Broken]
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of change.
-
-    Attributes:
-        cause: Its cause of failure, which attribution should find.
-        breaks: Function that makes the change.
-        where: Worlds and robots to try, if it makes few fail; else all.
-        base: Settings also of the successful episode, as `section.field=value`.
-    """
+    """One kind of change."""
 
     cause: str
     breaks: Break
@@ -112,15 +95,7 @@ def place_ahead(sound: Scenario, distance: float) -> float:
 def wall_across(
     sound: Scenario, at: float, kind: str, low: float | None = None, high: float | None = None
 ) -> Box:
-    """Return a wall from floor to ceiling at a coordinate on that axis, m.
-
-    Args:
-        sound: The scenario.
-        at: Middle of its thickness, m.
-        kind: Kind of solid.
-        low: Its beginning on the other axis, m; by default the geofence.
-        high: Its end, m; by default the geofence.
-    """
+    """Return a wall from floor to ceiling at a coordinate on that axis, m."""
     axis, corners = crossing_axis(sound), (list(sound.world.low), list(sound.world.high))
     for corner, side, end, z in zip(corners, (-1, 1), (low, high), (0.0, 3.0), strict=True):
         corner[axis] = at + side * HALF_THICK

@@ -17,7 +17,4 @@ def _planning(sound: Scenario, result: Result, rng: Rng) -> Broken:
     return Broken(settings=(f"latency.plan={rng.uniform(0.25, 0.6):.3f}",))
 
 
-KINDS = {
-    "late": Kind("latency", _late),
-    "planning": Kind("latency", _planning),
-}
+KINDS = {"late": Kind("latency", _late), "planning": Kind("latency", _planning)}
