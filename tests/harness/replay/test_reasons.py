@@ -22,8 +22,6 @@ from wayproof.harness.stack.reasons import (
     reason_message,
 )
 
-LOGS = Path(__file__).parents[1] / "logs"
-
 EVERY = 8
 """Of the decisions on the way one of so many is checked."""
 
