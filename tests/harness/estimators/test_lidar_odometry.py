@@ -107,9 +107,23 @@ def registered(*axes, anchors=((1.0, 1.0, 1.0, 1.0),), scatter=0.01):
     return Registration(np.zeros(4), information, unheld, 1000, scatter, moment, squares, anchors)
 
 
-EXACT_MAP = EstimateConfig(
-    map_error_share=0.0, position_floor=0.0, heading_floor=0.0, motion_share=0.1, motion_walk=0.0
-)
+class Floorless(EstimateConfig):
+    position_floor = heading_floor = surface_roughness = 0.0
+
+
+class Unwalked(Floorless):
+    motion_walk = 0.0
+
+
+class SteadyGyro(Unwalked):
+    gyro_bias, gyro_noise = 1e-3, 0.0
+
+
+class Biased(EstimateConfig):
+    accelerometer_bias, gyro_bias, gyro_noise = 0.1, 0.01, 0.0
+
+
+EXACT_MAP = Unwalked(map_error_share=0.0, motion_share=0.1)
 """Registrations without any error."""
 
 
@@ -142,7 +156,7 @@ def test_before_the_first_registration_nothing_is_held():
 
 def test_steps_along_what_nothing_holds_walk_to_the_side():
     """By hand: 16 m of steps at 12 mm for the root of a metre, by feet and not by inertia."""
-    covariance = StatedCovariance(replace(EXACT_MAP, motion_walk=0.012))
+    covariance = StatedCovariance(Floorless(map_error_share=0.0, motion_share=0.1))
     covariance.add_to_map(np.zeros(3), np.zeros((4, 4)))
     side = np.array([0.0, 1.0, 0.0])
     covariance.correct(registered(side), np.zeros(3))
@@ -156,9 +170,7 @@ def test_steps_along_what_nothing_holds_walk_to_the_side():
 
 def test_a_registration_is_as_uncertain_as_its_part_of_the_map():
     """By hand: 3 mm of its own beside 4 mm of the map, and a heading that was off over 5 m."""
-    config = EstimateConfig(
-        map_error_share=0.5, surface_roughness=0.0, position_floor=0.0, heading_floor=0.0
-    )
+    config = Floorless(map_error_share=0.5)
     covariance = StatedCovariance(config)
     covariance.add_to_map(np.zeros(3), np.diag([4e-3, 4e-3, 4e-3, 0.0]) ** 2)
     scatter = 3e-3 / (0.5 * math.sqrt((0.125 + SYSTEMATIC / 3.0) / 0.125**2))
@@ -174,7 +186,7 @@ def test_a_registration_is_as_uncertain_as_its_part_of_the_map():
 
 
 def test_a_floor_alone_does_not_hold_the_heading():
-    config = replace(EXACT_MAP, gyro_bias=1e-3, gyro_noise=0.0)
+    config = SteadyGyro(map_error_share=0.0, motion_share=0.1)
     x, y, _ = np.eye(3)
 
     def after(lever):
@@ -203,7 +215,7 @@ def test_an_axis_that_rough_surfaces_measure_is_less_certain():
 
 def test_a_drone_that_stands_still_without_returns_drifts_by_its_accelerometer():
     """A position that nothing holds is off by half the bias times the square of the time."""
-    config = EstimateConfig(accelerometer_bias=0.1, gyro_bias=0.01, gyro_noise=0.0)
+    config = Biased()
     covariance, motion = StatedCovariance(config), MotionFilter(config)
     covariance.add_to_map(np.zeros(3), covariance.pose)
     covariance.correct(unregistered(), np.zeros(3))
@@ -231,7 +243,7 @@ def test_a_position_that_is_regained_says_nothing_of_the_velocity():
         change = motion.update(1e6 * np.eye(4), np.array([0.1, 0.1, 0.1]), np.zeros((0, 3)))
         return before, motion.covariance, change
 
-    config = EstimateConfig(accelerometer_bias=0.1)
+    config = Biased()
     before, now, change = after(config, [])
     assert (np.abs(change) > 1e-3).all()
     assert (np.diag(now)[3:6] < 0.1 * np.diag(before)[3:6]).all()
@@ -382,7 +394,7 @@ def test_a_perturbed_pose_needs_the_model():
 
 def test_wheels_do_not_leave_the_ground():
     step, none = np.array([0.3, 0.0, 0.0]), (np.zeros(2), np.zeros(2))
-    config = replace(EXACT_MAP, motion_walk=0.012)
+    config = Floorless(map_error_share=0.0, motion_share=0.1)
     feet, wheels = StatedCovariance(config), StatedCovariance(config)
     height = float(wheels.pose[2, 2])
     for _ in range(100):

@@ -32,9 +32,21 @@ def turned(angle):
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+class Rough(EstimateConfig):
+    accelerometer_bias, accelerometer_noise = 0.5, 0.1
+
+
+class Biased(EstimateConfig):
+    accelerometer_bias = 0.1
+
+
+class SteadyLegs(EstimateConfig):
+    leg_noise = 0.0
+
+
 def test_position_velocity_and_bias_are_those_of_a_textbook_filter():
     """One axis of it, with the state (x, v, b), and a position measured after each period T."""
-    config = EstimateConfig(accelerometer_bias=0.5, accelerometer_noise=0.1)
+    config = Rough()
     motion, period = MotionFilter(config), 0.1
     P = np.diag([LEAST_VARIANCE, 0.0, 0.5**2])
     F = np.array([[1.0, period, -0.5 * period**2], [0.0, 1.0, -period], [0.0, 0.0, 1.0]])
@@ -125,7 +137,7 @@ def test_what_is_known_of_the_bias_bounds_the_drift_without_sweeps():
     """Half the bias times the square of the time, at the start; less once sweeps determine it."""
     drifts = []
     for sweeps in (0, 100):
-        motion = MotionFilter(EstimateConfig(accelerometer_bias=0.1))
+        motion = MotionFilter(Biased())
         for _ in range(sweeps):
             motion.predict(np.zeros(3), 0.1, UPRIGHT)
             motion.update(np.diag([1e6, 1e6, 1e6, 1.0]), np.zeros(3), ALL_HELD)
@@ -137,7 +149,7 @@ def test_what_is_known_of_the_bias_bounds_the_drift_without_sweeps():
 
 
 def test_a_prediction_by_feet_counts_by_their_share_of_the_step():
-    config = EstimateConfig(motion_share=0.1, leg_noise=0.0)
+    config = SteadyLegs(motion_share=0.1)
     motion = MotionFilter(config)
     motion.predict(np.array([0.05, 0.0, 0.0]), 0.1, None)
     weight = motion.weight(0.005**2)
@@ -150,7 +162,7 @@ def test_a_prediction_by_feet_counts_by_their_share_of_the_step():
 
 def test_the_feet_are_off_by_one_error_for_a_while():
     """Ten measurements in 0.1 s at 0.02 m/s are 2 mm, not a third of it."""
-    motion = MotionFilter(EstimateConfig(leg_noise=0.02))
+    motion = MotionFilter(EstimateConfig())
     for _ in range(10):
         motion.predict(np.zeros(3), 0.01, None)
     assert np.sqrt(motion.covariance[2, 2]) == pytest.approx(0.002, rel=0.01)

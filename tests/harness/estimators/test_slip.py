@@ -9,7 +9,12 @@ from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.slip import FADING, NEWS, Slip
 from wayproof.harness.estimators.stated_covariance import StatedCovariance
 
-CONFIG = EstimateConfig(motion_share=0.1, motion_walk=0.0, turn_share=0.0, turn_walk=0.0)
+
+class Unwalked(EstimateConfig):
+    motion_walk = 0.0
+
+
+CONFIG = Unwalked(motion_share=0.1)
 AHEAD = np.array([0.1, 0.0, 0.0])
 
 
