@@ -81,7 +81,7 @@ class EstimateConfig:
     scales, m; calibrated likewise."""
 
     position_floor: ClassVar[float] = 0.00003
-    """Standard deviation that each registration adds to that of its part of the map, m; likewise."""
+    """Standard deviation that each registration adds to that of its part of the map, m."""
 
     heading_floor: ClassVar[float] = 0.00007
     """Standard deviation that each registration adds to that of its heading, rad; likewise."""

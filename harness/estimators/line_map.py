@@ -170,7 +170,7 @@ class LineMap(SurfaceMap):
         """Score of an aligned scan, as of `score_of`."""
         c, s = math.cos(float(correction[3])), math.sin(float(correction[3]))
         there = predicted + correction[:3]
-        return score_of(offsets, there, c, s, self._inverse, self.voxels, OFF, -OFF * len(offsets))
+        return score_of(offsets, there, c, s, self._inverse, self.voxels, OFF)
 
     def _aligned(
         self, offsets: Array, predicted: Array, prior: Array, share: float, deviations: float

@@ -6,10 +6,21 @@ import math
 
 import numpy as np
 
-from wayproof.harness.estimators.kernels.alignment import LEAST_INLIERS, align, count_near, examine
+from wayproof.harness.estimators.kernels.alignment import (
+    LEAST_INLIERS,
+    align,
+    count_on_planes,
+    examine,
+)
 from wayproof.harness.estimators.kernels.symmetric import diagonalize
 from wayproof.harness.estimators.kernels.thinning import spread_out
-from wayproof.harness.estimators.kernels.voxels import EMPTY, Voxels, add_points, slot_of
+from wayproof.harness.estimators.kernels.voxels import (
+    EMPTY,
+    LEAST_POINTS,
+    Voxels,
+    add_points,
+    slot_of,
+)
 from wayproof.harness.estimators.matrices import inverse
 from wayproof.harness.estimators.registration import Registration
 from wayproof.models.arrays import Array
@@ -74,7 +85,7 @@ class SurfaceMap:
             viewer: (3,) from where they were seen, m.
             registered: Whether the sweep was registered; it is judged anew all the same.
         """
-        near, known = count_near(points, viewer, self._inverse, self.voxels)
+        near, _, known = count_on_planes(points, viewer, self._inverse, self.voxels, LEAST_POINTS)
         return known >= LEAST_INLIERS and near < self._least_near(known)
 
     def register(

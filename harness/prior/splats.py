@@ -107,32 +107,12 @@ class Gaussians(NamedTuple):
     opacities: Array
 
 
-class Poll(NamedTuple):
-    """The votes of a splat in a window of cells.
-
-    Attributes:
-        votes: (nx, ny, nz) int32.
-        gaussians: Number of all Gaussians.
-        transparent: Number of those without opacity, which do not vote.
-        too_large: Number of those of more than a metre, likewise.
-        outside: Number of those that reach no cell of the window.
-        broken: Number of those with a value that is not finite.
-    """
-
-    votes: NDArray[np.int32]
-    gaussians: int
-    transparent: int
-    too_large: int
-    outside: int
-    broken: int
-
-    @property
-    def states(self) -> NDArray[np.uint8]:
-        """The states (nx, ny, nz): occupied or unknown."""
-        states: NDArray[np.uint8] = np.where(
-            self.votes >= OCCUPIED_VOTES, np.uint8(OCCUPIED), np.uint8(UNKNOWN)
-        )
-        return states
+def states_by(votes: NDArray[np.int32]) -> NDArray[np.uint8]:
+    """Return the states (nx, ny, nz) of cells by their votes: occupied or unknown."""
+    states: NDArray[np.uint8] = np.where(
+        votes >= OCCUPIED_VOTES, np.uint8(OCCUPIED), np.uint8(UNKNOWN)
+    )
+    return states
 
 
 def read_splat(path: Path) -> Gaussians:
@@ -196,26 +176,12 @@ def _layout(path: Path, lines: list[str]) -> tuple[int, np.dtype[np.void]]:
     return count, np.dtype(fields)
 
 
-def write_splat(path: Path, splat: Gaussians) -> None:
-    """Write Gaussians as a binary `.ply`; colours are grey."""
-    names = [*NEEDED[:3], "f_dc_0", "f_dc_1", "f_dc_2", "opacity", *NEEDED[3:10]]
-    table = np.zeros(len(splat.means), [(name, "<f4") for name in names])
-    for k, name in enumerate(NEEDED[:3]):
-        table[name] = splat.means[:, k]
-    for k, name in enumerate(NEEDED[3:6]):
-        table[name] = np.log(splat.deviations[:, k])
-    for k, name in enumerate(NEEDED[6:10]):
-        table[name] = splat.quaternions[:, k]
-    table["opacity"] = np.log(splat.opacities / (1.0 - splat.opacities))
-    properties = "".join(f"property float {name}\n" for name in names)
-    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(table)}\n{properties}"
-    path.write_bytes(f"{head}end_header\n".encode() + table.tobytes())
-
-
 def poll(
     splat: Gaussians, window: Window, placement: Placement, scale: float = 1.0, up: str = "z"
-) -> Poll:
-    """Count the votes of a splat in the cells of a window.
+) -> NDArray[np.int32]:
+    """Count the votes (nx, ny, nz) of a splat in the cells of a window.
+
+    Gaussians with a number that is not finite, without opacity or of more than a metre do not vote.
 
     Args:
         splat: Splat in its own frame and unit.
@@ -228,8 +194,8 @@ def poll(
     finite &= np.square(splat.quaternions).sum(axis=1) > 0.0
     deviations = splat.deviations * scale
     opacities = np.rint(np.where(finite, splat.opacities, 0.0) * OPAQUE).astype(np.int64)
-    opaque, small = opacities > 0, deviations.max(axis=1) <= LARGEST_DEVIATION
-    used = np.flatnonzero(finite & opaque & small)
+    small = deviations.max(axis=1) <= LARGEST_DEVIATION
+    used = np.flatnonzero(finite & (opacities > 0) & small)
     means, covariances = _in_world(
         Gaussians(*(part[used] for part in splat))._replace(deviations=deviations[used]),
         placement,
@@ -238,15 +204,8 @@ def poll(
         cell=window.resolution,
     )
     votes = np.zeros(window.shape, np.int32)
-    outside = _vote(votes, means, covariances, opacities[used], window)
-    return Poll(
-        votes,
-        gaussians=len(finite),
-        transparent=int((finite & ~opaque).sum()),
-        too_large=int((finite & opaque & ~small).sum()),
-        outside=outside,
-        broken=int((~finite).sum()),
-    )
+    _vote(votes, means, covariances, opacities[used], window)
+    return votes
 
 
 def _in_world(
@@ -316,8 +275,8 @@ def _vote(
     covariances: Array,
     opacities: NDArray[np.int64],
     window: Window,
-) -> int:
-    """Add the votes of Gaussians; return the number of those that reach no cell."""
+) -> None:
+    """Add the votes of Gaussians."""
     size = window.resolution
     reach = DEVIATIONS * np.sqrt(covariances[:, :3])
     first = np.floor((means - reach - window.origin) / size).astype(np.int64)
@@ -344,7 +303,6 @@ def _vote(
         shares = opacities[index[near]] * VALUES[steps] // OPAQUE  # of 65536
         where = (cells[near, 0] * ny + cells[near, 1]) * nz + cells[near, 2]
         np.add.at(flat, where, votes_of_shares()[np.minimum(shares, 65535) >> 8])
-    return int((counts == 0).sum())
 
 
 def _chunks(chosen: NDArray[np.int64], counts: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:

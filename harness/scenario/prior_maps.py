@@ -17,7 +17,7 @@ from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.perturbations.perturbation import Misplacement
 from wayproof.harness.prior.cells import PriorCells, packed
 from wayproof.harness.prior.grid import Grid, Placement, States, known_box, resampled
-from wayproof.harness.prior.splats import poll, read_splat
+from wayproof.harness.prior.splats import poll, read_splat, states_by
 from wayproof.harness.prior.spz import read_spz
 from wayproof.harness.prior.truth import grid_of_world
 from wayproof.harness.prior.world_splat import splat_of_world
@@ -118,11 +118,12 @@ def _states(config: Config, shown: World, placed: Placement, window: Window) -> 
     if prior.source == TRUTH:
         return resampled(grid_of_world(shown, window.resolution), placed, window), TRUTH
     if prior.source == SPLAT:
-        return poll(splat_of_world(shown), window, placed).states, SPLAT
+        return states_by(poll(splat_of_world(shown), window, placed)), SPLAT
     path = Path(prior.source)
     if (read_gaussians := SPLATS.get(path.suffix.lower())) is not None:
         splat, source = _read(path, read_gaussians)
-        return poll(splat, window, placement=placed, scale=prior.scale, up=prior.up).states, source
+        votes = poll(splat, window, placement=placed, scale=prior.scale, up=prior.up)
+        return states_by(votes), source
     if path.suffix.lower() not in READERS:
         if HASH_SEPARATOR in path.name:
             raise InputError(f"prior map '{path}' was read from a file: expected the file")

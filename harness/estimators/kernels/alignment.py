@@ -232,18 +232,6 @@ def examine(
 
 
 @kernel
-def count_near(points: Array, viewer: Array, inverse: float, voxels: Voxels) -> tuple[int, int]:
-    """Count the points (n, 3), m, that agree with a plane, and those in known voxels."""
-    near, known = 0, 0
-    for index in range(len(points)):
-        x, y, z = points[index, 0], points[index, 1], points[index, 2]
-        slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
-        known += is_known(voxels, slot, viewer)
-        near += abs(distance_from_plane(voxels, slot, x, y, z, viewer)) <= NEAR
-    return near, known
-
-
-@kernel
 def count_on_planes(
     points: Array, viewer: Array, inverse: float, voxels: Voxels, least: int
 ) -> tuple[int, int, int]:

@@ -153,7 +153,6 @@ def score_of(
     inverse: float,
     voxels: Voxels,
     off: int,
-    most: int,
 ) -> int:
     """Count the points that agree with a plane, less `off` times those that lie off one.
 
@@ -165,13 +164,9 @@ def score_of(
         inverse: One by the edge of a voxel, 1/m.
         voxels: The map.
         off: Weight of a point that lies off the plane of its voxel.
-        most: Score below which it does not matter by how much: then it is any number below.
     """
-    score, rest = 0, len(offsets)
+    score = 0
     for index in range(len(offsets)):
-        if score + rest < most:
-            return score + rest
-        rest -= 1
         ox, oy = offsets[index, 0], offsets[index, 1]
         x, y = viewer[0] + c * ox - s * oy, viewer[1] + s * ox + c * oy
         z = viewer[2] + offsets[index, 2]

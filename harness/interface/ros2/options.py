@@ -6,10 +6,12 @@ import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from types import MappingProxyType
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
+
+import msgspec
 
 from wayproof.harness.errors import InputError
+from wayproof.maps.bounds import Bounds, check_fields
 
 Pace = Literal["auto", "lockstep", "controller"]
 
@@ -42,6 +44,8 @@ MAX_DOMAIN = 232
 
 NAME = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
+FRAMES = ("map_frame", "odom_frame", "base_frame")
+
 
 @dataclass(frozen=True)
 class Options:
@@ -62,15 +66,23 @@ class Options:
         topics: Names by `TOPICS`, where remapped; empty: the topic is not used.
     """
 
-    domain: int = 0
+    domain: Annotated[int, Bounds(0, MAX_DOMAIN)] = 0
     namespace: str = ""
     pace: Pace = "auto"
-    controller_frequency: float = 20.0
-    silence: float = 0.0
+    controller_frequency: Annotated[float, Bounds(1.0, 1000.0, "Hz")] = 20.0
+    silence: Annotated[float, Bounds(0.0, 3600.0, "s")] = 0.0
     map_frame: str = "map"
     odom_frame: str = "odom"
     base_frame: str = "base_link"
-    topics: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    topics: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        check_fields(self, "")
+        frames = {name: getattr(self, name) for name in FRAMES}
+        for key, value in {"namespace": self.namespace, **frames, **self.topics}.items():
+            if (value or key in FRAMES) and not NAME.fullmatch(value):
+                raise ValueError(f"{key}: got '{value}', expected a ROS name")
 
     def topic(self, name: str) -> str:
         """Return the full name of a topic; empty if unused. Ranges stay beside their points."""
@@ -101,57 +113,13 @@ def parse(name: str) -> Options:
     if unknown := sorted(set(given) - {*settings, *TOPICS}):
         known = ", ".join([*settings, *TOPICS])
         raise InputError(f"--stack {name}: got '{unknown[0]}', expected one of {known}")
-    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    topics = {key: _name(name, key, given[key]) for key in TOPICS if key in given}
-    return Options(
-        domain=int(_number(name, given, key="domain", default=domain, most=MAX_DOMAIN)),
-        namespace=_name(name, "namespace", given.get("namespace", "")).strip("/"),
-        pace=_pace(name, given.get("pace", "auto")),
-        controller_frequency=_frequency(name, given),
-        silence=_number(name, given, key="silence", default="0", most=3600.0),
-        map_frame=_frame(name, "map_frame", given.get("map_frame", Options.map_frame)),
-        odom_frame=_frame(name, "odom_frame", given.get("odom_frame", Options.odom_frame)),
-        base_frame=_frame(name, "base_frame", given.get("base_frame", Options.base_frame)),
-        topics=MappingProxyType(topics),
-    )
-
-
-def _name(stack: str, key: str, value: str) -> str:
-    if value and not NAME.fullmatch(value):
-        raise InputError(f"--stack {stack}: {key}: got '{value}', expected a ROS name")
-    return value
-
-
-def _frame(stack: str, key: str, value: str) -> str:
-    if not value:
-        raise InputError(f"--stack {stack}: {key}: got nothing, expected the name of a frame")
-    return _name(stack, key, value)
-
-
-def _pace(stack: str, value: str) -> Pace:
-    for pace in get_args(Pace):
-        if value == pace:
-            return value  # type: ignore[return-value]
-    expected = ", ".join(get_args(Pace))
-    raise InputError(f"--stack {stack}: pace: got '{value}', expected one of {expected}")
-
-
-def _frequency(stack: str, given: Mapping[str, str]) -> float:
-    frequency = _number(stack, given, key="controller_frequency", default="20", most=1000.0)
-    if frequency < 1.0:
-        raise InputError(
-            f"--stack {stack}: controller_frequency: got {frequency:g}, expected 1 to 1000 Hz"
-        )
-    return frequency
-
-
-def _number(stack: str, given: Mapping[str, str], key: str, default: str, most: float) -> float:
-    text = given.get(key, default)
+    if (pace := given.get("pace", "auto")) not in get_args(Pace):
+        expected = ", ".join(get_args(Pace))
+        raise InputError(f"--stack {name}: pace: got '{pace}', expected one of {expected}")
+    topics = {key: given.pop(key) for key in TOPICS if key in given}
+    given.setdefault("domain", os.environ.get("ROS_DOMAIN_ID") or "0")
+    given["namespace"] = given.get("namespace", "").strip("/")
     try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    whole = key != "domain" or value.is_integer()
-    if not (0.0 <= value <= most and whole):
-        raise InputError(f"--stack {stack}: {key}: got '{text}', expected 0 to {most:g}")
-    return value
+        return msgspec.convert({**given, "topics": topics}, Options, strict=False)
+    except ValueError as error:  # msgspec's, too
+        raise InputError(f"--stack {name}: {error}") from None

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from wayproof.harness.interface.ros2.messages import (
     Header,
@@ -131,30 +132,10 @@ def quaternion_of(wxyz: Array) -> Quaternion:
     return Quaternion(x, y, z, w)
 
 
-def quaternion_from_rotation(R: Array) -> Quaternion:
-    """Convert a rotation (3, 3) to a quaternion, by its greatest component (Shepperd 1978)."""
-    x, y, z = R[0, 0], R[1, 1], R[2, 2]
-    squares = np.array([x + y + z, x - y - z, y - x - z, z - x - y])
-    greatest = int(np.argmax(squares))
-    q = np.empty(4)
-    q[greatest] = 0.5 * math.sqrt(1.0 + squares[greatest])
-    sums = {
-        (0, 1): R[2, 1] - R[1, 2],
-        (0, 2): R[0, 2] - R[2, 0],
-        (0, 3): R[1, 0] - R[0, 1],
-        (1, 2): R[1, 0] + R[0, 1],
-        (1, 3): R[0, 2] + R[2, 0],
-        (2, 3): R[2, 1] + R[1, 2],
-    }
-    for other in {0, 1, 2, 3} - {greatest}:
-        pair = min(greatest, other), max(greatest, other)
-        q[other] = 0.25 * sums[pair] / q[greatest]
-    return quaternion_of(q)
-
-
 def _transform(stamp: Time, frames: tuple[str, str], position: Array, R: Array) -> TransformStamped:
     parent, child = frames
-    transform = Transform(_vector(position), quaternion_from_rotation(R))
+    x, y, z, w = Rotation.from_matrix(R).as_quat().tolist()
+    transform = Transform(_vector(position), Quaternion(x, y, z, w))
     return TransformStamped(Header(stamp, parent), child, transform)
 
 

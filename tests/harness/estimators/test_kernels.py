@@ -11,7 +11,7 @@ from wayproof.harness.estimators.kernels import (
     thinning,
     voxels,
 )
-from wayproof.harness.estimators.kernels.alignment import SCALE, align, count_near
+from wayproof.harness.estimators.kernels.alignment import SCALE, align, count_on_planes
 from wayproof.harness.estimators.kernels.symmetric import diagonalize, solve
 from wayproof.harness.estimators.kernels.voxels import add_points, fit_plane, slot_of, voxel_key
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
@@ -193,9 +193,10 @@ def test_points_are_counted_by_what_is_known_of_their_voxels(python_versions):
         known += 1
         near += normal[3] == 1.0 and abs(normal[:3] @ (point - mean)) <= alignment.NEAR
     assert 50 < near < known < len(sweep)
-    assert count_near(sweep, np.zeros(3), 2.0, surfaces.voxels) == (near, known)
+    arguments = sweep, np.zeros(3), 2.0, surfaces.voxels, voxels.LEAST_POINTS
+    assert count_on_planes(*arguments)[::2] == (near, known)
     python_versions()
-    assert alignment.count_near(sweep, np.zeros(3), 2.0, surfaces.voxels) == (near, known)
+    assert alignment.count_on_planes(*arguments)[::2] == (near, known)
 
 
 def test_a_sweep_is_registered_by_the_part_of_it_that_the_map_knows():

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.tools.world_splat import write_splat
 from wayproof.harness.config import Config
 from wayproof.harness.prior.grid import UNTURNED, Placement
 from wayproof.harness.prior.splats import (
@@ -12,8 +13,8 @@ from wayproof.harness.prior.splats import (
     Gaussians,
     poll,
     read_splat,
+    states_by,
     votes_of_shares,
-    write_splat,
 )
 from wayproof.harness.prior.truth import grid_of_world
 from wayproof.harness.prior.world_splat import splat_of_world
@@ -62,7 +63,7 @@ def naive(splat, window):
 
 def test_votes_are_those_of_the_formula_up_to_their_steps():
     splat = gaussians(40)
-    votes = poll(splat, WINDOW, UNTURNED).votes
+    votes = poll(splat, WINDOW, UNTURNED)
     sums = naive(splat, WINDOW) * 64.0
     assert (np.abs(votes - sums) <= 0.1 * sums + 3.0).all()  # near p = 1 a step of p is several
     assert np.corrcoef(votes.ravel(), sums.ravel())[0, 1] > 0.999
@@ -71,30 +72,27 @@ def test_votes_are_those_of_the_formula_up_to_their_steps():
 
 def test_any_order_and_any_split_gives_the_same_bytes():
     splat = gaussians(3000)
-    votes = poll(splat, WINDOW, UNTURNED).votes
+    votes = poll(splat, WINDOW, UNTURNED)
     order = np.random.default_rng(1).permutation(3000)
-    assert poll(chosen(splat, order), WINDOW, UNTURNED).votes.tobytes() == votes.tobytes()
-    halves = [poll(chosen(splat, part), WINDOW, UNTURNED).votes for part in np.split(order, 3)]
+    assert poll(chosen(splat, order), WINDOW, UNTURNED).tobytes() == votes.tobytes()
+    halves = [poll(chosen(splat, part), WINDOW, UNTURNED) for part in np.split(order, 3)]
     assert (halves[0] + halves[1] + halves[2]).tobytes() == votes.tobytes()
 
 
-def test_what_does_not_vote_is_counted():
+def test_what_is_broken_transparent_large_or_far_does_not_vote():
     splat = gaussians(6)
     splat.opacities[0] = 0.001
     splat.deviations[1, 2] = 1.5
     splat.means[2] = (50.0, 0.0, 0.0)
     splat.means[3, 1] = math.nan
-    polled = poll(splat, WINDOW, UNTURNED)
-    counts = polled.transparent, polled.too_large, polled.outside, polled.broken
-    assert counts == (1, 1, 1, 1)
-    assert polled.gaussians == 6
-    assert (poll(chosen(splat, [4, 5]), WINDOW, UNTURNED).votes == polled.votes).all()
+    votes = poll(splat, WINDOW, UNTURNED)
+    assert (poll(chosen(splat, [4, 5]), WINDOW, UNTURNED) == votes).all()
 
 
 def test_a_splat_is_scaled_turned_up_and_placed():
     at = Gaussians(np.array([[1.0, -3.0, 2.0]]), np.full((1, 3), 0.02), np.eye(4)[:1], np.ones(1))
     placed = Placement(0.5, 0.0, 0.0, 0.5 * math.pi)
-    votes = poll(at, WINDOW, placed, scale=0.1, up="-y").votes
+    votes = poll(at, WINDOW, placed, scale=0.1, up="-y")
     # In metres (0.1, -0.3, 0.2); with -y up (0.1, 0.2, 0.3); turned (-0.2, 0.1, 0.3); moved by x.
     heaviest = np.array(np.unravel_index(votes.argmax(), votes.shape))
     centre = WINDOW.origin + (heaviest + 0.5) * 0.1
@@ -132,7 +130,7 @@ def test_the_splat_of_a_world_finds_its_surfaces_and_little_else():
     world = find_world(Config("corridor", "drone", 1))
     truth = grid_of_world(world, 0.1)
     window = Window.covering(world.low, world.high, 0.1)
-    states = poll(splat_of_world(world), window, UNTURNED).states
+    states = states_by(poll(splat_of_world(world), window, UNTURNED))
     solid = truth.states == OCCUPIED
     near = solid.copy()
     for axis in range(3):

@@ -7,9 +7,10 @@ import struct
 import numpy as np
 import pytest
 
+from tests.tools.world_splat import write_splat
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
-from wayproof.harness.prior.splats import read_splat, write_splat
+from wayproof.harness.prior.splats import read_splat
 from wayproof.harness.prior.spz import read_spz
 from wayproof.harness.prior.world_splat import splat_of_world
 from wayproof.harness.scenario.worlds import find_world

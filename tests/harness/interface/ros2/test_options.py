@@ -46,13 +46,13 @@ def test_numbers_and_the_pace():
         ("nonsense", "got 'nonsense', expected KEY=VALUE"),
         ("cmdvel=/x", "got 'cmdvel', expected one of domain, namespace, pace"),
         ("pace=fast", "pace: got 'fast', expected one of auto, lockstep, controller"),
-        ("domain=300", "domain: got '300', expected 0 to 232"),
-        ("domain=1.5", "domain: got '1.5', expected 0 to 232"),
-        ("silence=nan", "silence: got 'nan', expected 0 to 3600"),
+        ("domain=300", "domain: got 300, expected 0 to 232"),
+        ("domain=1.5", "Expected `int`, got `str` - at `$.domain`"),
+        ("silence=nan", "silence: got nan, expected 0 to 3600 s"),
         ("controller_frequency=0", "controller_frequency: got 0, expected 1 to 1000 Hz"),
         ("cmd_vel=a b", "cmd_vel: got 'a b', expected a ROS name"),
         ("namespace=1robot", "namespace: got '1robot', expected a ROS name"),
-        ("base_frame=", "base_frame: got nothing"),
+        ("base_frame=", "base_frame: got '', expected a ROS name"),
     ],
 )
 def test_what_is_no_option_is_told_in_one_line(text, line):

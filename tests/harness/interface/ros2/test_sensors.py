@@ -17,7 +17,6 @@ from wayproof.harness.interface.ros2.transforms import (
     goal_pose,
     moving_transforms,
     odometry,
-    quaternion_from_rotation,
     static_transforms,
 )
 from wayproof.harness.scenario.scenario import sensor_info
@@ -147,21 +146,6 @@ def test_the_mountings_are_a_tree_below_the_map(drone):
         ("depth", "depth_optical"),
         ("body", "altimeter"),
     }
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_rotation_as_a_quaternion(seed):
-    q = np.random.default_rng(seed).normal(size=4)
-    w, x, y, z = q / np.linalg.norm(q)
-    R = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    got = quaternion_from_rotation(R)
-    assert abs(got.w * w + got.x * x + got.y * y + got.z * z) == pytest.approx(1.0)
 
 
 def test_odometry_is_the_estimate_and_its_velocity_the_bodys(quadruped):
