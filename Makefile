@@ -8,7 +8,7 @@ ROS2   := .venv-ros2/.ready
 LOCK   := uv pip compile pyproject.toml --extra build --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --quiet
 RCLPY  := ros-jazzy-rclpy ros-jazzy-rmw-fastrtps-cpp $(foreach kind,sensor geometry nav rosgraph,ros-jazzy-$(kind)-msgs) numpy
 
-.PHONY: demo setup test test-ros2 check docs lock schema help
+.PHONY: demo setup test chains size test-ros2 check docs lock schema help
 
 help:  ## Show this list.
 	@grep -E '^[a-z0-9-]+:.*##' Makefile | sed -E 's/:[^#]*## /\t/'
@@ -47,6 +47,12 @@ demo: $(READY)  ## Send a quadruped and a drone across a warehouse, then replay 
 
 test: $(READY) $(TOOLS)  ## Run every test, on two cores.
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
+
+chains: $(READY) $(TOOLS)  ## Compare the decisions of the corpus with tests/chains.txt, on two cores.
+	$(BIN)/python -m tests.chains
+
+size:  ## Print lines, files, classes and what a reader must know, by package.
+	@$(PYTHON) -m tests.size
 
 # A ROS 2 of wheels, for the tests alone: unofficial builds of Jazzy's rclpy and Fast DDS.
 $(ROS2): requirements-ros2.txt

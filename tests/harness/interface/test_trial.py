@@ -203,11 +203,11 @@ def test_a_child_that_floods_its_standard_error_is_no_danger(tmp_path):
 
 def test_garbage_on_the_pipe_is_found(tmp_path):
     script = tmp_path / "garbage.sh"
-    script.write_text("printf 'hello, world, this is no message'\nsleep 60\n")
-    began = time.monotonic()
+    slept = tmp_path / "slept"
+    script.write_text(f"printf 'hello, world, this is no message'\nsleep 60\ntouch {slept}\n")
     with pytest.raises(InputError, match="sent a message of 1819043176 bytes, expected 1 to"):
         trial(tmp_path, f"exec:sh {script}")
-    assert time.monotonic() - began < 15.0
+    assert not slept.exists()  # the child was not waited for
 
 
 def test_nothing_of_a_child_outlives_its_episode(tmp_path):
@@ -218,7 +218,7 @@ def test_nothing_of_a_child_outlives_its_episode(tmp_path):
     )
     trial(tmp_path, f"exec:sh {script}")
     pid = int((tmp_path / "pid").read_text())
-    until = time.monotonic() + 10.0
+    until = time.monotonic() + 60.0
     while Path(f"/proc/{pid}").exists() and time.monotonic() < until:
         time.sleep(0.1)
     assert not Path(f"/proc/{pid}").exists()
