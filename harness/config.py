@@ -24,7 +24,6 @@ from wayproof.planners import PlannerConfig
 
 load_without_compiler()  # here, as whatever runs kernels has settings, and numba is loaded by now
 
-MOST_THREADS = 64
 MOST_WAYPOINTS = 100
 
 BUILTIN = "builtin"
@@ -169,7 +168,6 @@ class Config:
             `models.places.PLACES`.
         start: (x, y) or (x, y, z) in place of the world's own start, m.
         waypoints: Goals before that one, in their order; the robot comes to rest at each.
-        threads: Threads that rays, map and costmap share; decisions are the same on any number.
         record: `full` logs all; `decisions` leaves sweeps and states out, which the seed gives
             again; `failures` is full where the episode failed, and decisions where it succeeded.
         keyframe_period: Simulated time between the maps in the log from which a replay can start,
@@ -191,7 +189,6 @@ class Config:
     goal: tuple[float, ...] | str | None = None
     start: tuple[float, ...] | None = None
     waypoints: tuple[tuple[float, ...] | str, ...] = ()
-    threads: Annotated[int, Bounds(1, MOST_THREADS)] = 1
     difficulty: Annotated[float, Bounds(0.0, 1.0)] = 0.5
     world_parameters: WorldParameters = field(default_factory=WorldParameters)
     record: Literal["full", "decisions", "failures"] = "full"

@@ -14,7 +14,6 @@ from wayproof.maps.cell_sets import CellMask
 from wayproof.maps.columns import WORD_BITS, pack, region_of_interest, unpack
 from wayproof.maps.config import MapConfig
 from wayproof.maps.grid import cells_at, centres
-from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from wayproof.maps.store.slot_pool import EVERYWHERE, MEBIBYTE, Layer, SlotPool
@@ -60,7 +59,6 @@ class DenseMap(Representation):
     def __init__(
         self,
         config: MapConfig,
-        threads: int = 1,
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
@@ -69,7 +67,7 @@ class DenseMap(Representation):
         self.config = config
         self.resolution = config.resolution
         region = region_of_interest(low, high, config.resolution)
-        self._rasterizer = SweepRasterizer(ThreadTeam(threads), cell_bounds(region))
+        self._rasterizer = SweepRasterizer(cell_bounds(region))
         kinds = {**self.layers, "_fresh": np.bool_}
         each = CELLS_IN_BRICK * sum(np.dtype(kind).itemsize for kind in kinds.values())
         capacity = max(config.memory_mib * MEBIBYTE // each, 1)

@@ -33,7 +33,6 @@ class Representation(ColumnMap, Protocol):
     def __init__(
         self,
         config: MapConfig,
-        threads: int = 1,
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
@@ -41,7 +40,6 @@ class Representation(ColumnMap, Protocol):
 
         Args:
             config: The settings.
-            threads: Number of threads that share the work of a sweep.
             low: (3,) least corner of the region of interest, m, world; what lies outside need not
                 be held. None: all space is of interest.
             high: (3,) greatest corner, m, world.

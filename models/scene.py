@@ -38,9 +38,7 @@ class Scene:
     floor: tuple[int, ...]
 
 
-def compose(
-    world: World, robot: Robot, sensors: SensorConfig | None = None, threads: int = 1
-) -> Scene:
+def compose(world: World, robot: Robot, sensors: SensorConfig | None = None) -> Scene:
     """Attach the robot to the world and compile.
 
     Raises:
@@ -50,10 +48,10 @@ def compose(
     robot_spec = mujoco.MjSpec.from_string(robot.mjcf())
     spec.attach(robot_spec, prefix=ROBOT_PREFIX, frame=spec.worldbody.add_frame())
     spec.compile()
-    return bind(spec.to_xml(), robot, sensors, threads)
+    return bind(spec.to_xml(), robot, sensors)
 
 
-def bind(mjcf: str, robot: Robot, sensors: SensorConfig | None = None, threads: int = 1) -> Scene:
+def bind(mjcf: str, robot: Robot, sensors: SensorConfig | None = None) -> Scene:
     """Compile a flattened scene and bind the robot's controller and sensors to it.
 
     Writing a scene as text rounds its numbers, so what is simulated is compiled from the text: the
@@ -71,7 +69,7 @@ def bind(mjcf: str, robot: Robot, sensors: SensorConfig | None = None, threads: 
         mjcf=mjcf,
         controller=robot.controller(model, ROBOT_PREFIX),
         casters=tuple(
-            make_caster(model, mount, base, ROBOT_PREFIX, sensors, threads)
+            make_caster(model, mount, base, ROBOT_PREFIX, sensors)
             for mount in mount_devices(robot.spec.mounts, sensors)
         ),
         base=base,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import ruckig
 
-from wayproof.planners._jit import kernel
+from wayproof.maps._jit import kernel
 from wayproof.planners.kernels.grid import Floats
 
 

@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from wayproof.planners._jit import kernel
+from wayproof.maps._jit import kernel
 from wayproof.planners.jerk_limited import (
     AxisLimits,
     Leg,

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.maps._jit import kernel
 from wayproof.planners import jerk_limited
-from wayproof.planners._jit import kernel
 from wayproof.planners.jerk_limited import AxisLimits, Profile
 from wayproof.planners.kernels.grid import Floats
 from wayproof.planners.path import arc_lengths, edge_tangents, remaining, truncate

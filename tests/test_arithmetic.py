@@ -50,14 +50,11 @@ SUMS_OF_WHOLE_NUMBERS = (
         "maps.others.blocks",
     ),
     *(
-        "maps.costmap.distance_field",
-        "maps.voxel.sweep_endpoints",
         "maps.voxel.update_mask",
         "maps.others.tracking",
         "maps.store.slot_pool",
         "maps.voxel.bricks",
         "maps.semantic",
-        "maps.voxel.voxel_map",
     ),
     "planners.astar.lattice",
 )

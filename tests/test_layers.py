@@ -125,7 +125,7 @@ def test_parts_of_the_harness_import_only_those_of_layers_above():
 
 
 def test_maps_needs_numpy_and_numba_alone():
-    outside = {"numpy", "numba", "llvmlite", "maps"}  # llvmlite is what numba itself stands on
+    outside = {"numpy", "numba", "maps"}
     for source in (ROOT / "maps").rglob("*.py"):
         foreign = imported_packages(source) - outside - set(stdlib())
         assert not foreign, f"{source} imports {sorted(foreign)}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -208,19 +208,12 @@ def with_whole_area(case: Case) -> Case | None:
             return None
         if math.prod(area.shape[: one.mission.axes]) > MOST_SEARCHED:
             return None
-    return _with_config(
-        case, lambda config: replace(config, costmap=replace(config.costmap, window=0.0))
-    )
 
+    def whole(config: Config) -> Config:
+        return replace(config, costmap=replace(config.costmap, window=0.0))
 
-def on_threads(case: Case, threads: int) -> Case:
-    """Return the case with maps and costmaps computed by some threads; they change no result."""
-    return _with_config(case, lambda config: replace(config, threads=threads))
-
-
-def _with_config(case: Case, changed: Callable[[Config], Config]) -> Case:
-    segments = tuple(replace(one, config=changed(one.config)) for one in case.segments)
-    return replace(case, config=changed(case.config), segments=segments)
+    segments = tuple(replace(one, config=whole(one.config)) for one in case.segments)
+    return replace(case, config=whole(case.config), segments=segments)
 
 
 def read_case(log: Log) -> Case:

@@ -38,9 +38,6 @@ if TYPE_CHECKING:
 SHOWN_MISSES = 5
 SHOWN_STDERR = 8
 
-MOST_THREADS = 4
-"""Maximum number of threads that a map is computed by: more wait longer than they work."""
-
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Explain a decision, or one or more episodes, or print their metrics."""
@@ -137,13 +134,11 @@ def _card_or_error(log: Log, number: int) -> tuple[Case, Card, Navigator] | Inpu
 def _card(log: Log, number: int) -> tuple[Case, Card, Navigator]:
     """Return the case of a decision, its card, and a stack with its map."""
     from wayproof.harness.attribution import read_case
-    from wayproof.harness.attribution.case import on_threads
     from wayproof.harness.explain.card import make_card, moment_of
-    from wayproof.harness.forked import cores
 
     case = read_case(log)
     moment_of(case, number)
-    case = on_threads(case.as_of(number), min(cores(), MOST_THREADS))
+    case = case.as_of(number)
     keyframe = case.keyframe_at(number)
     navigator = case.navigator_at(number, keyframe)
     card = make_card(case, number, navigator)

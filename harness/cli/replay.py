@@ -30,8 +30,6 @@ MOST_JOBS = 1024
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Recompute the decisions of one or more logs; exit code 1 if any differs."""
-    if options.threads is not None and not 1 <= options.threads <= 64:
-        raise InputError(f"--threads: got {options.threads}, expected 1 to 64")
     if options.jobs is not None and not 1 <= options.jobs <= MOST_JOBS:
         raise InputError(f"--jobs: got {options.jobs}, expected 1 to {MOST_JOBS}")
     return replay_each(_replay, options, console)
@@ -42,7 +40,7 @@ def _replay(path: Path, options: argparse.Namespace, console: Console) -> tuple[
     from wayproof.harness.replay.replay import replay
 
     jobs = options.jobs or cores()
-    replayed = replay(path, options.allow_plugins, options.threads, jobs=jobs)
+    replayed = replay(path, options.allow_plugins, jobs=jobs)
     print_replay(console, replayed)
     return replayed.identical, asdict(replayed)
 
@@ -93,7 +91,6 @@ VERB = Verb(
             "most processes, each of which begins from a state in the log (default: all cores)",
             int,
         ),
-        arg("--threads N", "number of threads (default: the log's)", int),
     ),
     run=run,
     example="wayproof replay logs/warehouse-drone-3.mcap",

@@ -143,7 +143,7 @@ def _certify(
     planned: Sequence[Planned],
     store: Store,
 ) -> Certificate:
-    """Run a sample of the episodes again in other arrangements of processes and threads."""
+    """Run a sample of the episodes again in other arrangements of processes."""
     from wayproof.harness.study.determinism import ARRANGEMENTS, FILE, certify
 
     with Watch(console, None) as watch:
@@ -249,7 +249,7 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--check-determinism",
         action="store_true",
-        help="run a sample again in other processes, orders and threads; write a certificate",
+        help="run a sample again in other processes and orders; write a certificate",
     )
     parser.add_argument(
         "--sample",

@@ -113,7 +113,6 @@ def true_ranges(log: Log, case: Case) -> Change:
                 base=scene.base,
                 prefix=ROBOT_PREFIX,
                 config=sensors,
-                threads=config.threads,
             )
             for one in scene.casters
         )

@@ -160,8 +160,8 @@ def _empty(source: Source, config: MapConfig) -> Representation:
     """Make an empty map of the source's region; of all space if fine cells make it too large."""
     low, high = np.array(source.low), np.array(source.high)
     if float(np.prod((high - low) / config.resolution)) > MOST_CELLS:
-        return MAPS[config.kind](config, 1)
-    return MAPS[config.kind](config, 1, source.low, source.high)
+        return MAPS[config.kind](config)
+    return MAPS[config.kind](config, source.low, source.high)
 
 
 def misses_to_free(config: MapConfig) -> int | None:
@@ -169,7 +169,7 @@ def misses_to_free(config: MapConfig) -> int | None:
 
     Measured on a map of this kind, without decay: one beam along x at a height of 0.3 m.
     """
-    a_map = MAPS[config.kind](replace(config, half_life=0.0), 1, (-4, -4, -1), (4, 4, 2))
+    a_map = MAPS[config.kind](replace(config, half_life=0.0), (-4, -4, -1), (4, 4, 2))
     size = config.resolution
     origin = np.array([0.5 * size, 0.5 * size, 0.3])
     beam, place = np.array([[1.0, 0.0, 0.0]]), np.array([[1.0 + 0.5 * size, 0.5 * size, 0.3]])

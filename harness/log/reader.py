@@ -130,13 +130,6 @@ class Log:
             self, config=last.config, mission=last.mission, beams=last.beams, forks=forks
         )
 
-    def on_threads(self, threads: int) -> Log:
-        """Return the log with another number of threads, on which no decision depends."""
-        forks = tuple(
-            replace(one, config=replace(one.config, threads=threads)) for one in self.forks
-        )
-        return replace(self, config=replace(self.config, threads=threads), forks=forks)
-
     def messages(self, after_ns: int = -1) -> Iterator[Message]:
         """Yield every message after a simulated time in file order.
 

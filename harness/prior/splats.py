@@ -3,7 +3,7 @@
 Each Gaussian votes in the cells within three standard deviations, after it is blurred by the size
 of a cell, so that a flat one is not lost between two. A vote is -ln(1 - p) in whole steps, p being
 the opacity times the Gaussian's value in 256 steps, so that the sum of the votes of a cell is that
-of 1 - prod(1 - p), and does not depend on the order of the Gaussians or the number of threads. A
+of 1 - prod(1 - p), and does not depend on the order of the Gaussians. A
 splat votes occupied alone: where nobody looked there are no Gaussians either.
 
 The file is that of Kerbl et al. 2023 ("3D Gaussian Splatting for Real-Time Radiance Field

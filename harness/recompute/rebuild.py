@@ -52,7 +52,7 @@ def rebuild(log: Log, config: Config | None = None) -> Scenario:
     robot = find_logged_robot(config, text)
     try:
         config = replace(config, sensors=resolve(robot.spec.mounts, config.sensors))
-        scene = bind(text, robot, config.sensors, config.threads)
+        scene = bind(text, robot, config.sensors)
         world = _world(log, scene.model)
     except (KeyError, TypeError, *NOT_COMPILED) as error:
         line = " ".join(str(error).split())[:200]

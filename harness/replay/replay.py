@@ -60,7 +60,6 @@ class Replay:
 def replay(
     path: Path,
     allow_plugins: bool = False,
-    threads: int | None = None,
     with_cause: bool = True,
     jobs: int = 1,
 ) -> Replay:
@@ -72,7 +71,6 @@ def replay(
     Args:
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
-        threads: Number of threads, on which no decision depends; by default that of the log.
         with_cause: Whether to attribute the cause of a failure again, too.
         jobs: Maximum number of processes.
 
@@ -80,8 +78,6 @@ def replay(
         InputError: The file is no finished log, or has no decisions or no sweeps.
     """
     log = open_log(path, allow_plugins)
-    if threads is not None:
-        log = log.on_threads(threads)
     began = time.perf_counter()
     recomputed, others = _recomputed(log, jobs)
     if recomputed.decisions == 0:

@@ -163,7 +163,7 @@ def edit_scene(scenario: Scenario, edit: Callable[[mujoco.MjSpec], None]) -> Sce
     edit(spec)
     spec.compile()
     config = scenario.config
-    scene = bind(spec.to_xml(), built_in(config)[config.robot], config.sensors, config.threads)
+    scene = bind(spec.to_xml(), built_in(config)[config.robot], config.sensors)
     return replace(scenario, scene=scene)
 
 
@@ -180,7 +180,7 @@ def make_transparent(scenario: Scenario, is_glass: Callable[[str], bool]) -> Sce
 
 def _compose(world: World, robot: Robot, config: Config) -> Scene:
     try:
-        return compose(world, robot, config.sensors, config.threads)
+        return compose(world, robot, config.sensors)
     except ValueError as error:  # a scene that the chosen ray engine cannot cast, for one
         raise InputError(f"world '{config.world}' with robot '{config.robot}': {error}") from None
 

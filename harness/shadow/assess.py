@@ -137,7 +137,7 @@ class _Judging:
         if log.config.map.half_life > 0.0:
             settings = replace(log.config.map, half_life=0.0)
             low, high = log.mission.low, log.mission.high
-            self.memory = MAPS[settings.kind](settings, log.config.threads, low, high)
+            self.memory = MAPS[settings.kind](settings, low, high)
             self._stack.navigator.mapper.on_placed = self._remember
             if log.config.recording.footprint_clearing:
                 self._stack.navigator.mapper.on_integrated = self._clear_footprint

@@ -80,7 +80,7 @@ class Mapper:
         settings = config.map
         if self._climbs:
             settings = replace(settings, slope_grazing_filter=True)
-        self.map = MAPS[settings.kind](settings, config.threads, mission.low, mission.high)
+        self.map = MAPS[settings.kind](settings, mission.low, mission.high)
         self.labels = make_layer(config.map, config.sensors.semantics)
         self.window = RollingWindow(config, mission) if rolls(config, mission) else None
         low, high = (mission.low, mission.high) if self.window is None else self.window.corners
@@ -99,7 +99,6 @@ class Mapper:
                 step_height=mission.step_height,
                 floor=floor,
                 ceiling=ceiling,
-                threads=config.threads,
             )
 
         self.missing_floor = missing_floor_of(config, mission)

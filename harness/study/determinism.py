@@ -1,8 +1,7 @@
 """Certificate that the episodes of a study do not depend on how they are run.
 
-A sample of the finished episodes is run again in other processes, in another order and on other
-numbers of threads. The chain hash over all decisions, each with the hash of its inputs, must be the
-same.
+A sample of the finished episodes is run again in other processes and in another order. The chain
+hash over all decisions, each with the hash of its inputs, must be the same.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import tempfile
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +17,7 @@ import numpy as np
 from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.study.contents import contents_of, named_by
-from wayproof.harness.study.job import Done, Job, episode_key
+from wayproof.harness.study.job import Done, Job
 from wayproof.harness.study.plan import Planned, name_of
 from wayproof.harness.study.processes import Finished, ProcessEngine
 from wayproof.harness.study.store import Store
@@ -39,36 +37,19 @@ class Arrangement:
     Attributes:
         name: Name in words.
         workers: Number of processes.
-        threads: Number of threads of each episode.
         fresh: Start a new process for each episode.
         order: Order of the episodes: `reversed` or `shuffled`.
     """
 
     name: str
     workers: int
-    threads: int
     fresh: bool
     order: str
 
 
 ARRANGEMENTS = (
-    Arrangement(
-        "a new process for each, in reverse", workers=1, threads=1, fresh=True, order="reversed"
-    ),
-    Arrangement(
-        "two processes, two threads each, shuffled",
-        workers=2,
-        threads=2,
-        fresh=False,
-        order="shuffled",
-    ),
-    Arrangement(
-        "two processes, three threads each, in reverse",
-        workers=2,
-        threads=3,
-        fresh=False,
-        order="reversed",
-    ),
+    Arrangement("a new process for each, in reverse", workers=1, fresh=True, order="reversed"),
+    Arrangement("two processes, shuffled", workers=2, fresh=False, order="shuffled"),
 )
 
 
@@ -200,16 +181,14 @@ def _run_again(
     if arrangement.order == "shuffled":
         np.random.default_rng(len(sample)).shuffle(order)
     with tempfile.TemporaryDirectory() as folder:
-        jobs, keys = [], {}
-        for one in order:
-            config = replace(one.config, threads=arrangement.threads)
-            key = episode_key(config, contents_of(named_by(config)))
-            jobs.append(Job(key, to_json(config), Path(folder) / f"{one.key}.mcap", one.source))
-            keys[key] = one.key
+        jobs = [
+            Job(one.key, to_json(one.config), Path(folder) / f"{one.key}.mcap", one.source)
+            for one in order
+        ]
         errors: dict[str, str] = {}
 
         def note(done: Done) -> None:
-            errors[keys[done.key]] = done.error
+            errors[done.key] = done.error
             finished(done)
 
         workers = min(arrangement.workers, len(jobs))
@@ -217,13 +196,13 @@ def _run_again(
             engine(jobs, [], note)  # their kernels were compiled for the study
         return [
             _compare(
-                key,
-                log=Path(folder) / f"{key}.mcap",
-                expected=chains[key],
+                job.key,
+                log=job.log,
+                expected=chains[job.key],
                 arrangement=arrangement,
-                error=errors[key],
+                error=errors[job.key],
             )
-            for key in keys.values()
+            for job in jobs
         ]
 
 

@@ -127,7 +127,7 @@ def run_recorded(job: Job) -> None:
     prepared = prepare(
         recording,
         find_body(source.robot),
-        (*source.settings, f"threads={config.threads}"),
+        source.settings,
         seed=config.seed,
         stack=source.stack or None,
         perturbation=config.perturbation,

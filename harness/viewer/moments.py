@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass
@@ -26,9 +25,6 @@ from wayproof.maps import Costmap, Representation
 Array = NDArray[np.float64]
 
 NO_RETURN_MM = 65535
-
-THREADS = min(2, os.cpu_count() or 1)
-"""Minimum number of threads of a map, whose bytes do not depend on it."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +102,7 @@ def moments(log: Log, shown: int = 0) -> Iterator[Moment]:
     Raises:
         InputError: The log is damaged, or its sweeps were left out.
     """
-    stack = SegmentedStack(segments_of(log.on_threads(max(log.config.threads, THREADS))))
+    stack = SegmentedStack(segments_of(log))
     followed: pb.Trajectory | None = None
     keyframe = map_before(startable(log, log.keyframes()), shown) if shown else None
     for record, truth in log.records_with_truth():

@@ -19,7 +19,6 @@ from wayproof.maps.costmap.widening import NOT_WIDENED, Widened, reached, widene
 from wayproof.maps.elementary import exponentials
 from wayproof.maps.kernels import columns as kernels
 from wayproof.maps.kernels.edt import MAX_REACH
-from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED
 
 T = TypeVar("T")
@@ -68,7 +67,6 @@ class Costmap:
         step_height: float,
         floor: float = -math.inf,
         ceiling: float = math.inf,
-        threads: int = 1,
     ) -> None:
         """Make a costmap and update it with the configured margin.
 
@@ -83,7 +81,6 @@ class Costmap:
             step_height: Greatest height that the body can step on, m above the floor; ground only.
             floor: Lowest altitude that any of the body may be at, m, world; air only.
             ceiling: Highest altitude that any of the body may be at, m, world; air only.
-            threads: Threads that share the work; the result does not depend on them.
 
         Raises:
             ValueError: The window is empty, the body does not fit it, or the motion is not known.
@@ -97,8 +94,6 @@ class Costmap:
         self.radius = radius
         self.resolution = voxel_map.resolution
         self._map = voxel_map
-        # A plane is done before a second thread has woken up.
-        self._team = ThreadTeam(threads if motion == "air" else 1)
 
         def project(window: Window) -> Projection:
             if motion == "ground":
@@ -299,7 +294,7 @@ class Costmap:
         return distances, gradients
 
     def _all_clearances(self, reach: int) -> Clearances:
-        clearances = Clearances(self._cells.rows, self.shape, reach, self._team)
+        clearances = Clearances(self._cells.rows, self.shape, reach)
         clearances.take_over(*self._blocked, *_whole(self._cells.rows))
         return clearances
 

@@ -182,8 +182,7 @@ def list_columns(
 
 @kernel
 def list_targets(
-    ends: NDArray[np.int64],  # packed, see `beams`
-    parts: NDArray[np.int64],  # (p, 2) first and one past the last of those of one stripe
+    ends: NDArray[np.int64],  # (k,) packed, see `beams`
     sensors: NDArray[np.int64],  # (m, 3) 1/1024 of a cell, from the window's corner
     window: Window,
     sector_order: NDArray[np.int64],  # (WEDGE,) place of each sector of a wedge
@@ -199,8 +198,7 @@ def list_targets(
     out_words, bits, ranks = targets
     _, ny, words = window.shape
     x0, y0, z0, x1, y1, z1 = window.box
-    count = listed = part = int(np.int64(0))
-    at = parts[0, 0]
+    count = listed = at = int(np.int64(0))
     for k in range(sensors.shape[0]):
         groups[k] = count
         # Packed cells are counted from the sensor's own; a beam from above spares the layer.
@@ -210,13 +208,9 @@ def list_targets(
         first_z = layer - HALF_SPAN
         guarded = window.guarded_layer if layer > window.guarded_layer else NO_LAYER
         sensor = Sensor(k, sensors[k, 0], sensors[k, 1], guarded)
-        # Mark this sensor's ends; they lie one after the other, over several parts.
+        # Mark this sensor's ends; they lie one after the other.
         listed = 0
-        while part < parts.shape[0]:
-            if at == parts[part, 1]:
-                part += 1
-                at = parts[min(part, parts.shape[0] - 1), 0]
-                continue
+        while at < ends.shape[0]:
             end = ends[at]
             if end >> ORIGIN_BIT != k:
                 break
@@ -250,8 +244,7 @@ def list_targets(
 @kernel
 def order_targets(
     ranks: NDArray[np.int32],  # (n,)
-    firsts: NDArray[np.int64],  # (stripes,) first target of each
-    groups: NDArray[np.int64],  # (stripes, m + 1) from there, as of `list_targets`
+    groups: NDArray[np.int64],  # (m + 1,) as of `list_targets`
     starts: NDArray[np.int64],  # (SECTORS + 1,) scratch
     order: NDArray[np.int32],  # (n,) out
     wedges: NDArray[np.int64],  # (k, 3) out: first, one past the last, sensor position
@@ -264,15 +257,13 @@ def order_targets(
         Number of wedges that hold any.
     """
     count = ordered = int(np.int64(0))
-    for k in range(groups.shape[1] - 1):
+    for k in range(groups.shape[0] - 1):
         # Count the targets of each sector, and sum up to where each sector begins.
         for sector in range(SECTORS + 1):
             starts[sector] = 0
         starts[0] = ordered
-        for stripe in range(firsts.shape[0]):
-            first = firsts[stripe]
-            for i in range(first + groups[stripe, k], first + groups[stripe, k + 1]):
-                starts[ranks[i] + 1] += 1
+        for i in range(groups[k], groups[k + 1]):
+            starts[ranks[i] + 1] += 1
         for sector in range(SECTORS):
             starts[sector + 1] += starts[sector]
         ordered = starts[SECTORS]
@@ -282,9 +273,7 @@ def order_targets(
             if end > first:
                 wedges[count, 0], wedges[count, 1], wedges[count, 2] = first, end, k
                 count += 1
-        for stripe in range(firsts.shape[0]):
-            first = firsts[stripe]
-            for i in range(first + groups[stripe, k], first + groups[stripe, k + 1]):
-                order[starts[ranks[i]]] = i
-                starts[ranks[i]] += 1
+        for i in range(groups[k], groups[k + 1]):
+            order[starts[ranks[i]]] = i
+            starts[ranks[i]] += 1
     return count

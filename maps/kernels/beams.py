@@ -11,8 +11,7 @@ The beams are defined cell by cell, so that every machine crosses the same cells
    its height where it enters and its height where it leaves.
 
 An end is packed into one number: the index of its origin, whether something was met, and the cell,
-counted from the origin's own. Columns lie in even or in odd stripes along x; ends of either are
-listed apart, so that two threads can list targets of them side by side (`beam_targets`).
+counted from the origin's own.
 """
 
 from __future__ import annotations
@@ -51,8 +50,6 @@ ORIGIN_BIT = FATE_BIT + 1
 MAX_ORIGINS = 1 << (63 - ORIGIN_BIT)
 NO_END = -1
 
-STRIPE_BITS = 3  # columns along x of a stripe
-
 CHUNK = 256  # beams that are computed together, in whole vectors
 
 ONE, TWO = np.uint64(1), np.uint64(2)
@@ -81,17 +78,15 @@ class SweepBeams(NamedTuple):
 
 
 class EndLists(NamedTuple):
-    """Ends of some beams of a sweep, written by `place_ends`.
+    """Ends of the beams of a sweep, written by `place_ends`.
 
     Attributes:
-        ends: (stripes * k,) packed ends of at most k beams; of one stripe or of two.
-        listed: (stripes,) one past the last end of each, k apart.
+        ends: (n,) packed ends, the first of which are listed.
         box: (2, 3) least and greatest cell of origins and ends.
         counts: (4,) number of beams by fate; added to.
     """
 
     ends: NDArray[np.int64]
-    listed: NDArray[np.int64]
     box: NDArray[np.int64]
     counts: NDArray[np.int64]
 
@@ -190,22 +185,19 @@ def list_ends(
     cells: NDArray[np.int64],  # (4, CHUNK)
     packed: NDArray[np.int64],  # (CHUNK,)
     n: int,  # of them
-    ends: NDArray[np.int64],  # (stripes * k,) out, of one stripe or of two
-    listed: NDArray[np.int64],  # (stripes,) in, out: where the next of each goes
+    ends: NDArray[np.int64],  # (k,) in, out
+    listed: int,  # of these so far
     counts: NDArray[np.int64],  # (4,) in, out: beams by fate
-) -> None:
-    """List the ends of beams with information, by stripe; successive equal ones once."""
+) -> int:
+    """List the ends of beams with information, successive equal ones once; return their number."""
     # Unsigned: for a signed index each access tests whether it counts from the end.
-    last, mask = int(NO_END), np.uint64(listed.shape[0] - 1)
-    even, odd = np.uint64(listed[0]), np.uint64(listed[mask])
+    last, at = int(NO_END), np.uint64(listed)
     for i in range(np.uint64(n)):
         # Without a branch: which beams end in a cell of their own cannot be foreseen.
-        end, stripe = packed[i], np.uint64(cells[0, i] >> STRIPE_BITS) & mask
-        ends[odd if stripe != 0 else even] = end
-        is_new = np.uint64((end != last) & (end != NO_END))
-        even, odd = even + (is_new & ~stripe), odd + (is_new & stripe)
+        end = packed[i]
+        ends[at] = end
+        at += np.uint64((end != last) & (end != NO_END))
         last = end
-    listed[mask], listed[0] = odd, even
     returned = cleared = dropped = 0
     for i in range(n):
         returned += cells[3, i] == RETURNED
@@ -215,26 +207,24 @@ def list_ends(
     counts[CLEARED] += cleared
     counts[DROPPED] += dropped
     counts[TOO_NEAR] += n - returned - cleared - dropped
+    return int(np.int64(at))
 
 
 @kernel
 def place_ends(
     beams: SweepBeams,
-    part: tuple[int, int],  # first beam and one past the last to look at
     lists: EndLists,  # out
     cells: NDArray[np.int64],  # (4, CHUNK) scratch
     packed: NDArray[np.int64],  # (CHUNK,) scratch
-) -> bool:
-    """Find where beams end, and list the ends: together, or by even and odd stripe.
+) -> int:
+    """Find where beams end, and list the ends.
 
     Returns:
-        Whether all directions are of unit length.
+        Number of ends; -1 if a direction is not of unit length.
     """
     origins, sensors, groups, directions, ranges_mm, limits_mm, resolution = beams
-    ends, listed, box, counts = lists
-    scale = SUBCELLS / resolution
-    for stripe in range(listed.shape[0]):
-        listed[stripe] = stripe * (part[1] - part[0])
+    ends, box, counts = lists
+    scale, listed = SUBCELLS / resolution, int(np.int64(0))
     # The box begins with the cells of all origins.
     for axis in range(3):
         box[0, axis] = box[1, axis] = sensors[0, axis] >> SUBCELL_BITS
@@ -246,13 +236,13 @@ def place_ends(
         origin = (origins[k, 0], origins[k, 1], origins[k, 2])
         x, y, z = sensors[k, 0], sensors[k, 1], sensors[k, 2]
         origin_cell = (x >> SUBCELL_BITS, y >> SUBCELL_BITS, z >> SUBCELL_BITS)
-        end = min(groups[k + 1], part[1])
-        for first in range(max(groups[k], part[0]), end, CHUNK):
+        end = groups[k + 1]
+        for first in range(groups[k], end, CHUNK):
             last = min(first + CHUNK, end)
             chunk_directions, chunk_ranges = directions[3 * first : 3 * last], ranges_mm[first:last]
             if not locate_ends(origin, chunk_directions, chunk_ranges, limits_mm, scale, cells):
-                return False
+                return -1
             widen_box(cells, last - first, box)
             pack_ends(cells, last - first, origin_cell, k, packed)
-            list_ends(cells, packed, last - first, ends, listed, counts)
-    return True
+            listed = list_ends(cells, packed, last - first, ends, listed, counts)
+    return listed

@@ -27,7 +27,6 @@ class FadedBlocks(NamedTuple):
 @kernel
 def fade_blocks(
     slots: NDArray[np.int64],  # (k,)
-    part: tuple[int, int],  # first and one past the last of them to fade
     rest: NDArray[np.int8],  # (128,) remainder of each magnitude
     spared: NDArray[np.int8],  # (128,) the same for a cell that the first tick leaves as it is
     evidence: NDArray[np.int8],  # (slots, cells) in, out
@@ -36,7 +35,7 @@ def fade_blocks(
 ) -> None:
     """Move the evidence of blocks toward none."""
     changed, forgotten, alive = faded
-    for i in range(part[0], part[1]):
+    for i in range(slots.shape[0]):
         slot = slots[i]
         for cell in range(evidence.shape[1]):
             value = int(evidence[slot, cell])

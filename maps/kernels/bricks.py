@@ -149,13 +149,12 @@ def rewrite_columns(
     eights: NDArray[np.uint64],  # (slots, COLUMNS, 8)
     settled: NDArray[np.uint64],  # (slots, COLUMNS)
     blocks: NDArray[np.int64],  # (k, 2) indices of bricks along x and y
-    part: tuple[int, int],  # first and one past the last of them to write
     low: tuple[int, int, int],  # least cell of the window
     occupied: NDArray[np.uint64],  # (nx, ny, words) in, out
     free: NDArray[np.uint64],  # (nx, ny, words) in, out
 ) -> None:
     """Write the states of some columns of a window."""
-    for n in range(part[0], part[1]):
+    for n in range(blocks.shape[0]):
         block = blocks[n, 0], blocks[n, 1]
         write_block(directory, eights, settled, block, low, occupied, free)
 

@@ -13,7 +13,6 @@ from wayproof.maps.kernels.beam_targets import OUTSIDE, SPARING, Targets, Window
 from wayproof.maps.kernels.beams import HALVES, HALVES_BITS, MAX_BEAM_CELLS, SUBCELLS
 from wayproof.maps.kernels.column_masks import FULL, bits_from, list_runs, mark_run
 from wayproof.maps.kernels.early_stop import marked_slabs, survey, wedge_of
-from wayproof.maps.kernels.work_queue import Queue, take_item
 
 LANES = 8  # columns are looked at in whole vectors, also beyond the last one
 MAX_RUNS = 97  # of ends in a word: 64 of one that spare their own layers, 32, and one cut in two
@@ -22,7 +21,7 @@ SURVEY_SHARE = 3  # and least part of the wedge's targets
 
 
 class CarveScratch(NamedTuple):
-    """Memory of one thread for `carve`.
+    """Memory for `carve`.
 
     Attributes:
         fractions: (MAX_STEPS + 1,) where a beam enters each column, see `beam_columns`.
@@ -48,7 +47,6 @@ def carve(
     targets: Targets,
     order: NDArray[np.int32],  # (n,) as of `order_targets`
     wedges: NDArray[np.int64],  # (k, 3) likewise
-    queue: Queue,  # of the wedges
     sensors: NDArray[np.int64],  # (m, 3) 1/1024 of a cell, from the window's corner
     window: Window,
     scratch: CarveScratch,
@@ -59,17 +57,14 @@ def carve(
     Beams to a run of ends cross what lies between the lowest and the highest of them: neighbours
     end one cell apart and come closer on their way. All to one column cross the same columns. Near
     the sensor all beams of a wedge cross the same cells: once the first of them are carved, the
-    others are followed only to where everything is marked. Threads take wedges from the queue until
-    none is left.
+    others are followed only to where everything is marked.
     """
     words, bits, _ = targets
     fractions, columns, lower, upper, marked, masks, runs = scratch
     box, guarded_layer = window.box, window.guarded_layer
     _, ny, depth = window.shape
-    wedge = take_item(queue)
-    while wedge < wedges.shape[0]:
+    for wedge in range(wedges.shape[0]):
         at, end, k = wedges[wedge]
-        wedge = take_item(queue)
         sensor = (sensors[k, 0], sensors[k, 1], sensors[k, 2])
         sensor_layer = sensor[2] >> HALVES_BITS
         directions = wedge_of(words, order[at:end], sensor)

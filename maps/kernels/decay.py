@@ -44,7 +44,7 @@ class FadedBricks(NamedTuple):
 
 
 class FadeScratch(NamedTuple):
-    """Memory of one thread for `fade_bricks`.
+    """Memory for `fade_bricks`.
 
     Attributes:
         steps: (MAGNITUDES,) as of `list_losses`.
@@ -214,7 +214,6 @@ def fade_brick(
 @kernel
 def fade_bricks(
     slots: NDArray[np.int64],  # (k,)
-    part: tuple[int, int],  # first and one past the last of them to fade
     now: int,  # tick
     to_now: bool,  # else only what is due
     bricks: BrickArrays,  # in, out
@@ -230,7 +229,7 @@ def fade_bricks(
     turned, alive = faded
     listed_from = listed_until = int(np.int64(-1))
     count = int(np.int64(0))
-    for i in range(part[0], part[1]):
+    for i in range(slots.shape[0]):
         slot = slots[i]
         turned[i], alive[i] = False, True
         while dues[slot] <= now or (to_now and ticks[slot] < now):

@@ -21,11 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps._jit import kernel
-from wayproof.maps.kernels.intrinsics import prefetch_for_write
 
 MAX_REACH = 181  # cells; twice its square still fits 16 bits
 FAR = 32767  # above every squared distance; the greatest of them added, it still fits 16 bits
-LINE = 32  # cells of a cache line
 UNIT = 128  # cells of a block that lie together: beside those of the next plane
 
 
@@ -111,10 +109,3 @@ def fill(target: NDArray[np.uint16], value: int) -> None:
     """Set every element; a slice assignment does the same and takes a second to compile."""
     for k in range(target.shape[0]):
         target[k] = value
-
-
-@kernel
-def prefetch_cells(cells: NDArray[np.uint16], first: int, count: int) -> None:
-    """Prefetch cells that will be written, while they are being computed."""
-    for k in range(np.uint64(first), np.uint64(first + count), np.uint64(LINE)):
-        prefetch_for_write(cells, np.uint64(k))

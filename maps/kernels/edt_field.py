@@ -16,9 +16,7 @@ from wayproof.maps.kernels.edt import (
     border_distance,
     fill,
     planes_around,
-    prefetch_cells,
 )
-from wayproof.maps.kernels.work_queue import Queue, take_chunk
 
 PLANES = 4  # computed at once
 
@@ -40,7 +38,7 @@ class Field(NamedTuple):
 
 
 class FieldScratch(NamedTuple):
-    """Memory of one thread for `update_field`.
+    """Memory for `update_field`.
 
     Attributes:
         block: (units * PLANES * UNIT,) squared distances of a block in successive planes.
@@ -200,8 +198,6 @@ def store_block(
 
 @kernel
 def update_field(
-    queue: Queue,  # of the rows of blocks
-    threads: int,
     requested: NDArray[np.bool_],  # (blocks, nx)
     layout: FieldLayout,
     sections: Sections,
@@ -210,36 +206,30 @@ def update_field(
 ) -> None:
     """Compute the requested blocks that are stale, from the sections around.
 
-    One of the threads that take rows of blocks from the queue. What lies outside the window is
-    blocked: the nearest such cell is straight across a border. Four planes are computed at once, of
-    which only those that are requested and stale are written.
+    What lies outside the window is blocked: the nearest such cell is straight across a border. Four
+    planes are computed at once, of which only those that are requested and stale are written.
     """
     (blocks, nx), (_, ny, nz) = requested.shape, layout.shape
     block_rows, reach = layout.block_rows, layout.reach
     squared, farthest, stale = field
     block, bounds, limits = scratch
     in_planes, nearest = sections.squared, sections.nearest
-    begin, end = take_chunk(queue, blocks, threads)
-    while begin < end:
-        for b in range(begin, end):
-            first, cells = b * block_rows, min(block_rows, ny - b * block_rows) * nz
-            listed = False
-            for x in range(nx):
-                if not (stale[b, x] and requested[b, x]):
-                    continue
-                if not listed:
-                    listed = True
-                    list_bounds((first, first + block_rows), layout, bounds)
-                # This plane and the next three: which to compute, and their border along x.
-                for i in range(x, x + PLANES):
-                    due = i < nx and stale[b, i] and requested[b, i]
-                    limits[i - x] = border_distance(i, nx, reach) ** 2 if due else 0
-                    if due:
-                        prefetch_cells(squared, (i * ny + first) * nz, cells)
-                update_planes(b, x, layout, in_planes, nearest, bounds, limits, block)
-                for i in range(x, min(x + PLANES, nx)):
-                    if limits[i - x] != 0:
-                        to = (i * ny + first) * nz
-                        farthest[b, i] = store_block(block, i - x, squared, to, cells)
-                        stale[b, i] = False
-        begin, end = take_chunk(queue, blocks, threads)
+    for b in range(blocks):
+        first, cells = b * block_rows, min(block_rows, ny - b * block_rows) * nz
+        listed = False
+        for x in range(nx):
+            if not (stale[b, x] and requested[b, x]):
+                continue
+            if not listed:
+                listed = True
+                list_bounds((first, first + block_rows), layout, bounds)
+            # This plane and the next three: which to compute, and their border along x.
+            for i in range(x, x + PLANES):
+                due = i < nx and stale[b, i] and requested[b, i]
+                limits[i - x] = border_distance(i, nx, reach) ** 2 if due else 0
+            update_planes(b, x, layout, in_planes, nearest, bounds, limits, block)
+            for i in range(x, min(x + PLANES, nx)):
+                if limits[i - x] != 0:
+                    to = (i * ny + first) * nz
+                    farthest[b, i] = store_block(block, i - x, squared, to, cells)
+                    stale[b, i] = False

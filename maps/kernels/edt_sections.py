@@ -16,10 +16,8 @@ from wayproof.maps.kernels.edt import (
     Sections,
     fill,
     planes_around,
-    prefetch_cells,
 )
 from wayproof.maps.kernels.edt_changes import find_pending, replace_cells
-from wayproof.maps.kernels.work_queue import Queue, take_chunk
 
 WORD_BITS = 64
 LONGEST_STEP = 128  # of the powers of two, the last below the greatest reach
@@ -33,7 +31,7 @@ UNSET = np.array(
 
 
 class SectionScratch(NamedTuple):
-    """Memory of one thread for `update_sections`.
+    """Memory for `update_sections`.
 
     Attributes:
         changes: (blocks, 2) first and last changed column of each block of a plane.
@@ -210,8 +208,6 @@ def lower_block(
 
 @kernel
 def update_sections(
-    queue: Queue,  # of the planes
-    threads: int,
     planes: NDArray[np.int64],  # (k,) to visit, along x
     new: NewCells,  # to take over, if any
     needed: NDArray[np.bool_],  # (blocks, nx) to compute
@@ -221,9 +217,8 @@ def update_sections(
 ) -> None:
     """Take over new cells and compute the needed blocks of sections, plane by plane.
 
-    One of the threads that take planes from the queue. A plane's blocks are computed right after
-    its cells are taken over, while both are in the cache. The window's border, beyond which
-    everything is blocked, is part of the pass along x.
+    A plane's blocks are computed right after its cells are taken over, while both are in the cache.
+    The window's border, beyond which everything is blocked, is part of the pass along x.
     """
     (_, ny, nz), reach, block_rows = layout.shape, layout.reach, layout.block_rows
     new_cells, rows, (x0, y0), flip = new
@@ -234,51 +229,43 @@ def update_sections(
     around, margin = blocks_around(reach, block_rows), planes_around(reach)
     taking = rows[0] < rows[1]
 
-    start, stop = take_chunk(queue, planes.shape[0], threads)
-    if start < stop:
-        fill(along_z, reach * reach)
-        for b in range(blocks):
-            plane_of[b] = -1
-    while start < stop:
-        for i in range(start, stop):
-            x = planes[i]
-            # Take over the plane's new cells, and note what they make out of date.
-            if taking and replace_cells(
-                new_cells[x - x0], rows, y0, flip, inside, layout, blocked[x], changes
-            ):
-                for b in range(blocks):
-                    unmeasured[x, b] |= changes[b, 0] >= 0
-                find_pending(changes, layout, farthest[x], x, pending, least_bound)
+    fill(along_z, reach * reach)
+    for b in range(blocks):
+        plane_of[b] = -1
+    for i in range(planes.shape[0]):
+        x = planes[i]
+        # Take over the plane's new cells, and note what they make out of date.
+        if taking and replace_cells(
+            new_cells[x - x0], rows, y0, flip, inside, layout, blocked[x], changes
+        ):
             for b in range(blocks):
-                if not needed[b, x]:
-                    continue
-                # Have the memory of the result at hand once it is computed.
-                for unit in range(units):
-                    to = ((b * units + unit) * all_planes + margin + x) * UNIT
-                    prefetch_cells(squared, to, UNIT)
-                # Along z: measure the blocks around that have new cells, and square distances.
-                any_near = False
-                for c in range(max(0, b - around), min(blocks, b + around + 1)):
-                    at = (x * blocks + c) * cells
-                    if unmeasured[x, c]:
-                        y = c * block_rows
-                        holds_any[x, c] = measure_rows(
-                            blocked[x], y, layout, lines, eights, distances, at
-                        )
-                        unmeasured[x, c] = False
-                    any_near |= holds_any[x, c]
-                    if plane_of[c] != x:
-                        plane_of[c] = x
-                        square(distances, at, cells, along_z, (c + around) * cells)
-                # Along y.
-                end = min(reach, ny) if any_near else 0
-                first = (b + around) * cells
-                farthest[x, b] = lower_block(block, along_z, first, end, nz, reach)
-                # Store the block unit by unit, with the least of each for the pass along x.
-                for unit in range(units):
-                    to = ((b * units + unit) * all_planes + margin + x) * UNIT
-                    first, size = unit * UNIT, min(UNIT, cells - unit * UNIT)
-                    least = store_unit(block, first, size, squared, to)
-                    nearest[b, unit, margin + x] = least
-                pending[b, x] = False
-        start, stop = take_chunk(queue, planes.shape[0], threads)
+                unmeasured[x, b] |= changes[b, 0] >= 0
+            find_pending(changes, layout, farthest[x], x, pending, least_bound)
+        for b in range(blocks):
+            if not needed[b, x]:
+                continue
+            # Along z: measure the blocks around that have new cells, and square distances.
+            any_near = False
+            for c in range(max(0, b - around), min(blocks, b + around + 1)):
+                at = (x * blocks + c) * cells
+                if unmeasured[x, c]:
+                    y = c * block_rows
+                    holds_any[x, c] = measure_rows(
+                        blocked[x], y, layout, lines, eights, distances, at
+                    )
+                    unmeasured[x, c] = False
+                any_near |= holds_any[x, c]
+                if plane_of[c] != x:
+                    plane_of[c] = x
+                    square(distances, at, cells, along_z, (c + around) * cells)
+            # Along y.
+            end = min(reach, ny) if any_near else 0
+            first = (b + around) * cells
+            farthest[x, b] = lower_block(block, along_z, first, end, nz, reach)
+            # Store the block unit by unit, with the least of each for the pass along x.
+            for unit in range(units):
+                to = ((b * units + unit) * all_planes + margin + x) * UNIT
+                first, size = unit * UNIT, min(UNIT, cells - unit * UNIT)
+                least = store_unit(block, first, size, squared, to)
+                nearest[b, unit, margin + x] = least
+            pending[b, x] = False

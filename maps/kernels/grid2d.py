@@ -69,13 +69,12 @@ def trace_all(
     starts: NDArray[np.int64],  # (k, 3) 1/1024 of a cell from the window's corner, odd
     ends: NDArray[np.int64],  # (k, 3)
     returned: NDArray[np.bool_],  # (k,)
-    part: tuple[int, int],
     band: tuple[int, int],  # heights, even
     inside: NDArray[np.int64],  # (2, 2)
     marks: NDArray[np.uint8],  # (nx, ny) out
 ) -> None:
     """Mark the cells that beams cross within the band, and those that they hit there."""
-    for i in range(part[0], part[1]):
+    for i in range(starts.shape[0]):
         z, end_z = starts[i, 2], ends[i, 2]
         first, last = clip_to_band(z, end_z, band)
         if first >= last:

@@ -55,7 +55,6 @@ def dilate(
 
 @kernel
 def write_optimistic(
-    part: tuple[int, int],  # first and one past the last block along y
     shape: tuple[int, int, int],  # (nx, ny, nz)
     block_rows: int,
     requested: NDArray[np.bool_],  # (blocks, nx) where to write anew
@@ -67,7 +66,7 @@ def write_optimistic(
     """Write distances to obstacles, cut off at `edge` where anything not free is nearer."""
     nx, ny, nz = shape
     edge, far = np.uint16(limits[0]), np.uint16(limits[1])
-    for b in range(part[0], part[1]):
+    for b in range(requested.shape[0]):
         first, end = b * block_rows, min(ny, (b + 1) * block_rows)
         for x in range(nx):
             if not requested[b, x]:

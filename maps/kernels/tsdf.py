@@ -5,7 +5,7 @@ crosses the distance from the cell's middle to the beam's end, along the beam: p
 surface, negative behind. Of several beams that cross a cell in one sweep the distance with the
 highest score counts: the one nearest to a surface there, so that no beam that grazes it erases it;
 but that of a beam that passed through the cell before that of one whose surface hides it. The
-greatest score does not depend on the order, so neither does the map on the number of threads.
+greatest score does not depend on the order, so neither does the map.
 """
 
 from __future__ import annotations
@@ -182,13 +182,12 @@ def trace_all(
     starts: NDArray[np.int64],  # (k, 3) 1/1024 of a cell from the window's corner, odd
     ends: NDArray[np.int64],  # (k, 3)
     returned: NDArray[np.bool_],  # (k,)
-    part: tuple[int, int],
     window: TraceWindow,
     scores: NDArray[np.uint16],  # (cells,) in, out
     touched: NDArray[np.bool_],  # (blocks,) out
 ) -> None:
     """Score the cells that beams cross."""
-    for i in range(part[0], part[1]):
+    for i in range(starts.shape[0]):
         start = (starts[i, 0], starts[i, 1], starts[i, 2])
         end = (ends[i, 0], ends[i, 1], ends[i, 2])
         trace(start, end, returned[i], window, scores, touched)
@@ -198,23 +197,19 @@ def trace_all(
 def update_blocks(
     slots: NDArray[np.int64],  # (k,) -1: there was no room
     indices: NDArray[np.int64],  # (k,) index of each block in the window
-    part: tuple[int, int],
-    scores: NDArray[np.uint16],  # (threads, cells) zero after
+    scores: NDArray[np.uint16],  # (cells,) zero after
     layers: TsdfLayers,  # in, out
     changes: NDArray[np.uint8],  # (k,) out: flags
     updated: NDArray[np.int64],  # (k,) out: number of cells
 ) -> None:
     """Average the distances of a sweep into the cells (Curless & Levoy 1996, eq. 3 and 4)."""
     distances, weights, fresh = layers
-    for i in range(part[0], part[1]):
+    for i in range(slots.shape[0]):
         slot = slots[i]
         for cell in range(1 << CELLS_BITS):
-            # The highest score that any thread gave the cell.
             at = (indices[i] << CELLS_BITS) + cell
-            score = 0
-            for thread in range(scores.shape[0]):
-                score = max(score, int(scores[thread, at]))
-                scores[thread, at] = 0
+            score = int(scores[at])
+            scores[at] = 0
             distance = distance_of(score)
             weight = weight_of(distance)
             if score == 0 or slot < 0 or weight == 0:

@@ -79,26 +79,22 @@ class UpdateTime(NamedTuple):
 
 
 @kernel
-def gather(
+def find_touched(
     hits: NDArray[np.uint64],  # (nx * ny * words,)
-    misses: NDArray[np.uint64],  # (threads, nx * ny * words) all but the first zero after
+    misses: NDArray[np.uint64],  # (nx * ny * words,)
     shape: tuple[int, int, int],  # (nx, ny, words)
-    rows: tuple[int, int],  # first and one past the last row of bricks along x
     touched: NDArray[np.bool_],  # (nx / 16, ny / 16, words) out
 ) -> None:
-    """Merge the marks of all threads into the first one's, and find the bricks that have any."""
-    _, ny, words = shape
-    for x in range(rows[0] * EDGE, rows[1] * EDGE):
+    """Find the bricks that have any marks."""
+    nx, ny, words = shape
+    for x in range(nx):
         for block in range(ny // EDGE):
             for word in range(words):
                 base = np.uint64((x * ny + block * EDGE) * words + word)
                 found = np.uint64(0)
                 for y in range(EDGE):
                     at = base + np.uint64(y * words)
-                    for thread in range(1, misses.shape[0]):
-                        misses[0, at] |= misses[thread, at]
-                        misses[thread, at] = 0
-                    found |= hits[at] | misses[0, at]
+                    found |= hits[at] | misses[at]
                 if found != 0:
                     touched[x >> EDGE_BITS, block, word] = True
 
@@ -206,7 +202,6 @@ def update_column(
 def update_bricks(
     slots: NDArray[np.int64],  # (k,) -1: there was no room
     offsets: NDArray[np.int64],  # (k,) first word of each brick in the window
-    part: tuple[int, int],  # first and one past the last of them to update
     marks: WindowMarks,  # zero after
     steps: LogOddsSteps,
     bricks: BrickArrays,  # in, out
@@ -217,7 +212,7 @@ def update_bricks(
     cells, eights, fresh, settled, observed_ns, _, dues, stamps, dirty = bricks
     time_ns, stamp, due = now
     updated = int(np.int64(0))
-    for i in range(part[0], part[1]):
+    for i in range(slots.shape[0]):
         slot = slots[i]
         flags = 0
         for column in range(COLUMNS):
@@ -256,7 +251,6 @@ def update_bricks(
 @kernel
 def digest_bricks(
     slots: NDArray[np.int64],  # (k,)
-    part: tuple[int, int],
     eights: NDArray[np.uint64],  # (slots, n, 8)
     lanes: NDArray[np.uint64],  # (k, 8) out
     held: NDArray[np.bool_],  # (k,) out: whether any cell is not 0
@@ -266,7 +260,7 @@ def digest_bricks(
     A lane is a chain of steps that lose nothing, so contents that differ in one word never share
     their digests; others do by a chance of 2^-64 a lane.
     """
-    for i in range(part[0], part[1]):
+    for i in range(slots.shape[0]):
         slot = slots[i]
         any_bit = np.uint64(0)
         for k in range(8):

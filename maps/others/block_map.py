@@ -15,7 +15,6 @@ from wayproof.maps.grid import cells_at
 from wayproof.maps.kernels import blocks as kernels
 from wayproof.maps.kernels import decay
 from wayproof.maps.others.blocks import Blocks
-from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.sweep import Ranges, Sweep, SweepStatistics, check_time, prepare_sweep
@@ -43,7 +42,6 @@ class BlockMap(Representation):
     def __init__(
         self,
         config: MapConfig,
-        threads: int,
         low: ArrayLike | None,
         high: ArrayLike | None,
         shape: tuple[int, int, int],
@@ -53,7 +51,6 @@ class BlockMap(Representation):
         refuse_unsupported(type(self), config)
         self.config = config
         self.resolution = config.resolution
-        self._team = ThreadTeam(threads)
         self._region = _box_of(region_of_interest(low, high, config.resolution))
         self._blocks = Blocks(config.memory_mib, shape, {**layers, "fresh": np.bool_})
         self._losses = decay_per_tick(config)
@@ -128,7 +125,7 @@ class BlockMap(Representation):
 
     def version(self) -> str:
         """Return the digest of content and tick, 32 hex digits: equal content, equal version."""
-        total = self._blocks.digest_layers(self.content, self._team)
+        total = self._blocks.digest_layers(self.content)
         ticks = self._ticks if self.config.half_life > 0.0 and total else 0
         head = struct.pack("<dq", self.resolution, ticks) + self._units()
         return hashlib.blake2b(head + total.to_bytes(16, "little"), digest_size=16).hexdigest()
@@ -170,11 +167,7 @@ class BlockMap(Representation):
         evidence, fresh = blocks.layers[self.evidence], blocks.layers["fresh"]
         changed, forgotten, alive = (np.zeros(len(live), np.bool_) for _ in range(3))
         faded = kernels.FadedBlocks(changed, forgotten, alive)
-
-        def fade(_: int, part: tuple[int, int]) -> None:
-            kernels.fade_blocks(live, part, rest, spared, evidence, fresh, faded)
-
-        self._team.parallel_for(fade, len(live), parts_per_thread=1)
+        kernels.fade_blocks(live, rest, spared, evidence, fresh, faded)
         self._stamp += 1
         blocks.dirty[live[changed]] = True
         blocks.stamps[live[forgotten]] = self._stamp

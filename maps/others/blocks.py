@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from wayproof.maps.kernels import update as kernels
-from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.store.slot_pool import EVERYWHERE, MEBIBYTE, Layer, SlotPool
 
 HEAD_BYTES = 128
@@ -48,19 +47,15 @@ class Blocks(SlotPool):
             return EVERYWHERE.copy()
         return np.hstack([keys * self.shape, (keys + 1) * self.shape])
 
-    def digest_layers(self, names: tuple[str, ...], team: ThreadTeam) -> int:
+    def digest_layers(self, names: tuple[str, ...]) -> int:
         """Return the digest of some layers of all blocks."""
 
         def contents(slots: NDArray[np.int64]) -> Iterator[bytes]:
             lanes = np.empty((len(names), len(slots), 8), np.uint64)
             known = np.empty((len(names), len(slots)), np.bool_)
             words = [self.layers[n].view(np.uint64).reshape(len(self.keys), -1, 8) for n in names]
-
-            def digest(_: int, part: tuple[int, int]) -> None:
-                for layer, sums, any_known in zip(words, lanes, known, strict=True):
-                    kernels.digest_bricks(slots, part, layer, sums, any_known)
-
-            team.parallel_for(digest, len(slots), parts_per_thread=1)
+            for layer, sums, any_known in zip(words, lanes, known, strict=True):
+                kernels.digest_bricks(slots, layer, sums, any_known)
             for i, key in enumerate(self.keys[slots].tolist()):
                 content = struct.pack("<3q", *key) + lanes[:, i].astype("<u8").tobytes()
                 yield content if known[:, i].any() else b""

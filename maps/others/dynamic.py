@@ -97,12 +97,11 @@ class DynamicMap(VoxelMap):
     def __init__(
         self,
         config: MapConfig,
-        threads: int = 1,
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
         """Make an unknown map, as `Representation` says."""
-        super().__init__(config, threads, low, high)
+        super().__init__(config, low, high)
         self._ever_free = EverFreeSpace()
         self._traffic = Traffic(config.resolution, round(config.dynamic.prediction_horizon * 1e9))
         none = np.empty(0, np.int64)

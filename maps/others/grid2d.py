@@ -47,12 +47,11 @@ class Grid2D(BlockMap):
     def __init__(
         self,
         config: MapConfig,
-        threads: int = 1,
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
         """Make an unknown map, as `Representation` says; of a region of interest x and y count."""
-        super().__init__(config, threads, low, high, (TILE, TILE, 1), {"log_odds": np.int8})
+        super().__init__(config, low, high, (TILE, TILE, 1), {"log_odds": np.int8})
         self.units = LogOddsModel.from_config(config)
         scale = beams.SUBCELLS / config.resolution
         bottom, top = (
@@ -83,8 +82,8 @@ class Grid2D(BlockMap):
         tile, marks, inside = self._open(low, low + columns.shape)
         (x0, y0), (x1, y1) = inside
         (i0, j0), (i1, j1) = inside + tile * TILE - low
-        marks[0, x0:x1, y0:y1] = kernels.CROSSED * columns[i0:i1, j0:j1]
-        self._update(tile, marks[0], True, time_ns)
+        marks[x0:x1, y0:y1] = kernels.CROSSED * columns[i0:i1, j0:j1]
+        self._update(tile, marks, True, time_ns)
 
     def probability_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the probability that something stands in the columns of points (n, 3): (n,).
@@ -125,14 +124,9 @@ class Grid2D(BlockMap):
         self.advance(time_ns)
         shift = np.array([*(tile * TILE), 0]) << beams.SUBCELL_BITS
         first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
-
-        def trace(worker: int, part: tuple[int, int]) -> None:
-            kernels.trace_all(first, last, ends.returned, part, self._band, inside, marks[worker])
-
-        self._team.parallel_for(trace, len(starts))
-        merged: NDArray[np.uint8] = np.bitwise_or.reduce(marks)
-        self._update(tile, merged, False, time_ns)
-        return int(np.count_nonzero(merged))
+        kernels.trace_all(first, last, ends.returned, self._band, inside, marks)
+        self._update(tile, marks, False, time_ns)
+        return int(np.count_nonzero(marks))
 
     def _units(self) -> bytes:
         return b"grid2d" + struct.pack("<3q", self.units.units, *self._band)
@@ -178,7 +172,7 @@ class Grid2D(BlockMap):
         """Return a window of whole tiles around a rectangle of cells.
 
         Returns:
-            Its first tile (2,), empty marks (threads, nx, ny), and the part of the rectangle that
+            Its first tile (2,), empty marks (nx, ny), and the part of the rectangle that
             lies in the region of interest, (2, 2) counted from the window's corner.
         """
         if self._region is not None:
@@ -192,7 +186,7 @@ class Grid2D(BlockMap):
                 f"beams: got {nx * ny} cells of floor around them, "
                 f"expected at most {MAX_WINDOW_CELLS}: a shorter range or coarser cells"
             )
-        marks = np.zeros((self._team.size, nx, ny), np.uint8)
+        marks = np.zeros((nx, ny), np.uint8)
         return tile, marks, np.stack([first, end]) - tile * TILE
 
     def _update(

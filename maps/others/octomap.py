@@ -57,11 +57,10 @@ class OctoMap(Representation):
     def __init__(
         self,
         config: MapConfig,
-        threads: int = 1,
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
-        """Make an unknown map of all that beams reach: threads and the corners are ignored.
+        """Make an unknown map of all that beams reach: the corners are ignored.
 
         Raises:
             ValueError: pyoctomap is not installed, or the half-life is not 0: OctoMap has no decay.

@@ -47,14 +47,13 @@ class TsdfMap(BlockMap):
     def __init__(
         self,
         config: MapConfig,
-        threads: int = 1,
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
         """Make an unknown map, as `Representation` says."""
         layers = {"distance": np.int16, "weight": np.int8}
-        super().__init__(config, threads, low, high, (kernels.EDGE,) * 3, layers)
-        self._scores = np.zeros((threads, 0), np.uint16)
+        super().__init__(config, low, high, (kernels.EDGE,) * 3, layers)
+        self._scores = np.zeros(0, np.uint16)
 
     def mark(self, cells: CellMask, state: int, time_ns: int) -> None:
         """Average the truncation into cells that are not occupied, or 0 into those not free.
@@ -76,7 +75,7 @@ class TsdfMap(BlockMap):
         block = np.ravel_multi_index(tuple((marked // kernels.EDGE - corner).T), blocks)
         place = np.ravel_multi_index(tuple((marked % kernels.EDGE).T), (kernels.EDGE,) * 3)
         score = kernels.score_of(kernels.TRUNCATION if state == FREE else 0)
-        self._scores[0][(block << kernels.CELLS_BITS) + place] = score
+        self._scores[(block << kernels.CELLS_BITS) + place] = score
         touched = np.zeros(int(np.prod(blocks)), np.bool_)
         touched[block] = True
         self._update(corner, blocks, touched, time_ns)
@@ -135,21 +134,15 @@ class TsdfMap(BlockMap):
         box = self._clip(cells.min(axis=0) - reach, cells.max(axis=0) + reach + 1)
         corner, shape = self._open(box)
         self.advance(time_ns)
-        touched = np.zeros((self._team.size, int(np.prod(shape))), np.bool_)
+        touched = np.zeros(int(np.prod(shape)), np.bool_)
         low = corner * kernels.EDGE  # cells
         guarded = self.config.floor_grazing_filter
         guard = FLOOR_LAYER - int(low[2]) if guarded else NO_GUARD
         shift = low << beams.SUBCELL_BITS
         first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
         window = kernels.TraceWindow(shape, np.stack(box) - low, guard)
-
-        def trace(worker: int, part: tuple[int, int]) -> None:
-            kernels.trace_all(
-                first, last, ends.returned, part, window, self._scores[worker], touched[worker]
-            )
-
-        self._team.parallel_for(trace, len(starts))
-        return self._update(corner, shape, np.bitwise_or.reduce(touched), time_ns)
+        kernels.trace_all(first, last, ends.returned, window, self._scores, touched)
+        return self._update(corner, shape, touched, time_ns)
 
     def _units(self) -> bytes:
         return b"tsdf" + struct.pack("<2q", kernels.UNITS, kernels.FULL_WEIGHT)
@@ -200,8 +193,8 @@ class TsdfMap(BlockMap):
                 f"beams: got {cells} cells around them, expected at most {MAX_WINDOW_CELLS}: "
                 "a shorter range or coarser cells"
             )
-        if self._scores.shape[1] < cells:
-            self._scores = np.zeros((self._team.size, cells), np.uint16)
+        if len(self._scores) < cells:
+            self._scores = np.zeros(cells, np.uint16)
         return corner, (nx, ny, nz)
 
     def _update(
@@ -219,11 +212,7 @@ class TsdfMap(BlockMap):
         slots = blocks.reserve(keys, self._stamp).slots
         changes, updated = np.zeros(len(places), np.uint8), np.zeros(len(places), np.int64)
         layers = self._layers()
-
-        def update(_: int, part: tuple[int, int]) -> None:
-            kernels.update_blocks(slots, places, part, self._scores, layers, changes, updated)
-
-        self._team.parallel_for(update, len(places), parts_per_thread=1)
+        kernels.update_blocks(slots, places, self._scores, layers, changes, updated)
         known = slots >= 0
         held = slots[known]
         blocks.observed_ns[held] = np.maximum(blocks.observed_ns[held], time_ns)

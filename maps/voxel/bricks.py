@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from wayproof.maps.kernels import bricks as kernels
 from wayproof.maps.kernels import update
 from wayproof.maps.kernels.decay import NEVER
-from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.store.slot_pool import EVERYWHERE, MEBIBYTE, Layer, SlotPool
 from wayproof.maps.voxel.brick_index import brick_boxes
@@ -20,13 +19,7 @@ BYTES_IN_BRICK = kernels.COLUMNS * kernels.HEIGHT * 5 // 4 + 80
 
 READY = 1024
 """Bricks whose memory is committed before the first sweep: 100,000 rays at 5 cm meet some 850 at
-once. To commit it page by page took 8 of the 14 to 17 ms of a first sweep, on two threads."""
-
-DIGEST_US = 2.0
-"""About, to hash a brick, microseconds."""
-
-WRITE_US = 4.0
-"""About, to write the columns of a brick, microseconds."""
+once. To commit it page by page takes half the time of a first sweep."""
 
 RECORD = np.dtype([("key", "<i4", 3), ("ticks", "<i8"), ("lanes", "<u8", 8)])  # without gaps
 """Content of a brick that its digest hashes."""
@@ -100,7 +93,6 @@ class Bricks(SlotPool):
         boxes: NDArray[np.int64],
         occupied: NDArray[np.uint64],
         free: NDArray[np.uint64],
-        team: ThreadTeam,
     ) -> None:
         """Write the states of a window of cells where they lie in boxes (k, 6) of cells.
 
@@ -109,7 +101,6 @@ class Bricks(SlotPool):
             boxes: (k, 6) cells; whole columns of bricks above and below are written.
             occupied: (nx, ny, words) bits, in and out.
             free: (nx, ny, words) bits, in and out.
-            team: Threads that share the work.
         """
         (x, y, _), (nx, ny, _) = low_cell, occupied.shape
         size = [
@@ -118,20 +109,9 @@ class Bricks(SlotPool):
         ]
         touched, blocks = np.zeros(size, np.bool_), np.empty((math.prod(size), 2), np.int64)
         count = kernels.list_blocks(boxes, low_cell, (nx, ny), touched, blocks)
-
-        def write(_: int, part: tuple[int, int]) -> None:
-            kernels.rewrite_columns(
-                self.directory,
-                self.eights,
-                self.settled,
-                blocks,
-                part,
-                low_cell,
-                occupied,
-                free,
-            )
-
-        team.parallel_for(write, count, 3, WRITE_US)
+        kernels.rewrite_columns(
+            self.directory, self.eights, self.settled, blocks[:count], low_cell, occupied, free
+        )
 
     def cast_ray(
         self,
@@ -168,16 +148,12 @@ class Bricks(SlotPool):
         keys = self.changed(since)
         return EVERYWHERE.copy() if keys is None else brick_boxes(keys)
 
-    def digest_cells(self, team: ThreadTeam) -> int:
+    def digest_cells(self) -> int:
         """Return the digest of the log-odds of all bricks and of the ticks that each has seen."""
 
         def contents(slots: NDArray[np.int64]) -> Iterator[bytes]:
             lanes, known = np.empty((len(slots), 8), np.uint64), np.empty(len(slots), np.bool_)
-
-            def digest(_: int, part: tuple[int, int]) -> None:
-                update.digest_bricks(slots, part, self.eights, lanes, known)
-
-            team.parallel_for(digest, len(slots), 1, DIGEST_US)
+            update.digest_bricks(slots, self.eights, lanes, known)
             records = np.empty(len(slots), RECORD)
             records["key"], records["ticks"] = self.keys[slots], self.ticks[slots]
             records["lanes"] = lanes

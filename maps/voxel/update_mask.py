@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +14,9 @@ from wayproof.maps.grid import FLOOR_LAYER
 from wayproof.maps.kernels import beam_targets, beams, bricks, carve, update
 from wayproof.maps.kernels.beam_columns import MAX_STEPS
 from wayproof.maps.kernels.early_stop import SLOPES
-from wayproof.maps.kernels.work_queue import new_queue
-from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.sweep import Sweep
 from wayproof.maps.voxel.frame import Frame, cell_of
-from wayproof.maps.voxel.sweep_endpoints import END_US, EndpointFinder, SweepEndpoints
-
-TARGET_US, WORD_US = 0.3, 0.001
-"""About: to carve a target, to gather a word."""
+from wayproof.maps.voxel.sweep_endpoints import EndpointFinder, SweepEndpoints
 
 SPREAD = np.argsort(
     [0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64],
@@ -63,39 +57,19 @@ Guard = Literal["floor", "own", "none"]
 """Layer that is spared by beams that graze a surface from above."""
 
 
-class _TargetWedges(NamedTuple):
-    """Cells that the beams of a sweep have to be traced to, in wedges about the sensor.
-
-    Attributes:
-        targets: Number of cells.
-        wedges: (w, 3) first and one past the last of the ordered targets of each, and its sensor.
-    """
-
-    targets: int
-    wedges: NDArray[np.int64]
-
-
 class SweepRasterizer:
-    """A dense window of columns that follows the sensor; its memory is used again.
+    """A dense window of columns that follows the sensor; its memory is used again."""
 
-    Each thread carves its own share of the beams into its own mask. These are merged by OR, which
-    does not depend on the order: the marks are the same for any number of threads.
-    """
-
-    def __init__(self, team: ThreadTeam, bounds: NDArray[np.int64] | None = None) -> None:
+    def __init__(self, bounds: NDArray[np.int64] | None = None) -> None:
         """Make a rasterizer without extent.
 
         Args:
-            team: Threads that share the work.
             bounds: (2, 3) least and greatest cell that may be marked; None for no bounds.
         """
-        self._team = team
         self._bounds = bounds
-        self._hits = np.zeros(0, np.uint64)
-        self._aims, self._grazes = np.zeros((2, 0), np.uint64)
+        self._hits, self._misses, self._aims, self._grazes = np.zeros((4, 0), np.uint64)
         self._flags = np.zeros(0, np.uint8)
-        self._finder = EndpointFinder(team, bounds)
-        self._misses = np.zeros((team.size, 0), np.uint64)
+        self._finder = EndpointFinder(bounds)
         self._targets = _new_targets(0)
         self._columns, self._order = np.empty((2, 0), np.int32)
 
@@ -144,71 +118,54 @@ class SweepRasterizer:
 
     def _mark_ends(
         self, endpoints: SweepEndpoints, sensors: NDArray[np.int64], window: beam_targets.Window
-    ) -> _TargetWedges:
-        """Mark the cells that beams hit, and list the cells that they have to be traced to.
+    ) -> NDArray[np.int64]:
+        """Mark the cells that beams hit, and order the cells that they have to be traced to.
 
         Args:
             endpoints: Endpoints of the beams.
             sensors: (m, 3) positions of the sensor, 1/1024 of a cell from the corner of the window.
             window: Window that is marked.
+
+        Returns:
+            (w, 3) wedges about the sensor: first and one past the last of the ordered targets of
+            each, and its sensor.
         """
-        most = [sum(end - begin for begin, end in parts) for parts in endpoints.parts]
-        edges = [0, *itertools.accumulate(most)]  # of the targets of each stripe
-        parts = np.array(endpoints.parts)  # (stripes, p, 2)
-        if len(self._order) < edges[-1]:  # new memory would be cleared anew by the system
-            self._targets = _new_targets(edges[-1])
-            self._columns, self._order = np.empty((2, edges[-1]), np.int32)
-        targets = self._targets
-        groups = np.empty((len(most), len(sensors) + 1), np.int64)
-
-        def list_targets(_: int, stripes: tuple[int, int]) -> None:
-            for k in range(*stripes):
-                own = slice(edges[k], edges[k + 1])
-                beam_targets.list_targets(
-                    endpoints.ends,
-                    parts[k],
-                    sensors,
-                    window,
-                    SPREAD,
-                    beam_targets.EndMasks(
-                        self._hits, self._aims, self._grazes, self._flags, self._columns[own]
-                    ),
-                    beam_targets.Targets(targets.words[own], targets.bits[own], targets.ranks[own]),
-                    groups[k],
-                )
-
-        self._team.parallel_for(list_targets, len(most), 1, END_US * edges[-1] / len(most))
-        count = int(groups[:, -1].sum())
-        wedges = np.empty((min(count, beam_targets.WEDGES * len(sensors)), 3), np.int64)
-        starts, firsts = np.empty(beam_targets.SECTORS + 1, np.int64), np.array(edges[:-1])
-        used = beam_targets.order_targets(
-            targets.ranks, firsts, groups, starts, self._order, wedges
+        most = len(endpoints.ends)
+        if len(self._order) < most:  # new memory would be cleared anew by the system
+            self._targets = _new_targets(most)
+            self._columns, self._order = np.empty((2, most), np.int32)
+        groups = np.empty(len(sensors) + 1, np.int64)
+        beam_targets.list_targets(
+            endpoints.ends,
+            sensors,
+            window,
+            SPREAD,
+            beam_targets.EndMasks(self._hits, self._aims, self._grazes, self._flags, self._columns),
+            self._targets,
+            groups,
         )
-        return _TargetWedges(count, wedges[:used])
+        count = min(int(groups[-1]), beam_targets.WEDGES * len(sensors))
+        wedges = np.empty((count, 3), np.int64)
+        starts = np.empty(beam_targets.SECTORS + 1, np.int64)
+        used = beam_targets.order_targets(self._targets.ranks, groups, starts, self._order, wedges)
+        return wedges[:used]
 
     def _carve(
-        self, targeted: _TargetWedges, sensors: NDArray[np.int64], window: beam_targets.Window
+        self, wedges: NDArray[np.int64], sensors: NDArray[np.int64], window: beam_targets.Window
     ) -> None:
-        """Mark the cells that the beams cross on their way, wedge by wedge, on all threads."""
-        targets, order, words = self._targets, self._order, window.shape[2]
-        queue = new_queue()
-
-        def work(worker: int) -> None:
-            # An array made in a kernel takes longer to compile than the kernel's own arithmetic.
-            steps = MAX_STEPS + 1
-            scratch = carve.CarveScratch(
-                fractions=np.empty(steps, np.int64),
-                columns=np.empty(steps, np.int64),
-                lower=np.empty(steps, np.int64),
-                upper=np.empty(steps, np.int64),
-                marked=np.empty(SLOPES, np.int64),
-                masks=np.empty(steps, np.uint64),
-                runs=np.empty((carve.MAX_RUNS * words, 3), np.int64),
-            )
-            free = self._misses[worker]
-            carve.carve(targets, order, targeted.wedges, queue, sensors, window, scratch, free)
-
-        self._team.run_all(work, TARGET_US * targeted.targets)
+        """Mark the cells that the beams cross on their way, wedge by wedge."""
+        # An array made in a kernel takes longer to compile than the kernel's own arithmetic.
+        steps = MAX_STEPS + 1
+        scratch = carve.CarveScratch(
+            fractions=np.empty(steps, np.int64),
+            columns=np.empty(steps, np.int64),
+            lower=np.empty(steps, np.int64),
+            upper=np.empty(steps, np.int64),
+            marked=np.empty(SLOPES, np.int64),
+            masks=np.empty(steps, np.uint64),
+            runs=np.empty((carve.MAX_RUNS * window.shape[2], 3), np.int64),
+        )
+        carve.carve(self._targets, self._order, wedges, sensors, window, scratch, self._misses)
 
     def fill(self, first: NDArray[np.int64], cells: NDArray[np.bool_], raised: bool) -> UpdateMask:
         """Mark cells of an array (nx, ny, nz), whose least one is `first`, as hit or as free."""
@@ -223,7 +180,7 @@ class SweepRasterizer:
             for a, n in zip(first - frame.corner, cells.shape, strict=True)
         )
         dense[inside] = cells
-        masks = self._hits if raised else self._misses[0]
+        masks = self._hits if raised else self._misses
         masks[: nx * ny * words] = pack(dense).reshape(-1)
         return self._collect(frame)
 
@@ -239,20 +196,17 @@ class SweepRasterizer:
 
     def _reserve(self, columns: int, words: int) -> None:
         if len(self._hits) < columns * words:
-            self._hits, self._aims = (np.zeros(columns * words, np.uint64) for _ in range(2))
-            self._misses = np.zeros((self._team.size, columns * words), np.uint64)
+            self._hits, self._misses, self._aims = (
+                np.zeros(columns * words, np.uint64) for _ in range(3)
+            )
         if len(self._flags) < columns:
             self._flags = np.zeros(columns, np.uint8)
 
     def _collect(self, frame: Frame) -> UpdateMask:
-        """Merge the marks of the threads, and list the bricks that hold any."""
+        """List the bricks that hold any marks."""
         nx, ny, words = shape = frame.shape
         touched = np.zeros((nx // bricks.EDGE, ny // bricks.EDGE, words), np.bool_)
-
-        def gather(_: int, rows: tuple[int, int]) -> None:
-            update.gather(self._hits, self._misses, shape, rows, touched)
-
-        self._team.parallel_for(gather, len(touched), 1, WORD_US * words * ny * bricks.EDGE)
+        update.find_touched(self._hits, self._misses, shape, touched)
         keys, offsets = np.empty((touched.size, 3), np.int32), np.empty(touched.size, np.int64)
         count = update.list_touched(touched, frame.first, keys, offsets)
         return UpdateMask(
@@ -260,7 +214,7 @@ class SweepRasterizer:
             offsets=offsets[:count],
             strides=(ny * words, words),
             hits=self._hits,
-            misses=self._misses[0],
+            misses=self._misses,
         )
 
 

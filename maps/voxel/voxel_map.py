@@ -18,7 +18,6 @@ from wayproof.maps.elementary import norm
 from wayproof.maps.grid import cells_at, finite_vector
 from wayproof.maps.kernels import beams, decay
 from wayproof.maps.kernels import update as updates
-from wayproof.maps.parallel import ThreadTeam
 from wayproof.maps.representation import Representation
 from wayproof.maps.states import FREE, OCCUPIED
 from wayproof.maps.sweep import Ranges, SweepStatistics, prepare_sweep
@@ -27,9 +26,6 @@ from wayproof.maps.voxel.bricks import Bricks
 from wayproof.maps.voxel.frame import cell_bounds
 from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick, states_of
 from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, guard_of
-
-UPDATE_US, FADE_US = 5.0, 9.0
-"""About, to update and to decay a brick, microseconds."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +47,8 @@ class VoxelMap(Representation):
     """Cells over all space, each with the log-odds that it is occupied.
 
     A cell's update is l += logit P(m|z) - l0 with l0 = 0, clamped (Hornung et al. 2013, "OctoMap",
-    eq. 2 and 4), in whole units as integers: the same sweeps give the same map on every machine and
-    for any number of threads. The sign of l is the state. A point lies in the cell
+    eq. 2 and 4), in whole units as integers: the same sweeps give the same map on every machine.
+    The sign of l is the state. A point lies in the cell
     (floor(x / resolution), floor(y / resolution), floor(z / resolution + 0.75)).
 
     Space is without bounds unless a region of interest is given. In it the cells are those of an
@@ -72,7 +68,6 @@ class VoxelMap(Representation):
     def __init__(
         self,
         config: MapConfig,
-        threads: int = 1,
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> None:
@@ -80,22 +75,20 @@ class VoxelMap(Representation):
 
         Args:
             config: The settings.
-            threads: Number of threads that share the work of a sweep.
             low: (3,) least corner of the region of interest, m, world; None for all space.
             high: (3,) greatest corner, m, world. The region is the least box of cells that covers
                 both. Beams update only the cells in it; outside, all stays unknown, which
                 saves time and memory.
 
         Raises:
-            ValueError: Not 1 to 64 threads, only one corner, or a region that is empty, not finite
-                or of more cells than a costmap may have.
+            ValueError: Only one corner, or a region that is empty, not finite or of more cells than
+                a costmap may have.
         """
         self.config = config
         self.resolution = config.resolution
         self.evidence = LogOddsModel.from_config(config)
-        self._team = ThreadTeam(threads)
         self._rasterizer = SweepRasterizer(
-            self._team, cell_bounds(region_of_interest(low, high, config.resolution))
+            cell_bounds(region_of_interest(low, high, config.resolution))
         )
         self._bricks = Bricks(config.memory_mib)
         self._losses = decay_per_tick(config)
@@ -281,7 +274,7 @@ class VoxelMap(Representation):
             occupied: (nx, ny, words) bits as `columns` returned them before; brought up to date.
             free: (nx, ny, words) likewise.
         """
-        self._bricks.rewrite_columns(low_cell, boxes, occupied, free, self._team)
+        self._bricks.rewrite_columns(low_cell, boxes, occupied, free)
 
     def changed(self, since: int) -> tuple[NDArray[np.int64], int]:
         """Return where states changed since an earlier call.
@@ -342,7 +335,7 @@ class VoxelMap(Representation):
         It covers each brick as the last update or change of a state left it, and at which tick; the
         decay since then follows from the number of ticks, which is covered as well.
         """
-        total = self._bricks.digest_cells(self._team)
+        total = self._bricks.digest_cells()
         ticks = self._ticks if self.config.half_life > 0.0 and total else 0
         head = struct.pack("<dqq", self.resolution, self.evidence.units, ticks)
         whole = hashlib.blake2b(head + total.to_bytes(16, "little"), digest_size=16)
@@ -364,7 +357,6 @@ class VoxelMap(Representation):
     def load(
         cls,
         path: str | PathLike[str],
-        threads: int = 1,
         low: ArrayLike | None = None,
         high: ArrayLike | None = None,
     ) -> Self:
@@ -372,18 +364,17 @@ class VoxelMap(Representation):
 
         Args:
             path: Path of the file.
-            threads: Number of threads that share the work of a sweep.
             low: (3,) least corner of the region in which sweeps to come are looked at, m, world;
                 None for all space. The content of the file is kept wherever it lies.
             high: (3,) greatest corner, m, world.
 
         Raises:
-            ValueError: The file is not such a one, or was cut or changed; threads or region as of
-                a new map.
+            ValueError: The file is not such a one, or was cut or changed; a region as of a new
+                map.
             OSError: The file cannot be read.
         """
         config, content = storage.read(path)
-        loaded = cls(config, threads, low, high)
+        loaded = cls(config, low, high)
         loaded.restore(content)
         return loaded
 
@@ -428,24 +419,16 @@ class VoxelMap(Representation):
 
     def _apply(self, mask: UpdateMask, time_ns: int) -> int:
         """Update the marked cells; return their number."""
-        bricks, count = self._bricks, len(mask.bricks)
+        bricks = self._bricks
         self._stamp += 1
         slots = bricks.obtain(mask.bricks, self._ticks, self._stamp)
         self._fade(slots[slots >= 0], to_now=True)
         due = self._ticks + 1 if self.config.half_life > 0.0 else decay.NEVER
-        updated: list[int] = []
-
         marks = updates.WindowMarks(mask.strides, mask.hits, mask.misses)
         now = updates.UpdateTime(time_ns, self._stamp, due)
-
-        def update(_: int, part: tuple[int, int]) -> None:
-            cells = updates.update_bricks(
-                slots, mask.offsets, part, marks, self.evidence.steps, bricks.arrays, now
-            )
-            updated.append(cells)
-
-        self._team.parallel_for(update, count, 2, UPDATE_US)
-        return sum(updated)
+        return updates.update_bricks(
+            slots, mask.offsets, marks, self.evidence.steps, bricks.arrays, now
+        )
 
     def _fade(self, slots: NDArray[np.int64], to_now: bool) -> None:
         """Bring bricks up to date with the ticks, and give up those that are all unknown."""
@@ -455,21 +438,14 @@ class VoxelMap(Representation):
             return
         turned, alive = (np.zeros(len(behind), np.bool_) for _ in range(2))
         faded = decay.FadedBricks(turned, alive)
-
-        def fade(_: int, part: tuple[int, int]) -> None:
-            eights = np.empty(8, np.uint64)
-            scratch = decay.FadeScratch(
-                steps=np.empty(decay.MAGNITUDES, np.uint8),
-                magnitudes=np.empty(64, np.uint8),
-                losses=eights.view(np.uint8),
-                loss_words=eights,
-            )
-            ticks = self._ticks
-            decay.fade_bricks(
-                behind, part, ticks, to_now, bricks.arrays, self._losses, faded, scratch
-            )
-
-        self._team.parallel_for(fade, len(behind), 2, FADE_US)
+        eights = np.empty(8, np.uint64)
+        scratch = decay.FadeScratch(
+            steps=np.empty(decay.MAGNITUDES, np.uint8),
+            magnitudes=np.empty(64, np.uint8),
+            losses=eights.view(np.uint8),
+            loss_words=eights,
+        )
+        decay.fade_bricks(behind, self._ticks, to_now, bricks.arrays, self._losses, faded, scratch)
         bricks.dirty[behind] = True
         bricks.stamps[behind[turned]] = self._stamp
         if not to_now:

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +15,6 @@ from wayproof.models.rays.surfaces import Surfaces
 from wayproof.models.rays.tile_kernels import cast_blocks
 from wayproof.models.rays.tiles import cut_scattered
 
-PARTS_PER_THREAD = 8
-"""Parts into which the tiles that meet triangles are cut, per thread: those that look at the sky
-take a tenth of the time of those that look at the ground."""
-
-TILES_PER_PART = 32
-"""Minimum number of tiles of a part: to start one takes as long as two or three tiles."""
-
 
 class TileCaster:
     """Caster of patterns of beams against a model's primitives, meshes and height fields.
@@ -37,38 +26,26 @@ class TileCaster:
     tangentially, and slanted ones along the seams or the border of a height field. Where two geoms
     are met at one distance, either id may be returned.
 
-    Beams start anywhere, inside geoms too. The same inputs give the same bits, on any number of
-    threads.
+    Beams start anywhere, inside geoms too. The same inputs give the same bits.
     """
 
-    def __init__(
-        self,
-        model: mujoco.MjModel,
-        group_mask: NDArray[np.uint8],
-        range: float,
-        threads: int = 1,
-    ) -> None:
+    def __init__(self, model: mujoco.MjModel, group_mask: NDArray[np.uint8], range: float) -> None:
         """Build the tables of geoms once.
 
         Args:
             model: Its static geoms and its heights must stay as they are.
             group_mask: (6,) non-zero for each geom group that beams meet.
             range: Longest distance of a hit, m.
-            threads: Number of threads that a sweep is cast on.
 
         Raises:
             ValueError: A ray-visible geom is an SDF, which only MuJoCo's caster can do; the range
-                is not finite and positive; there is no thread.
+                is not finite and positive.
         """
         if not 0.0 < range < np.inf:
             raise ValueError(f"range: got {range:g}, expected a finite length > 0 m")
-        if threads < 1:
-            raise ValueError(f"threads: got {threads}, expected at least 1")
         self._geometry = Geometry(model, group_mask)
         self._surfaces = Surfaces(model, group_mask)
         self._range = float(range)
-        self._threads = threads
-        self._pool = ThreadPoolExecutor(threads - 1, "rays") if threads > 1 else None
         if len(self._surfaces):
             self._cast_once(model)
 
@@ -146,40 +123,11 @@ class TileCaster:
         aimed = Beams(pattern.beams, pattern.places, pattern.pose_indices, origins, rotations)
         hits = SurfaceHits(distance, geom_id, face)
 
-        def meet_primitives(share: int) -> None:
-            # Neighbouring blocks take about as long, so each thread gets every n-th one.
-            room = _room(pattern, geoms)
-            cast_blocks(share, self._threads, pattern, geoms, sweep, room, distance, geom_id)
-
-        edges = _parts(len(pattern.tile_starts) - 1, self._threads)
-        queue = itertools.count()
-
-        def meet_surfaces(_: int) -> None:
-            while (part := next(queue)) < len(edges) - 1:
-                starts = pattern.tile_starts[edges[part] : edges[part + 1] + 1]
-                surfaces.meet(starts, aimed, self._range, hits)
-
         if len(geoms.ids):
-            self._share(meet_primitives)
-        if len(surfaces):
-            self._share(meet_surfaces)
+            room = _room(pattern, geoms)
+            cast_blocks(pattern, geoms, sweep, room, distance, geom_id)
+        surfaces.meet(pattern.tile_starts, aimed, self._range, hits)
         return distance, geom_id, face
-
-    def _share(self, work: Callable[[int], None]) -> None:
-        """Run `work` once for each thread, given the thread's number."""
-        others = []
-        if self._pool is not None:
-            others = [self._pool.submit(work, share) for share in range(1, self._threads)]
-        work(0)
-        for other in others:
-            other.result()
-
-
-def _parts(tiles: int, threads: int) -> list[int]:
-    """Return the first tiles of the parts that threads take in turn, and the number of tiles."""
-    parts = min(threads * PARTS_PER_THREAD, tiles // TILES_PER_PART) if threads > 1 else 1
-    parts = max(parts, 1)
-    return [tiles * part // parts for part in range(parts + 1)]
 
 
 def _poses(

@@ -93,7 +93,7 @@ class Sweep(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Scratch arrays of one thread, for tiles of up to w beams against g geoms.
+    """Scratch arrays for tiles of up to w beams against g geoms.
 
     Attributes:
         v: (3, w) directions in the world.

@@ -71,12 +71,10 @@ class Surfaces:
         range: float,
         hits: SurfaceHits,
     ) -> None:
-        """Keep the nearer hits of some tiles of a sweep; of equal ones the lower geom id's.
-
-        Tiles write to places of their own, so that threads may share a sweep.
+        """Keep the nearer hits of a sweep; of equal ones the lower geom id's.
 
         Args:
-            starts: (t + 1,) first beam of each of these tiles, and one past the last beam.
+            starts: (t + 1,) first beam of each tile, and one past the last beam.
             beams: Beams of the sweep.
             range: Longest distance of a hit, m; finite.
             hits: Hits so far; nearer ones are written over them.

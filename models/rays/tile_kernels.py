@@ -222,8 +222,6 @@ def report(
 
 @allocating
 def cast_blocks(
-    first: int,
-    step: int,
     pattern: Pattern,
     geoms: Geoms,
     sweep: Sweep,
@@ -231,18 +229,16 @@ def cast_blocks(
     distance: Array,
     geom_id: NDArray[np.int32],
 ) -> None:
-    """Cast the beams of every `step`-th block of a pattern from block `first` on.
+    """Cast the beams of a pattern, block by block.
 
     Arrays are taken out of the tables once: numba counts references at every taking, and passes
     whole tables by value, which for each tile would take as long as a geom.
 
     Args:
-        first: First block.
-        step: Blocks to the next one.
         pattern: Beams, tiles and blocks.
         geoms: Tables over g geoms.
         sweep: Poses, and views of the geoms.
-        room: Scratch arrays of this thread.
+        room: Scratch arrays.
         distance: (n,) hits are written in the pattern's own order, m; misses are not.
         geom_id: (n,) likewise.
     """
@@ -253,7 +249,7 @@ def cast_blocks(
     rolling = len(origins) > 1
     within = int(np.searchsorted(views[0], limit, "right"))
     up = turns[0, :, 2].copy()
-    for block in range(first, len(block_cones), step):
+    for block in range(len(block_cones)):
         if rolling:  # the sensor turns, so tiles and blocks change their shapes
             start, stop = tile_starts[block_starts[block]], tile_starts[block_starts[block + 1]]
             aim_rolling(start, stop, sensor_beams, pose_indices, turns, beams)

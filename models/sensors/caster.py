@@ -42,7 +42,6 @@ class SweepCaster:
         base: int,
         prefix: str,
         config: SensorConfig,
-        threads: int = 1,
     ) -> None:
         """Build the tables once.
 
@@ -52,7 +51,6 @@ class SweepCaster:
             base: Body id of the robot's base, which carries the site.
             prefix: Prefix of every name of the robot in the model.
             config: Ray engine.
-            threads: Number of threads that a sweep is cast on.
 
         Raises:
             KeyError: The model has no such site.
@@ -70,7 +68,7 @@ class SweepCaster:
         groups = np.ones(mujoco.mjNGROUP, np.uint8)
         groups[ROBOT_GROUP] = 0
         reach = _reach(mount.device, self._firing.directions)
-        self._engine = ENGINES[config.engine](model, groups, reach, threads)
+        self._engine = ENGINES[config.engine](model, groups, reach)
 
     def cast(
         self, data: mujoco.MjData, trail: Trail, seed: int, sequence: int
@@ -133,15 +131,14 @@ class RangefinderCaster:
         base: int,
         prefix: str,
         config: SensorConfig,
-        threads: int = 1,
     ) -> None:
-        """Look the sensor up; `config` and `threads` do not concern it.
+        """Look the sensor up; `config` does not concern it.
 
         Raises:
             KeyError: The model has no such sensor.
             ValueError: It does not sit on the base.
         """
-        del config, threads
+        del config
         self.mount = mount
         self.table = mount.device.beam_table()
         self._directions = directions(self.table, 0)  # (1, 3)
@@ -177,7 +174,6 @@ def make_caster(
     base: int,
     prefix: str,
     config: SensorConfig,
-    threads: int = 1,
 ) -> Caster:
     """Return the caster of a mounted device.
 
@@ -186,7 +182,7 @@ def make_caster(
         ValueError: The device is not on the base, or the engine cannot cast the model.
     """
     caster = RangefinderCaster if mount.device.by_mujoco else SweepCaster
-    return caster(model, mount, base, prefix, config, threads)
+    return caster(model, mount, base, prefix, config)
 
 
 def _draws(mount: Mount, seed: int, sequence: int) -> np.random.Generator | None:

@@ -44,16 +44,13 @@ class Firing(NamedTuple):
 class Engine(Protocol):
     """A caster of sweeps against one model's geoms."""
 
-    def __init__(
-        self, model: mujoco.MjModel, groups: NDArray[np.uint8], range: float, threads: int
-    ) -> None:
+    def __init__(self, model: mujoco.MjModel, groups: NDArray[np.uint8], range: float) -> None:
         """Build the tables of geoms once.
 
         Args:
             model: World and robot.
             groups: (6,) non-zero for each geom group that beams meet.
             range: Longest distance of a hit, m.
-            threads: Number of threads that a sweep is cast on.
         """
 
     def cast(
@@ -70,11 +67,9 @@ class Engine(Protocol):
 class TileEngine:
     """Sweeps by Wayproof's own caster."""
 
-    def __init__(
-        self, model: mujoco.MjModel, groups: NDArray[np.uint8], range: float, threads: int
-    ) -> None:
+    def __init__(self, model: mujoco.MjModel, groups: NDArray[np.uint8], range: float) -> None:
         """Build the tables of geoms; see `TileCaster`."""
-        self._caster = TileCaster(model, groups, range, threads)
+        self._caster = TileCaster(model, groups, range)
 
     def cast(
         self,
@@ -91,13 +86,10 @@ class TileEngine:
 
 
 class MujocoEngine:
-    """Sweeps by MuJoCo's own `mj_multiRay`, one call for each scan pose; on one thread."""
+    """Sweeps by MuJoCo's own `mj_multiRay`, one call for each scan pose."""
 
-    def __init__(
-        self, model: mujoco.MjModel, groups: NDArray[np.uint8], range: float, threads: int
-    ) -> None:
+    def __init__(self, model: mujoco.MjModel, groups: NDArray[np.uint8], range: float) -> None:
         """Keep the geom groups (6,) and the range in m."""
-        del threads  # MuJoCo's call takes none
         self._model = model
         self._groups = groups
         self._range = range

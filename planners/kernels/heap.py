@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.planners._jit import allocating, kernel
+from wayproof.maps._jit import allocating, kernel
 
 ONE = np.uint64(1)
 

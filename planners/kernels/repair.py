@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wayproof.planners._jit import allocating
+from wayproof.maps._jit import allocating
 from wayproof.planners.kernels.lattice_cells import (
     CLOSED,
     INVALID,

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from wayproof.planners._jit import kernel
+from wayproof.maps._jit import kernel
 from wayproof.planners.kernels.grid import (
     FARTHEST_CELL,
     OUTSIDE,

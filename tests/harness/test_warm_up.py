@@ -34,8 +34,8 @@ print(run_episode(build(config), Path(path) / "episode.mcap").outcome)
 @pytest.mark.parametrize(
     ("robot", "world", "setting"),
     [
-        ("quadruped", "warehouse", "threads=1"),
-        ("drone", "warehouse", "threads=1"),
+        ("quadruped", "warehouse", "map.kind=voxel"),
+        ("drone", "warehouse", "map.kind=voxel"),
         ("quadruped", "office", "estimate.kind=lidar"),
         ("quadruped", "crossing", "map.kind=dynamic"),
     ],

@@ -23,16 +23,16 @@ LOW, SHAPE = (-34, -34, -34), (78, 78, 78)  # cells around the eye, within the r
 
 KINDS = {**MAPS, "counting": CountingMap, "halving": HalvingMap}
 FADING = sorted(kind for kind in KINDS if KINDS[kind].decays)
-# OctoMap takes no bound on its memory, no region of interest and no threads.
-BOUNDED = TEAMS = sorted(set(KINDS) - {"octomap"})
+# OctoMap takes no bound on its memory and no region of interest.
+BOUNDED = sorted(set(KINDS) - {"octomap"})
 HIGH = sorted(set(KINDS) - {"grid2d"})  # know heights
 
 every_map = pytest.mark.parametrize("kind", sorted(KINDS))
 
 
-def make(kind, threads=1, low=None, high=None, **settings):
+def make(kind, low=None, high=None, **settings):
     config = MapConfig(**({"kind": kind, "half_life": 0.0, "memory_mib": 16} | settings))
-    return KINDS[kind](config, threads, low, high)
+    return KINDS[kind](config, low, high)
 
 
 def look(a_map, *ranges_mm, directions=None, origin=EYE, time_ns=0, limit=3.0, moments=None):
@@ -120,10 +120,8 @@ def test_bad_marks_and_times_are_refused(kind):
     assert a_map.version() == make(kind).version()
 
 
-@pytest.mark.parametrize("kind", TEAMS)
-def test_bad_threads_and_corners_are_refused(kind):
-    with pytest.raises(ValueError, match=r"^threads: got 0, expected 1 to 64$"):
-        make(kind, threads=0)
+@pytest.mark.parametrize("kind", BOUNDED)
+def test_one_corner_is_refused(kind):
     with pytest.raises(ValueError, match=r"^low, high: got .* expected both corners or neither$"):
         make(kind, low=(0.0, 0.0, 0.0))
 
@@ -245,19 +243,18 @@ def test_every_change_is_logged_and_a_costmap_follows(kind, motion):
     assert len(a_map.changed(now)[0]) == 0
 
 
-@pytest.mark.parametrize("kind", TEAMS)
-def test_neither_threads_nor_the_order_of_beams_count(kind):
-    alone, team, shuffled = make(kind), make(kind, threads=3), make(kind)
+@pytest.mark.parametrize("kind", BOUNDED)
+def test_the_order_of_beams_does_not_count(kind):
+    alone, shuffled = make(kind), make(kind)
     for k in range(3):
         ranges_mm, directions = scattered(k)
         order = np.random.default_rng(k).permutation(len(directions))
         statistics = [
             look(alone, *ranges_mm, directions=directions),
-            look(team, *ranges_mm, directions=directions),
             look(shuffled, *ranges_mm[order], directions=directions[order]),
         ]
-        assert statistics[0] == statistics[1] == statistics[2]
-        assert alone.version() == team.version() == shuffled.version()
+        assert statistics[0] == statistics[1]
+        assert alone.version() == shuffled.version()
     assert alone.counts()["occupied"] > 100
 
 

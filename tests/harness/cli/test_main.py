@@ -50,8 +50,11 @@ def test_bad_words(capsys, tmp_path, changes, said):
         (["--set", "map.resolution=fine"], "expected a finite number, such as 0.1"),
         (["--set", "map.resolution=inf"], "expected a finite number, such as 0.1"),
         (["--set", "map.resolution="], "expected a finite number, such as 0.1"),
-        (["--set", "threads=two"], "--set threads=two: expected a whole number, such as 1"),
-        (["--set", "threads=1", "--set", "threads=2"], "--set threads: given twice, "),
+        (
+            ["--set", "map.memory_mib=x"],
+            "--set map.memory_mib=x: expected a whole number, such as 1",
+        ),
+        (["--set", "seed=1", "--set", "seed=2"], "--set seed: given twice, "),
         (["--set", "sensors.lidar=vlp16"], "did you mean 'velodyne-vlp16'?"),
         (["--set", "planner.name=RRTConnect"], "did you mean 'rrtconnect'?"),
         (

@@ -55,9 +55,9 @@ def test_the_first_difference_is_named_value_by_value(recorded, tmp_path, capsys
         ("empty", "drone", 1, "latency.plan=0.5", "latency.deadline=0.1", "episode.time_limit=1"),
     ],
 )
-def test_two_threads_replay_a_log_of_one_thread(recorded, case):
+def test_a_log_replays_bit_by_bit(recorded, case):
     """The last one never decides in time, so what it had in mind stands in no log."""
-    again = replay(Path(recorded(*case).log), threads=2)
+    again = replay(Path(recorded(*case).log))
     assert (again.identical, again.decisions) == (True, recorded(*case).decisions)
 
 

@@ -12,7 +12,7 @@ from wayproof.harness.replay.what_if import what_if
 
 
 def test_what_if_nothing_changes(recorded):
-    answer = what_if(Path(recorded(*SHORT["drone"]).log), ["threads=2"])
+    answer = what_if(Path(recorded(*SHORT["drone"]).log), ["map.memory_mib=300"])
     assert answer.faithful
     assert answer.changes == ()
 

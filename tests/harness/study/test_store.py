@@ -215,9 +215,9 @@ def test_merging_takes_no_log_under_a_wrong_name(finished, tmp_path):
 def test_a_forked_log_is_no_episode_of_a_study(finished, tmp_path, recorded):
     """Its last config may be the one planned; its first decisions followed another one."""
     store, planned = finished
-    log = recorded("empty", "drone", 1, *SHORT, "threads=2").log
+    log = recorded("empty", "drone", 1, *SHORT, "map.memory_mib=300").log
     fork = tmp_path / "fork.mcap"
-    main(["replay", "fork", log, "3", "--set", "threads=1", "--log", str(fork)])
+    main(["replay", "fork", log, "3", "--set", "map.memory_mib=301", "--log", str(fork)])
     shutil.copyfile(fork, store.log(planned[0].key))
     _, [line] = read_own_rows(planned, store)
     assert "forked at decision 3" in line

@@ -68,16 +68,14 @@ def voxel_map():
     return StateArray(states)
 
 
-def ground(voxel_map, low=LOW, high=HIGH, threads=1, **config):
+def ground(voxel_map, low=LOW, high=HIGH, **config):
     config = CostmapConfig(**config)
-    return Costmap(
-        config, voxel_map, low, high, "ground", 0.2, height=0.4, step_height=0.15, threads=threads
-    )
+    return Costmap(config, voxel_map, low, high, "ground", 0.2, height=0.4, step_height=0.15)
 
 
-def air(voxel_map, low=LOW, high=HIGH, floor=-math.inf, ceiling=math.inf, threads=1, **config):
+def air(voxel_map, low=LOW, high=HIGH, floor=-math.inf, ceiling=math.inf, **config):
     config = CostmapConfig(localization_margin=0.0, **config)
-    return Costmap(config, voxel_map, low, high, "air", 0.2, 0.2, 0.0, floor, ceiling, threads)
+    return Costmap(config, voxel_map, low, high, "air", 0.2, 0.2, 0.0, floor, ceiling)
 
 
 def brute_force(blocked, reach):
@@ -170,10 +168,9 @@ def test_a_window_shows_its_part_of_the_map(voxel_map, make, low, high):
 
 
 @pytest.mark.parametrize("make", [ground, air])
-@pytest.mark.parametrize("threads", [1, 3])
-def test_updates_equal_a_new_costmap(voxel_map, make, threads):
+def test_updates_equal_a_new_costmap(voxel_map, make):
     rng = np.random.default_rng(4)
-    costmap = make(voxel_map, threads=threads)
+    costmap = make(voxel_map)
     for step in range(24):
         for _ in range(step % 3):  # at times nothing changes
             x, y, z = (rng.integers(0, n) for n in voxel_map.states.shape)
@@ -390,7 +387,7 @@ def assert_optimistic(costmap, edge):
 def test_optimistic_distances_follow_every_change(voxel_map, make):
     """Worked out anew only where a distance changed, or all of it with the edge or the margin."""
     rng = np.random.default_rng(1)
-    costmap = make(voxel_map, threads=2)
+    costmap = make(voxel_map)
     assert_optimistic(costmap, 9)
     for _ in range(20):
         x, y, z = rng.integers((0, 0, FLOOR), (29, 19, 14))

@@ -6,14 +6,17 @@ from hypothesis import strategies as st
 from tests.maps.exact_distances import framed, packed, scipy_squared
 from wayproof.maps.costmap.distance_field import (
     BLOCK_ROWS,
+    CellUpdate,
     DistanceField,
-    boxes,
-    bring_up_to_date,
-    take_over,
-    update_together,
 )
-from wayproof.maps.kernels import edt, edt_changes, edt_field, edt_sections, work_queue
-from wayproof.maps.parallel import ThreadTeam
+from wayproof.maps.kernels import edt, edt_changes, edt_field, edt_sections
+
+
+def whole(blocked):
+    """New cells of the whole window."""
+    columns = packed(blocked)
+    return CellUpdate(columns, 0, (0, 0), *((0, count) for count in columns.shape[:2]))
+
 
 SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
 
@@ -52,12 +55,11 @@ def test_the_distances_around_one_cell():
     assert field.squared[4, 4, 4] == 9
 
 
-@pytest.mark.parametrize("threads", [1, 3])
 @pytest.mark.parametrize("reach", [3, 20, 181])
-def test_a_field_kept_up_to_date_equals_a_new_one(reach, threads):
+def test_a_field_kept_up_to_date_equals_a_new_one(reach):
     shape = (60, 45, 50)
     rng = np.random.default_rng(reach)
-    field = DistanceField(shape, reach, ThreadTeam(threads))
+    field = DistanceField(shape, reach)
     blocked = np.zeros(shape, np.bool_)
     for step in range(12):
         x, y, z = (rng.integers(0, n) for n in shape)
@@ -67,21 +69,6 @@ def test_a_field_kept_up_to_date_equals_a_new_one(reach, threads):
             blocked[x : x + 12, y : y + 7, z : z + 9] = step % 3 == 0
         field.update(packed(blocked))
         np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
-
-
-@pytest.mark.parametrize("threads", [1, 2, 3])
-def test_fields_updated_together_equal_those_updated_alone(threads):
-    shape = (33, 21, 40)
-    rng = np.random.default_rng(threads)
-    team = ThreadTeam(threads)
-    together = [DistanceField(shape, 9, team) for _ in range(2)]
-    for density in (0.02, 0.001, 0.3):
-        both = rng.random((2, *shape)) < density
-        update_together(together, boxes([packed(cells) for cells in both]))
-        for field, cells in zip(together, both, strict=True):
-            np.testing.assert_array_equal(field.squared, scipy_squared(cells, 9))
-    with pytest.raises(ValueError, match=r"expected within \(33, 21, 1\)"):
-        update_together(together, boxes([packed(cells)[:5] for cells in both], 30, 0))
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
@@ -125,7 +112,7 @@ def test_compiled_kernels_equal_their_python(monkeypatch):
     compiled = DistanceField(shape, 6)
     compiled.update(packed(blocked))
     compiled.update(packed(later))
-    for module in (edt, edt_changes, edt_field, edt_sections, work_queue):
+    for module in (edt, edt_changes, edt_field, edt_sections):
         for name, kernel in list(vars(module).items()):
             if hasattr(kernel, "py_func"):
                 monkeypatch.setattr(module, name, kernel.py_func)
@@ -184,12 +171,11 @@ def test_no_kernel_is_compiled_again_for_another_part_of_the_window():
         assert len(kernel.signatures) == 1
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_what_is_not_stale_is_true_whatever_was_worked_out(threads):
+def test_what_is_not_stale_is_true_whatever_was_worked_out():
     """Cells come and go, and only some blocks are brought up to date in between."""
     shape, reach = (70, 50, 30), 7
-    rng = np.random.default_rng(threads)
-    field = DistanceField(shape, reach, ThreadTeam(threads))
+    rng = np.random.default_rng(1)
+    field = DistanceField(shape, reach)
     blocked = rng.random(shape) < 0.002
     field.update(packed(blocked))
     rows = np.arange(shape[1]) // BLOCK_ROWS
@@ -198,16 +184,16 @@ def test_what_is_not_stale_is_true_whatever_was_worked_out(threads):
         x, y, z = (rng.integers(0, n) for n in shape)
         blocked[x : x + 9, y : y + 5, z : z + 6] = step % 2
         blocked ^= rng.random(shape) < 1e-5
-        take_over([field], boxes([packed(blocked)]))
+        field.take_over(whole(blocked))
         requested = rng.random(field.stale.shape) < rng.choice([0.0, 0.02, 0.3])
-        bring_up_to_date([field], requested)
+        field.bring_up_to_date(requested)
         assert not (field.stale & requested).any()
         true = scipy_squared(blocked, reach)
         differs = (field.squared != true).any(axis=2)  # (nx, ny)
         assert not (differs & ~field.stale.T[:, rows]).any()
         seen_stale += int(differs.sum())
     assert seen_stale > 0
-    bring_up_to_date([field])
+    field.bring_up_to_date()
     assert not field.stale.any()
     np.testing.assert_array_equal(field.squared, true)
 
@@ -218,14 +204,14 @@ def test_only_the_given_blocks_are_computed():
     field = DistanceField(shape, 5)
     field.update(packed(blocked))
     blocked[[10, 50], 10, 10] = True
-    take_over([field], boxes([packed(blocked)]))
+    field.take_over(whole(blocked))
     field.squared[50] = 12345  # would be overwritten if it were recomputed
     requested = np.zeros_like(field.stale)
     requested[:, :40] = True
-    bring_up_to_date([field], requested)
+    field.bring_up_to_date(requested)
     assert np.all(field.squared[50] == 12345)
     np.testing.assert_array_equal(field.squared[:40], scipy_squared(blocked, 5)[:40])
-    bring_up_to_date([field])
+    field.bring_up_to_date()
     assert field.squared[50, 10, 10] == 0
 
 
@@ -233,6 +219,6 @@ def test_only_the_given_blocks_are_computed():
     ("planes", "rows"), [((0, 6), (0, 2)), ((-1, 2), (0, 2)), ((0, 2), (1, 3))]
 )
 def test_planes_and_rows_beyond_the_new_cells_are_refused(planes, rows):
-    update = boxes([np.zeros((5, 2, 1), np.uint64)])._replace(planes=planes, rows=rows)
+    update = CellUpdate(np.zeros((5, 2, 1), np.uint64), 0, (0, 0), planes, rows)
     with pytest.raises(ValueError, match=r"expected within \(5, 5, 1\)"):
-        take_over([DistanceField((5, 5, 5), 3)], update)
+        DistanceField((5, 5, 5), 3).take_over(update)

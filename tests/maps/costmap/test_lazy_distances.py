@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from tests.maps.exact_distances import packed, scipy_squared
-from wayproof.maps.costmap.distance_field import BLOCK_ROWS, DistanceField, boxes, take_over
+from wayproof.maps.costmap.distance_field import BLOCK_ROWS, CellUpdate, DistanceField
 from wayproof.maps.costmap.lazy_distances import ROUNDS, Clearances, Distances
-from wayproof.maps.parallel import ThreadTeam
 
 SHAPE = (40, 30, 12)
 REACH = 6
@@ -24,10 +23,9 @@ def expected(free, occupied, edge, most):
 
 
 @pytest.mark.parametrize("most", [REACH * REACH, 20])
-@pytest.mark.parametrize("threads", [1, 2])
-def test_wherever_a_reader_caught_up_the_distances_are_true(threads, most):
-    rng = np.random.default_rng(threads)
-    clearances = Clearances(SHAPE, SHAPE, REACH, ThreadTeam(threads))
+def test_wherever_a_reader_caught_up_the_distances_are_true(most):
+    rng = np.random.default_rng(1)
+    clearances = Clearances(SHAPE, SHAPE, REACH)
     free, occupied = ~drawn(rng, 0.01), drawn(rng, 0.005)
     for step in range(25):
         free ^= drawn(rng, 0.0005)
@@ -58,7 +56,8 @@ def stale_field():
     blocked = np.zeros(SHAPE, np.bool_)
     field.update(packed(blocked))
     blocked[20, 15, 6] = True
-    take_over([field], boxes([packed(blocked)]))
+    all_cells = ((0, count) for count in SHAPE[:2])
+    field.take_over(CellUpdate(packed(blocked), 0, (0, 0), *all_cells))
     return field
 
 
@@ -88,7 +87,7 @@ def window_with_news(searched=None):
     Args:
         searched: Block in which the last search looked, if there was one.
     """
-    clearances = Clearances(SHAPE, SHAPE, REACH, ThreadTeam(1))
+    clearances = Clearances(SHAPE, SHAPE, REACH)
     free = np.ones(SHAPE, np.bool_)
     clearances.take_over(packed(free), packed(~free), *EVERYWHERE)
     clearances.begin(whole=True)
@@ -114,7 +113,7 @@ def test_where_a_search_looked_all_is_up_to_date_when_the_next_begins_with_what_
 def test_limits_out_of_use_give_their_memory_to_others_and_nothing_else():
     """As the edge moves with the margin."""
     rng = np.random.default_rng(0)
-    clearances = Clearances(SHAPE, SHAPE, REACH, ThreadTeam(1))
+    clearances = Clearances(SHAPE, SHAPE, REACH)
     free, occupied = ~drawn(rng, 0.01), drawn(rng, 0.005)
     clearances.take_over(packed(free), packed(occupied), *EVERYWHERE)
     clearances.begin(whole=True)

@@ -21,27 +21,26 @@ def scratch():
 def test_ends_of_single_beams(run):
     directions = np.repeat([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]], 3, axis=0)
     ranges_mm = np.array([0, 100, 1000, 65535, 2001, 2000], np.uint16)
-    ends, counts, listed = np.zeros(6, np.int64), np.zeros(4, np.int64), np.zeros(1, np.int64)
+    ends, counts = np.zeros(6, np.int64), np.zeros(4, np.int64)
     box = np.array([[0, 1, 3], [0, 1, 3]])
     origin, groups = np.array([[0.05, 0.15, 0.25]]), np.array([0, 6])
     sensor, own = np.array([[256, 768, 1664]]), [[0, 1, 3]]
     beams = kernels.SweepBeams(
         origin, sensor, groups, directions.reshape(-1), ranges_mm, (300, 2000), 0.1
     )
-    lists = kernels.EndLists(ends, listed, box, counts)
+    lists = kernels.EndLists(ends, box, counts)
     # -1.75 m is 16.75 cells below the floor's layer; two beams that only clear end there.
     expected = [[10, 1, 3, 0, 0], [0, 1, -17, 1, 0], [0, 1, -17, 0, 0]]
-    assert run(beams, (0, 6), lists, *scratch())
-    assert listed.tolist() == [3]
+    assert run(beams, lists, *scratch()) == 3
     assert [unpacked(end, own) for end in ends[:3].tolist()] == expected
     assert counts.tolist() == [2, 2, 1, 1]
     assert box.tolist() == [[0, 1, -17], [10, 1, 3]]
     directions[4, 1] = 1e-2
-    assert not run(beams, (0, 6), lists, *scratch())
+    assert run(beams, lists, *scratch()) == -1
 
 
 @pytest.mark.parametrize("run", [kernels.place_ends, kernels.place_ends.py_func])
-def test_ends_of_beams_from_many_origins_in_parts(run):
+def test_ends_of_beams_from_many_origins(run):
     rng = np.random.default_rng(4)
     directions, ranges_mm = random_sweep(rng, 700, 5000)
     origins, groups = rng.uniform(-1, 1, (4, 3)), np.array([0, 10, 10, 600, 700])
@@ -52,20 +51,14 @@ def test_ends_of_beams_from_many_origins_in_parts(run):
     fates = np.where(ranges_mm > 3000, 1, 0)
     rows = np.column_stack([cells, fates, moments])[ranges_mm >= 300]
     sensors = np.floor(origins * (512 / 0.1)).astype(int) + np.array([0, 0, 384])
-    counts, found = np.zeros(4, np.int64), []
+    counts = np.zeros(4, np.int64)
     flat = directions.reshape(-1)
     beams = kernels.SweepBeams(origins, sensors, groups, flat, ranges_mm, (300, 3000), 0.1)
-    for part in ((0, 350), (350, 700)):
-        ends, box = np.zeros(2 * 350, np.int64), np.zeros((2, 3), np.int64)
-        listed = np.array([0, 350])
-        assert run(beams, part, kernels.EndLists(ends, listed, box, counts), *scratch())
-        for stripe, end in enumerate(listed):
-            listed_ends = ends[350 * stripe : end].tolist()
-            some = [unpacked(end, sensors // 512) for end in listed_ends]
-            assert {row[0] // 8 % 2 for row in some} <= {stripe}
-            assert [row[4] for row in some] == sorted(row[4] for row in some)
-            assert all(np.all((box[0] <= r[:3]) & (r[:3] <= box[1])) for r in some)
-            found += some
+    ends, box = np.zeros(700, np.int64), np.zeros((2, 3), np.int64)
+    listed = run(beams, kernels.EndLists(ends, box, counts), *scratch())
+    found = [unpacked(end, sensors // 512) for end in ends[:listed].tolist()]
+    assert [row[4] for row in found] == sorted(row[4] for row in found)
+    assert all(np.all((box[0] <= r[:3]) & (r[:3] <= box[1])) for r in found)
     other = np.any(np.diff(rows, axis=0) != 0, axis=1)
     assert {tuple(row) for row in found} == {tuple(row) for row in rows.tolist()}
     assert len(found) >= 1 + np.count_nonzero(other)

@@ -10,7 +10,6 @@ from wayproof.maps.kernels import beam_targets, beams
 from wayproof.maps.kernels import carve as kernels
 from wayproof.maps.kernels.beam_columns import MAX_STEPS
 from wayproof.maps.kernels.early_stop import SLOPES
-from wayproof.maps.kernels.work_queue import new_queue
 from wayproof.maps.voxel.update_mask import SPREAD
 
 OWN = beam_targets.OWN_LAYER
@@ -39,33 +38,23 @@ def carve(run, sensor, ends, shape, guarded=-1, hit=True, box=None):
     target_words, bits = np.empty((len(ends), 5), np.int32), np.empty(len(ends), np.uint64)
     wedges, sensors = np.empty((len(ends), 3), np.int64), np.array([sensor])
     starts = np.empty(beam_targets.SECTORS + 1, np.int64)
-    stripes = [[], []]
-    for end in ends:
-        stripes[end[0] >> beams.STRIPE_BITS & 1].append(packed(end, own, 0 if hit else 1))
-    firsts, groups = np.array([0, len(stripes[0])]), np.empty((2, 2), np.int64)
+    packed_ends = np.array([packed(end, own, 0 if hit else 1) for end in ends], np.int64)
+    groups = np.empty(2, np.int64)
     with np.errstate(over="ignore"):
-        for first, listed, group in zip(firsts, stripes, groups, strict=True):
-            half, some = len(listed) // 2, slice(first, first + len(listed))
-            parts = np.array([[0, half], [half, half], [half, len(listed)]])
-            masks = beam_targets.EndMasks(hits, aims, grazes, flags, columns[some])
-            targets = beam_targets.Targets(target_words[some], bits[some], ranks[some])
-            packed_ends = np.array(listed, np.int64)
-            list_targets(packed_ends, parts, sensors, window, SPREAD, masks, targets, group)
-        count = int(groups[:, 1].sum())
-        used = order_targets(ranks, firsts, groups, starts, order, wedges)
-        held = [f + i for f, group in zip(firsts, groups, strict=True) for i in range(group[1])]
-        assert sorted(order[:count]) == held
+        masks = beam_targets.EndMasks(hits, aims, grazes, flags, columns)
+        targets = beam_targets.Targets(target_words, bits, ranks)
+        list_targets(packed_ends, sensors, window, SPREAD, masks, targets, groups)
+        used = order_targets(ranks, groups, starts, order, wedges)
+        assert sorted(order[: groups[1]]) == list(range(groups[1]))
         assert wedges[:used, 0].tolist() == [0, *wedges[: used - 1, 1]]
-        queue, steps = new_queue(), MAX_STEPS + 1
+        steps = MAX_STEPS + 1
         scratch = kernels.CarveScratch(
             *(np.empty(steps, np.int64) for _ in range(4)),
             marked=np.empty(SLOPES, np.int64),
             masks=np.empty(steps, np.uint64),
             runs=np.empty((kernels.MAX_RUNS * words, 3), np.int64),
         )
-        targets = beam_targets.Targets(target_words, bits, ranks)
-        carve_beams(targets, order, wedges[:used], queue, sensors, window, scratch, free)
-        assert queue[0] == used + 1  # the last item taken is beyond the end
+        carve_beams(targets, order, wedges[:used], sensors, window, scratch, free)
     assert not aims.any()
     assert not grazes.any()
     assert not flags.any()

@@ -79,10 +79,10 @@ def sweeps(way):
     return directions, ranges_mm
 
 
-def drive(kind, way, threads=1, each=lambda *_: None, **settings):
+def drive(kind, way, each=lambda *_: None, **settings):
     """Watch the room, in which a box goes its way if there is one."""
     config = MapConfig(kind=kind, memory_mib=64, **settings)
-    voxel_map = MAPS[kind](config, threads)
+    voxel_map = MAPS[kind](config)
     directions, in_each_mm = sweeps(way)
     for k, ranges_mm in enumerate(in_each_mm):
         voxel_map.integrate(SENSOR, directions, ranges_mm, 12.0, k * TENTH)
@@ -213,8 +213,8 @@ def test_a_wall_seen_at_grazing_angles_does_not_flicker():
     assert other._ever_free.contains(np.array([[20, 3, 10]]))[0]  # the space before the wall
 
 
-def test_the_same_bytes_for_any_threads_and_on_repetition():
-    maps = [drive("dynamic", WAYS["obliquely"], threads) for threads in (1, 1, 3)]
+def test_the_same_bytes_on_repetition():
+    maps = [drive("dynamic", WAYS["obliquely"]) for _ in range(2)]
     assert len(maps[0].dynamic_centres()) > 20
     assert len({voxel_map.version() for voxel_map in maps}) == 1
     columns = [voxel_map.columns((-64, -64, -8), (128, 128, 1)) for voxel_map in maps]

@@ -18,8 +18,8 @@ FORWARD = np.array([[1.0, 0.0, 0.0]])
 EYE = (0.55, 1.05, 0.475)  # the middle of a cell
 
 
-def make(threads=1, **settings):
-    return Grid2D(MapConfig(**({"half_life": 0.0, "memory_mib": 16} | settings)), threads)
+def make(**settings):
+    return Grid2D(MapConfig(**({"half_life": 0.0, "memory_mib": 16} | settings)))
 
 
 def look(grid, *ranges_mm, directions=None, origin=EYE, time_ns=0, limit=3.0):

@@ -19,7 +19,7 @@ def filled(**settings):
 def test_a_map_comes_back_as_it_was(tmp_path, settings):
     voxel_map = filled(**settings)
     voxel_map.save(tmp_path / "map")
-    loaded = VoxelMap.load(tmp_path / "map", threads=2)
+    loaded = VoxelMap.load(tmp_path / "map")
     assert loaded.config == voxel_map.config
     for later in (0, 5, 50):
         for one in (voxel_map, loaded):

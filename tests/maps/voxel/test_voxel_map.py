@@ -304,32 +304,13 @@ def room_sweep(count=4000):
     return directions, np.rint(1000.0 * ranges).astype(np.uint16)
 
 
-@pytest.mark.parametrize("threads", [2, 5])
-def test_any_number_of_threads_makes_the_same_map(threads):
-    alone, team = VoxelMap(MapConfig()), VoxelMap(MapConfig(), threads)
-    for k in range(8):
-        for voxel_map in (alone, team):
-            origin = (0.1 * k, 0.05 * k, 0.5)
-            statistics = voxel_map.integrate(origin, *room_sweep(), 10.0, k * 400_000_000)
-            assert statistics.cells_updated > 10_000
-        assert alone.version() == team.version()
-    assert alone.counts() == team.counts()
-
-
-def test_threads_are_1_to_64():
-    for threads in (0, 65):
-        with pytest.raises(ValueError, match=f"threads: got {threads}, expected 1 to 64"):
-            VoxelMap(MapConfig(), threads)
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_bounded_map_is_the_unbounded_one_in_its_region(threads):
+def test_a_bounded_map_is_the_unbounded_one_in_its_region():
     for seed in range(12):
         rng = np.random.default_rng(seed)
         config = MapConfig(resolution=0.1, memory_mib=8, half_life=2.0)
         low = rng.uniform(-2.5, -0.1, 3)
         high = low + rng.uniform(0.15, 3.5, 3)
-        bounded, whole = VoxelMap(config, threads, low, high), VoxelMap(config)
+        bounded, whole = VoxelMap(config, low, high), VoxelMap(config)
         for voxel_map in (bounded, whole):
             draw = np.random.default_rng(seed)
             for k in range(6):

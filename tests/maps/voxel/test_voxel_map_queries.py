@@ -92,8 +92,7 @@ def test_columns_written_where_they_changed_are_those_written_whole(run, low, mo
         for name in ("rewrite_columns", "write_block", "find", "column_states"):
             monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
     rng = np.random.default_rng(9)
-    threads = 2 if run == "compiled" else 1
-    voxel_map = VoxelMap(MapConfig(half_life=1.0, memory_mib=4), threads)
+    voxel_map = VoxelMap(MapConfig(half_life=1.0, memory_mib=4))
     occupied, free = np.zeros((2, 37, 40, 1), np.uint64)
     cells = np.stack(np.indices((37, 40, 64)), axis=-1).reshape(-1, 3) + np.array(low)
     points = (cells + np.array([0.5, 0.5, -0.25])) * 0.1

@@ -41,7 +41,7 @@ def directions_of(sensor):
 
 def own_hits(model, data, directions, range, origin, R):
     firing = Firing(directions, np.zeros(len(directions), np.int32), cut_scattered(directions))
-    return MujocoEngine(model, ALL, range, 1).cast(data, firing, origin[None], R[None])[:2]
+    return MujocoEngine(model, ALL, range).cast(data, firing, origin[None], R[None])[:2]
 
 
 def pattern_of(sensor, indices=None):

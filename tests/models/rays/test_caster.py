@@ -296,8 +296,7 @@ MIXED = """<geom type="mesh" mesh="wedge" pos="1 -2 -.2" euler="20 30 40"/>
 
 
 @pytest.mark.parametrize("poses", [1, 26])
-@pytest.mark.parametrize("threads", [1, 2, 3])
-def test_triangles_and_primitives_in_one_scene(poses, threads):
+def test_triangles_and_primitives_in_one_scene(poses):
     """Distances, ids and normals of MuJoCo's own caster, from one pose and from many."""
     model, data = posed(MIXED, MESH)
     rng = np.random.default_rng(poses)
@@ -305,12 +304,12 @@ def test_triangles_and_primitives_in_one_scene(poses, threads):
     indices = np.tile(np.arange(130) * poses // 130, 21).astype(np.int32)
     origins = np.array([0.1, 0.2, 0.3]) + rng.normal(0.0, 0.05, (poses, 3))
     rotations = np.stack([random_rotation(rng) for _ in range(poses)])
-    caster = TileCaster(model, ALL, LIDAR.range, threads)
+    caster = TileCaster(model, ALL, LIDAR.range)
     got = caster.cast_with_normals(data, pattern_of(LIDAR, indices), origins, rotations)
     plain = caster.cast(data, pattern_of(LIDAR, indices), origins, rotations)
     assert all((one == other).all() for one, other in zip(plain, got, strict=False))
     firing = Firing(directions, indices, pattern_of(LIDAR, indices))
-    own = MujocoEngine(model, ALL, LIDAR.range, 1)
+    own = MujocoEngine(model, ALL, LIDAR.range)
     expected = own.cast(data, firing, origins, rotations, normals=True)
     hit = (expected.distance >= 0.0) & (expected.distance <= LIDAR.range)
     assert set(np.unique(expected.geom_id[hit])) == {0, 1, 2, 3, 4}
@@ -321,15 +320,14 @@ def test_triangles_and_primitives_in_one_scene(poses, threads):
 
 
 @pytest.mark.parametrize(
-    ("groups", "limit", "threads", "said"),
+    ("groups", "limit", "said"),
     [
-        (ALL, 0.0, 1, "range: got 0"),
-        (ALL, np.inf, 1, "range: got inf"),
-        (ALL[:3], 1.0, 1, "group_mask: got shape"),
-        (ALL, 1.0, 0, "threads: got 0"),
+        (ALL, 0.0, "range: got 0"),
+        (ALL, np.inf, "range: got inf"),
+        (ALL[:3], 1.0, "group_mask: got shape"),
     ],
 )
-def test_what_is_no_caster_is_refused(groups, limit, threads, said):
+def test_what_is_no_caster_is_refused(groups, limit, said):
     model, _ = posed('<geom type="sphere" size="1"/>')
     with pytest.raises(ValueError, match=said):
-        TileCaster(model, groups, limit, threads)
+        TileCaster(model, groups, limit)

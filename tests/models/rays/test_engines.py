@@ -69,7 +69,7 @@ def test_nothing_is_compiled_after_the_warm_up():
     before = {name: len(kernel.signatures) for name, kernel in everything.items()}
     assert set(before.values()) == {1}
     model, data = posed(random_geoms(np.random.default_rng(2), 10))
-    caster = TileCaster(model, ALL, LIDAR.range, threads=2)
+    caster = TileCaster(model, ALL, LIDAR.range)
     R = data.geom_xmat[0].reshape(3, 3)
     caster.cast(data, pattern_of(LIDAR), data.geom_xpos[0], R)
     directions = np.asfortranarray(directions_of(LIDAR))
@@ -83,7 +83,7 @@ def test_nothing_is_compiled_after_the_warm_up():
 def test_nothing_is_compiled_after_a_caster_of_triangles_is_made():
     head = '<asset><mesh name="wedge" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'
     model, data = posed('<geom type="mesh" mesh="wedge"/>', head)
-    caster = TileCaster(model, ALL, LIDAR.range, threads=2)
+    caster = TileCaster(model, ALL, LIDAR.range)
     before = len(meet_tiles.signatures)
     assert before > 0
     directions = directions_of(LIDAR)

@@ -59,7 +59,6 @@ NOT_VARIED = (
     "plugins.wall_s",
     "seed",
     "stack.guard",
-    "threads",
 )
 """Settings that are drawn elsewhere, limit the machine or are of a stack on trial."""
 

@@ -92,7 +92,7 @@ def _digest(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
 def judge(log: Path) -> Verdict:
     """Replay one log."""
     try:
-        found = replay(log, threads=1)
+        found = replay(log)
     except InputError as error:
         return Verdict(str(log), 0, str(error), "")
     return Verdict(str(log), found.decisions, differing(found), found.chain)
