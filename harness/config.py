@@ -163,7 +163,7 @@ class Config:
             hash of that robot.
         seed: Seed of the world and of every random stream; never random itself.
         difficulty: Difficulty of the world, 0 to 1, as its generator understands it.
-        world_parameters: Parameters of the generated worlds; `--set world.NAME.PARAMETER`.
+        world_parameters: Parameters of the generated worlds; `--set world.PARAMETER`.
         goal: (x, y) or (x, y, z) in place of the world's own goal, m; or the name of a place, as in
             `models.places.PLACES`.
         start: (x, y) or (x, y, z) in place of the world's own start, m.

@@ -13,6 +13,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.scenario.named import find_named
 from wayproof.models.world_files import FileWorld, read_world_file
+from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds import WORLDS, World, with_traffic
 from wayproof.models.worlds.movers import Mover
 
@@ -32,7 +33,13 @@ def find_world(config: Config) -> World:
     found = find_named(
         "world", name=config.world, registry=WORLDS, ending=ENDING, read=read_world_file
     )
-    return found if isinstance(found, World) else generate(config)
+    if not isinstance(found, World):
+        return generate(config)
+    if config.world_parameters != WorldParameters():
+        raise InputError(
+            f"world.*: got parameters of generated worlds, but '{config.world}' is a file"
+        )
+    return found
 
 
 def bare_world(config: Config, mission: Mission, movers: tuple[Mover, ...] = ()) -> World:
@@ -57,9 +64,7 @@ def generate(config: Config) -> World:
         InputError: The parameters leave no way from start to goal.
     """
     make, seed = WORLDS[config.world], config.seed
-    parameters = getattr(config.world_parameters, config.world, None)
-    if parameters is None:  # a world that has none
-        return _generate(make, seed, config.difficulty)
+    parameters = config.world_parameters
     try:
         world = _generate(make, seed, config.difficulty, parameters)
         if parameters.passers_by:
@@ -68,10 +73,9 @@ def generate(config: Config) -> World:
     except ValueError as error:
         raise InputError(str(error)) from None
     except RuntimeError as error:
-        section = f"world.{config.world}"
         raise InputError(
-            f"{error}; expected wider passages by {section}.*, or a smaller "
-            f"{section}.passage_radius"
+            f"{error}; expected wider passages by world.{config.world}.*, or a smaller "
+            "world.passage_radius"
         ) from None
     return world
 

@@ -8,12 +8,12 @@ from math import pi
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_parameters import Construction
+from wayproof.models.world_parameters import WorldParameters
+from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     Group,
     Rectangle,
-    given_or,
     heading_towards,
     opposite_ends,
     room_walls,
@@ -21,11 +21,10 @@ from wayproof.models.worlds.layout import (
     with_groups,
 )
 from wayproof.models.worlds.solids import Box, Capsule, Cylinder, TriangleMesh
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HEIGHT = 3.0
+LENGTH, WIDTH, HEIGHT = 17.0, 12.0, 3.0
 END_DISTANCE = 1.4
 """Distance of start and goal from the outside of the fence, m."""
 
@@ -42,36 +41,19 @@ STEP_HEIGHT = 0.03
 """Rise of a stair and thickness of a plank, m: a quadruped steps over it."""
 
 
+@generated
 def construction(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Construction = Construction(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate a site of 17 x 12 m, start and goal at its two ends.
+    """Draw a site of 17 x 12 m, start and goal at its two ends.
 
     Difficulty adds pieces. Holes have barriers about them up to a difficulty of 0.5; beyond, more
     and more of them lie open, visible only as missing floor.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-        RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable(
-        "construction",
-        seed,
-        lambda rng: _draft(rng, seed, difficulty, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(
-    rng: np.random.Generator, seed: int, difficulty: float, parameters: Construction
-) -> World:
-    high = (parameters.length, parameters.width, HEIGHT)
+    high = (LENGTH, WIDTH, HEIGHT)
     start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=END_DISTANCE)
-    holes = _holes(rng, (start, goal), high, parameters.holes)
-    unguarded = given_or(parameters.unguarded_share, 2.0 * difficulty - 1.0)
+    holes = _holes(rng, (start, goal), high)
+    unguarded = 2.0 * difficulty - 1.0
     guards = [bar for hole in holes if rng.uniform() >= unguarded for bar in _barrier(hole)]
     site = World(
         name="construction",
@@ -84,8 +66,7 @@ def _draft(
         goal=goal,
         floor=slabs_around(LOW, high, holes),
     )
-    by_difficulty = round(PIECE_COUNTS[0] + difficulty * (PIECE_COUNTS[1] - PIECE_COUNTS[0]))
-    count = given_or(parameters.pieces, by_difficulty)
+    count = round(PIECE_COUNTS[0] + difficulty * (PIECE_COUNTS[1] - PIECE_COUNTS[0]))
 
     def pieces() -> Iterator[Iterator[Group]]:
         for number in range(count):
@@ -96,12 +77,12 @@ def _draft(
 
 
 def _holes(
-    rng: np.random.Generator, ends: tuple[Vector3, Vector3], high: Vector3, number: int | None
+    rng: np.random.Generator, ends: tuple[Vector3, Vector3], high: Vector3
 ) -> list[Rectangle]:
-    """Draw holes, by default one to three, well apart from one another, the fence and both ends."""
+    """Draw holes, one to three, well apart from one another, the fence and both ends."""
     holes: list[Rectangle] = []
-    count = given_or(number, int(rng.integers(1, 4)))
-    for _ in range(5 * FEW_PLACEMENTS if count else 0):
+    count = int(rng.integers(1, 4))
+    for _ in range(5 * FEW_PLACEMENTS):
         size = rng.uniform(0.8, 1.8, 2)
         low = rng.uniform(np.add(LOW[:2], 2.2), np.subtract(high[:2], 2.2) - size)
         corners = np.round([low, low + size], 2)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_parameters import Corridor
+from wayproof.models.world_parameters import WorldParameters
+from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
@@ -16,52 +17,36 @@ from wayproof.models.worlds.layout import (
     with_crates,
 )
 from wayproof.models.worlds.solids import Box
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
-DRAWN_LENGTH = 16.0
-"""Length of the centre line for which the places of the bends are drawn, m."""
+LENGTH = 16.0
+"""Length of the centre line from end wall to end wall, m."""
 
 END_DISTANCE = 1.1
 """Distance of start and goal from the end walls, m."""
 
 
+@generated
 def corridor(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Corridor = Corridor(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate a corridor 2.0-2.4 m wide and 16 m long with one or two bends.
+    """Draw a corridor 2.0-2.4 m wide and 16 m long with one or two bends.
 
     Difficulty scales the number of crates: 2 to 4 at 0.5.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-        RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable(
-        "corridor",
-        seed,
-        lambda rng: _draft(rng, seed, difficulty, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Corridor) -> World:
-    width, length = given_or(parameters.width, rng.uniform(2.0, 2.4)), parameters.length
-    bends = given_or(parameters.bends, 1 if rng.uniform() < 0.5 else 2)
-    shell = (_one_bend if bends == 1 else _two_bends)(rng, seed, width, length)
-    count = given_or(parameters.crates, round(2 * difficulty * int(rng.integers(2, 5))))
+    own = parameters.corridor
+    width = given_or(own.width, rng.uniform(2.0, 2.4))
+    shell = (_one_bend if rng.uniform() < 0.5 else _two_bends)(rng, seed, width)
+    count = given_or(own.crates, round(2 * difficulty * int(rng.integers(2, 5))))
     furnished = with_crates(rng, shell, count, longest=0.6, radius=parameters.passage_radius)
     return mirrored(furnished, flip_x=bool(rng.integers(2)), flip_y=bool(rng.integers(2)))
 
 
-def _one_bend(rng: np.random.Generator, seed: int, width: float, length: float) -> World:
+def _one_bend(rng: np.random.Generator, seed: int, width: float) -> World:
     """Build a corridor east, then north: a rectangular room less one solid block."""
-    first = rng.uniform(6.0, 10.0) * (length / DRAWN_LENGTH)
+    first = rng.uniform(6.0, 10.0)
     inner = WALL_THICKNESS
-    east, north = inner + first + width / 2, inner + length - first + width / 2
+    east, north = inner + first + width / 2, inner + LENGTH - first + width / 2
     blocks = [_block((inner, inner + width), (east - width, north))]
     start, goal = (
         (inner + END_DISTANCE, inner + width / 2),
@@ -70,14 +55,12 @@ def _one_bend(rng: np.random.Generator, seed: int, width: float, length: float) 
     return _shell(rng, seed, (east, north), blocks, start, goal)
 
 
-def _two_bends(rng: np.random.Generator, seed: int, width: float, length: float) -> World:
+def _two_bends(rng: np.random.Generator, seed: int, width: float) -> World:
     """Build a corridor east, north and east again: a room less two solid blocks."""
-    first, second = (
-        rng.uniform(*limits) * (length / DRAWN_LENGTH) for limits in ((4.5, 6.5), (4.0, 5.0))
-    )
+    first, second = (rng.uniform(*limits) for limits in ((4.5, 6.5), (4.0, 5.0)))
     inner = WALL_THICKNESS
     corner_x, corner_y = inner + first, inner + width / 2 + second  # of the centre line
-    east, north = corner_x + length - first - second, corner_y + width / 2
+    east, north = corner_x + LENGTH - first - second, corner_y + width / 2
     blocks = [
         _block((inner, inner + width), (corner_x - width / 2, north)),
         _block((corner_x + width / 2, inner), (east, north - width)),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_parameters import Crossing
+from wayproof.models.world_parameters import WorldParameters
+from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
-    given_or,
     heading_towards,
     opposite_ends,
     room_walls,
@@ -15,11 +15,13 @@ from wayproof.models.worlds.layout import (
 )
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.pedestrians import FORKLIFT, PERSON
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HEIGHT = 3.0
+LENGTH, WIDTH, HEIGHT = 17.0, 11.0, 3.0
+FORKLIFT_SHARE = 0.25
+"""Share of forklifts among the movers."""
+
 END_DISTANCE = 1.4
 """Distance of start and goal from the outside of the walls, m."""
 
@@ -31,33 +33,17 @@ SPEEDS = ((0.3, 0.7), (0.7, 1.5))
 """Lowest and highest speed of the movers at difficulty 0 and 1, m/s; people walk at up to 1.5."""
 
 
+@generated
 def crossing(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Crossing = Crossing(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate a 17 x 11 m hall, start and goal at its two ends, lanes across between them.
+    """Draw a 17 x 11 m hall, start and goal at its two ends, lanes across between them.
 
     Difficulty raises the number of movers from 2 to 8, and their speed.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-        RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable(
-        "crossing",
-        seed,
-        lambda rng: _draft(rng, seed, difficulty, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Crossing) -> World:
-    high = (parameters.length, parameters.width, HEIGHT)
+    high = (LENGTH, WIDTH, HEIGHT)
     start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=2.5)
-    by_difficulty = round(MOVERS[0] + difficulty * (MOVERS[1] - MOVERS[0]))
-    count = given_or(parameters.movers, by_difficulty)
+    count = round(MOVERS[0] + difficulty * (MOVERS[1] - MOVERS[0]))
     lanes = np.linspace(LANE_DISTANCE, high[0] - LANE_DISTANCE, count)
     lanes += rng.uniform(-0.3, 0.3, count)
     hall = World(
@@ -69,18 +55,16 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: C
         start=start,
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
-        movers=tuple(_mover(rng, i, float(x), difficulty, parameters) for i, x in enumerate(lanes)),
+        movers=tuple(_mover(rng, i, float(x), difficulty) for i, x in enumerate(lanes)),
     )
-    crates = given_or(parameters.crates, int(rng.integers(0, 4)))
+    crates = int(rng.integers(0, 4))
     return with_crates(rng, hall, crates, longest=0.8, radius=parameters.passage_radius)
 
 
-def _mover(
-    rng: np.random.Generator, number: int, x: float, difficulty: float, parameters: Crossing
-) -> Mover:
+def _mover(rng: np.random.Generator, number: int, x: float, difficulty: float) -> Mover:
     slow, fast = (a + difficulty * (b - a) for a, b in zip(*SPEEDS, strict=True))
-    speed = given_or(parameters.speed, round(rng.uniform(slow, fast), 3))
-    drives, width = bool(rng.uniform() < parameters.forklift_share), parameters.width
+    speed = round(rng.uniform(slow, fast), 3)
+    drives, width = bool(rng.uniform() < FORKLIFT_SHARE), WIDTH
     margin = 2.0 if drives else 0.7
     route = ((round(x, 3), margin, 0.0), (round(x, 3), width - margin, 0.0))
     if rng.integers(2):

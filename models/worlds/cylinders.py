@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_parameters import Cylinders
+from wayproof.models.world_parameters import WorldParameters
+from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
@@ -21,11 +22,12 @@ from wayproof.models.worlds.layout import (
     room_walls,
 )
 from wayproof.models.worlds.solids import Cylinder
-from wayproof.models.worlds.solvability import first_solvable, passage_radius
+from wayproof.models.worlds.solvability import passage_radius
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HEIGHT = 3.0
+LENGTH, WIDTH, HEIGHT = 16.0, 10.0, 3.0
+PILLAR_RADIUS = 0.2
 CELL = 0.4
 FILLED_SHARE = (0.10, 0.34)
 """Share of the cells filled at random, at difficulty 0 and 1; BARN takes 0.15 to 0.30."""
@@ -41,34 +43,19 @@ END_DISTANCE = 1.3
 """Distance of start and goal from the walls, m."""
 
 
+@generated
 def cylinders(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Cylinders = Cylinders(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate pillars in a 16 x 10 m hall, start and goal at its two ends.
+    """Draw pillars in a 16 x 10 m hall, start and goal at its two ends.
 
     Difficulty raises the share of the cells that are filled and narrows the way left open.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-        RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable(
-        "cylinders",
-        seed,
-        lambda rng: _draft(rng, seed, difficulty, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Cylinders) -> World:
-    high = (parameters.length, parameters.width, HEIGHT)
+    high = (LENGTH, WIDTH, HEIGHT)
     start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=END_DISTANCE)
     share = FILLED_SHARE[0] + difficulty * (FILLED_SHARE[1] - FILLED_SHARE[0])
-    centres = _filled_cells(rng, given_or(parameters.filled_share, share), high)
-    way, radius = _way(rng, start, goal, high), parameters.pillar_radius
+    centres = _filled_cells(rng, share, high)
+    way, radius = _way(rng, start, goal, high), PILLAR_RADIUS
     away = np.linalg.norm(centres[:, None] - way[None], axis=2).min(axis=1)
     ends = np.linalg.norm(centres[:, None] - np.array([start, goal])[None, :, :2], axis=2)
     passage = given_or(parameters.passage_radius, passage_radius(difficulty))

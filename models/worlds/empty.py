@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wayproof.models.world_parameters import Empty
+from wayproof.models.world_parameters import WorldParameters
+from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import heading_towards, points_apart, room_walls
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LEAST_DISTANCE = 6.0
@@ -14,27 +14,12 @@ END_DISTANCE = 1.2
 """Distance of start and goal from the outside of the walls, m: 1 m from their inside."""
 
 
+@generated
 def empty(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Empty = Empty(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate a room of 12 x 12 m, start and goal at least 6 m apart, at any difficulty.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-    """
-    return first_solvable(
-        "empty",
-        seed,
-        lambda rng: _draft(rng, seed, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(rng: np.random.Generator, seed: int, parameters: Empty) -> World:
-    low, high = (0.0, 0.0, -0.5), (parameters.length, parameters.width, 3.0)
+    """Draw a room of 12 x 12 m, start and goal at least 6 m apart, at any difficulty."""
+    low, high = (0.0, 0.0, -0.5), (parameters.empty.length, parameters.empty.width, 3.0)
     inner = np.full(2, END_DISTANCE)
     start, goal = points_apart(rng, inner, high[:2] - inner, LEAST_DISTANCE)
     return World(

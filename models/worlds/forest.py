@@ -8,22 +8,21 @@ from math import cos, pi, sin
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_parameters import Forest
+from wayproof.models.world_parameters import WorldParameters
+from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     Group,
-    given_or,
     heading_towards,
     opposite_ends,
     room_walls,
     with_groups,
 )
 from wayproof.models.worlds.solids import Capsule, Cylinder, Sphere
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HEIGHT = 3.0
+LENGTH, WIDTH, HEIGHT = 17.0, 12.0, 3.0
 END_DISTANCE = 1.4
 """Distance of start and goal from the outside of the hedge, m."""
 
@@ -36,31 +35,16 @@ MAX_BRANCHES = 3
 """Maximum number of branches of a tree; their share grows with the difficulty."""
 
 
+@generated
 def forest(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Forest = Forest(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate a wood of 17 x 12 m, start and goal at its two ends.
+    """Draw a wood of 17 x 12 m, start and goal at its two ends.
 
     Difficulty raises the number of trees, of branches that a ground robot passes under and a drone
     does not, and of bushes.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-        RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable(
-        "forest",
-        seed,
-        lambda rng: _draft(rng, seed, difficulty, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Forest) -> World:
-    high = (parameters.length, parameters.width, HEIGHT)
+    high = (LENGTH, WIDTH, HEIGHT)
     start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=END_DISTANCE)
     clearing = World(
         name="forest",
@@ -73,8 +57,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: F
         goal=goal,
     )
     trunks, bushes = (round(a + difficulty * (b - a)) for a, b in (TRUNKS, BUSH_COUNTS))
-    trunks, bushes = given_or(parameters.trees, trunks), given_or(parameters.bushes, bushes)
-    branches = given_or(parameters.branch_share, 0.2 + 0.5 * difficulty)
+    branches = 0.2 + 0.5 * difficulty
 
     def growth() -> Iterator[Iterator[Group]]:
         for _ in range(trunks):

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_parameters import Ghosts
-from wayproof.models.worlds.layout import given_or, heading_towards, opposite_ends, room_walls
+from wayproof.models.world_parameters import WorldParameters
+from wayproof.models.worlds.generator import generated
+from wayproof.models.worlds.layout import heading_towards, opposite_ends, room_walls
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.solids import Box
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HEIGHT = 3.0
+LENGTH, WIDTH, HEIGHT = 16.0, 9.0, 3.0
 END_DISTANCE = 1.4
 """Distance of start and goal from the outside of the walls, m."""
 
@@ -21,43 +21,27 @@ END_CLEARANCE = 1.9
 """Minimum distance of a thing's middle from start and goal, m."""
 
 THINGS = (2, 12)
+"""Number of things at difficulty 0 and 1."""
+
+STAYS = (3.0, 12.0)
+"""Shortest and longest time that one exists, s."""
+
 LAST_APPEARANCE = 14.0
 """Latest time at which a thing appears, s."""
 
 
+@generated
 def ghosts(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Ghosts = Ghosts(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate a 16 x 9 m hall with panels about the straight line from end to end.
+    """Draw a 16 x 9 m hall with panels about the straight line from end to end.
 
     Difficulty raises their number from 2 to 12. Each stands still as long as it exists, 3 to 12 s,
     and none appears within half a metre of a robot.
-
-    Raises:
-        ValueError: The seed is negative, the difficulty not from 0 to 1, or the shortest stay
-            longer than the longest.
     """
-    if parameters.shortest_stay > parameters.longest_stay:
-        raise ValueError(
-            f"world.ghosts.shortest_stay: got {parameters.shortest_stay:g}, expected at most "
-            f"{parameters.longest_stay:g} s, the longest_stay"
-        )
-    return first_solvable(
-        "ghosts",
-        seed,
-        lambda rng: _draft(rng, seed, difficulty, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Ghosts) -> World:
-    high = (parameters.length, parameters.width, HEIGHT)
+    high = (LENGTH, WIDTH, HEIGHT)
     start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=2.5)
-    by_difficulty = round(THINGS[0] + difficulty * (THINGS[1] - THINGS[0]))
-    count = given_or(parameters.panels, by_difficulty)
+    count = round(THINGS[0] + difficulty * (THINGS[1] - THINGS[0]))
     return World(
         name="ghosts",
         seed=seed,
@@ -67,18 +51,16 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: G
         start=start,
         start_heading=heading_towards(rng, start, goal),
         goal=goal,
-        movers=tuple(_thing(rng, number, (start, goal), parameters) for number in range(count)),
+        movers=tuple(_thing(rng, number, (start, goal)) for number in range(count)),
     )
 
 
-def _thing(
-    rng: np.random.Generator, number: int, between: tuple[Vector3, Vector3], parameters: Ghosts
-) -> Mover:
+def _thing(rng: np.random.Generator, number: int, between: tuple[Vector3, Vector3]) -> Mover:
     """Draw one that stands about the line between two points; every other one is there at first."""
     ends = np.array(between)[:, :2]
     while True:
         middle = ends[0] + rng.uniform(0.1, 0.9) * (ends[1] - ends[0])
-        middle[1] = np.clip(middle[1] + rng.normal(0.0, 1.5), LOW[1] + 1.0, parameters.width - 1.0)
+        middle[1] = np.clip(middle[1] + rng.normal(0.0, 1.5), LOW[1] + 1.0, WIDTH - 1.0)
         if np.linalg.norm(ends - middle, axis=1).min() >= END_CLEARANCE:
             break
     half_z = round(rng.uniform(0.5, 1.3), 3)
@@ -91,5 +73,5 @@ def _thing(
         (Box((0.0, 0.0, half_z), half, yaw, "ghost"),),
         ((x, y, 0.0),),
         appears=appears,
-        vanishes=round(appears + rng.uniform(parameters.shortest_stay, parameters.longest_stay), 1),
+        vanishes=round(appears + rng.uniform(*STAYS), 1),
     )

@@ -8,16 +8,15 @@ from itertools import groupby
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_parameters import Maze
+from wayproof.models.world_parameters import WorldParameters
+from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
-    given_or,
     heading_towards,
     room_walls,
 )
 from wayproof.models.worlds.solids import Box
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 Cell = tuple[int, int]
@@ -25,43 +24,34 @@ Cell = tuple[int, int]
 WIDEST, NARROWEST = 2.6, 2.1
 """Distance from wall to wall, middle to middle, at difficulty 0 and 1, m."""
 
+SIZE = (6, 5)
+"""Cells along x and y."""
+
+LONGEST_WAY = 15.0
+"""Greatest length of the way from start to goal along the passages, m."""
+
 THICKNESS = 0.15
 
 
+@generated
 def maze(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Maze = Maze(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate a maze of 6 x 5 cells, the goal as far as 15 m along its passages.
+    """Draw a maze of 6 x 5 cells, the goal as far as 15 m along its passages.
 
     Difficulty narrows the passages from 2.45 to 1.95 m and leaves fewer loops: at 1 there is one
     way alone.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-        RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable(
-        "maze",
-        seed,
-        lambda rng: _draft(rng, seed, difficulty, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Maze) -> World:
-    pitch = given_or(parameters.pitch, round(WIDEST + difficulty * (NARROWEST - WIDEST), 3))
-    loops = given_or(parameters.loop_share, 0.4 * (1.0 - difficulty))
-    size = (parameters.columns, parameters.rows)
+    pitch = round(WIDEST + difficulty * (NARROWEST - WIDEST), 3)
+    loops = 0.4 * (1.0 - difficulty)
+    size = SIZE
     open_sides = _tree(rng, size)
     _add_loops(rng, open_sides, size, loops)
     origin = WALL_THICKNESS - THICKNESS / 2
     low: Vector3 = (0.0, 0.0, -0.5)
     high = tuple(round(2 * origin + n * pitch, 3) for n in size)
     first = (int(rng.integers(2)) * (size[0] - 1), int(rng.integers(size[1])))
-    last = _far_cell(open_sides, first, int(parameters.longest_way / pitch), size)
+    last = _far_cell(open_sides, first, int(LONGEST_WAY / pitch), size)
     start, goal = (
         (round(origin + (i + 0.5) * pitch, 3), round(origin + (j + 0.5) * pitch, 3), 0.0)
         for i, j in (first, last)

@@ -9,24 +9,26 @@ from math import cos, pi, sin
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_parameters import Office
+from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds.aisle import inspected
+from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
     WALL_HEIGHT,
     WALL_THICKNESS,
     Group,
-    given_or,
     heading_towards,
     room_walls,
     with_groups,
 )
 from wayproof.models.worlds.solids import Box, Cylinder
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HEIGHT = 3.0
+LENGTH, WIDTH, HEIGHT = 16.0, 12.4, 3.0
+ROOMS = 3
+"""Number of rooms on either side of the hallway."""
+
 
 SHORTEST_ROOM = 4.0
 """Minimum mean length of the rooms along the hallway, m."""
@@ -47,47 +49,25 @@ TABLE_LEG_RADIUS = 0.025
 """Radius of a table's leg, m."""
 
 
+@generated
 def office(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Office = Office(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate six rooms of 16 x 12.4 m in all, start and goal in rooms at the two ends.
+    """Draw six rooms of 16 x 12.4 m in all, start and goal in rooms at the two ends.
 
     Difficulty narrows hallway and doors and adds furniture; legs and table boards are what a 2D
     grid at one height does not see.
-
-    Raises:
-        ValueError: The seed is negative, the difficulty not from 0 to 1, or the rooms do not fit.
-        RuntimeError: No draft let the reference bodies through.
     """
-    if parameters.rooms * SHORTEST_ROOM > parameters.length:
-        raise ValueError(
-            f"world.office.rooms: got {parameters.rooms} on {parameters.length:g} m, expected at "
-            f"most {int(parameters.length / SHORTEST_ROOM)}, each at least {SHORTEST_ROOM:g} m long"
-        )
-    return first_solvable(
-        "office",
-        seed,
-        lambda rng: _draft(rng, seed, difficulty, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Office) -> World:
     hallway, door = (a + difficulty * (b - a) for a, b in (HALLWAY, DOOR_WIDTHS))
-    hallway = given_or(parameters.hallway_width, hallway)
-    door = given_or(parameters.door_width, door)
-    high = (parameters.length, parameters.width, HEIGHT)
+    high = (LENGTH, WIDTH, HEIGHT)
     middle = (LOW[1] + high[1]) / 2 + rng.uniform(-0.3, 0.3)
     sides = (middle - hallway / 2, middle + hallway / 2)  # of the hallway, in y
     walls: list[Box] = []
     ends: list[Vector3] = []
     for south in (True, False):
-        cuts = _cuts(rng, parameters)
+        cuts = _cuts(rng)
         walls += _partitions(rng, cuts, (*sides, high[1]), south, door)
-        room = parameters.rooms - 1 if ends else int(rng.integers(2))  # the goal is far away
+        room = ROOMS - 1 if ends else int(rng.integers(2))  # the goal is far away
         ends.append(_end(rng, cuts[room : room + 2], (*sides, high[1]), south))
     if rng.integers(2):
         ends.reverse()
@@ -104,7 +84,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: O
         aisle=inspected(((LOW[0] + WALL_THICKNESS, middle), (high[0] - WALL_THICKNESS, middle))),
     )
     few, many = FURNITURE_COUNTS
-    count = given_or(parameters.furniture, round(few + difficulty * (many - few)))
+    count = round(few + difficulty * (many - few))
 
     def furniture() -> Iterator[Iterator[Group]]:
         for _ in range(count):
@@ -114,11 +94,10 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: O
     return with_groups(floor, furniture(), parameters.passage_radius)
 
 
-def _cuts(rng: np.random.Generator, parameters: Office) -> list[float]:
+def _cuts(rng: np.random.Generator) -> list[float]:
     """Return the limits of the rooms of one side, in x, m."""
-    rooms, end = parameters.rooms, parameters.length - WALL_THICKNESS
-    even = np.linspace(LOW[0] + WALL_THICKNESS, end, rooms + 1)
-    even[1:-1] += rng.uniform(-0.6, 0.6, rooms - 1)
+    even = np.linspace(LOW[0] + WALL_THICKNESS, LENGTH - WALL_THICKNESS, ROOMS + 1)
+    even[1:-1] += rng.uniform(-0.6, 0.6, ROOMS - 1)
     return [round(float(x), 3) for x in even]
 
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_parameters import Tunnel
+from wayproof.models.world_parameters import WorldParameters
+from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import WALL_THICKNESS, heading_towards, mirrored, room_walls
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
+
+LENGTH, WIDTH = 30.0, 2.2
+"""Between the walls, m."""
 
 END_DISTANCE = 1.1
 """Distance of start and goal from the end walls, m."""
@@ -17,29 +20,14 @@ OFFSET = 0.15
 """Greatest distance of start and goal from the middle line, m."""
 
 
+@generated
 def tunnel(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Tunnel = Tunnel(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate a tunnel 2.2 m wide and 30 m long without anything in it, at any difficulty.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-    """
-    return first_solvable(
-        "tunnel",
-        seed,
-        lambda rng: _draft(rng, seed, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(rng: np.random.Generator, seed: int, parameters: Tunnel) -> World:
-    middle = WALL_THICKNESS + parameters.width / 2
+    """Draw a tunnel 2.2 m wide and 30 m long without anything in it, at any difficulty."""
+    middle = WALL_THICKNESS + WIDTH / 2
     low: Vector3 = (0.0, 0.0, -0.5)
-    length, width = (one + 2 * WALL_THICKNESS for one in (parameters.length, parameters.width))
+    length, width = (one + 2 * WALL_THICKNESS for one in (LENGTH, WIDTH))
     high = (round(length, 3), round(width, 3), 3.0)
     sides = np.round(middle + rng.uniform(-OFFSET, OFFSET, 2), 3).tolist()
     start = (WALL_THICKNESS + END_DISTANCE, sides[0])

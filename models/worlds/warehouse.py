@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_parameters import Warehouse
+from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds.aisle import inspected
+from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
     WALL_HEIGHT,
     WALL_THICKNESS,
@@ -20,11 +21,10 @@ from wayproof.models.worlds.layout import (
 )
 from wayproof.models.worlds.shelves import CentreLine, shelf_rows
 from wayproof.models.worlds.solids import Box
-from wayproof.models.worlds.solvability import first_solvable
 from wayproof.models.worlds.world import World
 
 LOW: Vector3 = (0.0, 0.0, -0.5)
-HEIGHT = 3.0
+LENGTH, WIDTH, HEIGHT = 20.0, 14.0, 3.0
 
 GOAL_END = 3.4
 """Length of the goal's end of the hall, beyond the shelves, m along x."""
@@ -39,34 +39,20 @@ END_TO_END = (8.0, 3.0)
 """Length of the hall less the least and the greatest straight distance from start to goal, m."""
 
 
+@generated
 def warehouse(
-    seed: int,
-    difficulty: float = 0.5,
-    parameters: Warehouse = Warehouse(),  # noqa: B008  # frozen
+    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
 ) -> World:
-    """Generate a hall of 20 x 14 m, start and goal 12-17 m apart at its two ends.
+    """Draw a hall of 20 x 14 m, start and goal 12-17 m apart at its two ends.
 
     Difficulty scales the number of crates: 6 to 12 at 0.5.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-        RuntimeError: No draft let the reference bodies through.
     """
-    return first_solvable(
-        "warehouse",
-        seed,
-        lambda rng: _draft(rng, seed, difficulty, parameters),
-        difficulty,
-        parameters.passage_radius,
-    )
-
-
-def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: Warehouse) -> World:
+    aisle = parameters.warehouse.aisle_width
     partition_x = rng.uniform(4.6, 6.0)
-    high = (parameters.length, parameters.width, HEIGHT)
+    high = (LENGTH, WIDTH, HEIGHT)
     start, goal = _ends(rng, high)
-    partition = _partition(rng, partition_x, parameters)
-    shelves, line = _storage(rng, partition_x + parameters.aisle_width + 0.2, parameters)
+    partition = _partition(rng, partition_x)
+    shelves, line = _storage(rng, partition_x + aisle + 0.2, aisle)
     hall = World(
         name="warehouse",
         seed=seed,
@@ -82,7 +68,7 @@ def _draft(rng: np.random.Generator, seed: int, difficulty: float, parameters: W
         goal=goal,
         aisle=() if line is None else inspected(line),
     )
-    count = given_or(parameters.crates, round(2 * difficulty * int(rng.integers(6, 13))))
+    count = given_or(parameters.warehouse.crates, round(2 * difficulty * int(rng.integers(6, 13))))
     furnished = with_crates(rng, hall, count, longest=0.8, radius=parameters.passage_radius)
     return mirrored(furnished, flip_x=bool(rng.integers(2)), flip_y=bool(rng.integers(2)))
 
@@ -99,9 +85,9 @@ def _ends(rng: np.random.Generator, high: Vector3) -> tuple[Vector3, Vector3]:
             return (*start, 0.0), (*goal, 0.0)
 
 
-def _partition(rng: np.random.Generator, x: float, parameters: Warehouse) -> list[Box]:
+def _partition(rng: np.random.Generator, x: float) -> list[Box]:
     """Draw a wall across the hall with one doorway, which ends below the ceiling in a lintel."""
-    width, end = given_or(parameters.door_width, rng.uniform(1.6, 1.8)), parameters.width
+    width, end = rng.uniform(1.6, 1.8), WIDTH
     door = rng.uniform(LOW[1] + 1.5, end - 1.5 - width)
     door_height = rng.uniform(2.2, 2.4)
     near, far = x, x + 0.15
@@ -115,12 +101,11 @@ def _partition(rng: np.random.Generator, x: float, parameters: Warehouse) -> lis
 
 
 def _storage(
-    rng: np.random.Generator, begin: float, parameters: Warehouse
+    rng: np.random.Generator, begin: float, aisle: float
 ) -> tuple[list[Box], CentreLine | None]:
     """Draw shelves from `begin` on, their rows along the hall or across it, and name an aisle."""
-    x = (begin, parameters.length - GOAL_END)
-    y = (LOW[1] + WALL_THICKNESS, parameters.width - WALL_THICKNESS)
-    aisle = parameters.aisle_width
+    x = (begin, LENGTH - GOAL_END)
+    y = (LOW[1] + WALL_THICKNESS, WIDTH - WALL_THICKNESS)
     if rng.integers(2):
         return shelf_rows(rng, along=x, across=y, walled=True, aisle=aisle)
     rows, line = shelf_rows(rng, along=y, across=x, walled=False, aisle=aisle)

@@ -31,7 +31,7 @@ def test_a_narrow_draw_varies_no_further_setting():
 
 def test_wide_draws_hold_people_goals_robots_and_unknown_space_at_a_cost():
     drawn = wide_configs()
-    people = [value_of(one, f"world.{one.world}.passers_by") for one in drawn]
+    people = [value_of(one, "world.passers_by") for one in drawn]
     assert {0, 1, 2, 3} >= set(people) > {0}
     assert {len(one.waypoints) for one in drawn} == {0, 1, 2}
     brought = {one.robot.rpartition("/")[2] for one in drawn if one.robot.endswith(".toml")}
@@ -46,9 +46,9 @@ def test_what_limits_the_machine_or_has_no_effect_is_not_varied():
     for n in range(DRAWS):
         varied = vary(config, np.random.default_rng(n))
         unlike = {one.partition("=")[0] for one in changed_settings(replace(varied, robot="drone"))}
-        seen |= unlike - {"waypoints", "costmap.unknown_policy", "world.maze.passers_by"}
+        seen |= unlike - {"waypoints", "costmap.unknown_policy", "world.passers_by"}
     assert not seen & set(NOT_VARIED)
-    assert not any(name.startswith(("world.office", "estimate.", "prior.")) for name in seen)
+    assert not any(name.startswith(("world.warehouse", "estimate.", "prior.")) for name in seen)
     sections = {name.partition(".")[0] for name in seen}
     assert sections >= {"behaviour", "costmap", "map", "pose_model", "planner", "latency"}
 

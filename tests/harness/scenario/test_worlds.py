@@ -19,11 +19,13 @@ from wayproof.harness.scenario.scenario import build
 from wayproof.harness.scenario.worlds import find_world
 from wayproof.models.worlds import WORLDS
 
-SET = ("world.empty.length=9", "world.empty.passers_by=2", "episode.time_limit=1.5")
+SET = ("world.empty.length=9", "world.passers_by=2", "episode.time_limit=1.5")
 
 
 def test_only_the_parameters_of_its_own_world_apply():
-    config = override(Config("empty", "drone", 1), ["world.office.rooms=2", "world.empty.width=9"])
+    config = override(
+        Config("empty", "drone", 1), ["world.warehouse.crates=2", "world.empty.width=9"]
+    )
     assert find_world(config).high[:2] == (12.0, 9.0)
     assert find_world(Config("empty", "drone", 1)) == WORLDS["empty"](1, 0.5)
 
@@ -35,7 +37,7 @@ def test_a_world_is_generated_once_for_equal_parameters():
     for other in others:
         assert find_world(other) != find_world(config)
         assert find_world(other) == WORLDS["empty"](
-            other.seed, other.difficulty, other.world_parameters.empty
+            other.seed, other.difficulty, other.world_parameters
         )
 
 
@@ -51,7 +53,7 @@ def test_a_log_holds_the_parameters_and_is_simulated_again(recorded):
     path = Path(recorded("empty", "drone", 1, *SET).log)
     log = open_log(path)
     assert log.config.world_parameters.empty.length == 9.0
-    assert log.config.world_parameters.empty.passers_by == 2
+    assert log.config.world_parameters.passers_by == 2
     assert log.mission.high[0] == 9.0
     assert [mover.name for mover in next(iter(log.truth())).movers] == [
         "passer_by_0",
@@ -68,18 +70,17 @@ def test_no_way_through_is_one_line():
     config = override(Config("corridor", "drone", 1), settings)
     with pytest.raises(InputError, match=r"expected wider passages by world.corridor"):
         find_world(config)
-    parameters = replace(config.world_parameters.corridor, passage_radius=0.4)
-    passable = replace(config.world_parameters, corridor=parameters)
+    passable = replace(config.world_parameters, passage_radius=0.4)
     assert find_world(replace(config, world_parameters=passable)).name == "corridor"
 
 
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("world.office.rooms=3", "got a parameter of 'office', but the world is 'empty'"),
+        ("world.warehouse.crates=3", "got a parameter of 'warehouse', but the world is 'empty'"),
         ("world.empty.length=99", "world.empty.length: got 99, expected 8 to 60 m"),
         ("world.empty.lenght=9", "did you mean 'world.empty.length'"),
-        ("world.empty.passers_by=some", "expected a whole number, such as 0"),
+        ("world.passers_by=some", "expected a whole number, such as 0"),
     ],
 )
 def test_a_wrong_parameter_is_one_line(capsys, setting, message):

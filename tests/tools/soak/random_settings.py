@@ -108,7 +108,7 @@ def vary(config: Config, rng: np.random.Generator) -> Config:
         config = _where_valid(config, ["costmap.unknown_policy=penalize"])
     if rng.integers(4) == 0:
         people = int(rng.integers(1, MOST_PASSERS_BY + 1))
-        config = _where_valid(config, [f"world.{config.world}.passers_by={people}"])
+        config = _where_valid(config, [f"world.passers_by={people}"])
     if rng.integers(4) == 0:
         places = rng.choice(sorted(PLACES), size=int(rng.integers(1, MOST_WAYPOINTS + 1)))
         config = replace(config, waypoints=tuple(places.tolist()))
