@@ -31,10 +31,9 @@ GOAL_HEADINGS = 16
 """Number of headings that are tried at a goal with none given."""
 
 GRAIN = 2.0**-30
-"""Default grain of OMPL's solutions, a nanometre: a million times the last bits of a coordinate."""
-
-GREATEST_GRAIN = 1e-3
-"""Largest grain, m."""
+"""Grain of the coordinates, m, and headings, rad, of what OMPL finds: a nanometre, a million times
+their last bits. Its curves and informed samples rest on functions of the C library, whose last bits
+follow the processor. The planner `astar` needs none."""
 
 PlanLabel = Literal["none", "no_path", "start_blocked", "goal_blocked"]
 
@@ -62,9 +61,6 @@ class PlannerConfig:
         state_space: State space: `position`, `pose`, `reeds_shepp`, `dubins`, or `auto`: a pose
             where the body is checked at its heading, else a position.
         turning_radius: Least radius of `reeds_shepp` and `dubins` curves, m.
-        grain: Coordinates, m, and headings, rad, of what OMPL finds are whole multiples of it: its
-            curves and informed samples rest on functions of the C library, whose last bits follow
-            the processor. 0 leaves them as they are. The planner `astar` needs none.
 
     Raises:
         ValueError: If a field is out of its range.
@@ -79,7 +75,6 @@ class PlannerConfig:
     switch_ratio: Annotated[float, Bounds(1e-9, 1.0)] = 0.9
     state_space: str = "auto"
     turning_radius: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
-    grain: Annotated[float, Bounds(0.0, GREATEST_GRAIN, "m")] = GRAIN
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -321,8 +316,8 @@ def _search_once(
         return np.array([query.start, query.goal], dtype=np.float64), 1
     budget = Budget(iterations, config.clearance_weight, seed)
     poses, used = search(query, config.name, budget, seed, simplifications=config.shortcuts)
-    if poses is not None and config.grain > 0.0 and planner_traits(config.name).uses_seed:
-        poses[1:-1] = np.rint(poses[1:-1] / config.grain) * config.grain
+    if poses is not None and planner_traits(config.name).uses_seed:
+        poses[1:-1] = np.rint(poses[1:-1] / GRAIN) * GRAIN
     if poses is None or math.isinf(_cost(query, poses, config.clearance_weight)):
         return None, used
     return smoothed(query, poses, config, seed), used

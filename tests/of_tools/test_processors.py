@@ -19,9 +19,7 @@ from tests.tools.soak.processors import (
     replay_under,
 )
 from tests.tools.soak.replays import arithmetic, differing
-from wayproof.harness.config_document import from_json, to_json
 from wayproof.harness.decision import Difference
-from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.replay import Replay
 from wayproof.harness.replay.scope import Scope
 from wayproof.maps import MAPS
@@ -149,11 +147,3 @@ def test_the_episode_of_a_number_is_the_same_each_time():
     one, other = draw(3, 0), draw(3, 0)
     assert one.kind == "map"
     assert one.scenario.config == other.scenario.config
-
-
-def test_paths_of_older_logs_are_not_rounded(recorded):
-    config = open_log(Path(recorded(*EPISODES[0]).log)).config
-    text = to_json(config)
-    assert from_json(text).planner.grain == 2.0**-30
-    before = text.replace(b'"grain"', b'"grains"')
-    assert from_json(before).planner.grain == 0.0

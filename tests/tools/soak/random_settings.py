@@ -24,7 +24,6 @@ from wayproof.models.worlds import WORLDS
 from wayproof.planners import PLANNERS
 
 FURTHER = (
-    "behaviour.keep_moving=false",
     "costmap.max_slope=0.4",
     "costmap.window=8",
     "estimate.kind=lidar",
@@ -52,7 +51,6 @@ FROM_ZERO = (0.01, 0.05, 0.2)
 """Values in place of a zero, which no factor changes."""
 
 NOT_VARIED = (
-    "behaviour.rules",
     "episode.time_limit",
     "map.memory_mib",
     "plugins.memory_mib",
