@@ -29,10 +29,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tests.tools.world_splat import write_splat
 from wayproof.harness.cli.main import main as wayproof
 from wayproof.harness.config import Config
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.prior.splats import write_splat
 from wayproof.harness.prior.world_splat import splat_of_world
 from wayproof.harness.scenario.worlds import find_world
 from wayproof.maps import MAPS
