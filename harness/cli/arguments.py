@@ -1,18 +1,16 @@
-"""Checks that argparse lacks: options given twice or unknown, and paths that cannot be used."""
+"""Parser of arguments whose errors are one line, and refusal of paths that cannot be used."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import errno
-import re
+import itertools
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any, NoReturn
 
 from wayproof.harness.errors import InputError, near_name
-
-NEGATIVE = re.compile(r"-[.\d]")
-"""Beginning of a value that argparse takes for an option unless it is a plain number."""
 
 UNUSABLE_PATH = (
     *(errno.EACCES, errno.EPERM, errno.EROFS),
@@ -20,32 +18,76 @@ UNUSABLE_PATH = (
 )
 """Errors of the system that are due to the path of a file."""
 
+ONE_VALUE = "expected one argument"
+"""End of argparse's message where a value is missing or looks like an option."""
 
-def check_options(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
-    """Refuse options that the parser would ignore or report in a confusing way.
 
-    Args:
-        parser: Parser of the verb.
-        arguments: Words after the verb.
+class Parser(argparse.ArgumentParser):
+    """Argument parser that raises `InputError`, also for an option that is given twice."""
 
-    Raises:
-        InputError: An option is unknown; an option or a key of `--set` is given twice; a list of
-            numbers that begins with a minus sign follows a space.
-    """
-    values: dict[str, str] = {}
-    for name, value, action in _options(parser, arguments):
-        if action is None:
-            known = [one for one in parser._option_string_actions if one.startswith("--")]
-            near = near_name(name, known)
-            hint = f"; did you mean '{near}'?" if near else ""
-            raise InputError(f"unknown option '{name}'{hint} (see '{parser.prog} --help')")
-        alone = value is not None and value in arguments  # a word of its own, behind a space
-        if alone and value and NEGATIVE.match(value) and "," in value and "=" not in value:
-            raise InputError(f"{name} {value}: a value with a minus sign is written {name}={value}")
-        for once in _given_once(name, value, action):
-            if once in values:
-                raise InputError(f"{_twice(once)}: given twice, {values[once]} and {value}")
-            values[once] = str(value)
+    def __init__(self, **settings: Any) -> None:
+        """Take the settings of an `ArgumentParser`; texts keep their line breaks."""
+        super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter, **settings)
+        for action in (None, "store"):
+            self.register("action", action, _Once)
+
+    def parse(self, words: Sequence[str], verb: str) -> argparse.Namespace:
+        """Return the options that the words after a verb give, and the name of the verb.
+
+        Raises:
+            InputError: They cannot be used.
+        """
+        known = [one for one in self._option_string_actions if one.startswith("--")]
+        for word in itertools.takewhile("--".__ne__, words):
+            name = word.partition("=")[0]
+            if name.startswith("--") and not any(one.startswith(name) for one in known):
+                near = near_name(name, known)
+                hint = f"; did you mean '{near}'?" if near else ""
+                self.error(f"unknown option '{name}'{hint}")
+        return self.parse_args(words, argparse.Namespace(verb=verb))
+
+    def error(self, message: str) -> NoReturn:
+        """Raise an InputError, which says how a value with a minus sign is written."""
+        if message.endswith(ONE_VALUE):
+            name = message.split()[1].rstrip(":")
+            message += f"; one with a minus sign is written {name}=-1,2"
+        raise InputError(f"{message} (see '{self.prog} --help')")
+
+
+class _Once(argparse.Action):
+    """Action that stores the value of an option, which may be given once."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option: str | None = None,
+    ) -> None:
+        given = namespace.__dict__.setdefault("given", set())
+        if option is not None and self.dest in given:
+            before = getattr(namespace, self.dest)
+            raise InputError(f"{option}: given twice, {before} and {values}")
+        given.add(self.dest)
+        setattr(namespace, self.dest, values)
+
+
+class EachKeyOnce(argparse._AppendAction):
+    """Action that collects `KEY=VALUE`, each key of which may be given once."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option: str | None = None,
+    ) -> None:
+        """Add one."""
+        key = values.partition("=")[0]
+        for before in getattr(namespace, self.dest):
+            if before.partition("=")[0] == key:
+                raise InputError(f"{option} {key}: given twice, {before} and {values}")
+        super().__call__(parser, namespace, values, option)
 
 
 @contextlib.contextmanager
@@ -71,38 +113,3 @@ def _is_named(path: object, arguments: Sequence[str]) -> bool:
         return True
     parts = {name for part in Path(path).parts for name in (part, Path(part).stem)}
     return not parts.isdisjoint(one.name for one in named)
-
-
-def _twice(name: str) -> str:
-    if name == "--perturb":
-        return "--perturb (exactly one assumption is broken)"
-    return name
-
-
-def _given_once(name: str, value: str | None, action: argparse.Action) -> Iterator[str]:
-    """Yield names that may be given only once: the option itself, or the key that it sets."""
-    if name == "--set" and value is not None:
-        yield f"--set {value.partition('=')[0]}"
-    elif type(action).__name__ == "_StoreAction":
-        yield name
-
-
-def _options(
-    parser: argparse.ArgumentParser, arguments: Sequence[str]
-) -> Iterator[tuple[str, str | None, argparse.Action | None]]:
-    """Yield the full name of each long option, its value if there is one, and its action."""
-    known = parser._option_string_actions
-    for place, word in enumerate(arguments):
-        if word == "--":
-            return
-        if not word.startswith("--"):
-            continue
-        name, equals, value = word.partition("=")
-        full = [name] if name in known else [one for one in known if one.startswith(name)]
-        if len(full) > 1:
-            continue  # argparse names the candidates
-        if not full:
-            yield name, None, None
-            continue
-        after = arguments[place + 1] if place + 1 < len(arguments) else None
-        yield full[0], value if equals else after, known[full[0]]

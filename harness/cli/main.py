@@ -10,13 +10,12 @@ import argparse
 import gc
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
 
 import msgspec
 from rich.console import Console
 
 from wayproof.harness.cli import COMMANDS, VERBS, Document, Verb
-from wayproof.harness.cli.arguments import check_options, refusing_unusable_paths
+from wayproof.harness.cli.arguments import Parser, refusing_unusable_paths
 from wayproof.harness.cli.fast_exit import FastExit, runs_only_our_code
 from wayproof.harness.cli.parent_process import fork_child, names_user_code
 from wayproof.harness.cli.stdout import CheckedStdout, OutputError
@@ -92,7 +91,7 @@ def _run(
         whole_parser().print_help(sys.stderr)
         return 2, {}
     if words[0].startswith("-"):
-        return _print_completion(whole_parser().parse_args(words).completion)
+        return _answer(whole_parser().parse(words, ""))
     options = parse(words)
     if exit_handler is not None and options.verb == "run" and names_user_code(options):
         exit_code = fork_child()
@@ -110,9 +109,7 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         InputError: There is no such verb or option, or a value of another kind.
     """
     name, rest = split_command(words)
-    parser = parser_of(name)
-    check_options(parser, rest)
-    return parser.parse_args(rest, argparse.Namespace(verb=name))
+    return parser_of(name).parse(rest, name)
 
 
 def split_command(words: Sequence[str]) -> tuple[str, list[str]]:
@@ -129,15 +126,10 @@ def split_command(words: Sequence[str]) -> tuple[str, list[str]]:
     return verb, rest
 
 
-def parser_of(name: str) -> argparse.ArgumentParser:
+def parser_of(name: str) -> Parser:
     """Return the parser of the words after the name of a command."""
     verb = COMMANDS[name]
-    parser = _Parser(
-        prog=f"wayproof {name}",
-        description=verb.help,
-        epilog=_epilog(name, verb),
-        formatter_class=argparse.RawDescriptionHelpFormatter,  # keeps the example in one line
-    )
+    parser = Parser(prog=f"wayproof {name}", description=verb.help, epilog=_epilog(name, verb))
     verb.add_arguments(parser)
     parser.add_argument("--json", action="store_true", help="one JSON document on stdout")
     return parser
@@ -148,19 +140,18 @@ def _epilog(name: str, verb: Verb) -> str:
     return f"example:\n  {verb.example}" + (f"\n\nkinds:{kinds}" if kinds else "")
 
 
-def whole_parser() -> argparse.ArgumentParser:
+def whole_parser() -> Parser:
     """Return the parser of the command's own options, whose help lists the verbs."""
     width = max(map(len, VERBS))
     verbs = "\n".join(f"  {name:{width}}  {verb.help}" for name, verb in VERBS.items())
-    parser = _Parser(
+    parser = Parser(
         prog="wayproof",
         usage="wayproof VERB ...",
         description="Was the space that the robot entered proven safe, and if not, why did it go?",
         epilog=f"verbs:\n{verbs}\n\nexample:\n{EXAMPLE}\n\n"
         "'wayproof VERB --help' shows one for each verb.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version")
+    parser.add_argument("--version", action="store_true", help="print the version")
     parser.add_argument(
         "--completion",
         choices=SHELLS,
@@ -169,28 +160,14 @@ def whole_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _print_completion(shell: str | None) -> tuple[int, Document]:
-    if shell is None:
-        raise InputError("expected a verb (see 'wayproof --help')")
-    from wayproof.harness.cli.completion import script
-
-    print(script(shell))
-    return 0, {}
-
-
-class _Version(argparse.Action):
-    """Option that looks the version up and prints it."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        """Print the version and exit."""
+def _answer(options: argparse.Namespace) -> tuple[int, Document]:
+    """Print what an option of the command itself asks for."""
+    if options.version:
         from importlib.metadata import version
 
         print(f"wayproof {version('wayproof')}")
-        parser.exit()
+    elif options.completion:
+        from wayproof.harness.cli.completion import script
 
-
-class _Parser(argparse.ArgumentParser):
-    """Argument parser that raises `InputError`."""
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see '{self.prog} --help')")
+        print(script(options.completion))
+    return 0, {}

@@ -59,10 +59,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         config = replace(config, start=_point("start", options.start))
     if options.perturb is not None:
         config = with_perturbation(config, perturbation_from(options.perturb))
-    if options.prior is not None:
-        config = override(config, [f"prior.source={options.prior}"])
-    if options.stack is not None:
-        config = replace(config, stack=replace(config.stack, name=options.stack))
+    given = {"prior.source": options.prior, "stack.name": options.stack}
+    config = override(config, [f"{key}={value}" for key, value in given.items() if value])
     if options.guard:
         config = replace(config, stack=replace(config.stack, guard=True))
         refuse_idle_guard(config.stack)

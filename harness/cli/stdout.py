@@ -36,31 +36,23 @@ class OutputError(Exception):
 
 
 class CheckedStdout:
-    """Text stream that raises `OutputError` if it cannot be written to."""
+    """Text stream whose `write` and `flush` raise `OutputError` if they fail."""
 
     def __init__(self, stream: TextIO) -> None:
         """Wrap a stream."""
         self._stream = stream
 
     def write(self, text: str) -> int:
-        """Write a text.
-
-        Raises:
-            OutputError: It cannot be written.
-        """
-        try:
-            return self._stream.write(text)
-        except OSError as error:
-            raise OutputError(error) from None
+        """Write a text."""
+        return int(self._checked("write", text))
 
     def flush(self) -> None:
-        """Flush the stream.
+        """Flush the stream."""
+        self._checked("flush")
 
-        Raises:
-            OutputError: It cannot be written to.
-        """
+    def _checked(self, method: str, *values: str) -> Any:
         try:
-            self._stream.flush()
+            return getattr(self._stream, method)(*values)
         except OSError as error:
             raise OutputError(error) from None
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from wayproof.harness.cli.arguments import EachKeyOnce
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ add_settings = arg(
     "--set KEY=VALUE",
     "override a setting, repeatable; 'wayproof list' shows the names",
     default=[],
-    action="append",
+    action=EachKeyOnce,
 )
 
 add_perturb = arg("--perturb KIND:SEVERITY[:MODE]", "break one assumption, at a severity of 1 to 5")

@@ -57,15 +57,15 @@ def test_bad_words(capsys, tmp_path, changes, said):
         (["--set", "seed=1", "--set", "seed=2"], "--set seed: given twice, "),
         (["--set", "sensors.lidar=vlp16"], "did you mean 'velodyne-vlp16'?"),
         (["--set", "planner.name=RRTConnect"], "did you mean 'rrtconnect'?"),
-        (
-            ["--perturb", "latency:2", "--perturb", "rate:1"],
-            "(exactly one assumption is",
-        ),
+        (["--perturb", "latency:2", "--perturb", "rate:1"], "given twice, latency:2 and rate:1"),
         (["--seed", "2"], "--seed: given twice, 1 and 2"),
         (["--perturb", "latency:9"], "latency:9: severity: got 9, expected above 0, up to 5"),
         (["--perturb", "latency:nan"], "severity: got nan, expected above 0, up to 5"),
         (["--goal", "nan,1,1"], "--goal nan,1,1: expected X,Y or X,Y,Z, finite numbers in m"),
-        (["--start", "-1,2,1"], "--start -1,2,1: a value with a minus sign is written --start=-1"),
+        (
+            ["--start", "-1,2,1"],
+            "--start: expected one argument; one with a minus sign is written --start=-1",
+        ),
         (["--robto", "drone"], "unknown option '--robto'; did you mean '--robot'?"),
         (["--set", "map.resoluton=1"], "did you mean 'map.resolution'?"),
         (["--set", "planner.name=rrtconect"], "did you mean 'rrtconnect'?"),
@@ -215,9 +215,7 @@ def test_a_robot_whose_spec_file_is_here_is_named(capsys, tmp_path):
 def test_the_version_and_the_help(capsys):
     assert main([]) == 2
     assert "verbs:" in capsys.readouterr().err
-    with pytest.raises(SystemExit) as left:
-        main(["--version"])
-    assert left.value.code == 0
+    assert main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("wayproof ")
 
 
