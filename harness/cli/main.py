@@ -91,7 +91,7 @@ def _run(
         whole_parser().print_help(sys.stderr)
         return 2, {}
     if words[0].startswith("-"):
-        return _answer(whole_parser().parse(words, ""))
+        return _answer(whole_parser().parse(words, ""), console)
     options = parse(words)
     if exit_handler is not None and options.verb == "run" and names_user_code(options):
         exit_code = fork_child()
@@ -160,14 +160,14 @@ def whole_parser() -> Parser:
     return parser
 
 
-def _answer(options: argparse.Namespace) -> tuple[int, Document]:
+def _answer(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Print what an option of the command itself asks for."""
     if options.version:
         from importlib.metadata import version
 
-        print(f"wayproof {version('wayproof')}")
+        console.print(f"wayproof {version('wayproof')}")
     elif options.completion:
         from wayproof.harness.cli.completion import script
 
-        print(script(options.completion))
+        console.file.write(f"{script(options.completion)}\n")  # as it is: rich may wrap it
     return 0, {}

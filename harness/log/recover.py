@@ -53,7 +53,8 @@ def recover(path: Path, target: Path | None = None, allow_plugins: bool = False)
     killed before the rename. Then the copy is the log, with its result.
 
     Args:
-        path: The broken log; it is left unchanged.
+        path: The broken log; its bytes are left unchanged. One whose name the new log has while it
+            is written is renamed to end in `.ended`.
         target: Name of the new log; by default that of the broken one with `-recovered`.
         allow_plugins: Whether code that its config names may be imported.
 
@@ -65,6 +66,8 @@ def recover(path: Path, target: Path | None = None, allow_plugins: bool = False)
     target = target or recovered_name(path)
     if target.resolve() == path.resolve():
         raise InputError(f"--log {target}: the log itself, expected another name")
+    if target.with_name(f"{target.name}{ENDING}").resolve() == path.resolve():
+        path = path.rename(path.with_name(f"{path.name}.ended"))  # the copy is written by its name
     reading = _Reading(path)
     head = read_head(reading.items(), path, allow_plugins)
     decisions = len(reading.decisions)
@@ -74,7 +77,7 @@ def recover(path: Path, target: Path | None = None, allow_plugins: bool = False)
         )
     sim_time_s = reading.decisions[-1].timestamp.ToNanoseconds() * 1e-9
     result = None if reading.damage else head.metadata.get("result")
-    if result is not None and not PARTIAL_NAME.search(path.name):
+    if result is not None and not PARTIAL_NAME.search(path.name.removesuffix(".ended")):
         return Recovery(
             str(path), written=None, decisions=decisions, sim_time_s=sim_time_s, damage=""
         )

@@ -43,5 +43,9 @@ def test_recover_on_the_command_line(source, tmp_path, capsys):
     assert document["decisions"] == 6
     assert document["damage"].startswith("truncated")
     assert main(["replay", str(out)]) == 0
+    partial = path.rename(tmp_path / "a.mcap.partial")
+    assert main(["export", str(partial), "--log", str(tmp_path / "a.mcap")]) == 0
+    assert (tmp_path / "a.mcap").read_bytes() == out.read_bytes()
+    assert (tmp_path / "a.mcap.partial.ended").is_file()
     assert main(["export", str(tmp_path / "none.mcap"), "--log", str(tmp_path / "x.mcap")]) == 2
     assert "no such file" in capsys.readouterr().err
