@@ -52,7 +52,7 @@ def test_bad_words(capsys, tmp_path, changes, said):
         (["--set", "map.resolution="], "expected a finite number, such as 0.1"),
         (
             ["--set", "map.memory_mib=x"],
-            "--set map.memory_mib=x: expected a whole number, such as 1",
+            "--set map.memory_mib=x: expected a whole number, such as 512",
         ),
         (["--set", "seed=1", "--set", "seed=2"], "--set seed: given twice, "),
         (["--set", "sensors.lidar=vlp16"], "did you mean 'velodyne-vlp16'?"),
