@@ -144,7 +144,7 @@ def others() -> Iterator[Case]:
         lidar = episode("warehouse", robot, 2, "estimate.kind=lidar")
         yield Case(f"estimate-lidar-{robot}", lidar)
         yield Case(f"prior-truth-{robot}", episode("warehouse", robot, 1, "prior.source=truth"))
-        people = (f"world.office.{one}" for one in ("passers_by=4", "passers_by_speed=0.8"))
+        people = (f"world.{one}" for one in ("passers_by=4", "passers_by_speed=0.8"))
         yield Case(f"people-{robot}", episode("office", robot, 6, *people))
         classes = ("sensors.semantics=true", 'costmap.class_margins={{"shelf":0.1}}')
         yield Case(f"classes-{robot}", episode("warehouse", robot, 7, *classes))
