@@ -100,9 +100,10 @@ def unplanned_in_words(folder: Path, allow_plugins: bool = False) -> str:
         InputError: It is no folder of a study.
     """
     store = Store(folder)
-    planned = plan_episodes(store.read_study(allow_plugins), store.read_contents())
+    study = store.read_study(allow_plugins)
+    planned = plan_episodes(study, store.read_contents())
     count = store.unplanned({one.key for one in planned})
-    if not count:
+    if not count or study.searches:  # which chooses its episodes as it goes
         return ""
     logs = "1 log is" if count == 1 else f"{count} logs are"
     return (
