@@ -70,40 +70,6 @@ def test_silence_counts_after_so_many_sweeps_in_a_row():
     assert history.take_in(DIRECTIONS, silent) == len(silent)
 
 
-def test_what_gives_no_information_leaves_a_direction_as_it_was():
-    history = EchoHistory()
-    silent = np.full(len(DIRECTIONS), NO_RETURN, np.uint16)
-    for _ in range(4):
-        history.take_in(DIRECTIONS, silent)
-    before = history.silent_sweeps.copy()
-    assert history.take_in(DIRECTIONS, np.zeros(len(DIRECTIONS), np.uint16)) == 0
-    assert (history.silent_sweeps == before).all()
-    assert before.max() == 4
-
-
-def test_an_empty_sweep_says_nothing():
-    history = EchoHistory()
-    for _ in range(3):
-        history.take_in(DIRECTIONS, np.full(len(DIRECTIONS), NO_RETURN, np.uint16))
-    before = history.silent_sweeps.copy()
-    assert history.take_in(np.empty((0, 3)), np.empty(0, np.uint16)) == 0
-    assert (history.silent_sweeps == before).all()
-
-
-def test_one_echo_of_a_direction_is_enough():
-    history, index = EchoHistory(), [naive_index(one) for one in DIRECTIONS]
-    silent = np.full(len(DIRECTIONS), NO_RETURN, np.uint16)
-    for _ in range(SILENT_SWEEPS):
-        history.take_in(DIRECTIONS, silent)
-    silent[77] = RETURN_MM
-    same = np.array(index) == index[77]
-    assert 1 < same.sum() < 60
-    assert history.take_in(DIRECTIONS, silent) == same.sum() - 1
-    recent = history.recently_silent(DIRECTIONS, silent)
-    assert recent.sum() == same.sum() - 1
-    assert recent[same].sum() == same.sum() - 1
-
-
 def test_the_history_is_that_of_dictionaries_compiled_or_not():
     rng, history, runs = np.random.default_rng(3), EchoHistory(), defaultdict(int)
     interpreted = np.zeros(kernels.DIRECTIONS, np.uint8)
@@ -181,18 +147,6 @@ def test_patches_that_move_are_echoes_that_come_and_go_and_others_are_not():
     for _ in range(30):
         still.take_in(DIRECTIONS, with_patch(np.random.default_rng(6), 0.6))  # at one place
         assert not still.loses_echoes
-
-
-def test_histories_are_equal_by_what_they_hold():
-    one, other = EchoHistory(), EchoHistory()
-    assert one == other
-    for changed in ((np.ones(kernels.DIRECTIONS, np.uint8), 10), (one.silent_sweeps, 3)):
-        other.restore(*changed)
-        assert one != other
-    other.restore(one.silent_sweeps, one.steady_sweeps)
-    assert one == other
-    other.silent_sweeps[0] = 1
-    assert one != other
 
 
 @pytest.fixture(scope="module")

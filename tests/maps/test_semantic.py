@@ -185,10 +185,3 @@ def test_bad_votes_are_refused_and_none_is_counted(points, labels, message):
     with pytest.raises(ValueError, match=message):
         layer.integrate(points, labels)
     assert layer.version() == SemanticLayer(0.1, 3).version()
-
-
-def test_empty_sweeps_and_queries():
-    layer = SemanticLayer(0.1, 3)
-    layer.integrate(np.empty((0, 3)), np.empty(0, np.uint8))
-    assert layer.label_at(np.empty((0, 3))).shape == (0,)
-    assert layer.lost == 0

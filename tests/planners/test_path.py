@@ -49,12 +49,6 @@ def test_paths_without_length_have_a_place_but_no_direction():
         assert first_stop(path, 0.0) == 0.0
 
 
-def test_repeated_points_take_the_next_direction():
-    path = ELL[[0, 1, 1, 2, 2]]
-    assert tangent_at(path, 3.0).tolist() == [0.0, 1.0, 0.0]
-    assert tangent_at(path, 7.0).tolist() == [0.0, 1.0, 0.0]
-
-
 def test_places_and_parts_of_paths_are_those_of_numpy_bit_by_bit():
     rng = np.random.default_rng(6)
     for seed in range(60):

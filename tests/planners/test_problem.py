@@ -63,7 +63,7 @@ for job in sys.stdin.read().split():
 """
 
 
-PLANS = int(os.environ.get("PLANS", "8"))
+PLANS = int(os.environ.get("PLANS", "4"))
 
 
 """Of each planner; PLANS=1000 in the environment is the long run."""

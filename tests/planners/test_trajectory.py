@@ -65,7 +65,7 @@ def test_a_straight_line_by_hand():
     assert trajectory.at(0).position.tolist() == [0.0, 0.0, 1.0]
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(12))
 def test_limits_hold_on_dense_samples(room, seed):
     path, limits, cap, state = random_case(room, seed)
     trajectory = follow_path(path, PathState(0, *state, 0.3), limits, cap)
@@ -91,7 +91,7 @@ def test_limits_hold_on_dense_samples(room, seed):
         assert (samples["speed"] <= allowed[nearest] + 1e-6).all()
 
 
-@pytest.mark.parametrize("seed", range(1, 40, 2))
+@pytest.mark.parametrize("seed", range(1, 12, 2))
 def test_a_slow_end_limits_the_speed_there_alone(room, seed):
     path, limits, cap, state = random_case(room, seed)
     length = arc_lengths(path)[-1]
@@ -106,7 +106,7 @@ def test_a_slow_end_limits_the_speed_there_alone(room, seed):
     assert ends_slowly.duration_s > follow_path(path, start, limits, cap).duration_s
 
 
-@pytest.mark.parametrize("seed", range(0, 40, 4))
+@pytest.mark.parametrize("seed", range(0, 12, 4))
 def test_heading_follows_the_path_no_faster_than_the_yaw_rate(room, seed):
     path, limits, cap, state = random_case(room, seed)
     samples = sampled(follow_path(path, PathState(0, *state, 2.0), limits, cap))
@@ -115,7 +115,7 @@ def test_heading_follows_the_path_no_faster_than_the_yaw_rate(room, seed):
     assert np.abs(samples["yaw_rate"]).max() <= limits.yaw_rate + 1e-6
 
 
-@pytest.mark.parametrize("seed", range(0, 40, 4))
+@pytest.mark.parametrize("seed", range(0, 12, 4))
 def test_heading_follows_the_path_within_the_yaw_acceleration(room, seed):
     path, limits, cap, state = random_case(room, seed)
     limits = replace(limits, yaw_acceleration=4.0)
@@ -293,15 +293,6 @@ def test_holding_is_rest_from_the_start():
     sample = hold(LINE[1], 7, 0.4).at(0)
     assert sample.position.tolist() == LINE[1].tolist()
     assert (sample.heading, sample.at_rest, sample.arc_length) == (0.4, True, 0.0)
-
-
-def test_trajectories_repeat_to_the_bit(room):
-    for seed in range(6):
-        path, limits, cap, state = random_case(room, seed)
-        one, two = (
-            sampled(follow_path(path, PathState(0, *state, 0.1), limits, cap)) for _ in range(2)
-        )
-        assert all(one[name].tobytes() == two[name].tobytes() for name in one)
 
 
 def test_wrong_input_is_refused():

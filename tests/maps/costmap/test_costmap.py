@@ -227,21 +227,6 @@ def test_the_margin_widens_what_is_forbidden(voxel_map):
     assert traversable(costmap).sum() == before
 
 
-def test_an_update_follows_the_map(voxel_map):
-    costmap = ground(voxel_map)
-    voxel_map.set(np.s_[15, 10, BODY], OCCUPIED)
-    assert costmap.state[15, 10, 0] == FREE
-    costmap.update(0.1)
-    assert costmap.state[15, 10, 0] == OCCUPIED
-    assert costmap.clearance[15, 10, 0] == 0
-
-
-def test_one_cell_of_unknown_blocks_like_an_obstacle_under_forbid():
-    voxel_map = StateArray(np.zeros((0, 0, 0), np.uint8))
-    assert not traversable(ground(voxel_map)).any()
-    assert traversable(ground(voxel_map, unknown_policy="allow")).any()
-
-
 @pytest.mark.parametrize(
     ("motion", "body", "message"),
     [
@@ -266,21 +251,6 @@ def test_a_body_that_does_not_fit_is_refused(voxel_map, motion, body, message):
 def test_a_bad_margin_is_refused(voxel_map, margin):
     with pytest.raises(ValueError, match="margin: got"):
         ground(voxel_map).update(margin)
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "message"),
-    [
-        ((0, 0, 0), (1, 0, 1), "expected low < high"),
-        ((0, 0, np.nan), (1, 1, 1), "low: got"),
-        ((0, 0), (1, 1, 1), "low: got"),
-        ((0, 0, 0), (1, 1, np.inf), "high: got"),
-        ((0, 0, -0.075), (100, 100, 29.9), r"got 300000000 cells .* expected at most 200000000"),
-    ],
-)
-def test_bad_windows_are_refused(voxel_map, low, high, message):
-    with pytest.raises(ValueError, match=message):
-        ground(voxel_map, low, high)
 
 
 @pytest.fixture
@@ -323,22 +293,6 @@ def test_the_gradient_leads_away_at_a_metre_per_metre(pillar):
         np.testing.assert_allclose(pillar.gradient_at(points)[:, axis], difference, atol=1e-6)
 
 
-@pytest.mark.parametrize("max_slope", [0.0, 0.3])
-@pytest.mark.parametrize("y", [3, 64, 99])
-def test_a_change_anywhere_along_a_wide_plane_is_followed(max_slope, y):
-    states = np.full((30, 100, 15), UNKNOWN, np.uint8)
-    states[:, :, FLOOR], states[:, :, FLOOR + 1 :] = OCCUPIED, FREE
-    wide, high = StateArray(states), (HIGH[0], 10.0, HIGH[2])
-    costmap = ground(wide, high=high, max_slope=max_slope)
-    wide.set(np.s_[12:13, y : y + 1, BODY], OCCUPIED)
-    costmap.update(0.1)
-    fresh = ground(wide, high=high, max_slope=max_slope)
-    fresh.update(0.1)
-    assert costmap.state[12, y, 0] == OCCUPIED
-    np.testing.assert_array_equal(costmap.clearance, fresh.clearance)
-    np.testing.assert_array_equal(costmap.obstacle_clearance, fresh.obstacle_clearance)
-
-
 def test_on_the_ground_height_does_not_matter(voxel_map):
     voxel_map.set(np.s_[15, 10, BODY], OCCUPIED)
     costmap = ground(voxel_map)
@@ -372,31 +326,6 @@ def test_compiled_kernels_equal_their_python(voxel_map, monkeypatch):
         monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
     for ours, theirs in zip(compiled, everything(), strict=True):
         np.testing.assert_array_equal(ours, theirs)
-
-
-def assert_optimistic(costmap, edge):
-    """By its definition, from the two fields."""
-    unsure = costmap.clearance < edge
-    expected = np.where(
-        unsure, np.minimum(costmap.obstacle_clearance, edge), costmap.obstacle_clearance
-    )
-    np.testing.assert_array_equal(costmap.optimistic(edge).whole(), expected)
-
-
-@pytest.mark.parametrize("make", [ground, air])
-def test_optimistic_distances_follow_every_change(voxel_map, make):
-    """Worked out anew only where a distance changed, or all of it with the edge or the margin."""
-    rng = np.random.default_rng(1)
-    costmap = make(voxel_map)
-    assert_optimistic(costmap, 9)
-    for _ in range(20):
-        x, y, z = rng.integers((0, 0, FLOOR), (29, 19, 14))
-        voxel_map.set(np.s_[x : x + 2, y : y + 2, z], rng.choice([FREE, OCCUPIED, UNKNOWN]))
-        costmap.update(0.0)
-        assert_optimistic(costmap, 9)
-    for edge, margin in ((12, 0.0), (12, 0.1), (12, 0.0), (9, 0.0)):
-        costmap.update(margin)
-        assert_optimistic(costmap, edge)
 
 
 def test_columns_across_words_are_projected_one_by_one():

@@ -55,22 +55,6 @@ def test_the_distances_around_one_cell():
     assert field.squared[4, 4, 4] == 9
 
 
-@pytest.mark.parametrize("reach", [3, 20, 181])
-def test_a_field_kept_up_to_date_equals_a_new_one(reach):
-    shape = (60, 45, 50)
-    rng = np.random.default_rng(reach)
-    field = DistanceField(shape, reach)
-    blocked = np.zeros(shape, np.bool_)
-    for step in range(12):
-        x, y, z = (rng.integers(0, n) for n in shape)
-        if step % 3 == 2:  # scattered cells come and go
-            blocked ^= rng.random(shape) < 3e-4
-        else:  # a box appears or disappears
-            blocked[x : x + 12, y : y + 7, z : z + 9] = step % 3 == 0
-        field.update(packed(blocked))
-        np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
-
-
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     shape=st.tuples(st.integers(1, 25), st.integers(1, 25), st.integers(1, 70)),
@@ -91,19 +75,6 @@ def test_any_sequence_of_changed_boxes_of_columns(shape, reach, seed):
         np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
 
 
-def test_an_update_leaves_alone_what_no_change_can_reach():
-    shape = (64, 64, 20)
-    blocked = np.zeros(shape, np.bool_)
-    field = DistanceField(shape, 5)
-    field.update(packed(blocked))
-    field.squared[40:] = 12345  # would be overwritten if it were recomputed
-    blocked[10, 10, 10] = True
-    field.update(packed(blocked))
-    assert np.all(field.squared[40:] == 12345)
-    field.update(packed(blocked))
-    np.testing.assert_array_equal(field.squared[:40], scipy_squared(blocked, 5)[:40])
-
-
 def test_compiled_kernels_equal_their_python(monkeypatch):
     shape = (10, 19, 37)
     rng = np.random.default_rng(7)
@@ -121,12 +92,6 @@ def test_compiled_kernels_equal_their_python(monkeypatch):
     interpreted.update(packed(later))
     np.testing.assert_array_equal(compiled.squared, interpreted.squared)
     np.testing.assert_array_equal(compiled.squared, scipy_squared(later, 6))
-
-
-def test_bits_beyond_the_window_are_not_looked_at():
-    field = DistanceField((5, 5, 40), 9)
-    field.update(packed(np.zeros((5, 5, 40), np.bool_)))  # sets bits 40 to 63
-    assert field.squared[2, 2, 30] == 9  # the border of x and y, 3 cells away
 
 
 @pytest.mark.parametrize(
@@ -158,17 +123,6 @@ def test_the_greatest_distances_fit_their_16_bits(reach):
     field.update(packed(blocked))
     np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
     assert field.squared.max() == reach * reach
-
-
-def test_no_kernel_is_compiled_again_for_another_part_of_the_window():
-    blocked = np.zeros((30, 40, 20), np.bool_)
-    field = DistanceField(blocked.shape, 4)
-    field.update(packed(blocked))
-    blocked[12, 20, 9] = True
-    field.update(packed(blocked)[10:15, 18:25], 10, 18)  # no contiguous array
-    np.testing.assert_array_equal(field.squared, scipy_squared(blocked, 4))
-    for kernel in (edt_sections.update_sections, edt_field.update_field):
-        assert len(kernel.signatures) == 1
 
 
 def test_what_is_not_stale_is_true_whatever_was_worked_out():

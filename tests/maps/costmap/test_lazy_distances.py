@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from tests.maps.exact_distances import packed, scipy_squared
-from wayproof.maps.costmap.distance_field import BLOCK_ROWS, CellUpdate, DistanceField
-from wayproof.maps.costmap.lazy_distances import ROUNDS, Clearances, Distances
+from wayproof.maps.costmap.distance_field import BLOCK_ROWS
+from wayproof.maps.costmap.lazy_distances import Clearances, Distances
 
 SHAPE = (40, 30, 12)
 REACH = 6
@@ -50,37 +50,6 @@ def test_wherever_a_reader_caught_up_the_distances_are_true(most):
         np.testing.assert_array_equal(distances.whole(), true)
 
 
-def stale_field():
-    """A field in which a cell has come since it was brought up to date."""
-    field = DistanceField(SHAPE, REACH)
-    blocked = np.zeros(SHAPE, np.bool_)
-    field.update(packed(blocked))
-    blocked[20, 15, 6] = True
-    all_cells = ((0, count) for count in SHAPE[:2])
-    field.take_over(CellUpdate(packed(blocked), 0, (0, 0), *all_cells))
-    return field
-
-
-def test_a_reader_begins_anew_only_where_something_was_stale():
-    distances = Distances(stale_field(), SHAPE)
-    distances.read_blocks[0, 0] = True
-    assert not distances.catch_up()
-    assert distances.cells[20, 15, 6] > 0  # nobody looked
-    distances.read_blocks[15 // BLOCK_ROWS, 20] = True
-    assert distances.catch_up()
-    assert distances.cells[20, 15, 6] == 0
-    assert not distances.catch_up()
-
-
-def test_what_was_read_blocks_is_up_to_date_the_next_time():
-    field = stale_field()
-    distances = Distances(field, SHAPE)
-    distances.read_blocks[15 // BLOCK_ROWS, 20] = True
-    distances.begin()
-    assert distances.cells[20, 15, 6] == 0
-    assert not distances.read_blocks.any()
-
-
 def window_with_news(searched=None):
     """Distances of a window in which a cell has come where nobody has looked for long.
 
@@ -100,16 +69,6 @@ def window_with_news(searched=None):
     return clearances
 
 
-def test_where_a_search_looked_all_is_up_to_date_when_the_next_begins_with_what_lies_around():
-    """In other distances of the window, too."""
-    clearances = window_with_news(searched=(15 // BLOCK_ROWS, 25))
-    for distances in (clearances.to_not_free(REACH**2), clearances.to_obstacles(REACH**2)):
-        assert not distances.searched.any()
-        assert distances.cells[20, 15, 6] > 0
-        assert distances.begin_search()
-        assert distances.cells[20, 15, 6] == 0
-
-
 def test_limits_out_of_use_give_their_memory_to_others_and_nothing_else():
     """As the edge moves with the margin."""
     rng = np.random.default_rng(0)
@@ -124,17 +83,6 @@ def test_limits_out_of_use_give_their_memory_to_others_and_nothing_else():
     for distances, edge in ((twelve, 12), (clearances.optimistic(9, REACH**2), 9)):
         true = expected(free, occupied, edge, REACH**2)[2]
         np.testing.assert_array_equal(distances.whole(), true)
-
-
-def test_a_reader_that_keeps_reading_elsewhere_has_everything_brought_up_to_date():
-    field = stale_field()
-    distances = Distances(field, SHAPE)
-    stale = np.argwhere(field.stale)
-    for n in range(ROUNDS + 1):
-        distances.read_blocks[tuple(stale[n])] = True
-        assert field.stale.any()
-        assert distances.catch_up()
-    assert not field.stale.any()
 
 
 def search(distances):

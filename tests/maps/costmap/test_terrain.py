@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, CostmapConfig, MapConfig, VoxelMap
-from wayproof.maps.columns import ColumnMap, Window
-from wayproof.maps.costmap.terrain import BASELINE, Terrain, rises
+from wayproof.maps.columns import ColumnMap
+from wayproof.maps.costmap.terrain import BASELINE, rises
 
 FLOOR, LAYERS, SIZE = 4, 40, (40, 24)
 LOW, HIGH = (0.0, 0.0, -0.475), (4.0, 2.4, 3.525)  # cells of 0.1 m, the floor's is layer 4
@@ -58,7 +58,7 @@ def ramp(angle, start=10.0, top=1.0):
     return np.clip(0.1 * (ACROSS - start) * math.tan(angle), 0.0, top)
 
 
-@pytest.mark.parametrize("angle", [0.02, 0.1, 0.2, 0.25, 0.3])
+@pytest.mark.parametrize("angle", [0.1, 0.3])
 def test_a_ramp_up_to_the_slope_is_walked_over(angle):
     for start in np.arange(10.0, 11.0, 0.1):
         assert (projected(world(ramp(angle, start))) == FREE).all()
@@ -78,7 +78,7 @@ def test_a_ramp_may_lie_oblique_and_be_seen_here_and_there():
         assert (projected(world(height - height.min())) == FREE)[:, :].all()
 
 
-@pytest.mark.parametrize("angle", [0.5, 0.6, 0.8, 1.2])
+@pytest.mark.parametrize("angle", [0.5, 1.2])
 def test_a_steeper_one_is_an_obstacle(angle):
     state = projected(world(ramp(angle, top=1.5)))
     assert (state[:10] == FREE).all()
@@ -112,14 +112,6 @@ def test_a_hole_is_an_obstacle_on_the_floor_and_in_a_ramp():
         assert (state[22:25, 8:12] == OCCUPIED).all()
         state[22:25, 8:12] = FREE
         assert (state == FREE).all()
-
-
-def test_unseen_columns_are_unknown():
-    cells = world(ramp(0.2))
-    cells.states[20:22, 5:7] = UNKNOWN
-    state = projected(cells)
-    assert (state[20:22, 5:7] == UNKNOWN).all()
-    assert (state == FREE).sum() == state.size - 4
 
 
 def test_obstacles_and_overhangs_are_measured_from_the_ramp():
@@ -303,18 +295,7 @@ def test_limits_by_hand():
     assert rises(1.0, 0.0)[0].tolist() == [1] * 9
 
 
-def test_the_ground_says_where_it_was_seen():
-    terrain = Terrain(Window.covering(LOW, HIGH, 0.1), 0.45, 0.03, 0.3)
-    cells = world(ramp(0.3))
-    cells.states[30, 3] = UNKNOWN
-    terrain.read(cells)
-    expected = np.floor(ramp(0.3) / 0.1 + 0.75).astype(int) + FLOOR
-    assert (terrain.ground == expected).mean() > 0.99
-    assert not terrain.seen[30, 3]
-    assert terrain.seen.sum() == terrain.seen.size - 1
-
-
-@pytest.mark.parametrize("angle", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("angle", [0.3])
 def test_a_ramp_that_is_swept_from_below_is_walked_over(angle):
     """A lidar of 120 rows at 0.6 m that comes up to a ramp and looks at it."""
     elevation = np.deg2rad(np.linspace(-50.0, 25.0, 120))[:, None]

@@ -131,18 +131,6 @@ def test_every_query_agrees_on_a_vacated_cell():
     assert voxel_map.cast_ray(ORIGIN, (1.0, 0.0, 0.0), 0.95, stop_at_unknown=True) is None
 
 
-def test_a_cell_that_was_free_for_less_than_a_period_is_not_dynamic():
-    config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8, dynamic=AT_ONCE)
-    voxel_map = DynamicMap(config)
-    for _ in range(5):
-        voxel_map.mark_free((0.0, 0.0, 0.0), (3.0, 1.2, 1.2), 0)
-    for k in (0, 5, 9):  # the period from 0.5 s on is not over
-        beam(voxel_map, NOTHING, k)
-    beam(voxel_map, 1000, 9)
-    assert len(voxel_map.dynamic_centres()) == 0
-    assert voxel_map.state_at(AHEAD)[0] == FREE
-
-
 def test_a_cell_that_was_hit_within_the_period_is_not_dynamic():
     config = MapConfig(kind="dynamic", half_life=0.0, memory_mib=8, dynamic=AT_ONCE)
     voxel_map = DynamicMap(config)
@@ -279,16 +267,6 @@ def test_a_bad_setting_is_refused_in_one_line(field, value, expected):
         ValueError, match=rf"^map\.dynamic\.{field}: got {value:g}, expected {expected}$"
     ):
         DynamicConfig(**{field: value})
-
-
-def test_a_file_holds_the_lasting_evidence(tmp_path):
-    voxel_map, k = confident()
-    beam(voxel_map, 1000, k)
-    voxel_map.save(tmp_path / "map")
-    loaded = DynamicMap.load(tmp_path / "map")
-    assert loaded.config == voxel_map.config
-    assert loaded.probability_at(AHEAD) == voxel_map.probability_at(AHEAD)
-    assert len(loaded.dynamic_centres()) == 0
 
 
 def test_a_rolling_sweep_is_met_where_its_moments_were():

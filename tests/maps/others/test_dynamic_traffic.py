@@ -9,14 +9,11 @@ import pytest
 from tests.maps.cells import occupied_centres
 from wayproof.maps import (
     MAPS,
-    OCCUPIED,
-    UNKNOWN,
     Costmap,
     CostmapConfig,
     DynamicConfig,
     DynamicMap,
     MapConfig,
-    states_in,
 )
 from wayproof.maps.columns import Window
 from wayproof.maps.costmap.projection import Airspace
@@ -213,15 +210,6 @@ def test_a_wall_seen_at_grazing_angles_does_not_flicker():
     assert other._ever_free.contains(np.array([[20, 3, 10]]))[0]  # the space before the wall
 
 
-def test_the_same_bytes_on_repetition():
-    maps = [drive("dynamic", WAYS["obliquely"]) for _ in range(2)]
-    assert len(maps[0].dynamic_centres()) > 20
-    assert len({voxel_map.version() for voxel_map in maps}) == 1
-    columns = [voxel_map.columns((-64, -64, -8), (128, 128, 1)) for voxel_map in maps]
-    for other in columns[1:]:
-        np.testing.assert_array_equal(columns[0], other)
-
-
 def test_every_change_is_logged_and_reaches_both_kinds_of_body():
     window = ((-64, -64, -8), (128, 128, 1))
     airspace = Airspace(Window(0.1, (-64, -64, -8), (128, 128, 64)), -np.inf, np.inf)
@@ -245,24 +233,6 @@ def test_every_change_is_logged_and_reaches_both_kinds_of_body():
     assert last["moved"] > 100
     assert len(voxel_map.changed(last["now"])[0]) == 0
     assert len(voxel_map.changed(0)[0]) > 50
-
-
-def test_the_queries_agree_amid_traffic():
-    voxel_map = drive("dynamic", WAYS["away"])
-    corner = np.array([-128, -128, -8])
-    occupied, free = voxel_map.columns(corner, (256, 256, 1))
-    states = states_in(voxel_map, *BOX)
-    cells = np.argwhere(states != UNKNOWN)[::7] + corner
-    middles = (cells + np.array([0.5, 0.5, -0.25])) * 0.1
-    found = voxel_map.state_at(middles)
-    np.testing.assert_array_equal(found, states[tuple((cells - corner).T)])
-    count = [int(np.bitwise_count(words).sum()) for words in (free, occupied)]
-    assert list(voxel_map.counts().values()) == count
-    target = voxel_map.dynamic_centres()[0]
-    end = voxel_map.cast_ray(SENSOR, target - SENSOR, 12.0)
-    assert end.state == OCCUPIED
-    assert end.distance <= np.linalg.norm(target - SENSOR) + 0.1
-    assert voxel_map.memory_bytes() > 0
 
 
 @pytest.mark.parametrize(

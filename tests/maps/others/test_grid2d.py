@@ -192,14 +192,6 @@ def test_a_shelf_board_above_the_scan_is_not_seen():
     assert (blind == FREE).all()
 
 
-def test_a_table_top_above_the_band_is_not_seen():
-    top = (2.0, -0.8, 2.2), (2.6, 0.8, 2.3)
-    (voxel, grid), _ = both([top])
-    at = [[2.25, y, 2.22] for y in (-0.35, 0.05, 0.35)]
-    assert voxel.state_at(at).tolist() == [OCCUPIED] * 3
-    assert grid.state_at(at).tolist() == [FREE] * 3
-
-
 def test_what_can_be_passed_below_is_taken_for_an_obstacle():
     beam = (2.0, -0.8, 1.0), (2.6, 0.8, 1.2)
     _, (seen, blind) = both([beam])

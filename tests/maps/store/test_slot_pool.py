@@ -1,5 +1,3 @@
-import hashlib
-
 import numpy as np
 import pytest
 
@@ -104,19 +102,3 @@ def test_the_digest_is_that_of_the_content_whatever_its_history():
     one.dirty[3] = True
     assert other.digest(contents(other)) != one.digest(contents(one))
     assert make().digest(lambda slots: []) == 0
-
-
-def test_the_digest_is_the_sum_of_those_of_the_slots():
-    pool = make(64)
-    slots = pool.reserve(KEYS[:40], 1).slots
-
-    def digest_of(number: int) -> int:
-        return int.from_bytes(hashlib.blake2b(bytes([number]), digest_size=16).digest(), "little")
-
-    for kept in (40, 25, 0):
-        pool.dirty[slots[:kept]] = True
-        pool.release(slots[kept:], 2)
-        slots = slots[:kept]
-        summed = sum(digest_of(number) for number in range(1, kept)) % 2**128
-        found = pool.digest(lambda dirty: [bytes([n]) if n else b"" for n in range(len(dirty))])
-        assert found == summed

@@ -60,7 +60,7 @@ def test_an_empty_map_can_be_saved(tmp_path):
     assert VoxelMap.load(tmp_path / "map").counts() == {"free": 0, "occupied": 0}
 
 
-@pytest.mark.parametrize("at", [0, 5, 20, 30, 400, 20000, -1])
+@pytest.mark.parametrize("at", [0, 20, 400, -1])
 def test_a_changed_byte_is_found(tmp_path, at):
     filled().save(tmp_path / "map")
     data = bytearray((tmp_path / "map").read_bytes())
@@ -70,7 +70,7 @@ def test_a_changed_byte_is_found(tmp_path, at):
         VoxelMap.load(tmp_path / "map")
 
 
-@pytest.mark.parametrize("size", [0, 10, 25, 100, 30000])
+@pytest.mark.parametrize("size", [0, 25, 30000])
 def test_a_cut_file_is_found(tmp_path, size):
     filled().save(tmp_path / "map")
     data = (tmp_path / "map").read_bytes()

@@ -46,16 +46,6 @@ def test_three_hits_and_two_misses_give_the_probabilities_of_the_log_odds(voxel_
     assert seen == [0.71, 0.86, 0.94, 0.91, 0.87]
 
 
-def test_seven_misses_take_three_hits_below_zero(voxel_map):
-    for _ in range(3):
-        look(voxel_map, 2000)
-    states = []
-    for _ in range(7):
-        look(voxel_map, 2500)
-        states.append(int(voxel_map.state_at(CELL)[0]))
-    assert states == [OCCUPIED] * 6 + [FREE]
-
-
 @pytest.mark.parametrize(("prob_min", "returns"), [(0.12, 3), (0.2, 2), (0.3, 1)])
 def test_returns_that_make_a_free_cell_occupied_by_the_lower_clamp(prob_min, returns):
     voxel_map = VoxelMap(MapConfig(half_life=0.0, prob_min=prob_min))
@@ -92,62 +82,12 @@ def test_occupied_wins_over_free_whatever_the_order(voxel_map):
     assert log_odds(voxel_map, [*CELL, *BEFORE, *BEYOND]) == [54, -24, -24]
 
 
-def test_a_beam_without_return_clears_up_to_the_limit(voxel_map):
-    statistics = look(voxel_map, 65535)
-    assert statistics == SweepStatistics(0, 1, 0, 0, cells_updated=31)
-    at = [[3.55, 1.05, 0.475], [3.65, 1.05, 0.475]]
-    assert voxel_map.state_at(at).tolist() == [FREE, UNKNOWN]
-
-
-def test_a_return_beyond_the_limit_is_no_evidence_of_an_obstacle(voxel_map):
-    assert look(voxel_map, 3200).clears == 1
-    assert voxel_map.counts() == {"free": 31, "occupied": 0}
-
-
-def test_dropped_and_near_beams_have_no_effect(voxel_map):
-    assert look(voxel_map, 0, 299) == SweepStatistics(0, 0, 1, 1, cells_updated=0)
-    assert voxel_map.counts() == {"free": 0, "occupied": 0}
-    assert voxel_map.observed_ns_at(CELL).tolist() == [-1]
-
-
-def test_no_beams_at_all(voxel_map):
-    empty = voxel_map.integrate(EYE, np.empty((0, 3)), np.empty(0, np.uint16), 3.0, 0)
-    assert empty == SweepStatistics(0, 0, 0, 0, 0)
-
-
 def test_what_was_never_seen_is_unknown(voxel_map):
     look(voxel_map, 65535)
     elsewhere = [[-0.1, 1.0, 0.5], [5.0, 1.0, 0.5], [-9e5, 9e5, 1e5], [np.nan, 0.0, 0.0]]
     assert voxel_map.state_at(elsewhere).tolist() == [UNKNOWN] * 4
     assert voxel_map.probability_at(elsewhere).tolist() == [0.5] * 4
     assert voxel_map.observed_ns_at([*elsewhere[1:]]).tolist() == [-1] * 3
-
-
-@pytest.mark.parametrize("place", [(0.0, 0.0), (-777.7, 12.3), (9.9e5, -9.9e5)])
-def test_a_robot_may_be_anywhere(voxel_map, place):
-    origin = (*place, 0.475)
-    look(voxel_map, 2000, origin=origin)
-    at = np.array([[1.9, 0.0, 0.0], [2.0, 0.0, 0.0]]) + origin
-    assert voxel_map.state_at(at).tolist() == [FREE, OCCUPIED]
-
-
-def test_a_rolling_sweep_starts_each_beam_where_the_sensor_was(voxel_map):
-    origins = np.array([EYE, (0.55, 1.55, 0.475)])
-    moments = np.array([1, 0, 1], np.int32)
-    ranges_mm = np.array([2000, 1500, 1000], np.uint16)
-    statistics = voxel_map.integrate(
-        origins, np.repeat(FORWARD, 3, 0), ranges_mm, 3.0, 0, moments=moments
-    )
-    assert statistics == SweepStatistics(3, 0, 0, 0, cells_updated=16 + 21)
-    at = [[2.55, 1.55, 0.475], [2.05, 1.05, 0.475], [1.55, 1.55, 0.475], [2.45, 1.55, 0.475]]
-    assert voxel_map.state_at(at).tolist() == [OCCUPIED, OCCUPIED, OCCUPIED, FREE]
-
-
-def test_beams_that_end_in_one_cell_count_as_one(voxel_map):
-    tilt = math.asin(0.03 / 2.0)  # ends in the same cell by another way
-    directions = [[1.0, 0.0, 0.0], [math.cos(tilt), math.sin(tilt), 0.0]]
-    statistics = look(voxel_map, 2000, 2000, directions=directions)
-    assert statistics.cells_updated == 21
 
 
 def test_a_brick_knows_when_it_was_last_observed(voxel_map):
@@ -205,14 +145,6 @@ def test_presence_frees_unknown_space_but_no_obstacle(voxel_map):
     assert voxel_map.observed_ns_at(CELL).tolist() == [3]
 
 
-def test_a_free_sphere_holds_the_centres_within_its_radius(voxel_map):
-    voxel_map.mark_free_sphere((2.05, 1.05, 0.975), 0.21, 0)
-    # Centres at offsets of whole cells with i^2 + j^2 + k^2 <= 4: 33 of them.
-    assert voxel_map.counts()["free"] == 33
-    voxel_map.mark_free_sphere((2.05, 1.05, 0.975), 0.001, 0)
-    assert voxel_map.counts()["free"] == 33
-
-
 def test_a_standing_body_marks_the_floor_unless_a_beam_went_through(voxel_map):
     voxel_map.mark_free((1.0, 1.0, -0.1), (1.1, 1.1, 0.0), 0)
     voxel_map.mark_floor((1.0, 1.0), (1.2, 1.2), 0)
@@ -221,34 +153,6 @@ def test_a_standing_body_marks_the_floor_unless_a_beam_went_through(voxel_map):
         [2, 2],
     ]
     assert voxel_map.counts()["occupied"] == 3
-
-
-@pytest.mark.parametrize(
-    ("origin", "directions", "ranges_mm", "limit", "message"),
-    [
-        ((np.nan, 0, 0), FORWARD, [1], 3.0, "origins: got"),
-        ((np.inf, 0, 0), FORWARD, [1], 3.0, "origins: got"),
-        ((0, 2e6, 0), FORWARD, [1], 3.0, r"origins: got \[0.0, 2000000.0, 0.0\], expected"),
-        ((0, 0), FORWARD, [1], 3.0, r"origins: got shape \(2,\), expected \(3,\) or"),
-        ([EYE, EYE], FORWARD, [1], 3.0, "moments: got none for 2 origins"),
-        (EYE, [[np.nan, 0.0, 0.0]], [1], 3.0, "unit length"),
-        (EYE, [[np.inf, 0.0, 0.0]], [1], 3.0, "unit length"),
-        (EYE, [[2.0, 0.0, 0.0]], [1], 3.0, "unit length"),
-        (EYE, FORWARD, [1, 2], 3.0, "beams: got"),
-        (EYE, FORWARD, [1], 0.0, "range_limit: got 0, expected up to 204.7 m"),
-        (EYE, FORWARD, [1], np.nan, "range_limit"),
-        (EYE, FORWARD, [1], 300.0, "range_limit"),
-    ],
-)
-def test_bad_sweeps_are_refused_and_change_nothing(
-    voxel_map, origin, directions, ranges_mm, limit, message
-):
-    before = voxel_map.version()
-    with pytest.raises(ValueError, match=message):
-        voxel_map.integrate(
-            origin, np.array(directions, float), np.array(ranges_mm, np.uint16), limit, 0
-        )
-    assert voxel_map.version() == before
 
 
 def test_ranges_must_be_16_bit_millimetres(voxel_map):
@@ -290,20 +194,6 @@ def test_steps_and_clamps_are_the_configured_ones_in_whole_units(settings):
     np.testing.assert_allclose(clamps, [config.prob_max, config.prob_min], atol=0.004)
 
 
-def test_the_default_steps_are_whole_units():
-    model = VoxelMap(MapConfig()).evidence
-    assert (model.hit / model.units, model.miss / model.units) == (0.9, 0.4)
-
-
-def room_sweep(count=4000):
-    """Beams from the middle of a room of 8 x 6 x 4 m."""
-    directions = np.random.default_rng(0).normal(size=(count, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    half = np.array([4.0, 3.0, 2.0])
-    ranges = (half / np.abs(directions)).min(axis=1)
-    return directions, np.rint(1000.0 * ranges).astype(np.uint16)
-
-
 def test_a_bounded_map_is_the_unbounded_one_in_its_region():
     for seed in range(12):
         rng = np.random.default_rng(seed)
@@ -333,10 +223,3 @@ def test_a_bounded_map_is_the_unbounded_one_in_its_region():
         assert np.count_nonzero(expected < 0.5) > 50
         beyond = np.array([[50.0, 0.0, 0.0]])
         assert bounded.state_at(beyond)[0] == UNKNOWN
-
-
-def test_a_region_takes_both_corners():
-    with pytest.raises(ValueError, match="both corners"):
-        VoxelMap(MapConfig(), low=(0, 0, 0))
-    with pytest.raises(ValueError, match="expected low < high"):
-        VoxelMap(MapConfig(), low=(0, 0, 0), high=(1, 0, 1))

@@ -5,7 +5,6 @@ import pytest
 
 from tests.maps.kernels.test_decay import naive_tick
 from wayproof.maps import OCCUPIED, UNKNOWN, MapConfig, VoxelMap
-from wayproof.maps.kernels import decay as kernels
 
 SECOND = 10**9
 EYE = (0.55, 0.55, 0.475)
@@ -87,14 +86,6 @@ def test_a_tick_leaves_the_fresh_and_fades_the_rest_by_hand():
     assert voxel_map.counts() == {"free": 0, "occupied": 0}
 
 
-def test_decay_reaches_unknown():
-    voxel_map = make()
-    look(voxel_map, FORWARD, 0)
-    voxel_map.advance(600 * SECOND)
-    assert voxel_map.state_at(WALL).tolist() == [UNKNOWN]
-    assert voxel_map.version() == make().version()
-
-
 def test_what_is_seen_between_ticks_does_not_decay():
     voxel_map = make()
     look(voxel_map, FORWARD, 0)
@@ -145,46 +136,6 @@ def test_a_long_silence_costs_nothing_once_all_is_forgotten():
     voxel_map.advance(10**18)  # thirty years
     look(voxel_map, FORWARD, 10**18 + 1)
     assert log_odds(voxel_map, WALL) == 27
-
-
-def test_what_is_forgotten_is_not_faded_on(monkeypatch):
-    faded, compiled = [], kernels.fade_brick
-
-    def counted(*args):
-        faded.append(1)
-        return compiled(*args)
-
-    monkeypatch.setattr(kernels, "fade_brick", counted)
-    monkeypatch.setattr(kernels, "fade_bricks", kernels.fade_bricks.py_func)
-    counts = []
-    for horizons in (1, 500):
-        voxel_map = make(half_life=1.0)
-        look(voxel_map, FORWARD, 0)
-        faded.clear()
-        voxel_map.advance((horizons + 1) * kernels.HORIZON * SECOND)
-        counts.append(len(faded))
-        assert voxel_map.changed(0)[0].size == 0
-    assert counts[0] == counts[1] > 0
-
-
-def test_time_starts_at_zero():
-    with pytest.raises(ValueError, match="time_ns: got -1"):
-        make().advance(-1)
-
-
-def test_a_change_of_state_by_decay_is_logged():
-    voxel_map = make(half_life=1.0)
-    look(voxel_map, FORWARD, 0)
-    boxes, now = voxel_map.changed(0)
-    assert len(boxes) == 2
-    counts = []
-    for k in range(1, 12):
-        voxel_map.advance(k * SECOND)
-        boxes, now = voxel_map.changed(now)
-        counts.append(len(boxes))
-    assert counts[:2] == [0, 0]
-    assert sum(counts) >= 2
-    assert counts[-1] == 0
 
 
 def test_what_is_held_is_not_forgotten_and_nothing_else():

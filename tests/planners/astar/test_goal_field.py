@@ -73,14 +73,3 @@ def test_replanning_is_the_same_as_planning_anew(shape, given):
         _, least, _ = walk_path(space.grid, space.collision_distance_sq, 0.0, again.waypoints)
         assert least > space.collision_distance_sq
     assert len(plans) > 25
-
-
-def test_replanning_a_body_equals_planning_it_anew(gap):
-    goal = point(gap, 65.5, 30.5)
-    kept = GoalField(goal, PlannerConfig())
-    for step in range(6):
-        start = point(gap, 10.5 + step, 20.5)
-        again = kept.plan(gap, start, seed=step + 1, heading=0.3)
-        fresh = GoalField(goal, PlannerConfig()).plan(gap, start, seed=step + 1, heading=0.3)
-        assert again.waypoints.tobytes() == fresh.waypoints.tobytes()
-        assert again.headings.tobytes() == fresh.headings.tobytes()

@@ -11,7 +11,6 @@ from wayproof.planners import (
     PlannerConfig,
     plan,
 )
-from wayproof.planners.astar import lattice
 from wayproof.planners.astar.se2 import se2_path
 
 
@@ -62,17 +61,3 @@ def test_where_no_heading_of_the_search_fits_others_are_sampled():
     assert space.free_poses(np.column_stack((found.waypoints, found.headings))) == len(
         found.waypoints
     )
-
-
-def test_lattices_share_the_tables_of_their_moves():
-    space = long_space(np.zeros((40, 40, 1), dtype=bool))
-    grids = [lattice.make_lattice(space, 2, weight) for weight in (0.0, 2.0)]
-    other = lattice.make_lattice(space, 1, 2.0)
-    assert grids[0].touched is grids[1].touched
-    assert grids[0].rate is not grids[1].rate
-    before = [table.copy() for table in (grids[1].touched, grids[1].moves, grids[1].move_offsets)]
-    found = plan(space, point(space, 3.5, 3.5), point(space, 36.5, 36.5), PlannerConfig(), seed=1)
-    assert found.label == "none"
-    after = grids[1].touched, grids[1].moves, grids[1].move_offsets
-    assert all((a == b).all() for a, b in zip(before, after, strict=True))
-    assert not np.array_equal(other.touched, grids[0].touched)
