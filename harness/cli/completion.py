@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 from wayproof.harness.cli import VERBS
+from wayproof.harness.cli.arguments import Parser
 from wayproof.harness.cli.catalogue import Catalogue, read_catalogue
 
 # Bash ends words at = and :, which are parts of settings and perturbations, and it replaces only
@@ -60,7 +60,7 @@ def script(shell: str) -> str:
     return text + BASH.replace("KINDS", "\n".join(kinds))
 
 
-def _parser_with_values() -> argparse.ArgumentParser:
+def _parser_with_values() -> Parser:
     """Return the parser of the whole command with the possible values of each argument."""
     from wayproof.harness.cli.main import parser_of, whole_parser
 
@@ -78,9 +78,7 @@ def _parser_with_values() -> argparse.ArgumentParser:
     return whole
 
 
-def _with_values(
-    parser: argparse.ArgumentParser, names: dict[str, list[str]]
-) -> argparse.ArgumentParser:
+def _with_values(parser: Parser, names: dict[str, list[str]]) -> Parser:
     """Add the possible values to the arguments of a parser."""
     import shtab
 

@@ -172,8 +172,6 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
 
     refuse_inputs(path, (config.prior.source, config.world, config.robot))
     cached = any_cached()
-    if not (console.is_terminal or cached):  # else minutes without a word
-        print(f"wayproof: {COMPILING}", file=sys.stderr, flush=True)
     bound_memory(config.plugins.memory_mib)
     scenario = build(config)
     for warning in scenario.warnings:
@@ -185,6 +183,8 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
             if config.latency.mode == "measured" or plugins_of(config) or not cached:
                 from wayproof.harness.warm_up import warm_up  # wall time counts in the episode
 
+                if not (console.is_terminal or cached):  # else a minute without a word
+                    print(f"wayproof: {COMPILING}", file=sys.stderr, flush=True)
                 with console.status(COMPILING):
                     warm_up(config)
             with _viewed(draft, view, console), line:
