@@ -20,6 +20,7 @@ from wayproof.harness.log.codec.container import HEAD, MAGIC
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.study.file import read_study
+from wayproof.harness.study.matching import mismatch
 from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.store import Store
 
@@ -108,6 +109,7 @@ def study_with_log(folder: Path, log: Path) -> Path:
     study = read_study(str(written))
     store = Store(folder / "study")
     [planned] = plan_episodes(study)
+    assert (unlike := mismatch(open_log(source()), planned)) == "", unlike  # or nothing reads it
     with store.open():
         shutil.copyfile(log, store.log(planned.key))
         store.keep_study(study, {})
