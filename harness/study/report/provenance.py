@@ -52,7 +52,10 @@ def of_study(
     if written:
         lines.append(("logs written", _days(min(written), max(written))))
     if (PACKAGED / f"{study.name}.toml").is_file():
-        lines.append(("command of the study", f"wayproof study {study.name}"))
+        words = ["wayproof", "study", study.name]
+        if study.imports is not None:
+            words += ["--set", f"import.folder={study.imports.folder}"]
+        lines.append(("command of the study", shlex.join(words)))
     lines.append(("command of this report", shlex.join(["wayproof", "report", str(store.folder)])))
     return lines
 

@@ -71,6 +71,8 @@ def test_a_stack_on_trial_drives_barn_and_is_scored(here, capsys):
     assert open_log(log).config.stack.name == "blind"
     assert Store(here / "out").read_study().worlds == ["worlds/barn/world_7.xml"]
     assert main(["report", "out"]) == 0
+    page = (here / "out" / "report.html").read_text()
+    assert f"wayproof study barn --set import.folder={folder}" in page
 
 
 def test_flights_begin_and_end_in_free_places_of_their_seed(here):
