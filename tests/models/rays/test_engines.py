@@ -8,7 +8,6 @@ from tests.models.rays.cast import (
     ALL,
     LIDAR,
     directions_of,
-    own_hits,
     pattern_of,
     posed,
     random_geoms,
@@ -44,17 +43,6 @@ def test_both_engines_give_the_same_warehouse(robot):
         for one, other in zip(tile, own, strict=True):
             np.testing.assert_array_equal(one, other)
             assert (one < 60000).mean() > 0.3
-
-
-def test_both_engines_give_the_same_sweep():
-    model, data = posed(random_geoms(np.random.default_rng(1), 10))
-    caster = TileCaster(model, ALL, LIDAR.range)
-    tile = caster.cast(data, pattern_of(LIDAR), np.zeros(3), np.eye(3))
-    directions = directions_of(LIDAR)
-    distance, ids = own_hits(model, data, directions, LIDAR.range, np.zeros(3), np.eye(3))
-    beyond = distance > LIDAR.range
-    np.testing.assert_allclose(tile[0], np.where(beyond, -1.0, distance), rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(tile[1], np.where(beyond, -1, ids))
 
 
 def test_nothing_is_compiled_after_the_warm_up():

@@ -16,7 +16,7 @@ from tests.models.rays.cast import (
     random_geoms,
     random_rotation,
 )
-from wayproof.models.rays import TileCaster, cut_grid, cut_scattered, tiles
+from wayproof.models.rays import TileCaster, cut_grid, cut_scattered
 from wayproof.models.sensors.beams import rotate
 
 
@@ -34,30 +34,6 @@ def test_scattered_beams_are_all_cast_whatever_their_order(count):
     assert shuffled[0].tobytes() == found[shuffle].tobytes()
 
 
-def test_scattered_beams_lie_in_narrow_tiles():
-    """Of 5000 beams all over the sphere 64 fill 0.16 sr: half a cone of 13 degrees, if round."""
-    pattern = cut_scattered(random_directions(np.random.default_rng(3), 5000))
-    assert np.median(np.degrees(np.arccos(pattern.tile_cones[:, 3]))) < 24.0
-    axes = np.concatenate([np.eye(3), -np.eye(3)])
-    assert sorted(cut_scattered(axes).places) == list(range(6))
-
-
-def test_neighbours_on_the_curve_are_neighbours_on_the_sphere():
-    """Every cell in front of the sensor has its own place, next to the one before."""
-    side = 2**tiles.CURVE_BITS
-    centres = (np.arange(side) + 0.5) * 2.0 / side - 1.0
-    e, f = (axis.ravel() for axis in np.meshgrid(centres, centres))
-    x = 1.0 - np.abs(e) - np.abs(f)
-    y = np.where(x < 0.0, np.copysign(1.0 - np.abs(f), e), e)
-    z = np.where(x < 0.0, np.copysign(1.0 - np.abs(e), f), f)
-    cells = np.empty(side * side, np.uint16)
-    tiles.number_cells(np.stack([x, y, z], axis=1), cells)
-    order = np.argsort(cells)
-    np.testing.assert_array_equal(cells[order], np.arange(side * side))
-    steps = np.abs(np.diff(e[order])) + np.abs(np.diff(f[order]))
-    np.testing.assert_allclose(steps, 2.0 / side, rtol=1e-9)
-
-
 @pytest.mark.parametrize("pattern", ["grid", "scattered"])
 def test_no_bound_rules_out_a_hit(pattern):
     """Splinters, plates and balls of any size, many to a tile: all bits as of `mj_multiRay`."""
@@ -73,22 +49,6 @@ def test_no_bound_rules_out_a_hit(pattern):
         beyond = own > dense.range
         np.testing.assert_array_equal(distance, np.where(beyond, -1.0, own))
         np.testing.assert_array_equal(ids, np.where(beyond, -1, own_ids))
-
-
-@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (8, 8), (33, 32), (16, 100), (3, 65)])
-def test_tiles_hold_each_beam_once_and_their_cones_hold_the_beams(rows, columns):
-    sensor = lidar(rows, columns, -0.4, 0.7, range=1.0)
-    directions = directions_of(sensor)
-    pattern = cut_grid(directions, rows, columns)
-    assert sorted(pattern.places) == list(range(rows * columns))
-    np.testing.assert_array_equal(pattern.beams.T, directions[pattern.places])
-    starts = (pattern.tile_starts, pattern.tile_starts[pattern.block_starts])
-    for cones, runs in zip((pattern.tile_cones, pattern.block_cones), starts, strict=True):
-        assert runs[0] == 0
-        assert runs[-1] == rows * columns
-        for cone, start, stop in zip(cones, runs[:-1], runs[1:], strict=True):
-            assert (directions[pattern.places[start:stop]] @ cone[:3] >= cone[3]).all()
-            assert cone[3] ** 2 + cone[4] ** 2 == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

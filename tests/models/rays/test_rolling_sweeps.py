@@ -82,20 +82,6 @@ def test_a_rolling_sweep_by_hand():
     np.testing.assert_array_equal(found, [5.0, -1.0, 5.0, 5.0])
 
 
-def test_equal_poses_are_one_pose():
-    rng = np.random.default_rng(11)
-    model, data = posed(random_geoms(rng, 80))
-    indices = np.tile(np.arange(130, dtype=np.int32), 21)
-    pattern, caster = pattern_of(LIDAR, indices), TileCaster(model, ALL, LIDAR.range)
-    for _ in range(4):
-        origin, R = rng.uniform(-2.0, 2.0, 3), random_rotation(rng)
-        one = caster.cast(data, pattern, origin, R)
-        many = caster.cast(data, pattern, np.tile(origin, (130, 1)), np.tile(R, (130, 1, 1)))
-        half = caster.cast(data, pattern, np.tile(origin, (130, 1)), R)
-        for got in (many, half):
-            assert [array.tobytes() for array in got] == [array.tobytes() for array in one]
-
-
 @pytest.mark.parametrize("poses", [1, 3])
 def test_compiled_kernels_equal_their_python(poses, monkeypatch):
     """The interpreter runs the same source, callees included, beam by beam."""

@@ -9,7 +9,7 @@ from wayproof.models.rays.lanes import Beams, SurfaceHits
 from wayproof.models.rays.packets import WIDTH
 from wayproof.models.rays.surfaces import Surfaces
 from wayproof.models.rays.tiles import cut_grid
-from wayproof.models.rays.tree import LEAF_SIZE, MAX_SORTED_DEPTH, build_tree
+from wayproof.models.rays.tree import MAX_SORTED_DEPTH, build_tree
 from wayproof.models.sensors.beams import directions as beams_of
 from wayproof.models.sensors.devices import DepthCamera, SpinningLidar, evenly
 
@@ -119,7 +119,7 @@ def assert_as_mujoco(model, data, surfaces, origins, directions, least_hits):
     assert (ids >= 0).sum() >= least_hits
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_rugged_scenes_as_mujoco_casts_them(seed):
     rng = np.random.default_rng(seed)
     model, data = posed(rugged(rng))
@@ -332,41 +332,6 @@ def test_groups_and_alpha():
     surfaces = Surfaces(model, mask)
     assert len(surfaces) == 0
     assert (cast_rays(surfaces, *random_rays(rng, 50))[1] == -1).all()
-
-
-def test_no_flexes():
-    """MuJoCo's rays do not meet them; so it is no omission that this does not."""
-    model = mujoco.MjModel.from_xml_string(
-        '<mujoco><worldbody><flexcomp name="cloth" type="grid" count="5 5 1" spacing="1 1 1" '
-        'dim="2" radius="0.01" rigid="true"/></worldbody></mujoco>'
-    )
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    _, ids = by_mj_ray(model, data, np.array([[0.1, 0.2, 1.0]]), np.array([[0.0, 0.0, -1.0]]))
-    assert ids[0] == -1
-    assert len(Surfaces(model, ALL)) == 0
-
-
-@pytest.mark.parametrize("count", [0, 1, LEAF_SIZE, LEAF_SIZE + 1, 300])
-def test_a_tree_holds_every_item_once_inside_its_boxes(count):
-    rng = np.random.default_rng(count)
-    lower = rng.normal(size=(count, 3))
-    upper = lower + rng.exponential(size=(count, 3))
-    boxes, links, order = build_tree(lower, upper)
-    assert sorted(order) == list(range(count))
-    seen = 0
-    for node, (first, items, _) in enumerate(links):
-        if items == 0:
-            for child in (first, first + 1):
-                assert (boxes[node, :3] <= boxes[child, :3] + 1e-8).all()
-                assert (boxes[node, 3:] >= boxes[child, 3:] - 1e-8).all()
-        else:
-            assert items <= LEAF_SIZE
-            own = order[first : first + items]
-            assert (boxes[node, :3] < lower[own]).all()
-            assert (boxes[node, 3:] > upper[own]).all()
-            seen += items
-    assert seen == count
 
 
 def test_a_tree_over_equal_and_over_exponential_items_stays_shallow():

@@ -102,7 +102,7 @@ def test_ranges_and_torques_are_read(tmp_path):
     assert model.ngeom == 1 + 4 * 4  # neither the floor nor what nothing collides with
 
 
-@pytest.mark.parametrize(("forward", "turn"), [(0.0, 0.0), (0.6, 0.0), (0.4, 0.6)])
+@pytest.mark.parametrize(("forward", "turn"), [(0.6, 0.0), (0.4, 0.6)])
 def test_a_robot_that_is_not_ours_walks(tmp_path, forward, turn):
     robot = custom_robot(tmp_path, SPEC, "hound", hound())
     model = on_floor(robot.mjcf())
@@ -219,8 +219,6 @@ def test_meshes_that_collide_are_in_the_text_and_others_are_not(tmp_path, contro
 
 
 BAD_SPECS = [
-    ("radius = 0.4", "radius = 0.2", "radius: got 0.2 m, but the body reaches 0."),
-    ("height = 0.4", "height = 0.2", "height: got 0.2 m, but the body reaches 0."),
     ("ideal-lidar-floor", "lidar-9000", "unknown device 'lidar-9000' (available: "),
     ('base = "torso"', 'base = "trunk"', "no body 'trunk' in 'hound.xml' (available: torso)"),
     ('"toe_vl", "toe_vr"', '"toe_vr", "toe_vl"', "feet: FL is at ("),
@@ -236,7 +234,6 @@ BAD_SPECS = [
     ("step_height = 0.03", "", "limits.step_height: got 0, expected above 0 on the ground"),
     ("speed = 0.8", "speed = 0", "limits.speed: got 0, expected above 0"),
     ("speed = 0.8", "sped = 0.8", "unknown field `sped`"),
-    ("radius = 0.4", "radius = ", "no TOML: "),
     ("radius = 0.4", "radius = 0.4\nfeet = " + 5000 * "[", "no TOML: "),
     ("radius = 0.4", "radius = nan", "radius: got nan"),
     ('name = "hound"', 'name = "../../x"', "name: got '../../x'"),

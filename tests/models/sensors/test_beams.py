@@ -87,11 +87,6 @@ def test_beams_are_unit_vectors_and_the_same_bits_after_a_log(name):
         assert beams.tobytes() == directions(same_after_a_log(table), sequence).tobytes()
 
 
-def test_a_grid_fires_the_same_beams_in_every_sweep():
-    table = DEVICES["velodyne-vlp16"].beam_table()
-    assert directions(table, 0).tobytes() == directions(table, 99).tobytes()
-
-
 def test_tables_cannot_be_changed():
     table = pairs()
     with pytest.raises(ValueError, match="read-only"):
@@ -109,12 +104,6 @@ def test_scan_poses_of_a_grid_follow_its_columns():
 
 def test_scan_poses_of_pairs_follow_the_beams():
     assert pose_indices(pairs(beams=7, scan_poses=3)).tolist() == [0, 0, 0, 1, 1, 2, 2]
-
-
-def test_one_scan_pose_is_a_global_shutter():
-    table = dataclasses.replace(LIDAR, azimuths=9).beam_table()
-    assert not pose_indices(table).any()
-    assert pose_offsets(table, 100).tolist() == [0]
 
 
 def test_the_last_scan_pose_is_the_end_of_the_sweep():

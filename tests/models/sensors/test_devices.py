@@ -3,13 +3,13 @@
 import dataclasses
 import subprocess
 import sys
-from math import asin, isclose, lcm, pi
+from math import asin, isclose, pi
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.models.sensors.lidar import LIDAR, pairs
+from tests.models.sensors.lidar import LIDAR
 from wayproof.models.sensors.beams import (
     directions,
 )
@@ -91,24 +91,6 @@ def test_a_non_repeating_pattern_sees_more_the_longer_it_looks():
     assert 0.3 < share[0] < 0.5
     assert (np.diff(share) > 0.01).all()
     assert share[-1] > 0.98
-
-
-def test_a_direction_comes_at_most_twice_in_a_second():
-    """Once on a stroke up and once on a stroke down, for the pattern repeats after 21 s."""
-    device = DEVICES["livox-mid360"]
-    assert lcm(2 * device.rows, device.columns) > 20 * 10 * device.beams
-    table = device.beam_table()
-    beams = np.concatenate([directions(table, sweep) for sweep in range(10)])
-    _, times = np.unique(beams, axis=0, return_counts=True)
-    assert times.max() == 2
-    assert (times == 2).mean() < 0.1
-
-
-def test_rows_of_pairs_are_met_equally_often():
-    table = pairs(rows=5, beams=70, row_step=3, column_step=1)
-    beams = directions(table, 0)
-    _, counts = np.unique(beams[:, 2], return_counts=True)
-    assert counts.tolist() == [14] * 5
 
 
 # What is refused

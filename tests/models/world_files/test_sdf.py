@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.models.world_files.written import ENDS, PILLAR, SDF, imported, one_ray, sdf, write
-from wayproof.models.world_files import ImportOptions, WorldFileError, import_world, read_world_file
+from tests.models.world_files.written import PILLAR, SDF, imported, one_ray, sdf, write
+from wayproof.models.world_files import WorldFileError, read_world_file
 
 
 def test_pillars_of_barn_stand_where_they_are_published(tmp_path):
@@ -53,28 +53,6 @@ def test_poses_nest_and_frames_are_resolved(tmp_path):
     np.testing.assert_allclose(box.centre, (1.0, 3.0, 0.5), atol=1e-12)
     np.testing.assert_allclose(box.high[:2], (1.1, 3.2), atol=1e-12)
     np.testing.assert_allclose(sphere.centre, (1.0, 4.0, 1.5), atol=1e-12)
-
-
-def test_a_saved_state_holds_the_poses_that_count(tmp_path):
-    state = """<state world_name='default'><model name='pillar'><pose>2 0 0 0 0 0</pose>
-      <scale>1 1 1</scale><link name='link'><pose>2 0.25 0 0 0 0</pose></link></model></state>"""
-    world = imported(sdf(tmp_path, PILLAR.format(pose="1 0 0 0 0 0"), state))
-    assert world.solids[0].tail == (2.0, 0.25, -0.5)
-
-
-def test_included_models_are_looked_for_beside(tmp_path):
-    (tmp_path / "post").mkdir()
-    body = PILLAR.format(pose="0 0 0 0 0 0")
-    write(tmp_path / "post", "model.sdf", f"<sdf version='1.6'>{body}</sdf>")
-    include = "<include><uri>model://{}</uri><pose>2 1 0 0 0 0</pose></include>"
-    world = imported(sdf(tmp_path, include.format("post"), include.format("sun")))
-    assert [solid.tail[:2] for solid in world.solids] == [(2.0, 1.0)]
-    path = sdf(tmp_path, include.format("cafe"), PILLAR.format(pose="2 0 0 0 0 0"))
-    with pytest.raises(WorldFileError, match=r"some\.world:5: <include>: no model 'cafe'"):
-        imported(path)
-    world, notes = import_world(path, ImportOptions(skip_missing=True), **ENDS)
-    assert len(world.solids) == 1
-    assert notes == ["<include> 'model://cafe' (some.world:5): not there, left out"]
 
 
 BOMB = "<!DOCTYPE b [<!ENTITY a 'ha'><!ENTITY c '&a;&a;&a;'>]>\n<sdf>&c;</sdf>"

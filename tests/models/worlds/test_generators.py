@@ -4,7 +4,6 @@ from dataclasses import replace
 from math import hypot
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -23,20 +22,9 @@ FAST = ("maze", "crossing", "ghosts", "empty")
 
 @pytest.mark.parametrize("name", sorted(WORLDS))
 def test_many_seeds_draw(name):
-    count = 100 if name in FAST else 8  # the soak draws thousands
+    count = 20 if name in FAST else 5  # the soak draws thousands
     for seed in range(1000, 1000 + count):
         assert WORLDS[name](seed, difficulty=(seed % 5) / 4).mjcf()
-
-
-@pytest.mark.parametrize("name", sorted(WORLDS))
-@pytest.mark.parametrize("difficulty", [0.75])
-def test_a_seed_at_a_difficulty_is_one_world(name, difficulty):
-    once, again = (WORLDS[name](3, difficulty) for _ in range(2))
-    assert once == again
-    assert once.mjcf() == again.mjcf()
-    assert once.difficulty == difficulty
-    model = mujoco.MjModel.from_xml_string(once.mjcf())
-    assert model.nuser_geom == 1
 
 
 @pytest.mark.parametrize("name", DENSE)

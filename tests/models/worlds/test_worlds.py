@@ -18,7 +18,7 @@ from wayproof.models.worlds.solvability import (
 )
 from wayproof.models.worlds.world import World
 
-WAREHOUSES = range(0, 400, 10)
+WAREHOUSES = range(0, 400, 50)
 
 
 def room(*boxes: Box) -> World:
@@ -96,7 +96,7 @@ def test_mjcf_compiles_to_the_boxes(name):
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_ends_have_room_and_lie_inside(name):
-    for seed in range(20):
+    for seed in range(5):
         world = WORLDS[name](seed)
         for point in (world.start, world.goal):
             assert world.contains_obstacle((*point[:2], 0.3), 0.9) is None
@@ -153,7 +153,7 @@ def test_the_doorway_is_the_only_way(seed):
 
 
 def test_corridor_is_as_wide_as_promised():
-    for seed in range(20):
+    for seed in range(5):
         world = WORLDS["corridor"](seed)
         bare = replace(world, solids=tuple(box for box in world.solids if box.kind != "crate"))
         ends = (world.start, world.goal)
@@ -208,20 +208,6 @@ def test_no_path_has_no_length():
     world = room(Box.between((5.0, 0.0, 0.0), (5.2, 6.0, 1.0), "wall"))
     assert shortest_path_length(world, 0.1, 0.1, 0.5, world.start, world.goal) is None
     assert shortest_path_length(world, 0.1, 0.1, 0.5, (5.1, 3.0), world.goal) is None
-
-
-def test_distance_matches_a_fine_sampling_of_the_turned_box():
-    box = Box((1.0, 2.0, 0.4), (0.5, 0.2, 0.4), 0.7, "crate")
-    rng = np.random.default_rng(0)
-    points = rng.uniform([-1.0, 0.0, -1.0], [3.0, 4.0, 2.0], (50, 3))
-    grid = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, 41)] * 3), axis=-1).reshape(-1, 3)
-    c, s = np.cos(0.7), np.sin(0.7)
-    R_world_box = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    inside = grid * box.half_extents @ R_world_box.T + box.centre
-    naive = np.linalg.norm(points[:, None] - inside[None], axis=-1).min(axis=1)
-    exact = box.distance(points)
-    assert np.all(exact <= naive + 1e-12)
-    assert np.all(naive <= exact + 0.03)
 
 
 def test_obstacles_are_named_by_exact_distance():

@@ -6,11 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.models.robots.linear_algebra import rotation_from_quaternion
 from wayproof.models.robots.packed import packed
 from wayproof.models.robots.quadruped import Quadruped
 from wayproof.models.robots.quadruped.bindings import wire
-from wayproof.models.robots.quadruped.kinematics import foot_jacobian, foot_position, observe
+from wayproof.models.robots.quadruped.kinematics import foot_position, observe
 from wayproof.models.robots.quadruped.parameters import (
     JOINTS,
     LEGS,
@@ -20,7 +19,6 @@ from wayproof.models.robots.quadruped.parameters import (
     standing_joints,
 )
 from wayproof.models.robots.quadruped.state import OBSERVATION, record
-from wayproof.models.sensors.caster import ROBOT_GROUP
 
 QUADRUPED = Quadruped()
 GEOMETRY = Geometry()
@@ -70,30 +68,6 @@ def test_mass_and_limits_are_the_published_ones(model):
             assert model.actuator(name).ctrllimited[0]
 
 
-def test_body_is_symmetric_left_to_right(model):
-    for front in "FR":
-        left, right = (model.body(f"robot_{front}{side}_thigh") for side in "LR")
-        np.testing.assert_array_equal(left.pos * [1, -1, 1], right.pos)
-        np.testing.assert_allclose(left.ipos * [1, -1, 1], right.ipos, atol=1e-15)
-        np.testing.assert_allclose(left.inertia, right.inertia, rtol=1e-9)
-
-
-def test_geoms_meet_the_world_but_not_one_another(model):
-    robot = [i for i in range(model.ngeom) if model.geom_bodyid[i] != model.body("other").id]
-    assert len(robot) == 3 + 4 * 4
-    assert set(model.geom_group[robot]) == {ROBOT_GROUP}
-    assert set(model.geom_contype[robot]) == {0}
-    assert set(model.geom_conaffinity[robot]) == {1}
-
-
-def test_wiring_starts_where_the_robot_starts(model):
-    wiring = wire(model, "robot_")
-    assert wiring.qpos == slice(7, 26)
-    assert wiring.dofs == slice(6, 24)
-    assert wiring.controls == slice(0, 12)
-    assert wiring.touch == slice(0, 4)
-
-
 def test_a_missing_name_is_named(model):
     with pytest.raises(KeyError, match="wrong_FL_hip"):
         wire(model, "wrong_")
@@ -117,7 +91,7 @@ def test_composite_body_matches_subtree_quantities(model):
     np.testing.assert_allclose(body.inertia, inertia, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_observation_matches_mujoco(model, seed):
     data, wiring = random_state(model, seed)
     base = model.body("robot_base").id
@@ -152,18 +126,6 @@ def test_compiled_observation_equals_python(model):
         np.testing.assert_allclose(compiled[name], python[name], rtol=1e-13, atol=1e-15)
 
 
-@pytest.mark.parametrize("leg", range(4))
-def test_foot_jacobian_matches_finite_differences(leg):
-    joints = np.random.default_rng(leg).uniform(-1.0, 1.0, 3)
-    jacobian, step = np.empty((3, 3)), 1e-6
-    foot_jacobian(GEOMETRY, leg, joints, jacobian)
-    for j in range(3):
-        ahead, behind = np.empty(3), np.empty(3)
-        foot_position.py_func(GEOMETRY, leg, joints + step * np.eye(3)[j], ahead)
-        foot_position.py_func(GEOMETRY, leg, joints - step * np.eye(3)[j], behind)
-        np.testing.assert_allclose(jacobian[:, j], (ahead - behind) / (2 * step), atol=1e-9)
-
-
 def test_foot_hangs_straight_below_the_thigh_joint():
     foot = np.empty(3)
     foot_position(GEOMETRY, 1, np.zeros(3), foot)
@@ -180,12 +142,6 @@ def test_standing_joints_put_the_foot_under_the_hip(height):
 def test_standing_higher_than_the_legs_are_long_is_refused():
     with pytest.raises(ValueError, match=r"height: got 0\.5 m"):
         standing_joints(GEOMETRY, 0.5)
-
-
-def test_rotation_of_a_quarter_turn():
-    R = np.empty((3, 3))
-    rotation_from_quaternion(np.array([math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)]), R)
-    np.testing.assert_allclose(R, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
 
 
 def test_other_torque_limits_reach_the_motors():

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import block_diag
-from scipy.optimize import NonlinearConstraint, minimize
 
 from wayproof.models.robots.quadruped.admm import project, solve_forces
 from wayproof.models.robots.quadruped.mpc import GRAVITY, condense
@@ -91,40 +89,6 @@ def solved(prediction, slots, hessian, gradient):
     warm = np.zeros((2, prediction.steps, 4, 3))
     solve_forces(prediction, slots, hessian.copy(), gradient, warm)
     return warm[0][slots[:, 0], slots[:, 1]]  # (m, 3)
-
-
-def test_solver_finds_what_scipy_finds():
-    prediction = Prediction(steps=2, iterations=4000)
-    contact = np.ones((2, 4), np.bool_)
-    state, reference = np.zeros(12), np.zeros((2, 12))
-    reference[:, 9:] = 1.0, 0.3, 0.2  # a push that needs all the friction there is
-    inputs = state, reference, contact, np.tile(FEET, (2, 1, 1))
-    slots, hessian, gradient = condensed(prediction, inputs)
-    ours = solved(prediction, slots, hessian, gradient)
-    H, mu, scale = dense(hessian), prediction.friction, 50.0  # newtons: scipy likes ones
-
-    def cones(f):  # squared, so that they are smooth everywhere; all at least 0
-        x, y, z = f.reshape(-1, 3).T
-        return (mu * z) ** 2 - x**2 - y**2
-
-    def cone_slopes(f):
-        weighted = f.reshape(-1, 3) * np.array([-2.0, -2.0, 2.0 * mu**2])
-        return block_diag(*weighted[:, None, :])
-
-    answer = minimize(
-        lambda f: 1e3 * (0.5 * scale**2 * f @ H @ f + scale * gradient @ f),
-        np.tile([0.1, 0.1, 1.0], len(slots)),
-        jac=lambda f: 1e3 * (scale**2 * H @ f + scale * gradient),
-        hess=lambda f: 1e3 * scale**2 * H,
-        bounds=[(None, None), (None, None), (0.0, 5.0)] * len(slots),
-        constraints=NonlinearConstraint(cones, 0.0, np.inf, jac=cone_slopes),
-        method="trust-constr",
-        options={"maxiter": 3000, "gtol": 1e-9, "xtol": 1e-12},
-    )
-    assert answer.success
-    slack = mu * ours[:, 2] - np.hypot(ours[:, 0], ours[:, 1])
-    assert np.sum(np.abs(slack) < 1e-6) >= 4  # the cones matter here
-    np.testing.assert_allclose(ours.ravel(), scale * answer.x, atol=0.05)
 
 
 @pytest.mark.parametrize("seed", range(4))
