@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.reader import make_reader
-from mcap.writer import Writer
 
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
@@ -27,7 +25,6 @@ from wayproof.models.poses import Trail, rotation_matrices
 ROOT = Path(__file__).resolve().parents[2]
 PERIOD = 0.01
 EXACT = PoseModelConfig(bias_sigma=0.0, yaw_bias_sigma=0.0)
-EXACTLY = ("pose_model.bias_sigma=0", "pose_model.yaw_bias_sigma=0")
 
 
 def drive(config, seed, steps=40, length=0.25, turn=0.05):
@@ -48,17 +45,6 @@ def test_an_exact_estimator_has_no_error():
     assert model.travelled == pytest.approx(40 * 0.25 * math.sqrt(1.01))
 
 
-def test_the_same_seed_gives_the_same_error_and_another_another():
-    assert drive(PoseModelConfig(), 3).error == drive(PoseModelConfig(), 3).error
-    assert drive(PoseModelConfig(), 3).error != drive(PoseModelConfig(), 4).error
-
-
-def test_errors_are_whole_micrometres():
-    error = drive(PoseModelConfig(random_walk=0.01), 1).error
-    for value in (*error.shift, error.turn):
-        assert value == round(value * 1e6) * 1e-6
-
-
 def test_a_scale_error_stretches_a_straight_line():
     """One hand-computed case: 10 m straight, scale s: the believed place is s farther along."""
     model = drive(replace(EXACT, scale_sigma=0.1), 5, turn=0.0)
@@ -66,13 +52,6 @@ def test_a_scale_error_stretches_a_straight_line():
     assert abs(x) > 1e-3
     assert (y, z) == pytest.approx((0.0, 0.1 * x), abs=1e-6)
     assert model.position_sigma == pytest.approx(0.1 * 10.0, rel=0.15)  # linear about s = 0
-
-
-def test_one_kind_of_error_does_not_shift_the_draws_of_another():
-    walk = drive(replace(EXACT, random_walk=0.01), 2).error
-    jitter = drive(replace(EXACT, white_noise=0.01), 2).error
-    both = drive(replace(EXACT, random_walk=0.01, white_noise=0.01), 2).error
-    assert both.shift == pytest.approx(np.add(walk.shift, jitter.shift), abs=2e-6)
 
 
 @pytest.mark.parametrize(
@@ -174,12 +153,11 @@ def test_a_rolling_sweep_is_straightened_by_believed_poses(recorded):
     assert replay(Path(result.log)).identical
 
 
-@pytest.mark.parametrize("robot", ["drone", "quadruped"])
-def test_the_body_tracks_what_it_believes(robot, tmp_path):
+def test_the_body_tracks_what_it_believes(tmp_path):
     """Believed at the goal, the body truly rests beside it by the estimate's error."""
     settings = ["pose_model.bias_sigma=0.05", "pose_model.correlation_time=1000"]
     result = run_episode(
-        build(override(Config("empty", robot, 1), settings)), tmp_path / "off.mcap"
+        build(override(Config("empty", "quadruped", 1), settings)), tmp_path / "off.mcap"
     )
     messages = list(read_messages(Path(result.log)))
     pose = [m for m in messages if isinstance(m, pb.Pose)][-1]
@@ -209,36 +187,6 @@ def test_a_drone_flies_steadily_on_a_bad_estimate(setting, tmp_path):
         if isinstance(m, pb.Truth)
     ]
     assert min(upright) > math.cos(0.6)
-
-
-def test_swapping_the_truth_changes_no_decision(recorded, tmp_path):
-    result = recorded("empty", "drone", 1)
-    path = tmp_path / "swapped.mcap"
-    swapped = 0
-    with open(result.log, "rb") as source, path.open("wb") as target:
-        reader, writer = make_reader(source), Writer(target)
-        writer.start(profile="wayproof")
-        for record in reader.iter_metadata():
-            writer.add_metadata(record.name, record.metadata)
-        for record in reader.iter_attachments():
-            writer.add_attachment(0, 0, record.name, record.media_type, record.data)
-        channels = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.topic not in channels:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.topic] = writer.register_channel(channel.topic, "protobuf", number)
-            data = message.data
-            if channel.topic == "/truth":
-                truth = pb.Truth.FromString(data)
-                truth.position[0] += 100.0
-                truth.collisions += 1
-                data = truth.SerializeToString()
-                swapped += 1
-            writer.add_message(channels[channel.topic], message.log_time, data, message.log_time)
-        writer.finish()
-    assert swapped == result.decisions
-    replayed = replay(path)
-    assert (replayed.differing, replayed.decisions) == (0, result.decisions)
 
 
 def test_the_stack_under_test_can_reach_neither_the_truth_nor_the_error_model():

@@ -12,10 +12,11 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 
+NEAR = "goal=[4.5, 3.0]"
 
-@pytest.mark.parametrize("kind", ["grid2d", "tsdf"])
-def test_a_quadruped_drives_through_the_corridor(recorded, kind):
-    result = recorded("corridor", "quadruped", 1, f"map.kind={kind}", "episode.time_limit=5")
+
+def test_a_quadruped_drives_through_the_corridor_on_a_flat_grid(recorded):
+    result = recorded("corridor", "quadruped", 1, "map.kind=grid2d", "episode.time_limit=5")
     assert result.outcome == "timeout", result.reason
     assert result.collisions == 0
     assert result.path_length_m > 1.5
@@ -23,15 +24,27 @@ def test_a_quadruped_drives_through_the_corridor(recorded, kind):
     again = replay(Path(result.log))
     assert again.identical
     decisions = [record.decision for record in open_log(Path(result.log)).records()]
-    assert {decision.representation for decision in decisions} == {kind}
+    assert {decision.representation for decision in decisions} == {"grid2d"}
     assert len({decision.map_version for decision in decisions}) > 45
 
 
-def test_a_drone_reaches_its_goal_on_a_distance_field(recorded):
-    result = recorded("empty", "drone", 1, "map.kind=tsdf", "map.resolution=0.2", "goal=[6.0, 4.0]")
+@pytest.mark.parametrize(
+    ("kind", "settings"), [("tsdf", ("goal=[6.0, 4.0]",)), ("octomap", ("map.half_life=0", NEAR))]
+)
+def test_a_drone_reaches_its_goal(recorded, kind, settings):
+    chosen = (f"map.kind={kind}", "map.resolution=0.2", *settings)
+    result = recorded("empty", "drone", 1, *chosen)
     assert result.outcome == "success", result.reason
     assert result.collisions == 0
     assert replay(Path(result.log)).identical
+    decisions = [record.decision for record in open_log(Path(result.log)).records()]
+    assert {decision.representation for decision in decisions} == {kind}
+
+
+def test_decay_is_refused_where_there_is_none(tmp_path):
+    scenario = build(override(Config("empty", "drone", 1), ["map.kind=octomap"]))
+    with pytest.raises(InputError, match=r"half_life: got 30, expected 0 with map.kind 'octomap'"):
+        run_episode(scenario, tmp_path / "refused.mcap")
 
 
 def test_a_flat_grid_refuses_a_drone_in_one_line(tmp_path):

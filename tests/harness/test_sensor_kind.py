@@ -22,9 +22,8 @@ def registered(monkeypatch):
     monkeypatch.setitem(settings.NAMED, "sensors.lidar", (OWN, *DEVICES))
 
 
-@pytest.mark.parametrize("engine", ["tile", "mujoco"])
-def test_a_new_kind_drives_an_episode_that_replays(registered, tmp_path, engine):
-    chosen = ["sensors.lidar=sonar-ring", f"sensors.engine={engine}", "episode.time_limit=2"]
+def test_a_new_kind_drives_an_episode_that_replays(registered, tmp_path):
+    chosen = ["sensors.lidar=sonar-ring", "episode.time_limit=2"]
     scenario = build(override(Config("corridor", "quadruped", 1), chosen))
     log = tmp_path / "sonars.mcap"
     result = run_episode(scenario, log)

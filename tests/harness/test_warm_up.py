@@ -34,7 +34,6 @@ print(run_episode(build(config), Path(path) / "episode.mcap").outcome)
 @pytest.mark.parametrize(
     ("robot", "world", "setting"),
     [
-        ("quadruped", "warehouse", "map.kind=voxel"),
         ("drone", "warehouse", "map.kind=voxel"),
         ("quadruped", "office", "estimate.kind=lidar"),
         ("quadruped", "crossing", "map.kind=dynamic"),

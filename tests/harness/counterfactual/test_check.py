@@ -8,14 +8,12 @@ from typing import get_args
 
 import pytest
 
-from tests.tools.faults.confusion import run_planted
 from wayproof.harness.attribution import CAUSES, find_cause, read_case
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.counterfactual.check import check, settle, why_inconclusive
 from wayproof.harness.counterfactual.recorded_movers import with_recorded_movers
 from wayproof.harness.counterfactual.remedies import REMEDIES
 from wayproof.harness.counterfactual.verdict import Check
-from wayproof.harness.errors import InputError
 from wayproof.harness.interface.errors import PredictorCause, StackCause
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute.rebuild import rebuild
@@ -165,8 +163,3 @@ def test_movers_of_a_world_without_a_name_go_as_recorded(planted):
     (truck,) = with_recorded_movers(rebuild(log), case).world.movers
     assert truck.appears > 1e6  # it did not come before the log ended
     assert truck.place(case.moments[-1].time_ns + 10**9).position[0] < was[0] - 1.4
-
-
-def test_an_unknown_cause_is_refused():
-    with pytest.raises(InputError, match="unknown cause 'gost_obstacle'; did you mean"):
-        run_planted("gost_obstacle", 0, Path("none.mcap"))

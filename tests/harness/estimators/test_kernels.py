@@ -316,11 +316,6 @@ def test_compiled_and_interpreted_examination_give_the_same_bits(python_versions
         np.testing.assert_array_equal(one, other)
 
 
-def test_scratch_of_another_call_does_not_matter():
-    dirty = in_order(room(200), 0.2, scratch=lambda size, kind: np.arange(size, dtype=kind))
-    assert (dirty == in_order(room(200), 0.2)).all()
-
-
 def test_compiled_and_interpreted_thinning_choose_the_same_points(python_versions):
     compiled = in_order(room(300), 0.5)
     assert 20 < len(compiled) < 300

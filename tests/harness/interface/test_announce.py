@@ -91,33 +91,3 @@ def test_an_announcement_without_an_observation_is_no_step(tmp_path, kept):
         answer_all(ServedStack(stack, "counts"), read, written)
     assert stack.steps == 0
     assert sb.FromStack.FromString(written.getvalue()[4:]).hello.announced
-
-
-STEPS = '''"""A stack that sends the number of its steps."""
-from wayproof import Command, Velocity
-
-
-class Stack:
-    steps = 0
-
-    def start(self, task):
-        pass
-
-    def step(self, observation):
-        self.steps += 1
-        return Command(Velocity(0.0), scalars={"steps": self.steps})
-
-    def close(self):
-        pass
-'''
-
-
-def test_a_stack_that_is_served_steps_once_for_each_observation(tmp_path):
-    (tmp_path / "steps.py").write_text(STEPS)
-    served = [sys.executable, "-m", "wayproof", "serve", f"{tmp_path / 'steps.py'}:Stack"]
-    settings = [f"stack.name=exec:{shlex.join(served)}", "episode.time_limit=0.5"]
-    run_episode(build(override(Config("cylinders", "quadruped", 1), settings)), tmp_path / "a.mcap")
-    answers = [one.answer.command for one in open_log(tmp_path / "a.mcap").records()]
-    steps = [sb.Command.FromString(answer).scalars["steps"] for answer in answers]
-    assert steps == [*range(1, len(steps) + 1)]
-    assert len(steps) > 3

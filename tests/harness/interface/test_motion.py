@@ -243,13 +243,6 @@ def test_headings_that_turn_too_fast_are_followed_at_the_greatest_yaw_rate():
     assert len(trajectory.path) == 1
 
 
-def test_a_velocity_beyond_the_limits_is_marked():
-    assert followed(Velocity(1.2)).limited
-    assert followed(Velocity(0.0, yaw_rate=-1.2)).limited
-    assert not followed(Velocity(1.0, yaw_rate=1.0)).limited
-    assert not followed(Velocity(0.5, up=5.0)).limited  # a walking body ignores it
-
-
 def test_no_velocity_keeps_the_place_exactly():
     trajectory = made(Velocity(0.0))
     assert (len(trajectory.path), trajectory.duration_s) == (1, 0.0)

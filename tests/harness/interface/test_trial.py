@@ -56,8 +56,7 @@ def test_a_stack_in_a_child_process_gives_the_same_chain_as_in_this_one(tried, t
     assert here.outcome == "timeout"
 
 
-@pytest.mark.parametrize("limits", ["cautious", "full"])
-@pytest.mark.parametrize("robot", ["quadruped", "drone"])
+@pytest.mark.parametrize(("robot", "limits"), [("quadruped", "full"), ("drone", "cautious")])
 def test_the_border_loses_nothing_of_the_built_in_stack(tried, tmp_path, robot, limits):
     scene = "cylinders", robot, 2, f"motion.limits={limits}"
     direct, here = tried("builtin", *scene), tried(BUILTIN, *scene)
@@ -70,15 +69,7 @@ def test_the_border_loses_nothing_of_the_built_in_stack(tried, tmp_path, robot, 
         assert one.map_version == other.map_version
 
 
-@pytest.mark.parametrize(
-    ("robot", "limits"),
-    [
-        ("quadruped", "cautious"),
-        ("quadruped", "full"),
-        ("drone", "cautious"),
-        ("drone", "full"),
-    ],
-)
+@pytest.mark.parametrize(("robot", "limits"), [("quadruped", "full"), ("drone", "cautious")])
 def test_the_referee_admits_what_the_built_in_stack_commands(tried, robot, limits):
     ended = tried(BUILTIN, "cylinders", robot, 2, f"motion.limits={limits}")
     verdicts = {one.verdict.verdict for one in open_log(Path(ended.log)).decisions()}
@@ -164,18 +155,14 @@ def test_a_blind_stack_is_judged_and_stopped_by_the_guard(tmp_path):
 @pytest.mark.parametrize(
     ("kind", "remote", "cause", "text"),
     [
-        ("Raises", False, "stack_broken", "raised KeyError: 'map'"),
         ("Raises", True, "stack_broken", "failed: KeyError: 'map'"),
         ("Dies", True, "stack_died", "ended (exit code 7); its last line on stderr: segmentation"),
         ("Hangs", True, "stack_hung", "had not answered after 3 s (plugins.wall_s)"),
         ("Nan", False, "stack_broken", "velocity: got (nan, 0.0, 0.0, 0.0), expected finite"),
-        ("Nan", True, "stack_broken", "velocity: got (nan, 0.0, 0.0, 0.0), expected finite"),
         ("Elsewhere", False, "stack_broken", "starts 3.00 m from where the robot is then"),
         ("Garbage", False, "stack_broken", "got str, expected a Command"),
-        ("Overwrites", False, "stack_broken", "destination is read-only"),
         ("Overwrites", True, "stack_broken", "destination is read-only"),
         ("Moves", False, "stack_broken", "output array is read-only"),
-        ("Moves", True, "stack_broken", "output array is read-only"),
     ],
 )
 def test_a_broken_stack_ends_the_episode_in_one_line(tmp_path, kind, remote, cause, text):
@@ -189,9 +176,8 @@ def test_a_broken_stack_ends_the_episode_in_one_line(tmp_path, kind, remote, cau
     assert replay(Path(result.log)).identical  # the decisions before
 
 
-@pytest.mark.parametrize("remote", [False, True])
-def test_a_step_that_returns_nothing_is_named(tmp_path, remote):
-    stack = f"{CHILD} {own('Nothing')}" if remote else own("Nothing")
+def test_a_step_that_returns_nothing_is_named(tmp_path):
+    stack = f"{CHILD} {own('Nothing')}"
     said = "returned no valid command: got NoneType, expected a Command at decision 0"
     assert said in trial(tmp_path, stack).reason
 
@@ -311,11 +297,10 @@ def test_waypoints_are_followed_to_rest(tmp_path):
     assert result.outcome == "success"
 
 
-@pytest.mark.parametrize("robot", ["quadruped", "drone"])
-def test_waypoints_go_on_with_the_acceleration_that_is_commanded(tmp_path, robot):
+def test_waypoints_go_on_with_the_acceleration_that_is_commanded(tmp_path):
     """As the built-in stack's paths do: each answer that began without any would be slower."""
     own_stack = own("ToGoalAtFullSpeed")
-    result = trial(tmp_path, own_stack, "empty", robot, 1, "episode.time_limit=1.5")
+    result = trial(tmp_path, own_stack, "empty", "drone", 1, "episode.time_limit=1.5")
     assert replay(Path(result.log)).identical
     log = open_log(Path(result.log))
     fastest = max(float(np.linalg.norm(one.velocity)) for one in log.truth())
@@ -324,9 +309,8 @@ def test_waypoints_go_on_with_the_acceleration_that_is_commanded(tmp_path, robot
     assert not broken & {"limits", "rest", "joined"}
 
 
-@pytest.mark.parametrize("robot", ["quadruped", "drone"])
-def test_a_trajectory_beyond_the_body_s_limits_is_followed_within_them(tmp_path, robot):
-    result = trial(tmp_path, own("TooFast"), "empty", robot, 1, "episode.time_limit=2")
+def test_a_trajectory_beyond_the_body_s_limits_is_followed_within_them(tmp_path):
+    result = trial(tmp_path, own("TooFast"), "empty", "quadruped", 1, "episode.time_limit=2")
     log = open_log(Path(result.log))
     decisions = list(log.decisions())
     assert len(decisions) > 15
@@ -369,14 +353,13 @@ def test_a_body_that_creeps_is_judged_like_one_that_drives(tmp_path):
     assert {one.rule for one in audit(Path(result.log)).violations} >= {"swept"}
 
 
-@pytest.mark.parametrize("guard", [True, False])
-def test_the_built_in_stack_goes_on_from_where_the_guard_stopped_it(tmp_path, guard):
+def test_the_built_in_stack_goes_on_from_where_the_guard_stopped_it(tmp_path):
     """With a margin that it does not know of the referee cuts, and it never starts elsewhere."""
     result = trial(
         tmp_path, own("Daring"), "cylinders", "quadruped", 2, "episode.time_limit=8",
-        f"stack.guard={str(guard).lower()}",
+        "stack.guard=true",
     )  # fmt: skip
     decisions = list(open_log(Path(result.log)).decisions())
     assert result.outcome != "error", result.reason
-    assert any(one.verdict.cut for one in decisions) == guard
-    assert not guard or result.collisions == 0
+    assert any(one.verdict.cut for one in decisions)
+    assert result.collisions == 0

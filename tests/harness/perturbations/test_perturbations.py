@@ -34,12 +34,6 @@ def report(name="ideal-lidar-floor", ranges=None, sequence=0, seed=1):
     return Report("lidar", device, table, ranges, seed, sequence)
 
 
-def test_severities_grow():
-    for kind in PERTURBATIONS.values():
-        assert list(kind.values) == sorted(set(kind.values))
-        assert kind.values[0] > 0
-
-
 def test_a_perturbed_config_survives_its_log():
     config = replace(
         Config("empty", "drone", 0), perturbation=perturbation_from("depth_dropout:4:patch")

@@ -47,20 +47,6 @@ def test_the_first_difference_is_named_value_by_value(recorded, tmp_path, capsys
     assert document["differences"][0].keys() == {"field", "recorded", "recomputed"}
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        SHORT["drone"],
-        SHORT["quadruped"],
-        ("empty", "drone", 1, "latency.plan=0.5", "latency.deadline=0.1", "episode.time_limit=1"),
-    ],
-)
-def test_a_log_replays_bit_by_bit(recorded, case):
-    """The last one never decides in time, so what it had in mind stands in no log."""
-    again = replay(Path(recorded(*case).log))
-    assert (again.identical, again.decisions) == (True, recorded(*case).decisions)
-
-
 def test_a_bit_is_a_difference_and_a_measured_time_is_none():
     old, new = pb.Decision(path_cost=0.0), pb.Decision(path_cost=-0.0)
     assert [one.field for one in differences(old, new)] == ["path_cost"]
@@ -93,7 +79,6 @@ def test_replay_needs_no_simulator(recorded):
 @pytest.mark.parametrize(
     ("robot", "command"),
     [
-        ("drone", ["replay", "--jobs", "1"]),
         ("quadruped", ["replay", "--jobs", "1"]),
         ("drone", ["explain", "9"]),
     ],

@@ -120,9 +120,8 @@ def test_an_unchecked_signature_is_mentioned(source, tmp_path, capsys):
     assert (document["failed"], document["signed_by"]) == ("signature", None)
 
 
-@pytest.mark.parametrize("name", ["the tail cut off, result as it was", "the outcome, to success"])
-def test_verbs_refuse_a_log_that_contradicts_itself(source, tmp_path, capsys, name):
-    log = str(forge(source, name, tmp_path / "forged.mcap"))
+def test_verbs_refuse_a_log_that_contradicts_itself(source, tmp_path, capsys):
+    log = str(forge(source, "the outcome, to success", tmp_path / "forged.mcap"))
     for words in (
         ["explain", log, "--metrics"],
         ["explain", log],

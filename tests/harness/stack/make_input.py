@@ -29,8 +29,6 @@ LIMITS = MotionLimits(
 
 START, GOAL = (1.05, 2.05), (6.55, 2.05)
 
-Rectangle = tuple[float, float, float, float]  # least and greatest x, least and greatest y, m
-
 
 def place(x, y):
     """A place (3,) in the room, m."""

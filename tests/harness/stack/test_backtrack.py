@@ -5,8 +5,6 @@ import pytest
 
 from tests.harness.stack.make_input import at_rest, make_input, make_states, place
 from wayproof.harness.stack.backtrack import (
-    BREADCRUMB_SPACING,
-    SPARE_BREADCRUMBS,
     backtrack_path,
     record_breadcrumb,
 )
@@ -31,24 +29,6 @@ def test_a_breadcrumb_is_dropped_at_each_spacing():
     np.testing.assert_array_equal(state.breadcrumbs[:, 0], [1.0, 1.11, 1.22])
 
 
-def test_no_breadcrumb_changes_the_state_before():
-    before = at_rest(breadcrumbs=CRUMBS[:3])
-    kept = before.breadcrumbs.copy()
-    after = record_breadcrumb(before, make_input(position=(2.0, 2.05)))
-    assert len(after.breadcrumbs) == 4
-    np.testing.assert_array_equal(before.breadcrumbs, kept)
-    assert record_breadcrumb(after, make_input(position=(2.05, 2.05))) is after
-
-
-def test_only_as_many_breadcrumbs_are_kept_as_backtracking_needs():
-    state = at_rest()
-    for x in np.arange(0.0, 7.0, 0.11):
-        state = record_breadcrumb(state, make_input(position=(x, 2.05)))
-    needed = BehaviourConfig().backtrack_length / BREADCRUMB_SPACING + SPARE_BREADCRUMBS
-    assert len(state.breadcrumbs) == needed
-    assert state.breadcrumbs[-1, 0] == pytest.approx(6.93)
-
-
 def test_the_path_back_is_the_breadcrumbs_reversed_for_the_backtrack_length():
     path = path_back()
     np.testing.assert_array_equal(path[0], place(*END))
@@ -63,11 +43,6 @@ def test_the_path_back_takes_the_latest_breadcrumbs_first_round_the_corners_of_t
     np.testing.assert_allclose(path[:7, 0], 3.05)
     assert (np.diff(path[:7, 1]) < 0.0).all()
     np.testing.assert_allclose(path[-1], place(3.05 - 0.3, 2.05))  # 0.7 m back, 0.3 m aside
-
-
-def test_the_path_back_skips_breadcrumbs_right_beside_the_robot():
-    path = path_back(position=(3.08, 2.05))
-    assert np.linalg.norm(path[1] - path[0]) >= BREADCRUMB_SPACING
 
 
 def test_the_path_back_ends_where_it_is_no_longer_traversable():

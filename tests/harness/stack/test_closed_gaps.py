@@ -1,6 +1,5 @@
 """Gaps that closed before the robot, and what they cost on the next way."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +16,7 @@ from tests.harness.stack.make_input import (
 )
 from wayproof.harness.stack.closed_gaps import (
     DETOUR,
-    GAP_RADIUS,
     GIVEN_UP_NS,
-    cost_markers,
     costly_gaps,
     note_lost_way,
     record_closed_gap,
@@ -67,18 +64,6 @@ def test_costs_neither_free_nor_block_a_cell_and_leave_the_space_as_it_was():
     assert costly.path_cost(path, 2.0) - space.path_cost(path, 2.0) > 3.9
 
 
-@pytest.mark.parametrize("threshold", [1, 2, 4, 9, 16, 25, 56, 57, 58, 59, 100])
-def test_the_markers_of_costs_are_distances_that_no_cell_has(threshold):
-    space = make_input(body=LONG).optimistic
-    discs = tuple(disc._replace(collision_distance_sq=threshold) for disc in space.discs)
-    markers = cost_markers(replace(space, collision_distance_sq=threshold, discs=discs))
-    squares = {a * a + b * b for a in range(20) for b in range(20)}
-    assert len(markers) == {2: 0, 1: 1, 4: 1, 58: 1, 59: 1}.get(threshold, 2)
-    assert not markers or markers[0] > threshold + 1  # which stands for the unknown
-    assert not squares & set(markers)
-    assert all(math.sqrt(one) < math.sqrt(threshold) + 1.0 for one in markers)
-
-
 def test_a_way_that_closes_nearby_is_noted_and_one_that_closes_far_away_is_not():
     state = at_rest(global_path=WAY, oriented=True)
     near = make_states(occupied=[(2.0, 2.4, 0.0, 4.0)])
@@ -111,19 +96,3 @@ def test_without_closed_gaps_the_input_is_the_same():
     avoiding = with_closed_gaps(input, at_rest(closed_gaps=(ClosedGap(LOW, 1),)))
     assert avoiding.avoids_gaps
     assert avoiding.guided() is avoiding.guided()
-
-
-def test_only_cells_within_the_radius_of_a_gap_cost_more():
-    space = make_input(body=LONG).optimistic
-    nx, ny, _ = space.field.shape
-    x = space.origin[0] + space.resolution * (np.arange(nx) + 0.5)
-    y = space.origin[1] + space.resolution * (np.arange(ny) + 0.5)
-    spots = [(1.0, 1.0), (0.0, 2.013), (7.9, 3.97), (-0.2, -0.1), (50.0, 2.0), (-60.0, 1.0)]
-    for spot in spots:
-        costly = costly_gaps(space, (ClosedGap((*spot, 0.0), 1),), 1.0)
-        apart = np.square(x - spot[0])[:, None] + np.square(y - spot[1])
-        near = apart <= GAP_RADIUS * GAP_RADIUS
-        free = space.field[:, :, 0] > int(space.shape.thresholds.max())
-        changed = costly.field[:, :, 0] == cost_markers(space)[0]
-        assert np.array_equal(changed, near & free), spot
-        assert np.array_equal(costly.field[~changed], space.field[~changed])

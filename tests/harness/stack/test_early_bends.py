@@ -72,11 +72,6 @@ def test_only_a_body_that_flies_in_any_direction_bends_early(room, early):
     assert blend_length(input) == pytest.approx(1.2 if early else 0.6)
 
 
-def test_a_slow_body_searches_and_rounds_corners_as_before():
-    slow = make_input(limits=replace(LIMITS, speed=1.0, lateral_acceleration=2.0), **FLIES)
-    assert (replan_period(slow), blend_length(slow)) == (1.0, 0.6)
-
-
 def test_a_path_is_searched_anew_after_the_shorter_period():
     straight = np.array([place(*START), place(6.55, 2.05)])
     state = at_rest(global_path=straight)

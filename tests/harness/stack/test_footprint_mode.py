@@ -1,12 +1,9 @@
 """Choice between the circumscribed and the oriented footprint of an elongated body."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from tests.harness.stack.make_input import (
-    CELL,
     GOAL,
     LONG,
     START,
@@ -23,8 +20,6 @@ DISC = Body((0.0,), (LONG.circumscribed_radius,))
 
 GAP = make_states(occupied=[(3.0, 4.5, 0.0, 1.7), (3.0, 4.5, 2.4, 4.0)])
 """A gap of 0.7 m between start and goal: the disc of 1 m does not fit, the body of 0.4 m does."""
-
-PATH = np.array([place(*START), place(*GOAL)])
 
 
 class Oriented:
@@ -123,13 +118,6 @@ def test_the_disc_does_not_return_while_the_body_moves_tail_first():
         assert decided.state.oriented is oriented
 
 
-def test_the_disc_returns_where_no_path_is_left():
-    state = at_rest(oriented=True)
-    decided, calls = decide_in(state=state)
-    assert not decided.state.oriented
-    assert calls == 0
-
-
 @pytest.mark.parametrize(
     ("length_before", "oriented", "calls"), [(5.5, False, 0), (1.85, True, 1), (1.0, False, 1)]
 )
@@ -145,20 +133,3 @@ def test_a_detour_of_the_disc_loses_to_the_oriented_footprint_that_makes_none(
     decided, made = decide_in(states, at_rest(global_path=before))
     assert decided.command.action in ("follow", "slow")
     assert (decided.state.oriented, made) == (oriented, calls)
-
-
-def test_the_state_before_is_not_written_to():
-    state, room = in_gap()
-    copy = replace(state)
-    decide_in(GAP, state, **room)
-    assert state == copy
-
-
-def test_the_disc_is_the_one_about_the_body():
-    assert pytest.approx(0.5) == DISC.radii[0]
-    wide, narrow = make_input(GAP, DISC), make_input(GAP, LONG)
-    middle = place(3.75, 2.05)
-    assert not wide.traversable.is_free(middle)
-    assert narrow.traversable.pose_free(middle, 0.0)
-    assert not narrow.traversable.pose_free(middle, 0.5 * np.pi)
-    assert CELL == 0.1

@@ -22,12 +22,10 @@ from tests.harness.stack.make_input import (
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import (
     ARRIVED,
-    drop_duplicates,
-    heading_at,
     keep_or_replan,
     project_goal_to_free,
 )
-from wayproof.harness.stack.types import BehaviourConfig, Exploration, arc_length, distance
+from wayproof.harness.stack.types import BehaviourConfig, Exploration, arc_length
 from wayproof.maps import OCCUPIED
 from wayproof.planners import arc_lengths
 
@@ -156,18 +154,6 @@ def test_a_robot_at_rest_beside_a_goal_that_became_free_goes_on_to_it():
     np.testing.assert_allclose(planned.state.global_path[[0, -1]], [here[0], input.goal])
 
 
-def test_keeping_and_replanning_write_to_no_state():
-    state = at_rest(global_path=DETOUR)
-    copy = replace(state)
-    replanned(make_input(sequence=20), state)
-    assert state == copy
-
-
-def test_a_free_goal_is_its_own_projection():
-    input = make_input()
-    assert project_goal_to_free(input) is input.goal
-
-
 @pytest.mark.parametrize("body", [None, LONG])
 def test_a_goal_inside_the_inflation_is_projected_to_the_nearest_free_position(body):
     states = make_states(occupied=[(6.5, 8.0, 0.0, 4.0)])
@@ -192,20 +178,6 @@ def test_a_goal_deeper_inside_than_the_search_radius_stays_where_it_is():
 def test_an_unknown_goal_needs_no_projection():
     input = make_input(make_states(unknown=[(5.0, 8.0, 0.0, 4.0)]))
     assert project_goal_to_free(input) is input.goal
-
-
-def test_duplicates_are_dropped_and_a_path_of_one_place_stays():
-    a, b = place(1.0, 1.0), place(2.0, 1.0)
-    np.testing.assert_array_equal(drop_duplicates(np.array([a, a, b, b, b])), [a, b])
-    same = np.array([a, a])
-    assert drop_duplicates(same) is same
-
-
-def test_the_heading_of_a_path_is_that_of_the_edge_at_an_arc_length():
-    path = np.array([place(0.0, 0.0), place(1.0, 0.0), place(1.0, 1.0)])
-    assert heading_at(path, 0.5) == 0.0
-    assert heading_at(path, 1.5) == pytest.approx(0.5 * np.pi, abs=1e-9)
-    assert distance(path[0], path[2]) == pytest.approx(np.sqrt(2.0))
 
 
 BEHIND = [(3.0, 8.0, 0.0, 4.0)]

@@ -24,7 +24,7 @@ PLACE = np.array([5.0, 2.5])  # of a person, beside the straight way
 SECONDS = "episode.time_limit=20"
 
 
-def room(seed, difficulty):
+def room(seed, difficulty, *_):
     """A room with a person in it; the way leads past."""
     bare = WORLDS["empty"](seed, difficulty)
     person = Box.between((*(PLACE - 0.25), 0.0), (*(PLACE + 0.25), 1.6), "person")

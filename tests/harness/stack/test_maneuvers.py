@@ -16,11 +16,9 @@ from tests.harness.stack.make_input import (
     make_states,
     next_input,
     place,
-    sample_at,
 )
 from wayproof.harness.stack.global_path import GlobalPlan
 from wayproof.harness.stack.maneuvers import (
-    arrive,
     brake,
     hold_position,
     stop_without_path,
@@ -62,15 +60,6 @@ def test_a_robot_off_its_trajectory_holds_the_estimated_pose_and_drops_its_path(
     assert after.global_path is None
 
 
-def test_a_robot_that_arrives_stands_where_it_is_and_states_the_distance_left():
-    input = make_input(position=(6.45, 2.05))
-    command, after = arrive(input, at_rest((6.45, 2.05)), standing_at((6.45, 2.05)))
-    assert (command.action, command.label, command.reason.kind) == ("goal", "none", "at_goal")
-    assert command.reason.distance_m == pytest.approx(0.1, abs=1e-6)
-    assert command.trajectory.duration_s == 0.0
-    assert after.trajectory is command.trajectory
-
-
 @pytest.mark.parametrize(("seconds", "action"), [(4.9, "stop_and_wait"), (5.0, "abort")])
 def test_a_robot_beside_a_blocked_goal_waits_for_the_timeout_and_then_aborts(seconds, action):
     assert BehaviourConfig().goal_wait_timeout == 5.0
@@ -84,14 +73,6 @@ def test_a_robot_beside_a_blocked_goal_waits_for_the_timeout_and_then_aborts(sec
     assert command.reason.distance_m == pytest.approx(0.5, abs=1e-6)
     assert command.reason.cell_state == "occupied"
     assert after.rest_since_ns == 10 * PERIOD_NS
-
-
-def test_the_wait_beside_a_blocked_goal_begins_with_the_first_decision_there():
-    block = make_states(occupied=[(6.5, 6.7, 2.0, 2.2)])
-    input = make_input(block, sequence=7, position=(6.05, 2.05))
-    command, after = wait_at_blocked_goal(input, at_rest((6.05, 2.05)), standing_at((6.05, 2.05)))
-    assert command.reason.waited_s == 0.0
-    assert after.rest_since_ns == 7 * PERIOD_NS
 
 
 def test_a_wait_keeps_the_global_path_and_counts_the_time_from_its_first_decision():
@@ -122,16 +103,6 @@ def test_a_robot_that_brakes_stops_on_its_path_and_drops_the_global_path():
     assert end[1] == pytest.approx(START[1])
     assert after.global_path is None
     assert after.exploration is None
-
-
-def test_a_robot_at_rest_for_which_no_path_was_found_waits_with_the_label_of_the_search():
-    wall = make_states(occupied=[(4.0, 4.3, 0.0, 4.0)])
-    planned = GlobalPlan(at_rest(), SEARCH, seed=5)
-    input = make_input(wall)
-    command, _ = stop_without_path(input, planned, standing_at(START), previous=at_rest())
-    assert (command.action, command.label) == ("stop_and_wait", "no_path")
-    assert command.reason.waited_s == 0.0
-    assert command.trajectory.duration_s == 0.0
 
 
 def test_a_robot_in_motion_for_which_no_path_was_found_brakes_on_its_last_trajectory():
@@ -165,8 +136,3 @@ def test_a_robot_that_dropped_its_path_before_states_since_when_and_why():
     assert command.reason.kind == "coming_to_rest"
     assert command.reason.since == 6
     assert command.label == "path_blocked"
-
-
-def test_the_helper_for_motion_follows_what_was_committed():
-    state, input, start = in_motion()
-    np.testing.assert_allclose(sample_at(state, input.effect_ns).position, start.position)

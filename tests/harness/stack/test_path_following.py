@@ -25,13 +25,12 @@ from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.driving import (
     DrivablePart,
     fit_trajectory,
-    shortened_to_fit,
 )
 from wayproof.harness.stack.footprint_checks import first_misfit
 from wayproof.harness.stack.path_following import brake_on_path, follow_global_path
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.setting_out import set_out, step_aside, turn_into_path
-from wayproof.harness.stack.types import BehaviourConfig, Exploration, arc_length
+from wayproof.harness.stack.types import BehaviourConfig, Exploration
 from wayproof.planners import stopping_distance
 
 PATH = np.array([place(*START), place(*GOAL)])
@@ -76,15 +75,6 @@ def test_a_path_is_driven_up_to_the_unknown_slowly_if_full_speed_could_not_stop(
     assert command.reason.cell[0] == pytest.approx(unknown_from, abs=0.1)
 
 
-def test_less_than_the_minimum_advance_is_not_worth_leaving_rest_for():
-    input = make_input(make_states(unknown=[(1.6, 8.0, 0.0, 4.0)]))
-    command, after = follow(input, at_rest(global_path=PATH))
-    assert (command.action, command.label) == ("stop_and_wait", "unknown_ahead")
-    assert command.reason.kind == "waiting_before_unknown"
-    assert 0.0 < command.reason.free_m < BehaviourConfig().min_advance
-    assert after.rest_since_ns == 0
-
-
 @pytest.mark.parametrize(("angle", "turns"), [(0.5, False), (0.7, True)])
 def test_a_ground_robot_turns_in_place_beyond_its_angle(angle, turns):
     assert BehaviourConfig().rotate_in_place_angle == 0.6
@@ -100,24 +90,6 @@ def test_a_ground_robot_turns_in_place_beyond_its_angle(angle, turns):
 def test_a_flying_robot_never_turns_in_place():
     command, _ = follow(make_input(heading=3.0), at_rest(heading=3.0, global_path=PATH))
     assert command.reason.kind == "path_to_goal"
-
-
-def test_a_path_too_sharp_to_be_driven_round_is_driven_to_its_corner():
-    bent = np.array([place(1.05, 2.05), place(3.05, 2.05), place(3.05, 3.55)])
-    command, _ = follow(make_input(goal=(3.05, 3.55)), at_rest(global_path=bent))
-    assert command.reason.kind == "path_to_corner"
-    np.testing.assert_allclose(command.trajectory.path[-1], bent[1])
-
-
-def test_a_robot_that_cannot_stop_within_the_free_part_brakes_on_it():
-    state = drive(8)
-    input = next_input(state, 8, states=make_states(occupied=[(2.8, 3.0, 0.0, 4.0)]))
-    start = state.trajectory.at(input.effect_ns)
-    state = replace(state, global_path=np.array([start.position, place(*GOAL)]))
-    command, after = follow_global_path(input, state, start, previous=state)
-    assert (command.action, command.label) == ("stop_and_wait", "path_blocked")
-    assert command.reason.free_m < command.reason.stop_m
-    assert after.global_path is None
 
 
 def test_braking_before_the_end_of_a_free_path_has_no_label():
@@ -143,24 +115,6 @@ def test_a_turn_that_leads_to_the_heading_already_goes_on():
     assert again.trajectory is command.trajectory
     other, _ = turn_into_path(later, state, start, 1.8)
     assert other.trajectory is not command.trajectory
-
-
-def test_a_path_is_shortened_only_so_often():
-    closed = make_states(occupied=[(4.0, 8.0, 0.0, 4.0)])
-    input = make_input(closed, LONG)
-    start = at_rest().trajectory.at(input.effect_ns)
-    whole = plan_trajectory(input, start, PATH, 1.0)
-    lengths = []
-
-    def plan_whole(path):
-        lengths.append(arc_length(path))
-        return whole
-
-    assert shortened_to_fit(input, PATH, 0.1, plan_whole) is None
-    assert len(lengths) == 8
-    assert lengths[1] < lengths[0]
-    driven = shortened_to_fit(input, PATH, 0.1, lambda way: plan_trajectory(input, start, way, 1.0))
-    assert 1.0 < arc_length(driven.path) < 3.0
 
 
 def test_a_turn_into_the_path_is_no_drive_that_ends_at_its_heading():

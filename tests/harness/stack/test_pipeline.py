@@ -1,7 +1,5 @@
 """The pipeline on a real map: integrate, update the costmap, decide, record, commit."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -9,10 +7,8 @@ from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.decision import chain_hash
 from wayproof.harness.errors import InputError
-from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.mission import Mission
-from wayproof.harness.scenario.scenario import build, sensor_info
 from wayproof.harness.stack.build import build_navigator
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
@@ -70,41 +66,6 @@ def test_only_the_declared_start_is_free_in_the_map_of_a_new_navigator():
     assert (decision.action, decision.label) == ("stop_and_wait", "unknown_ahead")
 
 
-def test_the_free_space_of_a_decision_is_that_of_the_costmap_at_the_radius_of_the_body():
-    stack = navigator()
-    stack.step(inputs())
-    margin = stack.costmap.margin
-    start = np.array(DRONE.start)
-    reach = stack.costmap.inflation_radius + stack._config.episode.start_clear_radius
-    half_diagonal = 0.5 * math.sqrt(3.0) * stack.costmap.resolution
-    assert stack.costmap.inflation_radius == pytest.approx(DRONE.radius + margin + half_diagonal)
-    space = stack._spaces.circumscribed().traversable
-    room = reach - stack.costmap.inflation_radius  # what the declared start leaves the centre
-    for offset, free in ((0.0, True), (0.4 * room, True), (reach, False)):
-        assert space.is_free(start + np.array([offset, 0.0, 0.0])) is free
-
-
-def test_the_margin_grows_with_the_stated_uncertainty_of_the_pose():
-    stack = navigator()
-    stack.step(inputs())
-    before = stack.costmap.margin
-    stack.step(inputs(sigma=0.05))
-    assert stack.costmap.margin == pytest.approx(before + 2.0 * 0.05)
-
-
-def test_a_committed_decision_changes_state_and_chain():
-    stack = all_free(navigator())
-    before = stack.state
-    decision = stack.step(inputs())
-    assert stack.state is before  # not yet
-    assert stack.chain == ""
-    stack.commit(decision, delay_s=0.05)
-    assert stack.state is not before
-    assert stack.trajectory.duration_s > 1.0
-    assert decision.delay_s == 0.05
-    assert decision.chain == stack.chain == chain_hash(decision, "")
-
-
 def test_a_decision_past_its_deadline_is_discarded_and_labelled():
     stack = all_free(navigator("latency.deadline=0.1"))
     before = stack.state
@@ -119,17 +80,6 @@ def test_a_decision_past_its_deadline_is_discarded_and_labelled():
     late = stack.commit(stack.step(inputs(2)), delay_s=0.11)
     assert (late.action, late.label) == ("follow", "deadline_missed")  # the last trajectory
     assert late.trajectory == moving.trajectory
-
-
-def test_a_navigator_continues_after_the_decisions_of_another():
-    first = all_free(navigator())
-    first.commit(first.step(inputs()), 0.05)
-    second = all_free(navigator())
-    second.load_state(first.state, first.chain)
-    again, expected = (one.commit(one.step(inputs(1)), 0.05) for one in (second, first))
-    for decision in (again, expected):
-        decision.ClearField("stages")
-    assert again == expected
 
 
 def test_the_chain_leaves_out_latencies_and_covers_all_else():
@@ -148,17 +98,3 @@ def test_a_state_space_that_the_body_cannot_be_planned_in_is_refused_in_one_line
     with pytest.raises(InputError, match=r"^robot 'drone': ") as refused:
         navigator("planner.name=rrtstar", "planner.state_space=dubins")
     assert "\n" not in str(refused.value)
-
-
-def test_an_elongated_body_is_planned_for_by_its_circumscribed_disc_first():
-    scenario = build(Config("empty", "quadruped", 1))
-    infos = [sensor_info(caster) for caster in scenario.scene.casters]
-    beams = {info.name: beams_from_info(info) for info in infos}
-    stack = build_navigator(scenario.config, scenario.mission, beams)
-    x, y, _ = scenario.mission.start
-    stack.map.mark_floor((x - 3.0, y - 3.0), (x + 3.0, y + 3.0), 0)
-    stack.map.mark_free((x - 3.0, y - 3.0, 0.0), (x + 3.0, y + 3.0, 1.0), 0)
-    decision = stack.step(inputs(position=scenario.mission.start))
-    radius = max(abs(offset) + radius for offset, radius in scenario.mission.discs)
-    radius += stack.costmap.margin + 0.5 * math.sqrt(2.0) * stack.costmap.resolution
-    assert decision.inflation_radius_m == pytest.approx(radius)

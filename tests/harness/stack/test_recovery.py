@@ -23,7 +23,6 @@ from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.recovery import (
     ESCAPE_SPEED_SHARE,
     abort,
-    backtrack,
     escape_inflation,
     explore_frontier,
     recover_after_timeout,
@@ -105,15 +104,6 @@ def test_a_long_body_leaves_the_inflation_at_its_heading(sideways):
     assert final_sample(command.trajectory).heading == 1.2
 
 
-def test_a_body_with_no_traversable_position_within_reach_waits():
-    input = make_input(make_states(occupied=[(0.0, 4.0, 0.0, 4.0)]))
-    command, after = escape(input, at_rest())
-    assert (command.action, command.label) == ("stop_and_wait", "start_blocked")
-    assert command.reason.kind == "no_way_out"
-    assert command.reason.waited_s == 0.0
-    assert after.rest_since_ns == 0
-
-
 def test_a_long_body_turns_out_of_the_inflation_by_the_smallest_turn_that_helps():
     lane = make_states(occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0)])
     input = make_input(lane, LONG, position=(3.05, 2.05), heading=0.7)
@@ -155,13 +145,6 @@ def test_a_wait_goes_on_until_the_timeout():
         states = make_states(occupied=[WALL], unknown=[CORNER])
         input, start, decided = waiting(seconds, states)
         assert (recover_after_timeout(input, start, decided) is decided) is same
-
-
-def test_only_a_wait_is_replaced_after_the_timeout():
-    input, start, decided = waiting(5.0)
-    command = replace(decided.command, action="follow", reason=REASON)
-    moving = decided._replace(command=command)
-    assert recover_after_timeout(input, start, moving) is moving
 
 
 @pytest.mark.parametrize(("viewpoints", "action"), [(11, "explore"), (12, "abort")])
@@ -224,18 +207,6 @@ def test_a_frontier_explored_from_before_is_not_chosen_again():
     seen = replace(decided.state, viewpoints=after.global_path[-1:])
     _, again = explore_frontier(input, start, decided._replace(state=seen))
     assert np.linalg.norm(again.global_path[-1] - after.global_path[-1]) > 0.3
-
-
-def test_backtracking_follows_the_breadcrumbs_as_an_exploration():
-    input = make_input(sequence=9, position=(3.05, 2.05))
-    state = at_rest((3.05, 2.05))
-    path = np.array([place(3.05, 2.05), place(2.15, 2.05)])
-    command, after = backtrack(input, state, state.trajectory.at(input.effect_ns), path)
-    assert (command.action, command.reason.kind) == ("recover", "backing_up")
-    np.testing.assert_allclose(final_sample(command.trajectory).position, path[-1])
-    assert command.reason.target[0] == pytest.approx(2.15, abs=1e-5)
-    assert after.exploration == Exploration(since=9, backtracking=True)
-    assert after.backtracks == 1
 
 
 def test_an_escape_that_is_under_way_goes_on_until_the_body_is_free():

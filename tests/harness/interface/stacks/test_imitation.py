@@ -6,11 +6,7 @@ import pytest
 from tests.harness.interface.stacks.hand_made import observation, task
 from wayproof.harness.interface.policy_tensors import PolicyObserver
 from wayproof.harness.interface.stacks import STACKS
-from wayproof.harness.interface.stacks.imitation import WEIGHTS, Imitation
-
-
-def test_its_weights_are_small():
-    assert WEIGHTS.stat().st_size < 2e6
+from wayproof.harness.interface.stacks.imitation import Imitation
 
 
 @pytest.mark.parametrize(
