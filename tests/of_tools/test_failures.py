@@ -1,7 +1,6 @@
 """Failures caused by one broken assumption."""
 
 from dataclasses import fields
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -33,7 +32,7 @@ def test_every_kind_breaks_one_thing():
     rng = np.random.default_rng(0)
     for name, kind in KINDS.items():
         assert kind.cause in CAUSES
-        broken = kind.breaks(sound, SimpleNamespace(sim_time_s=10.0), rng)
+        broken = kind.breaks(sound, rng)
         whole = Broken()
         differing = [
             one.name
@@ -41,5 +40,5 @@ def test_every_kind_breaks_one_thing():
             if getattr(broken, one.name) != getattr(whole, one.name)
         ]
         assert len(differing) == 1 or differing == TOGETHER[name]
-    closed = KINDS["closed"].breaks(sound, None, rng).scenario(sound)
+    closed = KINDS["closed"].breaks(sound, rng).scenario(sound)
     assert len(closed.world.solids) == len(sound.world.solids) + 1

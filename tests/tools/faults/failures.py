@@ -83,7 +83,7 @@ class Maker:
     def __init__(self, folder: Path, console: Console) -> None:
         """Continue in a folder."""
         self._folder, self._console = folder, console
-        self._sound: dict[tuple[str, ...], tuple[Scenario, Result | None]] = {}
+        self._sound: dict[tuple[str, ...], Scenario | None] = {}
 
     def make(self, kind: str, count: int, first_seed: int = FIRST_SEED) -> list[Failure]:
         """Return `count` failures of a kind in each half, or as many as the attempts give."""
@@ -100,10 +100,10 @@ class Maker:
         name = f"{kind}-{world}-{robot}-{seed}.mcap"
         rng = np.random.default_rng([seed, *kind.encode(), *world.encode(), *robot.encode()])
         try:
-            sound, result = self._run_sound(world, robot, seed, KINDS[kind].base)
-            if result is None:
+            sound = self._run_sound(world, robot, seed, KINDS[kind].base)
+            if sound is None:
                 return None
-            broken = KINDS[kind].breaks(sound, result, rng)
+            broken = KINDS[kind].breaks(sound, rng)
             made = run_broken(broken, sound, self._folder / name)
         except (InputError, ValueError) as error:
             self._console.print(f"{name}: {error}", soft_wrap=True)
@@ -126,8 +126,8 @@ class Maker:
 
     def _run_sound(
         self, world: str, robot: str, seed: int, base: tuple[str, ...]
-    ) -> tuple[Scenario, Result | None]:
-        """Run the unchanged episode; the result is None unless it reaches its goal."""
+    ) -> Scenario | None:
+        """Run the unchanged episode; None unless it reaches its goal."""
         key = world, robot, str(seed), *base
         if key not in self._sound:
             document = {"world": world, "robot": robot, "seed": seed}
@@ -135,14 +135,14 @@ class Maker:
             path = self._folder / "sound.mcap"
             result = run_episode(scenario, path, record="decisions")
             path.unlink()
-            self._sound[key] = scenario, result if result.outcome == "success" else None
+            self._sound[key] = scenario if result.outcome == "success" else None
         return self._sound[key]
 
 
 def run_broken(broken: Broken, sound: Scenario, path: Path) -> Result:
     """Run one broken episode and keep its log in full."""
     scenario = broken.scenario(sound)
-    return run_episode(scenario, path, delays=broken.delays, record="full", stack=broken.stack)
+    return run_episode(scenario, path, record="full", stack=broken.stack)
 
 
 def read_failures(folder: Path) -> list[Failure]:
