@@ -5,7 +5,7 @@ from tests.tools.soak.episodes import soak_episodes
 
 def test_random_episodes_come_again():
     lines = []
-    found = soak_episodes(2, 266, lines.append, first=240, jobs=1)
+    found = soak_episodes(2, 113, lines.append, first=240, jobs=1)
     assert found.failures == []
     assert (found.count, found.replayed, found.closed_loop, found.forked) == (2, 2, 1, 1)
     trials = [json.loads(line) for line in lines]

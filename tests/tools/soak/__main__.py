@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from tests.tools.soak.episodes import TIME_LIMIT_S, soak_episodes
+from tests.tools.soak.episodes import soak_episodes
 from tests.tools.soak.fuzz import soak_fuzz
 from tests.tools.soak.hostile import soak_hostile
 from tests.tools.soak.imports import soak_imports
@@ -45,10 +45,6 @@ def main() -> int:
     parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first")
     parser.add_argument("--jobs", type=int, default=2, help="episodes at once")
     parser.add_argument(
-        "--time-limit", type=float, default=TIME_LIMIT_S, help="for episodes: simulated time, s"
-    )
-    parser.add_argument("--wide", action="store_true", help="for episodes: settings of any section")
-    parser.add_argument(
         "--python", action="append", default=[], help="for processors: another interpreter"
     )
     parser.add_argument(
@@ -62,11 +58,7 @@ def main() -> int:
     )
     options = parser.parse_args()
     more = {
-        "episodes": {
-            "jobs": options.jobs,
-            "time_limit_s": options.time_limit,
-            "wide": options.wide,
-        },
+        "episodes": {"jobs": options.jobs},
         "processors": {
             "jobs": options.jobs,
             "pythons": options.python,

@@ -20,11 +20,9 @@ import msgspec
 import numpy as np
 
 from tests.tools.soak.child import scratch
-from tests.tools.soak.random_settings import changed_settings, random_config
+from tests.tools.soak.kinds import draw
 from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.config import Config
-from wayproof.harness.errors import InputError
 from wayproof.harness.explain import make_card
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit import audit
@@ -32,33 +30,21 @@ from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork
 from wayproof.harness.result import Result
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario.scenario import Scenario, build
-from wayproof.harness.stack.build import build_navigator
+from wayproof.harness.study.report.provenance import differing_settings
 from wayproof.harness.warm_up import warm_up
 from wayproof.harness.worker_pool import WorkerPool
 
-TIME_LIMIT_S = 3.0
 CLOSED_LOOP_EVERY, FORK_EVERY = 10, 20
-MOST_DRAWS = 50
-"""Maximum number of random settings for one trial; some are invalid, as a start in a shelf."""
-
 MOST_TRACEBACK = 1500  # last characters of a traceback
 
 
 def soak_episodes(
-    count: int,
-    seed: int,
-    progress: Progress,
-    first: int = 0,
-    jobs: int = 2,
-    time_limit_s: float = TIME_LIMIT_S,
-    *,
-    wide: bool = False,
+    count: int, seed: int, progress: Progress, first: int = 0, jobs: int = 2
 ) -> SimpleNamespace:
     """Run random episodes with their checks; `progress` is called with each as a line of JSON."""
     outcomes, failures = Counter[str](), []
-    done = Counter[str](replayed=0, closed_loop=0, forked=0, refused=0)
-    trials = [(number, seed, time_limit_s, wide) for number in range(first, first + count)]
+    done = Counter[str](replayed=0, closed_loop=0, forked=0)
+    trials = [(number, seed) for number in range(first, first + count)]
     with WorkerPool(jobs) as pool:
         for trial in pool.run_in_order(run_trial, trials):
             progress(msgspec.json.encode(trial).decode())
@@ -69,21 +55,17 @@ def soak_episodes(
     return SimpleNamespace(count=count, **done, outcomes=dict(outcomes), failures=failures)
 
 
-def run_trial(number: int, seed: int, time_limit_s: float, wide: bool) -> dict[str, object]:
-    """Run one random episode with its checks.
-
-    What raises, other than a refusal of the settings, is a failure of the trial.
-    """
-    rng = np.random.default_rng((seed, number))
-    drawn, scenario, refused = _draw(rng, time_limit_s, wide)
-    config = scenario.config
+def run_trial(number: int, seed: int) -> dict[str, object]:
+    """Run one random episode with its checks; what raises is a failure of the trial."""
+    drawn, rng = draw(number, seed), np.random.default_rng((seed, number))
+    scenario, config = drawn.scenario, drawn.scenario.config
     perturbed = config.perturbation and f"{config.perturbation.kind}:{config.perturbation.severity}"
     stack = f"{config.map.kind} {config.costmap.unknown_policy} {config.planner.name}"
     trial: dict[str, object] = {
         "trial": number,
         "episode": f"{config.world} {config.robot} {config.seed} {stack} {perturbed or 'none'}",
-        "settings": changed_settings(config),
-        "refused": refused,
+        "kind": drawn.kind,
+        "settings": differing_settings(config),
         "outcome": "raised",
         "replayed": False,
         "closed_loop": number % CLOSED_LOOP_EVERY == 0,
@@ -93,7 +75,7 @@ def run_trial(number: int, seed: int, time_limit_s: float, wide: bool) -> dict[s
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         path = Path(name) / f"{number}.mcap"
         try:
-            warm_up(drawn)
+            warm_up(config)
             result = run_episode(scenario, path)
             trial |= {"outcome": result.outcome, "chain": result.chain, "replayed": True}
             failures += _replayed(path) + _audited(path) + _explained(path, rng)
@@ -104,21 +86,6 @@ def run_trial(number: int, seed: int, time_limit_s: float, wide: bool) -> dict[s
         except Exception:  # whatever an episode or a check of it raises is a finding
             failures.append(traceback.format_exc()[-MOST_TRACEBACK:])
     return trial | {"failures": failures}
-
-
-def _draw(
-    rng: np.random.Generator, time_limit_s: float, wide: bool
-) -> tuple[Config, Scenario, int]:
-    """Return the first valid random config, its scenario, and the number of invalid ones before."""
-    for refused in range(MOST_DRAWS):
-        try:
-            config = random_config(rng, time_limit_s, wide=wide)
-            scenario = build(config)
-            build_navigator(scenario.config, scenario.mission, {})
-            return config, scenario, refused
-        except InputError:
-            continue
-    raise RuntimeError(f"{MOST_DRAWS} random settings refused")
 
 
 def _replayed(log: Path) -> list[str]:

@@ -161,20 +161,6 @@ def _copy(info: pb.SensorInfo) -> pb.SensorInfo:
 
 Edit = Callable[[Forgery], None]
 
-EDITS: dict[str, Edit] = {}
-"""Name of an edit -> function that makes it, in the order of the table."""
-
-CLAIMS = ("the latency of a stage", "versions of packages")
-"""Edits of claims, which only a signature protects."""
-
-
-def _edit(name: str) -> Callable[[Edit], Edit]:
-    def add(edit: Edit) -> Edit:
-        EDITS[name] = edit
-        return edit
-
-    return add
-
 
 def forge(source: Path, name: str, target: Path) -> Path:
     """Write a forged log."""
@@ -183,62 +169,69 @@ def forge(source: Path, name: str, target: Path) -> Path:
     return forgery.write(target)
 
 
-@_edit("an action")
-def _action(forgery: Forgery) -> None:
-    one = forgery.middle(pb.Decision)
+def _then(*edits: Edit) -> Edit:
+    """Return edits one after the other."""
+
+    def edit(forgery: Forgery) -> None:
+        for one in edits:
+            one(forgery)
+
+    return edit
+
+
+def _each(kind: type[Message], **fields: Any) -> Edit:
+    """Return an edit of all messages of a kind."""
+
+    def edit(forgery: Forgery) -> None:
+        for one in forgery.each(kind):
+            for name, value in fields.items():
+                setattr(one, name, value)
+
+    return edit
+
+
+def _middle(kind: type[Message], change: Callable[[Any], None]) -> Edit:
+    """Return an edit of the message in the middle of its kind."""
+    return lambda forgery: change(forgery.middle(kind))
+
+
+def _document(name: str, change: Callable[[dict[str, Any]], None]) -> Edit:
+    """Return an edit of an attached document."""
+
+    def edit(forgery: Forgery) -> None:
+        with forgery.document(name) as document:
+            change(document)
+
+    return edit
+
+
+def _config(change: Callable[[dict[str, Any]], None]) -> Edit:
+    return _document("config.json", change)
+
+
+def _result(**fields: str) -> Edit:
+    return lambda forgery: forgery.result.update(fields)
+
+
+def _run(**fields: str) -> Edit:
+    return lambda forgery: forgery.run.update(fields)
+
+
+def _undigested(forgery: Forgery) -> None:
+    forgery.digested = False
+
+
+def _action(one: pb.Decision) -> None:
     one.action = "explore" if one.action == "stop_and_wait" else "stop_and_wait"
 
 
-@_edit("a reason")
-def _reason(forgery: Forgery) -> None:
-    forgery.middle(pb.Decision).reason = "clear ahead"
-
-
-@_edit("a path, by 3 mm")
-def _path(forgery: Forgery) -> None:
-    path = forgery.middle(pb.Decision).trajectory.path
+def _path(one: pb.Decision) -> None:
+    path = one.trajectory.path
     path[len(path) // 2].x += 0.003
 
 
-@_edit("a map version")
-def _map_version(forgery: Forgery) -> None:
-    forgery.middle(pb.Decision).map_version = "0" * 32
-
-
-@_edit("the margin of every decision")
-def _margin(forgery: Forgery) -> None:
-    for one in forgery.each(pb.Decision):
-        one.localization_margin_m = 0.0
-
-
-@_edit("every decision past its deadline")
-def _missed(forgery: Forgery) -> None:
-    for one in forgery.each(pb.Decision):
-        one.deadline_missed = True
-    forgery.refigure()
-
-
-@_edit("every action to `recover`")
-def _recover(forgery: Forgery) -> None:
-    for one in forgery.each(pb.Decision):
-        one.action = "recover"
-
-
-@_edit("the latency of a stage")
-def _stages(forgery: Forgery) -> None:
-    forgery.middle(pb.Decision).stages.plan_ms = 0.001
-
-
-@_edit("the latency of a stage, the digest of the content as it was")
-def _stages_alone(forgery: Forgery) -> None:
-    _stages(forgery)
-    forgery.digested = False
-
-
-@_edit("versions of packages, the digest of the content as it was")
-def _packages_alone(forgery: Forgery) -> None:
-    forgery.run["numpy"] = "99.0"
-    forgery.digested = False
+def _stages(one: pb.Decision) -> None:
+    one.stages.plan_ms = 0.001
 
 
 def _cut(forgery: Forgery) -> None:
@@ -249,56 +242,35 @@ def _cut(forgery: Forgery) -> None:
     forgery.result["sim_time_s"] = str(last.timestamp.ToNanoseconds() * 1e-9)
 
 
-def _succeed(forgery: Forgery) -> None:
-    forgery.result.update(
-        outcome="success", reason="at rest 0.02 m from the goal", goal_distance_m="0.02"
-    )
-    forgery.result.update(collisions="0", struck="0", contact="")
-    forgery.result.update(cause="", cause_evidence="", cause_decision="-1")
-
-
-@_edit("the tail cut off, result as it was")
 def _tail(forgery: Forgery) -> None:
     before = dict(forgery.result)
     _cut(forgery)
     forgery.result = before
 
 
-@_edit("the tail cut off, count and time too")
-def _tail_counted(forgery: Forgery) -> None:
-    _cut(forgery)
+UNHARMED = {"collisions": "0", "struck": "0", "contact": ""}
+
+SUCCESS = _result(
+    outcome="success", reason="at rest 0.02 m from the goal", goal_distance_m="0.02",
+    cause="", cause_evidence="", cause_decision="-1", **UNHARMED,
+)  # fmt: skip
+
+FALL = _result(outcome="fall", reason="tilted beyond 1.2 rad at (1.00, 1.00, 0.30)", **UNHARMED)
 
 
-@_edit("the tail cut off, a success")
-def _tail_success(forgery: Forgery) -> None:
-    _cut(forgery)
-    _succeed(forgery)
-
-
-@_edit("the tail cut off, every figure made anew, a fall")
-def _tail_fall(forgery: Forgery) -> None:
-    _cut(forgery)
-    forgery.refigure()
-    forgery.result.update(outcome="fall", reason="tilted beyond 1.2 rad at (1.00, 1.00, 0.30)")
-    forgery.result.update(collisions="0", struck="0", contact="")
-
-
-@_edit("a decision taken out, the rest renumbered")
-def _taken_out(forgery: Forgery) -> None:
-    gone = forgery.middle(pb.Decision).sequence
-    forgery.messages = [one for one in forgery.messages if one.sequence != gone]  # type: ignore[attr-defined]
-    for one in forgery.messages:
-        one.sequence -= one.sequence > gone  # type: ignore[attr-defined]
-    forgery.refigure()
-
-
-@_edit("a decision taken out")
 def _hole(forgery: Forgery) -> None:
     gone = forgery.middle(pb.Decision).sequence
     forgery.messages = [one for one in forgery.messages if one.sequence != gone]  # type: ignore[attr-defined]
 
 
-@_edit("two decisions swapped")
+def _taken_out(forgery: Forgery) -> None:
+    gone = forgery.middle(pb.Decision).sequence
+    _hole(forgery)
+    for one in forgery.messages:
+        one.sequence -= one.sequence > gone  # type: ignore[attr-defined]
+    forgery.refigure()
+
+
 def _swapped(forgery: Forgery) -> None:
     places = [k for k, one in enumerate(forgery.messages) if isinstance(one, pb.Decision)]
     first, second = places[len(places) // 2 : len(places) // 2 + 2]
@@ -306,7 +278,6 @@ def _swapped(forgery: Forgery) -> None:
     messages[first], messages[second] = messages[second], messages[first]
 
 
-@_edit("a decision twice")
 def _twice(forgery: Forgery) -> None:
     one = forgery.middle(pb.Decision)
     again = pb.Decision()
@@ -315,155 +286,143 @@ def _twice(forgery: Forgery) -> None:
     forgery.messages.insert(place, again)
 
 
-@_edit("a bit of a sweep")
-def _sweep(forgery: Forgery) -> None:
-    sweep = forgery.middle(pb.Sweep)
+def _sweep(sweep: pb.Sweep) -> None:
     data = bytearray(sweep.ranges)
     data[len(data) // 3] ^= 1
     sweep.ranges = bytes(data)
 
 
-@_edit("a bit of a sweep, digests and hashes made anew")
-def _sweep_rehashed(forgery: Forgery) -> None:
-    _sweep(forgery)
-    forgery.rehash()
+def _pose(one: pb.Pose) -> None:
+    one.position[0] += 1e-9
 
 
-@_edit("a pose, by 1 nm")
-def _pose(forgery: Forgery) -> None:
-    forgery.middle(pb.Pose).position[0] += 1e-9
+def _delay(one: pb.Latency) -> None:
+    one.delay_s += 0.05
 
 
-@_edit("a delay")
-def _delay(forgery: Forgery) -> None:
-    forgery.middle(pb.Latency).delay_s += 0.05
+def _seed(config: dict[str, Any]) -> None:
+    config["seed"] += 1000
 
 
-@_edit("the seed")
-def _seed(forgery: Forgery) -> None:
-    with forgery.document("config.json") as config:
-        config["seed"] += 1000
+def _limit(config: dict[str, Any]) -> None:
+    config["episode"]["time_limit"] *= 2.0
 
 
-@_edit("world and difficulty")
-def _world(forgery: Forgery) -> None:
-    with forgery.document("config.json") as config:
-        config.update(world="warehouse", difficulty=1.0)
+def _inflation(config: dict[str, Any]) -> None:
+    config["costmap"]["localization_margin"] += 0.1
 
 
-@_edit("the time limit")
-def _limit(forgery: Forgery) -> None:
-    with forgery.document("config.json") as config:
-        config["episode"]["time_limit"] *= 2.0
+def _goal(mission: dict[str, Any]) -> None:
+    mission["goal"][0] -= 0.5
 
 
-@_edit("the perturbation, to none")
-def _unperturbed(forgery: Forgery) -> None:
-    with forgery.document("config.json") as config:
-        config["perturbation"] = None
-
-
-@_edit("the perturbation, to none, and its records")
-def _unperturbed_everywhere(forgery: Forgery) -> None:
-    _unperturbed(forgery)
+def _unrecorded(forgery: Forgery) -> None:
     forgery.messages = [one for one in forgery.messages if not isinstance(one, pb.Perturbation)]
 
 
-@_edit("the inflation margin")
-def _inflation(forgery: Forgery) -> None:
-    with forgery.document("config.json") as config:
-        config["costmap"]["localization_margin"] += 0.1
-
-
-@_edit("the goal, in the mission")
-def _goal(forgery: Forgery) -> None:
-    with forgery.document("mission.json") as mission:
-        mission["goal"][0] -= 0.5
-
-
-@_edit("the outcome, to success")
-def _outcome(forgery: Forgery) -> None:
-    _succeed(forgery)
-
-
-@_edit("the cause")
-def _cause(forgery: Forgery) -> None:
-    forgery.result.update(cause="impossible", cause_evidence="no way leads there")
-
-
-@_edit("the contact")
-def _contact(forgery: Forgery) -> None:
-    forgery.result["contact"] = "nothing at 1.0000,1.0000,1.0000"
-
-
-@_edit("the result's chain")
-def _chain(forgery: Forgery) -> None:
+def _unsealed(forgery: Forgery) -> None:
     forgery.sealed = False
-    forgery.result["chain"] = "f" * 32
 
 
-@_edit("the clearance in the truth")
 def _clearance(forgery: Forgery) -> None:
     for one in forgery.each(pb.Truth):
         one.clearance_m += 0.5
 
 
-@_edit("the clearance in the truth, figures made anew")
-def _clearance_refigured(forgery: Forgery) -> None:
-    _clearance(forgery)
-    forgery.refigure()
-
-
-@_edit("the truth, to what was believed")
 def _truth_from_estimate(forgery: Forgery) -> None:
     poses = {one.sequence: one for one in forgery.each(pb.Pose)}
     for one in forgery.each(pb.Truth):
         one.position[:] = poses[one.sequence].position
 
 
-@_edit("the truth, to what was believed, figures made anew")
-def _believed_refigured(forgery: Forgery) -> None:
-    _truth_from_estimate(forgery)
-    forgery.refigure()
+def _streams(message: pb.Streams, name: str = "") -> None:
+    """Set the hash of one stream to zero, or of all."""
+    for one in message.streams:
+        if name in ("", one.name):
+            one.hash = "00" * 8
 
 
-@_edit("stream hashes, all to zero")
-def _streams(forgery: Forgery) -> None:
+def _all_streams(forgery: Forgery) -> None:
     for message in forgery.each(pb.Streams):
-        for one in message.streams:
-            one.hash = "00" * 8
+        _streams(message)
 
 
-@_edit("the hash of the stream `world`")
-def _world_stream(forgery: Forgery) -> None:
-    for one in forgery.middle(pb.Streams).streams:
-        if one.name == "world":
-            one.hash = "00" * 8
-
-
-@_edit("a saved state")
-def _state(forgery: Forgery) -> None:
-    array = next(one for one in forgery.middle(pb.State).arrays if one.data)
+def _state(one: pb.State) -> None:
+    array = next(one for one in one.arrays if one.data)
     array.data = bytes([array.data[0] ^ 1]) + array.data[1:]
 
 
-@_edit("an obstacle taken out of the scene")
 def _scene(forgery: Forgery) -> None:
     geoms = re.findall(r'<geom name="[a-z]+_\d+"[^>]*/>', forgery.scene)
     forgery.scene = forgery.scene.replace(geoms[len(geoms) // 2], "", 1)
 
 
-@_edit("the source of a sensor's figures")
 def _source(forgery: Forgery) -> None:
     for _, info in forgery.tables:
         info.source = "somebody"
 
 
-@_edit("the version of the program")
-def _version(forgery: Forgery) -> None:
-    forgery.run["wayproof"] = "99.0"
+UNPERTURBED = _config(lambda config: config.update(perturbation=None))
 
+EDITS: dict[str, Edit] = {
+    "an action": _middle(pb.Decision, _action),
+    "a reason": _middle(pb.Decision, lambda one: setattr(one, "reason", "clear ahead")),
+    "a path, by 3 mm": _middle(pb.Decision, _path),
+    "a map version": _middle(pb.Decision, lambda one: setattr(one, "map_version", "0" * 32)),
+    "the margin of every decision": _each(pb.Decision, localization_margin_m=0.0),
+    "every decision past its deadline": _then(
+        _each(pb.Decision, deadline_missed=True), Forgery.refigure
+    ),
+    "every action to `recover`": _each(pb.Decision, action="recover"),
+    "the latency of a stage": _middle(pb.Decision, _stages),
+    "the latency of a stage, the digest of the content as it was": _then(
+        _middle(pb.Decision, _stages), _undigested
+    ),
+    "versions of packages, the digest of the content as it was": _then(
+        _run(numpy="99.0"), _undigested
+    ),
+    "the tail cut off, result as it was": _tail,
+    "the tail cut off, count and time too": _cut,
+    "the tail cut off, a success": _then(_cut, SUCCESS),
+    "the tail cut off, every figure made anew, a fall": _then(_cut, Forgery.refigure, FALL),
+    "a decision taken out, the rest renumbered": _taken_out,
+    "a decision taken out": _hole,
+    "two decisions swapped": _swapped,
+    "a decision twice": _twice,
+    "a bit of a sweep": _middle(pb.Sweep, _sweep),
+    "a bit of a sweep, digests and hashes made anew": _then(
+        _middle(pb.Sweep, _sweep), Forgery.rehash
+    ),
+    "a pose, by 1 nm": _middle(pb.Pose, _pose),
+    "a delay": _middle(pb.Latency, _delay),
+    "the seed": _config(_seed),
+    "world and difficulty": _config(
+        lambda config: config.update(world="warehouse", difficulty=1.0)
+    ),
+    "the time limit": _config(_limit),
+    "the perturbation, to none": UNPERTURBED,
+    "the perturbation, to none, and its records": _then(UNPERTURBED, _unrecorded),
+    "the inflation margin": _config(_inflation),
+    "the goal, in the mission": _document("mission.json", _goal),
+    "the outcome, to success": SUCCESS,
+    "the cause": _result(cause="impossible", cause_evidence="no way leads there"),
+    "the contact": _result(contact="nothing at 1.0000,1.0000,1.0000"),
+    "the result's chain": _then(_unsealed, _result(chain="f" * 32)),
+    "the clearance in the truth": _clearance,
+    "the clearance in the truth, figures made anew": _then(_clearance, Forgery.refigure),
+    "the truth, to what was believed": _truth_from_estimate,
+    "the truth, to what was believed, figures made anew": _then(
+        _truth_from_estimate, Forgery.refigure
+    ),
+    "stream hashes, all to zero": _all_streams,
+    "the hash of the stream `world`": _middle(pb.Streams, lambda one: _streams(one, "world")),
+    "a saved state": _middle(pb.State, _state),
+    "an obstacle taken out of the scene": _scene,
+    "the source of a sensor's figures": _source,
+    "the version of the program": _run(wayproof="99.0"),
+    "versions of packages": _run(numpy="99.0"),
+}
+"""Name of an edit -> function that makes it, in the order of the table."""
 
-@_edit("versions of packages")
-def _packages(forgery: Forgery) -> None:
-    forgery.run["numpy"] = "99.0"
+CLAIMS = ("the latency of a stage", "versions of packages")
+"""Edits of claims, which only a signature protects."""

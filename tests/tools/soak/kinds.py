@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
 
-from tests.tools.soak.random_settings import needed_by, random_config
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
@@ -32,6 +32,16 @@ QUICK = ("aorrtc", "rrtconnect")
 
 FLAT = ("grid2d",)
 """Maps without heights, only for robots on the ground."""
+
+FURTHER = (
+    "costmap.max_slope=0.4", "costmap.window=30", "estimate.kind=lidar", "latency.mode=modelled",
+    "map.half_life=0", "map.resolution=0.06", "map.resolution=0.15", "motion.limits=cautious",
+    "motion.speed_fraction=0.5", "pose_model.bias_sigma=0.04", "prior.source=truth",
+    "sensors.lidar=velodyne-vlp16", "world.passers_by=2", "waypoints=[\"home\"]",
+)  # fmt: skip
+"""Settings of which a random episode has up to `MOST_FURTHER`, where they go with the others."""
+
+MOST_FURTHER = 3
 
 MOST_DRAWS = 50
 """Maximum number of draws of world and seed for one episode; some are invalid."""
@@ -68,9 +78,13 @@ def _curve(turn: int, rng: np.random.Generator) -> Config:
 
 def _map(turn: int, rng: np.random.Generator) -> Config:
     kind = _in_turn(MAPS, turn)
-    lasting = ["map.half_life=0"] if kind == "octomap" else []  # it does not fade
     robot = sorted(ROBOTS).index("quadruped") if kind in FLAT else turn
-    return _plain(robot, rng, f"map.kind={kind}", *lasting)
+    return _plain(robot, rng, *_of_map(kind))
+
+
+def _of_map(kind: str) -> tuple[str, ...]:
+    lasting = ("map.half_life=0",) if kind == "octomap" else ()  # it does not fade
+    return f"map.kind={kind}", *lasting
 
 
 def _device(turn: int, rng: np.random.Generator) -> Config:
@@ -80,8 +94,15 @@ def _device(turn: int, rng: np.random.Generator) -> Config:
 
 
 def _perturbed(turn: int, rng: np.random.Generator) -> Config:
-    perturbation = perturbation_from(f"{_in_turn(PERTURBATIONS, turn)}:{rng.integers(1, 6)}")
-    return replace(_plain(turn, rng, *needed_by(perturbation)), perturbation=perturbation)
+    return _disturb(_plain(turn, rng), _in_turn(PERTURBATIONS, turn), rng)
+
+
+def _disturb(config: Config, kind: str, rng: np.random.Generator) -> Config:
+    """Return a config with a perturbation, which finds something to act on."""
+    perturbation = perturbation_from(f"{kind}:{rng.integers(1, 6)}")
+    if perturbation.changes == "motion_sensors":
+        config = override(config, ("estimate.kind=lidar",))
+    return replace(config, perturbation=perturbation)
 
 
 def _pose_model(turn: int, rng: np.random.Generator) -> Config:
@@ -100,8 +121,21 @@ def _classes(turn: int, rng: np.random.Generator) -> Config:
     return _plain(turn, rng, "sensors.semantics=true", slope, cells)
 
 
-def _random(_: int, rng: np.random.Generator) -> Config:
-    return random_config(rng)
+def _random(turn: int, rng: np.random.Generator) -> Config:
+    """Return a config with a map, planner, margin and further settings; three in four perturbed."""
+    settings = (
+        *_of_map(str(rng.choice(sorted(MAPS)))),
+        f"planner.name={rng.choice(sorted(PLANNERS))}",
+        f"costmap.localization_margin={rng.uniform(0.02, 0.15):.3f}",
+    )
+    config = _plain(turn, rng, *settings)
+    if rng.integers(4) != 0:
+        config = _disturb(config, str(rng.choice(sorted(PERTURBATIONS))), rng)
+    count = int(rng.integers(MOST_FURTHER + 1))
+    for setting in rng.choice(FURTHER, size=count, replace=False).tolist():
+        with contextlib.suppress(InputError):
+            config = override(config, [setting])
+    return config
 
 
 KINDS: dict[str, Draw] = {
