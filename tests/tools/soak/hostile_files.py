@@ -98,12 +98,17 @@ def png(path: Path, side: int) -> None:
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + data)
 
 
+def _import(path: Path, *more: str) -> list[str]:
+    """Return the command that imports a file."""
+    return ["import", str(path), "--out", str(path.parent / "out.xml"), *more]
+
+
 def _text(name: str, ending: str, text: str | bytes, *more: str) -> None:
     def make(folder: Path) -> list[str]:
         path = folder / f"hostile{ending}"
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        verb = "study" if ending == ".toml" else "import"
-        return [verb, str(path), "--out", str(folder / "out.xml"), *more]
+        words = _import(path, *more)
+        return ["study", *words[1:]] if ending == ".toml" else words
 
     FILES[name] = make
 
@@ -294,7 +299,7 @@ def _pickle(folder: Path) -> list[str]:
     path = folder / "hostile.npy"
     header = b"{'descr': '|O', 'fortran_order': False, 'shape': (1,), }".ljust(117) + b"\n"
     path.write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + header + pickle.dumps([Path]))
-    return ["import", str(path), "--resolution", "0.1", "--out", str(folder / "out.xml")]
+    return _import(path, "--resolution", "0.1")
 
 
 def _image(side: int) -> None:
@@ -302,21 +307,21 @@ def _image(side: int) -> None:
     def _map(folder: Path) -> list[str]:
         png(folder / "map.png", side)
         (folder / "hostile.yaml").write_text(MAP.format(image="map.png"))
-        return ["import", str(folder / "hostile.yaml"), "--out", str(folder / "out.xml")]
+        return _import(folder / "hostile.yaml")
 
     @_maker(f"scene: texture of a PNG of {side} x {side}")
     def _texture(folder: Path) -> list[str]:
         png(folder / "wide.png", side)
         head = "<asset><texture name='t' type='2d' file='wide.png'/></asset>"
         (folder / "hostile.xml").write_text(mjcf("", head))
-        return ["import", str(folder / "hostile.xml"), "--out", str(folder / "out.xml")]
+        return _import(folder / "hostile.xml")
 
     @_maker(f"scene: height field of a PNG of {side} x {side}")
     def _field(folder: Path) -> list[str]:
         png(folder / "high.png", side)
         head = "<asset><hfield name='h' file='high.png' size='1 1 1 1'/></asset>"
         (folder / "hostile.xml").write_text(mjcf("<geom type='hfield' hfield='h'/>", head))
-        return ["import", str(folder / "hostile.xml"), "--out", str(folder / "out.xml")]
+        return _import(folder / "hostile.xml")
 
 
 _image(13_000)
@@ -330,7 +335,7 @@ def _heightmap(name: str, ending: str, write: Callable[[Path], None]) -> None:
         shape = f"<heightmap><uri>high{ending}</uri><size>9 9 1</size></heightmap>"
         path = folder / "hostile.world"
         path.write_text(SDF.format(f"<model name='m'>{LINK.format(shape)}</model>"))
-        return ["import", str(path), "--out", str(folder / "out.xml")]
+        return _import(path)
 
 
 def _tiff(path: Path) -> None:
@@ -356,14 +361,14 @@ _heightmap("DEM of 8000 x 8000", ".tif", _tiff)
 @_maker("map: an image outside")
 def _map_outside(folder: Path) -> list[str]:
     (folder / "hostile.yaml").write_text(MAP.format(image="../../../etc/passwd"))
-    return ["import", str(folder / "hostile.yaml"), "--out", str(folder / "out.xml")]
+    return _import(folder / "hostile.yaml")
 
 
 @_maker("map: PGM of 16000 x 16000")
 def _pgm(folder: Path) -> list[str]:
     (folder / "map.pgm").write_bytes(b"P5 16000 16000 255\n" + bytes(100))
     (folder / "hostile.yaml").write_text(MAP.format(image="map.pgm"))
-    return ["import", str(folder / "hostile.yaml"), "--out", str(folder / "out.xml")]
+    return _import(folder / "hostile.yaml")
 
 
 def attached(folder: Path, sub: str, name: str = "sub.xml") -> Path:
@@ -391,19 +396,19 @@ def with_mesh(file: str) -> str:
 @_maker("scene: attached model with a mesh outside")
 def _attached_mesh(folder: Path) -> list[str]:
     path = attached(folder, with_mesh(str(folder / "secret.obj")))
-    return ["import", str(path), "--out", str(folder / "out.xml")]
+    return _import(path)
 
 
 @_maker("scene: attached model that includes a file outside")
 def _attached_include(folder: Path) -> list[str]:
     path = attached(folder, "<mujoco><include file='../secret.xml'/></mujoco>")
-    return ["import", str(path), "--out", str(folder / "out.xml")]
+    return _import(path)
 
 
 @_maker("scene: attached model outside")
 def _attached_outside(folder: Path) -> list[str]:
     path = attached(folder, with_mesh("inside.obj"), "../secret.xml")
-    return ["import", str(path), "--out", str(folder / "out.xml")]
+    return _import(path)
 
 
 @_maker(f"scene: {DOUBLINGS} files that include the next one twice")
@@ -411,7 +416,7 @@ def _doubled_scene(folder: Path) -> list[str]:
     for k in range(DOUBLINGS):
         text = f"<include file='{k + 1}.xml'/>" * 2 if k + 1 < DOUBLINGS else BOX
         (folder / f"{k}.xml").write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
-    return ["import", str(folder / "0.xml"), "--out", str(folder / "out.xml")]
+    return _import(folder / "0.xml")
 
 
 @_maker(f"SDF: {DOUBLINGS - 2} models that include the next one twice")
@@ -419,7 +424,7 @@ def _doubled_models(folder: Path) -> list[str]:
     for k in range(DOUBLINGS - 2):
         twice = f"<include><uri>model://{k + 1}.sdf</uri></include>" * 2
         (folder / f"{k}.sdf").write_text(MODEL.format(twice if k + 3 < DOUBLINGS else ""))
-    return ["import", str(folder / "0.sdf"), "--out", str(folder / "out.xml")]
+    return _import(folder / "0.sdf")
 
 
 @_maker("robot: a model with nuser_geom 4e8")
@@ -439,4 +444,4 @@ def _robot(folder: Path) -> list[str]:
 def _area(folder: Path) -> list[str]:
     (folder / "sound.xml").write_text(mjcf(""))
     (folder / "hostile.xml").write_text(mjcf("<geom size='1' pos='1000000 1000000 1'/>"))
-    return ["import", str(folder / "hostile.xml"), "--out", str(folder / "out.xml")]
+    return _import(folder / "hostile.xml")

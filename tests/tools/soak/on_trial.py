@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import signal
+import subprocess
 import sys
 import tempfile
 import time
@@ -26,12 +27,8 @@ from rich.console import Console
 from rich.table import Table
 
 from tests.tools.soak.child import scratch
-from wayproof.harness.cli.main import main as wayproof
-from wayproof.harness.config import Config
-from wayproof.harness.config_document import override
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit import audit
-from wayproof.harness.warm_up import warm_up
 
 MODULE = "tests.tools.faults.faulty_stacks"
 GARBAGE = f"exec:{sys.executable} -m tests.tools.faults.garbage_stack"
@@ -132,44 +129,30 @@ def run_kind(kind: str, count: int, first: int, folder: Path) -> Iterator[Drawn 
 
 def run_planted(kind: str, seed: int, folder: Path) -> Drawn | None:
     """Run one episode with a fault, and all that reads its log; None if the fault did no harm."""
-    planted, log = KINDS[kind], folder / f"{kind}-{seed}.mcap"
-    mark = uuid.uuid4().hex
-    began = time.monotonic()
-    code, text = in_process_of_its_own(_words(kind, seed, log), mark, folder)
+    log, mark, began = folder / f"{kind}-{seed}.mcap", uuid.uuid4().hex, time.monotonic()
+    failures: list[str] = []
+    text = _command(_words(kind, seed, log), mark, failures, expected=(0, 1))
     took_s = time.monotonic() - began
-    failures = list(_troubles("run", code, text, expected=(0, 1)))
     failures += [f"orphan process {pid}" for pid in marked(mark)]
     if not log.is_file():
-        return Drawn(
-            kind=kind,
-            seed=seed,
-            outcome="none",
-            cause="",
-            evidence=text[-200:],
-            check="",
-            failures=(*failures, "no log"),
-        )
+        return Drawn(kind, seed, "none", "", text[-200:], "", (*failures, "no log"))
     result = open_log(log).result
-    if result["outcome"] not in planted.outcomes and not failures:
+    outcome, cause = result["outcome"], result.get("cause", "")
+    if outcome not in KINDS[kind].outcomes and not failures:
         log.unlink()
         return None
     if kind == "hangs" and took_s > WALL_S + GRACE_S:
         failures.append(f"took {took_s:.1f} s, and hung for {WALL_S:g} s")
-    failures += _readable(log, mark, folder)
-    check = _check(log, mark, folder, failures) if result["outcome"] in CONTACT else ""
-    if result["outcome"] in CONTACT:
-        failures += _contradicted(log, result.get("cause", ""))
-    cause, evidence = result.get("cause", ""), result.get("cause_evidence", "")
+    _command(["replay", str(log)], mark, failures)
+    if "cause: " not in _command(["explain", str(log)], mark, failures):
+        failures.append("explain: no cause")
+    check = ""
+    if outcome in CONTACT:
+        check = _check(_command(["explain", str(log), "--check"], mark, failures))
+        failures += _contradicted(log, cause)
     log.unlink()
-    return Drawn(
-        kind=kind,
-        seed=seed,
-        outcome=result["outcome"],
-        cause=cause,
-        evidence=evidence,
-        check=check,
-        failures=tuple(failures),
-    )
+    evidence = result.get("cause_evidence", "")
+    return Drawn(kind, seed, outcome, cause, evidence, check, tuple(failures))
 
 
 def _words(kind: str, seed: int, log: Path) -> list[str]:
@@ -186,39 +169,29 @@ def _words(kind: str, seed: int, log: Path) -> list[str]:
     return [*head, "--log", str(log), *settings]
 
 
-def in_process_of_its_own(words: list[str], mark: str, folder: Path) -> tuple[int, str]:
-    """Fork, run a command there, and return its exit code and output."""
-    printed = folder / f"{mark}.txt"
-    child = os.fork()
-    if child == 0:
-        os.environ[MARK] = mark
-        descriptor = os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-        os.dup2(descriptor, 1)
-        os.dup2(descriptor, 2)
-        sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
-        code = 70
+def _command(
+    words: list[str], mark: str, failures: list[str], expected: tuple[int, ...] = (0,)
+) -> str:
+    """Run a command and return its output; add what is wrong with its end to the failures."""
+    with tempfile.TemporaryFile("w+", errors="replace") as printed:
         try:
-            code = wayproof(words)
-        finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(code)
-    status = _wait(child)
-    text = printed.read_text(errors="replace")
-    printed.unlink()
-    return os.waitstatus_to_exitcode(status), text
-
-
-def _wait(child: int) -> int:
-    """Wait for a child, and kill it when it hangs; return its status."""
-    until = time.monotonic() + LONGEST_S
-    while time.monotonic() < until:
-        ended, status = os.waitpid(child, os.WNOHANG)
-        if ended:
-            return status
-        time.sleep(0.02)
-    os.kill(child, signal.SIGKILL)
-    return os.waitpid(child, 0)[1]
+            code = subprocess.run(
+                [sys.executable, "-m", "wayproof", *words],
+                env={**os.environ, MARK: mark},
+                stdout=printed,
+                stderr=subprocess.STDOUT,
+                timeout=LONGEST_S,
+                check=False,
+            ).returncode
+        except subprocess.TimeoutExpired:
+            code = -signal.SIGKILL
+        printed.seek(0)
+        text = printed.read()
+    if code not in expected:
+        failures.append(f"{words[0]}: exit code {code}: {text[-200:]}")
+    if "Traceback" in text:
+        failures.append(f"{words[0]}: a traceback: {text[-200:]}")
+    return text
 
 
 def marked(mark: str) -> list[int]:
@@ -234,26 +207,8 @@ def marked(mark: str) -> list[int]:
     return found
 
 
-def _troubles(what: str, code: int, text: str, expected: tuple[int, ...]) -> Iterator[str]:
-    if code not in expected:
-        yield f"{what}: exit code {code}: {text[-200:]}"
-    if "Traceback" in text:
-        yield f"{what}: a traceback: {text[-200:]}"
-
-
-def _readable(log: Path, mark: str, folder: Path) -> Iterator[str]:
-    """Say how a log does not replay, or cannot be explained."""
-    for verb in ("replay", "explain"):
-        code, text = in_process_of_its_own([verb, str(log)], mark, folder)
-        yield from _troubles(verb, code, text, expected=(0,))
-        if verb == "explain" and "cause: " not in text:
-            yield "explain: no cause"
-
-
-def _check(log: Path, mark: str, folder: Path, failures: list[str]) -> str:
-    """Check the cause by simulation; return the answer."""
-    code, text = in_process_of_its_own(["explain", str(log), "--check"], mark, folder)
-    failures += _troubles("check", code, text, expected=(0,))
+def _check(text: str) -> str:
+    """Return the answer of a check."""
     last = next((line for line in text.splitlines() if line.startswith("check: ")), "")
     return next((word for word in ("confirmed", "changed", "inconclusive") if word in last), "none")
 
@@ -300,7 +255,6 @@ def main() -> int:
     options = parser.parse_args()
     console = Console(width=150, markup=False, highlight=False)
     tallies: dict[str, Tally] = {}
-    _warm_up()
     with tempfile.TemporaryDirectory(dir=scratch()) as folder:
         for kind in options.kind or KINDS:
             tally = tallies.setdefault(kind, Tally())
@@ -321,12 +275,6 @@ def main() -> int:
     troubled = sum(bool(one.failures) for one in every)
     console.print(f"{right} of {len(every)} causes right; {troubled} with troubles")
     return 1 if troubled or right < 0.95 * len(every) else 0
-
-
-def _warm_up() -> None:
-    """Compile all kernels here, so that no forked process does."""
-    for robot in ("drone", "quadruped"):
-        warm_up(override(Config("empty", robot, 1), QUICK))
 
 
 if __name__ == "__main__":
