@@ -19,7 +19,6 @@ from tests.tools.soak.imports import soak_imports
 from tests.tools.soak.kill import soak_kill
 from tests.tools.soak.processors import soak_processors
 from tests.tools.soak.recordings import soak_recordings
-from tests.tools.soak.studies import soak_studies
 from tests.tools.soak.worlds import soak_worlds
 
 SOAKS = {
@@ -28,7 +27,6 @@ SOAKS = {
     "imports": soak_imports,
     "episodes": soak_episodes,
     "worlds": soak_worlds,
-    "studies": soak_studies,
     "processors": soak_processors,
     "hostile": soak_hostile,
     "recordings": soak_recordings,
