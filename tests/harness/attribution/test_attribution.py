@@ -15,7 +15,6 @@ from wayproof.harness.counterfactual.check import check
 from wayproof.harness.counterfactual.record import read_check, record_check
 from wayproof.harness.interface.errors import PredictorCause, StackCause
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.result import Contact
 
 
 def test_every_cause_has_a_test_of_facts_and_a_planted_fault():
@@ -26,12 +25,6 @@ def test_every_cause_has_a_test_of_facts_and_a_planted_fault():
     assert tested | on_trial == set(CAUSES)
     assert tested - on_trial == {*FAULTS, "unexplained"}
     assert tested & on_trial == {"stack_late", "stack_broken", "stack_held", "exploration"}
-
-
-def test_a_contact_survives_a_round_trip_through_text():
-    contact = Contact("shelf at the door", (1.25, -2.0, 0.5))
-    assert Contact.from_text(str(contact)) == contact
-    assert Contact.from_text("") is None
 
 
 @pytest.mark.parametrize("cause", FAULTS)

@@ -37,10 +37,8 @@ def walk(world, path, *options):
     return main(["run", str(world), "--robot=quadruped", "--seed=2", f"--log={path}", *options])
 
 
-def test_a_stack_that_walks_over_the_edge_did_not_lose_its_path(dock, tmp_path):
-    path = tmp_path / "over.mcap"
-    assert walk(dock, path, "stack=blind") == 1
-    log = open_log(path)
+def test_a_stack_that_walks_over_the_edge_did_not_lose_its_path(over):
+    log = open_log(over)
     assert (log.result["outcome"], log.result["cause"]) == ("fall", "unseen_obstacle")
     case = read_case(log)
     edge = floor_edge(case)
@@ -53,15 +51,21 @@ def test_a_stack_that_walks_over_the_edge_did_not_lose_its_path(dock, tmp_path):
     assert [one.remedy for one in verdict.checks if one.saves] == ["guard"]
 
 
-def test_a_fall_elsewhere_is_none_over_the_edge(dock, tmp_path):
-    path = tmp_path / "over.mcap"
-    walk(dock, path, "stack=blind")
-    case = read_case(open_log(path))
+def test_a_fall_elsewhere_is_none_over_the_edge(over):
+    case = read_case(open_log(over))
     assert floor_edge(case) is not None
     before = [one for one in case.moments if one.true_position[0] < EDGE_X - 0.7]
     end_s = before[-1].time_ns * 1e-9 + 0.05
     assert floor_edge(replace(case, moments=tuple(before), end_s=end_s)) is None
     assert floor_edge(replace(case, outcome="stuck")) is None
+
+
+@pytest.fixture(scope="module")
+def over(dock, tmp_path_factory):
+    """A stack that walks straight over the edge."""
+    path = tmp_path_factory.mktemp("over") / "over.mcap"
+    assert walk(dock, path, "stack=blind") == 1
+    return path
 
 
 def test_the_built_in_stack_stays_on_the_floor_and_finds_the_bridge(dock, tmp_path):

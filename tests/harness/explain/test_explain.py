@@ -122,14 +122,6 @@ def test_a_clearance_that_is_a_cap_says_so():
     assert (true_in_metres(2.0), true_in_metres(1.04)) == (">= 2.00 m", "1.04 m")
 
 
-def test_explain_as_json_holds_the_story(stopped, capsys):
-    assert main(["explain", str(stopped), "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert document["cause"]["cause"] == "impossible"
-    assert document["phases"][0]["first"] == 0
-    assert document["near_misses"] == []
-
-
 def test_a_log_of_decisions_keeps_its_cause(recorded, capsys):
     result = recorded(
         "empty", "drone", 1, "record=decisions", "latency.plan=0.4", "episode.stuck_after=2"

@@ -17,22 +17,12 @@ from wayproof.harness.viewer.layer import COLOURS, shades
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
 STACKS = Path(__file__).parents[1] / "interface" / "stacks_on_trial.py"
-COSTS = range(1, 100)
 
 
 @pytest.fixture(scope="module")
 def log(recorded):
     settings = f"stack.name={STACKS}:Maps", "episode.time_limit=1"
     return Path(recorded("empty", "quadruped", 1, *settings).log)
-
-
-def test_rerun_s_codes_are_in_the_same_order():
-    rerun_log = pytest.importorskip("wayproof.harness.viewer.rerun_log")
-    codes = rerun_log._COSTS.tolist()
-    assert [cost for cost in range(256) if codes[cost] == 0] == [0]
-    assert [cost for cost in range(256) if codes[cost] == 255] == [*range(101, 256)]
-    assert codes[100] == 100
-    assert all(128 <= codes[cost] <= 254 for cost in COSTS)  # yellow to red
 
 
 def pixels_of(picture):

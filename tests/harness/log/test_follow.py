@@ -8,7 +8,7 @@ import pytest
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import Attachment, Metadata, Packet, walk
 from wayproof.harness.log.codec.messages import decode, is_ours
-from wayproof.harness.log.follow import UNDER_WAY, finished_name, followed, partial_name
+from wayproof.harness.log.follow import UNDER_WAY, followed, partial_name
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import LogWriter
 
@@ -96,15 +96,6 @@ def test_a_writer_that_ends_without_a_result_ends_the_log(source, tmp_path):
         assert log.finished() is log
 
 
-def test_whoever_follows_can_stop_to_wait(source, tmp_path):
-    copying = Copying(source, tmp_path / "x.mcap")
-    copying.write(2)
-    with followed(tmp_path / "x.mcap") as log:
-        log.stop.set()
-        assert numbers(log.records_with_truth()) == [0, 1]
-    copying.writer.close()
-
-
 def test_a_damaged_chunk_is_no_end(source, tmp_path):
     path = tmp_path / "x.mcap"
     copying = Copying(source, path)
@@ -125,9 +116,3 @@ def test_a_log_that_nobody_writes_is_bad_input(source, tmp_path):
     Copying(source, path).writer.close()  # a head alone
     with pytest.raises(InputError, match="ended before the first decision"):
         followed(path).__enter__()
-
-
-def test_names():
-    assert finished_name(Path("a/x.mcap.partial")) == Path("a/x.mcap")
-    assert partial_name(Path("a/x.mcap")) == Path("a/x.mcap.partial")
-    assert partial_name(Path("a/x.mcap.partial")) == Path("a/x.mcap.partial")

@@ -2,44 +2,14 @@
 
 import contextlib
 import io
-import itertools
 import resource
 import signal
 from pathlib import Path
 
 from tests.tools.soak.child import in_child
 from wayproof.harness.cli.main import main
-from wayproof.harness.errors import InputError
-from wayproof.harness.log.codec.container import (
-    Packet,
-    walk,
-)
 from wayproof.harness.log.recover import recover
-from wayproof.harness.log.writer import FLUSH_PERIOD_NS, LogWriter
 from wayproof.harness.replay.replay import replay
-from wayproof.harness.schema import wayproof_pb2 as pb
-
-
-def test_a_second_is_all_that_can_be_lost(tmp_path):
-    """Whatever is read from the partial file while it is written is at most a second behind."""
-    period = 100_000_000
-    log = LogWriter(tmp_path / "a.mcap", b"{}", b"{}", "<mujoco/>")
-    for k in range(35):
-        log.write("/decision", pb.Decision(sequence=k), k * period)
-        found = [
-            one.time_ns for one in itertools.takewhile(lambda _: True, sound(log.partial_path))
-        ]
-        assert k * period - max(found, default=0) <= FLUSH_PERIOD_NS
-    log.close()
-
-
-def sound(path):
-    try:
-        for item in walk(path):
-            if isinstance(item, Packet):
-                yield item
-    except InputError:
-        return
 
 
 def test_a_full_disk_ends_in_a_line_and_a_readable_log(recorded, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
-from wayproof.harness.config_document import from_json, override, to_json
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.map_files.files import cells_of, moment_at, write_map
@@ -168,14 +168,6 @@ def test_cells_survive_their_bytes_and_damaged_bytes_are_refused():
     for bad in (b"", data[:40], data[:-3], b"x" + data[1:], data[:8] + b"\xff" * 8 + data[16:]):
         with pytest.raises(ValueError, match="prior_map"):
             unpacked(bad)
-
-
-def test_a_config_keeps_its_prior_map_and_an_old_one_has_none():
-    config, _ = prior_of("truth")
-    assert from_json(to_json(config)) == config
-    plain = Config("corridor", "drone", 1)
-    assert b"prior" not in to_json(plain)
-    assert from_json(to_json(plain)) == plain
 
 
 def test_a_layer_at_another_resolution_holds_the_same_walls():

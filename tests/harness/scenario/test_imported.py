@@ -79,9 +79,8 @@ def test_of_ground_that_is_nearly_level_a_warning_names_the_setting(tmp_path):
     assert not build(override(config, ["costmap.max_slope=0.1"])).warnings
 
 
-@pytest.mark.parametrize("start", [(3.0, 3.0), (6.4, 3.0)])  # before it, and on it
-def test_a_ridge_is_walked_over_and_the_walk_runs_again_from_its_log(tmp_path, start):
-    ends = {"start": start, "goal": (9.0, 3.0)}  # level to 0.1 mm
+def test_a_ridge_is_walked_over_and_the_walk_runs_again_from_its_log(tmp_path):
+    ends = {"start": (6.4, 3.0), "goal": (9.0, 3.0)}  # on it, and level to 0.1 mm
     config = replace(Config(saved(tmp_path, ridge(tmp_path)), "quadruped", 0), **ends)
     first = run_episode(build(override(config, SLOPES["quadruped"])), tmp_path / "a.mcap")
     assert first.outcome == "success"
@@ -92,10 +91,9 @@ def test_a_ridge_is_walked_over_and_the_walk_runs_again_from_its_log(tmp_path, s
     assert audit(log.path).violations == ()
 
 
-@pytest.mark.parametrize(("height", "y"), [(0.34, 3.0), (0.3, 2.0)])
-def test_audit_and_attribution_see_the_ground_that_a_ridge_was_walked_on(tmp_path, height, y):
-    ends = {"start": (3.0, y), "goal": (9.0, 3.0)}
-    steep = saved(tmp_path, ridge(tmp_path, height=height))
+def test_audit_and_attribution_see_the_ground_that_a_ridge_was_walked_on(tmp_path):
+    ends = {"start": (3.0, 3.0), "goal": (9.0, 3.0)}
+    steep = saved(tmp_path, ridge(tmp_path, height=0.34))
     config = override(replace(Config(steep, "quadruped", 0), **ends), ["costmap.max_slope=0.35"])
     assert run_episode(build(config), tmp_path / "a.mcap").outcome == "success"
     assert audit(tmp_path / "a.mcap").violations == ()
@@ -154,8 +152,7 @@ def test_an_actor_walks_in_an_episode_that_runs_again_from_its_log(tmp_path):
     assert run_episode(rebuild(log), tmp_path / "again.mcap").chain == first.chain
 
 
-@pytest.mark.parametrize("robot", ["quadruped", "drone"])
-def test_a_log_is_verified_where_the_shortest_way_of_its_file_is_not_straight(tmp_path, robot):
+def test_a_log_is_verified_where_the_shortest_way_of_its_file_is_not_straight(tmp_path):
     path = tmp_path / "wall.world"
     ground = "<include><uri>model://ground_plane</uri></include>"
     wall = (
@@ -165,7 +162,7 @@ def test_a_log_is_verified_where_the_shortest_way_of_its_file_is_not_straight(tm
     )
     path.write_text(f"<sdf version='1.6'><world name='w'>{ground}{wall}</world></sdf>")
     world, _ = import_world(path, None, (0.0, 0.0, 0.0), (6.0, 0.0, 0.0))
-    config = override(Config(saved(tmp_path, world), robot, 0), ["episode.time_limit=0.5"])
+    config = override(Config(saved(tmp_path, world), "quadruped", 0), ["episode.time_limit=0.5"])
     result = run_episode(build(config), tmp_path / "a.mcap")
     assert 6.5 < result.route_length_m < 8.0  # 6.0 straight through the wall
     assert verify(tmp_path / "a.mcap").findings == ()

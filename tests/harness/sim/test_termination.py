@@ -12,7 +12,6 @@ from wayproof.harness.sim.termination import (
     FALLEN_SHARE,
     TerminationMonitor,
     first_contact,
-    safe_limits,
 )
 from wayproof.planners import hold
 
@@ -77,12 +76,6 @@ def test_a_robot_that_has_not_moved_for_long_is_stuck(scenario, monitor):
     assert monitor.check_decision(decision(), [*[far] * (window - 1), moved]) is None
 
 
-def test_a_robot_at_its_start_ends_nothing(simulation, monitor):
-    simulation.step(save=False)
-    assert monitor.check_physics() is None
-    assert first_contact(simulation._scene, simulation.data) is None
-
-
 def test_a_tilt_beyond_the_robots_limit_is_a_fall(scenario, simulation, monitor):
     for share, fallen in ((0.95, False), (1.05, True)):
         half = 0.5 * share * scenario.spec.max_tilt
@@ -125,12 +118,3 @@ def test_a_contact_is_named_with_its_position(scenario, simulation, monitor):
     assert contact.name == scenario.scene.model.geom(obstacle).name
     distance = np.linalg.norm(np.array(contact.position) - simulation.position)
     assert distance < 2.0 * scenario.spec.radius + 1.0
-
-
-def test_the_safe_limits_are_the_geofence_the_tilt_and_for_legs_the_height(scenario):
-    limits = safe_limits(scenario)
-    np.testing.assert_array_equal(limits[:2], scenario.mission.low[:2])
-    np.testing.assert_array_equal(limits[3:6], scenario.mission.high)
-    assert limits[6] == pytest.approx(np.cos(scenario.spec.max_tilt))
-    if scenario.spec.motion == "ground":
-        assert limits[2] == pytest.approx(FALLEN_SHARE * scenario.spec.rest_height)

@@ -43,12 +43,3 @@ def test_the_first_decision_has_no_latency_that_would_flatten_the_others():
 def test_without_a_truth_nothing_is_compared_with_it():
     found = curves(moment(clearance=math.nan), axes=2)
     assert not [name for name in found if name.startswith(("clearance/", "pose/", "heading/"))]
-
-
-def test_one_plot_has_one_unit():
-    units = {}
-    for name in curves(moment(), axes=2):
-        plot, _, curve = name.partition("/")
-        unit = "m_s" if curve.endswith("_m_s") else curve.rpartition("_")[2]
-        units.setdefault(plot, set()).add(unit)
-    assert all(len(unit) == 1 for unit in units.values())

@@ -4,11 +4,9 @@ from types import SimpleNamespace
 
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.viewer.events import (
-    COLOURS,
     CONTACT,
     LAST_CHANCE,
     LATE,
-    PLOTS,
     STOP,
     Events,
 )
@@ -51,7 +49,3 @@ def test_the_last_chance_is_the_decision_that_the_cause_names():
     assert events(actions, cause="pose", cause_decision="1") == [(1, LAST_CHANCE)]
     assert events(actions, cause_decision="-1") == []
     assert events(actions) == []
-
-
-def test_each_kind_has_a_colour_and_a_curve():
-    assert set(COLOURS) == set(PLOTS) == {LATE, STOP, CONTACT, LAST_CHANCE}

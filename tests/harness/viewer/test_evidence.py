@@ -4,9 +4,6 @@ import numpy as np
 
 from tests.harness.viewer.seen_map import seen_map
 from wayproof.harness.viewer.evidence import (
-    OLD_S,
-    UNKNOWN_COLOUR,
-    Evidence,
     evidence_at,
 )
 from wayproof.harness.viewer.layer import layer_at
@@ -46,14 +43,3 @@ def test_on_the_ground_the_worst_of_a_column_counts():
     _, flat = seen()
     known = ~np.isnan(flat.probability)
     assert (high.probability[known] >= flat.probability[known]).all()
-
-
-def test_the_colour_of_the_unknown_is_on_neither_scale():
-    values = np.linspace(0.0, 1.0, 500)[:, None]
-    for image in Evidence(OLD_S * values, values).images().values():
-        off = np.abs(image[0].astype(int) - UNKNOWN_COLOUR).max(axis=1)
-        assert off.min() > 30
-    nothing = np.full((2, 3), np.nan)
-    for image in Evidence(nothing, nothing).images().values():
-        assert image.shape == (3, 2, 3)
-        assert (image == UNKNOWN_COLOUR).all()

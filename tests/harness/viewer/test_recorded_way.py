@@ -8,7 +8,7 @@ from tests.harness.shadow.conftest import BODY, shadowed, written
 from tests.harness.viewer.test_rerun_view import entities
 from wayproof.harness.cli.main import main
 from wayproof.harness.shadow.assess import assess
-from wayproof.harness.shadow.picture import COLOURS_OF_WAY, MAP_COLOURS
+from wayproof.harness.shadow.picture import COLOURS_OF_WAY
 
 pytest.importorskip("rerun")
 
@@ -45,8 +45,3 @@ def lines_in(recording):
     for rows, entity in re.findall(row, entities(recording)):
         found[entity] = found.get(entity, 0) + int(rows)
     return found
-
-
-def test_no_verdict_has_the_colour_of_a_cell():
-    assert len(set(COLOURS_OF_WAY.values())) == len(COLOURS_OF_WAY)
-    assert not set(COLOURS_OF_WAY.values()) & set(MAP_COLOURS)

@@ -35,17 +35,6 @@ def test_the_viewer_s_background_is_unknown_and_not_free(log):
     assert max(UNKNOWN_COLOUR) < 150  # free cells are white
 
 
-def test_each_view_shows_one_grid_on_the_floor_and_the_scene_only_from_aside(log):
-    pytest.importorskip("rerun")
-    from wayproof.harness.viewer.layout import FLOORS, layout
-
-    space, maps = layout({"log": open_log(log)}).root_container.contents[0].contents
-    for view in (space, *maps.contents):
-        hidden = {line.removeprefix("- $origin/") for line in view.contents if line[0] == "-"}
-        assert len(set(FLOORS) - hidden) == 1
-        assert ("scene/**" in hidden) == (view is not space)
-
-
 def entities(recording, *options):
     """What Rerun's own command finds in a file."""
     rerun = Path(sys.executable).with_name("rerun")

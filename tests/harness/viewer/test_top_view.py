@@ -88,21 +88,6 @@ def test_the_words_are_those_of_the_decision(moment):
     assert reason == moment.decision.reason
 
 
-def test_the_error_of_a_walker_leaves_its_height_out(moment):
-    off = np.subtract(moment.record.inputs.pose.position, moment.truth.position)
-    assert head(moment, 0.6, axes=2)[1].endswith(f"pose error {np.hypot(*off[:2]):.2f} m")
-
-
-def test_a_long_reason_is_shortened(moment):
-    moment.decision.reason, kept = "a word and another " * 40, moment.decision.reason
-    try:
-        lines = head(moment, cost_range=0.6, axes=3)
-    finally:
-        moment.decision.reason = kept
-    assert len(lines) == 5
-    assert lines[-1].endswith(" ...")
-
-
 def test_a_picture_is_the_same_again(log, moment):
     view = TopView(open_log(log))
     view.follow(moment)

@@ -86,7 +86,7 @@ def test_a_closed_log_leaves_no_thread(tmp_path):
     assert threading.active_count() == before
 
 
-@pytest.mark.parametrize("period_ms", [20, 100, 200, 300, 700, 1000, 1500])
+@pytest.mark.parametrize("period_ms", [20, 300, 1500])
 def test_an_instant_is_in_the_file_within_a_second(tmp_path, period_ms):
     """Or within the time between two instants, where that is longer."""
     period = period_ms * 1_000_000
