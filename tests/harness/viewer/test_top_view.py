@@ -34,7 +34,7 @@ def moment(log):
 
 def test_a_picture_shows_the_map_the_truth_and_the_plan(tmp_path, log):
     out = tmp_path / "x.png"
-    assert main(["picture", str(log), "25", "--out", str(out)]) == 0
+    assert main(["view", str(log), "--decision", "25", "--png", str(out)]) == 0
     image = pixels_of(out)
     assert image.shape == (840, 700, 3)
     assert share(image, COLOURS[FREE]) > 0.1
@@ -46,7 +46,7 @@ def test_a_picture_shows_the_map_the_truth_and_the_plan(tmp_path, log):
 
 def test_a_decision_that_is_not_there(tmp_path, capsys, failed):
     out = tmp_path / "x.png"
-    assert main(["picture", str(failed), "999", "--out", str(out)]) == 2
+    assert main(["view", str(failed), "--decision", "999", "--png", str(out)]) == 2
     assert "no decision 999, expected 0 to" in capsys.readouterr().err
     assert not out.exists()
 
@@ -54,9 +54,9 @@ def test_a_decision_that_is_not_there(tmp_path, capsys, failed):
 def test_a_log_without_decisions_has_no_picture(tmp_path, capsys, recorded):
     stack = Path(__file__).parents[1] / "interface" / "stacks_on_trial.py"
     log = recorded("empty", "quadruped", 1, f"stack.name={stack}:Nothing").log
-    for name in (["0", "--out", "x.png"], ["--movie", "x.gif"]):
+    for name in (["--decision", "0", "--png", "x.png"], ["--movie", "x.gif"]):
         out = tmp_path / name[-1]
-        assert main(["picture", log, *name[:-1], str(out), "--allow-plugins"]) == 2
+        assert main(["view", log, *name[:-1], str(out), "--allow-plugins"]) == 2
         assert capsys.readouterr().err == f"wayproof: log '{log}': no decisions in it\n"
         assert not out.exists()
 
