@@ -89,5 +89,5 @@ VERB = Verb(
         add_plugins,
     ),
     run=run,
-    example="wayproof replay fork logs/warehouse-drone-3.mcap 40 --log fork.mcap",
+    example="wayproof replay fork logs/warehouse-drone-3.mcap 10 --log fork.mcap",
 )
