@@ -52,7 +52,7 @@ def test_a_change_reaches_as_far_as_the_widening():
 
 @pytest.fixture
 def room():
-    """A map of a free floor of 6 x 4 m with one post, and its costmap."""
+    """A map of a free floor of 6 x 4 m, and its costmap."""
     a_map = VoxelMap(MapConfig(resolution=0.1))
     a_map.mark_floor((0.0, 0.0), (6.0, 4.0), 0)
     a_map.mark_free((0.0, 0.0, 0.05), (6.0, 4.0, 1.0), 0)
@@ -77,7 +77,8 @@ def test_a_margin_along_x_leaves_the_room_beside(room):
 def test_what_changes_later_is_widened_too(room):
     a_map, costmap = room
     costmap.update(0.1, widening=(5, 0))
-    a_map.mark_free((2.0, 2.0, -0.4), (2.1, 2.1, 0.0), 1)  # a hole in the floor blocks
+    back, ranges_mm = np.array([[-1.0, 0.0, 0.0]]), np.array([2000], np.uint16)
+    a_map.integrate((4.05, 2.05, 0.3), back, ranges_mm, 3.0, 1)  # a post at (2.05, 2.05)
     costmap.update(0.1, widening=(5, 0))
     fresh = Costmap(
         CostmapConfig(), a_map, (0.0, 0.0, -0.5), (6.0, 4.0, 1.5), "ground", 0.3, 0.5, 0.05
