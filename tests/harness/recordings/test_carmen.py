@@ -54,16 +54,6 @@ def test_the_first_ranges_are_the_numbers_of_the_line(fr079):
     np.testing.assert_allclose(sweep.directions[[0, 180]], [[0, -1, 0], [1, 0, 0]], atol=1e-6)
 
 
-def test_two_readings_of_a_recording_are_the_same(fr079):
-    recording = open_recording(fr079, options=RecordingOptions(start_s=1.0, end_s=3.0))
-    first, second = list(recording.sweeps()), list(recording.sweeps())
-    assert 8 <= len(first) <= 11
-    assert all(1e9 <= sweep.time_ns <= 3e9 for sweep in first)
-    for one, other in zip(first, second, strict=True):
-        assert one.time_ns == other.time_ns
-        assert np.array_equal(one.ranges, other.ranges)
-
-
 @pytest.mark.parametrize("pack", [bytes, bz2.compress, gzip.compress])
 def test_compression_is_found_by_the_first_bytes(tmp_path, pack):
     path = written(tmp_path, old_scan(1, [1.0] * 181), old_scan(2, [1.0] * 181))

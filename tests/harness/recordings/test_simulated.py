@@ -45,8 +45,8 @@ def test_sweeps_are_in_the_world_where_the_stack_placed_them(episode):
             assert np.array_equal(np.rint(sweep.ranges[: len(mm)].astype(float) * 1e3), mm)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_log_is_the_same_recording_from_every_kind_of_bag(tmp_path, episode, kind):
+def test_a_log_is_the_same_recording_from_a_bag(tmp_path, episode):
+    kind = "sqlite"
     sensors = tuple(open_log(episode).beams)
     recording = open_recording(episode)
     write_bag(recording_messages(recording, kind), tmp_path / KINDS[kind], kind)

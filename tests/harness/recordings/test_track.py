@@ -26,11 +26,6 @@ def test_orientations_turn_at_constant_speed_the_short_way():
     np.testing.assert_allclose(thirds, [expected, expected], atol=1e-15)
 
 
-def test_equal_orientations_stay_the_same():
-    between = slerp(np.array([LEFT]), np.array([LEFT]), np.array([0.3]))
-    np.testing.assert_allclose(between, [LEFT], atol=1e-15)
-
-
 def test_a_gap_is_not_covered_but_its_ends_are():
     way = track([0, 100, 2000], max_gap_ns=1000)
     times = np.array([-1, 0, 50, 100, 101, 1999, 2000, 2001])

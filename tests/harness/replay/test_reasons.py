@@ -113,13 +113,6 @@ def test_a_false_figure_is_found(texts_by_fault, name):
     assert FALSE[name][1] <= set(texts_by_fault[name])
 
 
-def test_texts_name_the_false_part(texts_by_fault):
-    assert "unknown_ahead is no reason to explore" in texts_by_fault["action"]["unknown_ahead"]
-    assert "unknown_ahead does not go with label none" in texts_by_fault["label"]["unknown_ahead"]
-    texts = texts_by_fault["cell_state"]["unknown_ahead"]
-    assert any("the cell is unknown, not occupied" in text for text in texts)
-
-
 def test_words_that_its_figures_do_not_make_are_found(log):
     check, moment = ReasonCheck(), next(moments(log))
     moment.decision.reason = "the way ahead is blocked"

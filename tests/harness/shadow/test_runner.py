@@ -26,11 +26,6 @@ from wayproof.harness.trace import read_trace
 from wayproof.maps import OCCUPIED, states_in
 
 
-def test_a_real_recording_gives_the_same_chain_twice(fr079_log, robot, tmp_path):
-    again = shadowed(FR079, robot, tmp_path / "again.mcap", end_s=12.0)
-    assert open_log(again).result["chain"] == open_log(fr079_log).result["chain"]
-
-
 def test_its_log_replays_and_audits_and_verifies_without_truth(fr079_log):
     log = open_log(fr079_log)
     assert contradictions(log) == []
@@ -62,13 +57,6 @@ def test_goals_are_places_that_the_robot_reached_later(fr079_log):
     goals = {tuple(record.inputs.goal.tolist()) for record in records}
     assert 1 <= len(goals) <= 3
     np.testing.assert_allclose(records[-1].inputs.goal, places[-1], atol=0.2)
-
-
-def test_a_map_of_columns_is_the_default_for_a_planar_laser_on_the_ground(fr079_log):
-    config = open_log(fr079_log).config
-    assert config.map.kind == "grid2d"
-    assert config.recording.format == "carmen"
-    assert config.robot.startswith("wheeled@")
 
 
 def test_a_changed_result_is_a_contradiction(fr079_log):

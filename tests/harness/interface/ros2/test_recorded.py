@@ -12,7 +12,6 @@ from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.recordings.formats import open_recording
 from wayproof.harness.recordings.recording import RecordingOptions
-from wayproof.harness.recordings.types import Transform
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.shadow.assess import assess
 from wayproof.harness.shadow.body import find_body
@@ -100,13 +99,6 @@ def test_a_shorter_range_and_silence_that_says_nothing_count(recorded, tmp_path)
     assert 2000 < max(ranges_in(short) - {65535}) <= 3000
     unsure, _ = shadow(recorded.bag, tmp_path / "u.mcap", missing_returns_free=False, **options)
     assert ranges_in(unsure) == ranges_in(short) - {65535} | {0}
-
-
-def test_where_a_mount_is_given_it_counts(recorded, tmp_path):
-    mount = Transform(np.array([0.1, 0.0, 0.2]), np.array([1.0, 0.0, 0.0, 0.0]))
-    moved, _ = shadow(recorded.bag, tmp_path / "m.mcap", sensors=("/points",), mount=mount)
-    (beams,) = open_log(moved).beams.values()
-    assert beams.mounting[0].tolist() == [0.1, 0.0, 0.2]
 
 
 def test_so_it_does_where_a_node_was_waited_for(tmp_path):

@@ -34,8 +34,8 @@ def check_same(one, other):
     assert count
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_real_recording_is_the_same_from_every_kind_of_bag(tmp_path, fr079, kind):
+def test_a_real_recording_is_the_same_from_a_bag(tmp_path, fr079):
+    kind = "ros1"
     recording = open_recording(fr079)
     count = write_bag(recording_messages(recording, kind), tmp_path / KINDS[kind], kind)
     assert count == 200 + 2 * 200 + 1
