@@ -171,15 +171,6 @@ def test_a_body_that_need_not_face_along_its_waypoints_takes_their_bends_faster(
     assert durations[0] > 1.4 * durations[1]
 
 
-def test_samples_are_passed_through_evenly():
-    positions = HERE.position + np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0]])
-    trajectory, limited = followed(Samples(0.5, positions, np.array([0.0, 0.1, 0.3])))
-    assert not limited
-    assert trajectory.duration_s == 1.0
-    assert trajectory.motion.positions(np.array([0.25, 0.75])) == pytest.approx([0.05, 0.15])
-    assert trajectory.turning.positions(np.array([0.25, 0.75])) == pytest.approx([0.05, 0.2])
-
-
 STEPS = np.arange(31)[:, None] * np.array([0.1, 0.0, 0.0])
 """1 m/s in the x axis for 3 s."""
 
@@ -241,11 +232,6 @@ def test_headings_that_turn_too_fast_are_followed_at_the_greatest_yaw_rate():
     rates = np.diff(trajectory.turning.positions(np.arange(0.0, 2.0, 0.01))) / 0.01
     assert rates.max() == pytest.approx(1.0, abs=0.01)
     assert len(trajectory.path) == 1
-
-
-def test_no_velocity_keeps_the_place_exactly():
-    trajectory = made(Velocity(0.0))
-    assert (len(trajectory.path), trajectory.duration_s) == (1, 0.0)
 
 
 def profiled(start_ns=EFFECT_NS, path=HERE.position[None], **parts):

@@ -57,8 +57,3 @@ def test_there_is_no_path_back_without_breadcrumbs_or_after_the_last_backtrack()
     most = BehaviourConfig().max_backtracks
     assert path_back(backtracks=most - 1) is not None
     assert path_back(backtracks=most) is None
-
-
-def test_breadcrumbs_at_one_place_make_no_edge_without_length():
-    path = path_back(crumbs=np.repeat(CRUMBS, 2, axis=0))
-    assert np.linalg.norm(np.diff(path, axis=0), axis=1).min() > 1e-6

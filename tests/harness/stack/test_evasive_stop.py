@@ -120,11 +120,3 @@ def test_a_bend_comes_no_nearer_than_the_path_does_until_the_robot_is_at_rest():
         straight = around.least_clearance(travelled(AHEAD, speed))
         assert around.least_clearance(travelled(path, speed)) >= straight
     assert bends > 50
-
-
-def test_the_chords_of_a_bend_end_where_the_robot_comes_to_rest():
-    around, speed = space((13, 30, 10)), 0.4
-    bend = stop(around, speed)
-    assert bend is not AHEAD
-    lengths = [arc_lengths(path)[-1] for path in (bend, travelled(bend, speed))]
-    assert lengths[1] == pytest.approx(lengths[0], abs=1e-12)

@@ -25,11 +25,6 @@ def test_a_camera_sees_ahead_alone():
     assert not is_omnidirectional([sensors_of("drone")["depth"]])
 
 
-def test_two_cameras_ahead_see_no_more_than_one():
-    camera = sensors_of("drone")["depth"]
-    assert not is_omnidirectional([camera, camera])
-
-
 def test_an_altimeter_and_no_sensor_see_nothing_around():
     assert not is_omnidirectional([sensors_of("drone")["altimeter"]])
     assert not is_omnidirectional([])

@@ -39,13 +39,6 @@ def replanned(input, state):
     return keep_or_replan(input, state, state.trajectory.at(input.effect_ns))
 
 
-def test_without_a_path_one_is_planned_to_the_goal():
-    planned = replanned(make_input(), at_rest())
-    np.testing.assert_allclose(planned.state.global_path[[0, -1]], STRAIGHT)
-    assert planned.search.label == "none"
-    assert planned.seed > 0
-
-
 def test_a_valid_path_is_kept_until_the_replan_period_has_passed():
     period = round(BehaviourConfig().replan_period * 1e9) // PERIOD_NS
     state = at_rest(global_path=STRAIGHT)
@@ -97,13 +90,6 @@ def test_a_path_to_another_place_than_the_goal_is_replanned():
         assert (planned.search is not None) is searched
 
 
-def test_without_a_way_to_the_goal_there_is_no_path():
-    wall = make_states(occupied=[(4.0, 4.3, 0.0, 4.0)])
-    planned = replanned(make_input(wall), at_rest(global_path=STRAIGHT))
-    assert planned.state.global_path is None
-    assert planned.search.label == "no_path"
-
-
 def test_a_robot_in_motion_keeps_the_part_on_which_it_can_stop():
     state = drive(8)
     input = next_input(state, 8, states=make_states(occupied=[WALL]))
@@ -114,15 +100,6 @@ def test_a_robot_in_motion_keeps_the_part_on_which_it_can_stop():
     reach = start.position[0] + 0.5
     before = path[path[:, 0] <= reach]
     np.testing.assert_allclose(before[:, 1], START[1], atol=1e-6)
-
-
-def test_a_robot_in_motion_that_cannot_stop_before_an_obstacle_drops_its_path():
-    state = drive(8)
-    x = state.trajectory.at(9 * PERIOD_NS).position[0]
-    input = next_input(state, 8, states=make_states(occupied=[(round(x, 1) + 0.6, 8.0, 0.0, 4.0)]))
-    planned = replanned(input, state)
-    assert planned.state.global_path is None
-    assert planned.search is None
 
 
 def test_an_exploration_is_dropped_for_any_way_to_the_goal_and_else_kept():
@@ -167,12 +144,6 @@ def test_a_goal_inside_the_inflation_is_projected_to_the_nearest_free_position(b
     else:
         headings = np.linspace(0.0, np.pi, 8, endpoint=False)
         assert any(input.optimistic.pose_free(goal, heading) for heading in headings)
-
-
-def test_a_goal_deeper_inside_than_the_search_radius_stays_where_it_is():
-    states = make_states(occupied=[(5.0, 8.0, 0.0, 4.0)])
-    input = make_input(states, goal=(7.05, 2.05))
-    assert project_goal_to_free(input) is input.goal
 
 
 def test_an_unknown_goal_needs_no_projection():

@@ -26,11 +26,9 @@ from wayproof.harness.stack.maneuvers import (
     wait_at_blocked_goal,
 )
 from wayproof.harness.stack.reasons import Reason
-from wayproof.harness.stack.types import BehaviourConfig, Exploration, PathLoss
-from wayproof.planners import Plan
+from wayproof.harness.stack.types import BehaviourConfig, Exploration
 
 NO_PATH = Reason("no_path_found", iterations=12)
-SEARCH = Plan(None, np.inf, np.inf, 0.0, 12, "no_path")
 
 
 def standing_at(position, heading=0.0):
@@ -105,17 +103,6 @@ def test_a_robot_that_brakes_stops_on_its_path_and_drops_the_global_path():
     assert after.exploration is None
 
 
-def test_a_robot_in_motion_for_which_no_path_was_found_brakes_on_its_last_trajectory():
-    state, input, start = in_motion()
-    planned = GlobalPlan(state, SEARCH, seed=5)
-    command, after = stop_without_path(input, planned, start, previous=state)
-    assert (command.action, command.label) == ("stop_and_wait", "no_path")
-    assert command.reason.waited_s is None
-    assert command.reason.stop_m > 0.3
-    assert command.trajectory.duration_s > 0.5
-    assert after.global_path is None
-
-
 def test_a_robot_that_has_reached_its_viewpoint_comes_to_rest_there():
     state, input, start = in_motion()
     path = start.position + np.array([[-start.arc_length, 0.0, 0.0], [0.02, 0.0, 0.0]])
@@ -125,14 +112,3 @@ def test_a_robot_that_has_reached_its_viewpoint_comes_to_rest_there():
     assert (command.action, command.label) == ("stop_and_wait", "none")
     assert command.reason.kind == "at_viewpoint"
     assert command.reason.path_m > 0.3  # the way that the stop takes
-
-
-def test_a_robot_that_dropped_its_path_before_states_since_when_and_why():
-    state, input, start = in_motion()
-    planned = GlobalPlan(state)
-    loss = PathLoss(sequence=6, kind="braking_before_blocked", label="path_blocked")
-    previous = replace(state, global_path=None, path_loss=loss)
-    command, _ = stop_without_path(input, planned, start, previous=previous)
-    assert command.reason.kind == "coming_to_rest"
-    assert command.reason.since == 6
-    assert command.label == "path_blocked"

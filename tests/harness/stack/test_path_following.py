@@ -44,21 +44,6 @@ def follow(input, state, previous=None):
     return follow_global_path(input, state, start, previous=previous or state)
 
 
-def test_all_of_a_free_path_is_driven_at_full_speed():
-    state = at_rest(global_path=PATH, rest_since_ns=0)
-    command, after = follow(make_input(), state)
-    assert (command.action, command.label, command.reason.kind) == (
-        "follow",
-        "none",
-        "path_to_goal",
-    )
-    assert top_speed(command.trajectory) == pytest.approx(LIMITS.speed, rel=1e-3)
-    assert final_sample(command.trajectory).at_rest
-    np.testing.assert_allclose(command.trajectory.path[-1], PATH[-1])
-    assert command.global_path is PATH
-    assert after.rest_since_ns == -1
-
-
 @pytest.mark.parametrize(
     ("unknown_from", "action"), [(2.2, "slow"), (round(1.8 + FULL_STOP, 1), "follow")]
 )
@@ -85,11 +70,6 @@ def test_a_ground_robot_turns_in_place_beyond_its_angle(angle, turns):
     assert (moved < 1e-9) == turns
     if turns:
         assert command.reason.turn_rad == pytest.approx(-angle, abs=1e-6)
-
-
-def test_a_flying_robot_never_turns_in_place():
-    command, _ = follow(make_input(heading=3.0), at_rest(heading=3.0, global_path=PATH))
-    assert command.reason.kind == "path_to_goal"
 
 
 def test_braking_before_the_end_of_a_free_path_has_no_label():

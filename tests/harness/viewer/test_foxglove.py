@@ -161,17 +161,6 @@ def test_the_layer_fits_the_world_and_is_free_about_the_start(converted, log):
         assert (edge[:, :3] == COLOURS[UNKNOWN]).all()
 
 
-def test_points_lie_within_the_world(converted, log):
-    mission = open_log(log).mission
-    for topic in ("/viz/cells", "/viz/sweep"):
-        cloud = of(converted, topic)[-1]
-        assert [(one.name, one.offset) for one in cloud.fields] == [("x", 0), ("y", 4), ("z", 8)]
-        points = np.frombuffer(cloud.data, "<f4").reshape(-1, cloud.point_stride // 4)
-        assert len(points) > 10
-        assert (points > np.array(mission.low) - 0.5).all()
-        assert (points < np.array(mission.high) + 0.5).all()
-
-
 def test_the_failure_is_marked_at_the_end_alone(converted):
     marked = [
         entity.texts[0].text
