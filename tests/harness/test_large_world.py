@@ -8,7 +8,7 @@ import pytest
 from tests.tools.halls import make_hall
 from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.config import Config
-from wayproof.harness.config_document import from_json, override, to_json
+from wayproof.harness.config_document import override
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recompute import keyframes as pieces
 from wayproof.harness.replay.closed_loop import simulate_again
@@ -77,12 +77,3 @@ def test_a_failure_is_explained_by_the_whole_area(large):
     finding = find_cause(replace(case, segments=segments))
     assert finding.cause == "unexplained"
     assert "too large to search" in finding.evidence
-
-
-def test_logs_of_before_hold_every_area_whole():
-    config = Config("warehouse", "drone", 0)
-    text = to_json(config).decode()
-    assert '"window": 32.0' in text
-    former = "\n".join(line for line in text.splitlines() if '"window"' not in line)
-    assert from_json(former.encode()).costmap.window == 0.0
-    assert from_json(text.encode()) == config
