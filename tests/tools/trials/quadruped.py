@@ -29,12 +29,26 @@ SPEEDS = (1.5, 0.4, 1.0)
 """Largest commands drawn: forward, m/s (backward a third), left, m/s, and yaw rate, rad/s."""
 
 
-class Tracked(NamedTuple):
-    """Tracking of velocity commands in one run."""
+class Walked(NamedTuple):
+    """One run, with the figures that its trial has.
+
+    Attributes:
+        fallen: Whether it fell.
+        seconds: Simulated time, s.
+        errors: RMS errors of velocity: forward and left, m/s, and yaw rate, rad/s.
+        arrived: Whether it crossed the course.
+        distance: Distance of a stop, m.
+        creep: Greatest way of a foot on which it stood, m.
+        error: RMS distance from the path, m.
+    """
 
     fallen: bool
-    errors: tuple[float, float, float]
     seconds: float
+    errors: tuple[float, float, float] | None = None
+    arrived: bool | None = None
+    distance: float | None = None
+    creep: float | None = None
+    error: float | None = None
 
 
 def follow_commands(
@@ -45,7 +59,7 @@ def follow_commands(
     seconds: float = 20.0,
     speeds: Velocity = SPEEDS,
     kick: float = 0.0,
-) -> Tracked:
+) -> Walked:
     """Walk by random commands, each for 1.5 to 4 s, of which a tenth is standing still."""
     sim = TrialSim(robot, conditions, noise, seconds, rng)
     ticks = round(seconds / TIMESTEP)
@@ -62,7 +76,8 @@ def follow_commands(
         sim.walk(command)
         moved[sim.tick - 1] = body_velocity(sim.data)
         commanded[sim.tick - 1] = sim.controller.memory.command
-    return Tracked(sim.fallen, stride_rms(moved - commanded, sim.tick), sim.tick * TIMESTEP)
+    errors = stride_rms(moved - commanded, sim.tick)
+    return Walked(sim.fallen, sim.tick * TIMESTEP, errors)
 
 
 def draw_command(rng: np.random.Generator, speeds: Velocity) -> Array:
@@ -96,14 +111,6 @@ def stride_rms(errors: Array, ticks: int) -> tuple[float, float, float]:
     return x, y, yaw
 
 
-class Crossed(NamedTuple):
-    """End of a walk over terrain."""
-
-    fallen: bool
-    arrived: bool
-    seconds: float
-
-
 def cross_terrain(
     robot: Quadruped,
     conditions: Conditions,
@@ -111,7 +118,7 @@ def cross_terrain(
     rng: np.random.Generator,
     terrain: str,
     speed: float = 0.5,
-) -> Crossed:
+) -> Walked:
     """Walk along +x over a course drawn anew, steered by heading and offset alone: blind.
 
     It has twice the time that the commanded speed would take.
@@ -128,15 +135,8 @@ def cross_terrain(
         heading = 2.0 * math.atan2(sim.data.qpos[6], sim.data.qpos[3])
         steer = np.clip([-y, -2.0 * heading], [-0.2, -0.5], [0.2, 0.5])
         sim.walk(np.array([speed, *steer]))
-    return Crossed(sim.fallen, bool(sim.data.qpos[0] > COURSE_END), sim.tick * TIMESTEP)
-
-
-class Stopped(NamedTuple):
-    """An emergency stop."""
-
-    fallen: bool
-    distance: float
-    seconds: float
+    arrived = bool(sim.data.qpos[0] > COURSE_END)
+    return Walked(sim.fallen, sim.tick * TIMESTEP, arrived=arrived)
 
 
 def stop_from(
@@ -145,7 +145,7 @@ def stop_from(
     rng: np.random.Generator,
     speed: float = 1.5,
     jerk: float = 15.0,
-) -> Stopped:
+) -> Walked:
     """Run for 2 to 3 s, then brake as hard as the gait does, the deceleration limited in jerk."""
     deceleration = robot.parameters.gait.linear_acceleration
     sim = TrialSim(robot, Conditions(), noise, seconds=6.0, rng=rng)
@@ -161,20 +161,12 @@ def stop_from(
         command = max(command - rate * TIMESTEP, 0.0)
         sim.walk(np.array([command, 0.0, 0.0]))
     distance = float(np.hypot(*(sim.data.qpos[:2] - start)))
-    return Stopped(sim.fallen, distance, sim.tick * TIMESTEP)
-
-
-class Stood(NamedTuple):
-    """Standing still."""
-
-    fallen: bool
-    creep: float
-    seconds: float
+    return Walked(sim.fallen, sim.tick * TIMESTEP, distance=distance)
 
 
 def stand(
     robot: Quadruped, noise: EstimateNoise | None, rng: np.random.Generator, seconds: float = 60.0
-) -> Stood:
+) -> Walked:
     """Measure a body that stands without a command."""
     sim = TrialSim(robot, Conditions(), noise, seconds, rng)
     feet = [sim.model.geom(f"{ROBOT_PREFIX}{leg}_foot").id for leg in LEGS]
@@ -184,15 +176,7 @@ def stand(
         if sim.tick % 500 == 0:
             places.append(sim.data.geom_xpos[feet, :2].copy())
     moved = np.linalg.norm(np.array(places) - places[0], axis=2)
-    return Stood(sim.fallen, float(moved.max()), sim.tick * TIMESTEP)
-
-
-class Followed(NamedTuple):
-    """A path followed."""
-
-    fallen: bool
-    error: float
-    seconds: float
+    return Walked(sim.fallen, sim.tick * TIMESTEP, creep=float(moved.max()))
 
 
 def follow_path(
@@ -202,7 +186,7 @@ def follow_path(
     length: float = 20.0,
     speed: float = 1.0,
     acceleration: float = 1.0,
-) -> Followed:
+) -> Walked:
     """Return setpoints along straight lines and arcs in turn, from rest, facing along the path."""
     course = draw_course(rng, length)
     ticks = round((length / speed + 0.5 * speed / acceleration) / TIMESTEP)
@@ -219,7 +203,7 @@ def follow_path(
         actual[sim.tick - 1] = sim.data.qpos[:2]
     distances, _ = KDTree(desired[: sim.tick]).query(actual[: sim.tick])
     error = math.sqrt(float((distances**2).mean()))
-    return Followed(sim.fallen, error, sim.tick * TIMESTEP)
+    return Walked(sim.fallen, sim.tick * TIMESTEP, error=error)
 
 
 Course = list[tuple[float, float]]

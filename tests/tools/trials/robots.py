@@ -126,28 +126,22 @@ def _commands(
     """Walk by random commands; friction and the payload's place on the back are drawn."""
     place = rng.uniform([-0.05, -0.03, 0.12], [0.05, 0.03, 0.14])
     conditions = Conditions(rng.uniform(*friction), payload, tuple(place.tolist()), delay)
-    result = walks.follow_commands(Quadruped(), conditions, noise, rng, speeds=speeds, kick=kick)
-    return Run(result.fallen, errors=result.errors)
+    trial = walks.follow_commands
+    return _run_of(trial(Quadruped(), conditions, noise, rng, speeds=speeds, kick=kick))
 
 
-def _terrain(rng: np.random.Generator, name: str) -> Run:
-    result = walks.cross_terrain(Quadruped(), Conditions(), NOISE, rng, terrain=name)
-    return Run(result.fallen, result.arrived)
+def _walk(rng: np.random.Generator, trial: Callable[..., walks.Walked], **options: Any) -> Run:
+    """Walk a trial, with a noisy estimate unless the options say otherwise."""
+    options = {"noise": NOISE, **options}
+    return _run_of(trial(Quadruped(), rng=rng, **options))
 
 
-def _stop(rng: np.random.Generator) -> Run:
-    result = walks.stop_from(Quadruped(), NOISE, rng)
-    return Run(result.fallen, stop=result.distance)
+def _run_of(one: walks.Walked) -> Run:
+    return Run(one.fallen, one.arrived, one.errors, one.error, one.distance, one.creep)
 
 
-def _stand(rng: np.random.Generator, noise: EstimateNoise | None) -> Run:
-    result = walks.stand(Quadruped(), noise, rng)
-    return Run(result.fallen, creep=result.creep)
-
-
-def _path(rng: np.random.Generator) -> Run:
-    result = walks.follow_path(Quadruped(), NOISE, rng)
-    return Run(result.fallen, distance_error=result.error)
+_terrain = partial(_walk, trial=walks.cross_terrain, conditions=Conditions())
+_stand = partial(_walk, trial=walks.stand)
 
 
 def _flight(
@@ -196,13 +190,13 @@ CASES = (
     Case("quadruped", "delay 6 ms", 3, partial(_commands, delay=0.006)),
     Case("quadruped", "2.0 m/s", 2, partial(_commands, speeds=(2.0, 0.4, 1.0))),
     Case("quadruped", "2.0 rad/s", 2, partial(_commands, speeds=(1.0, 0.4, 2.0))),
-    Case("quadruped", "planks 3 cm", 4, partial(_terrain, name="planks")),
-    Case("quadruped", "stairs 8 cm", 4, partial(_terrain, name="stairs")),
-    Case("quadruped", "rubble 5 cm", 4, partial(_terrain, name="rubble")),
-    Case("quadruped", "ramps 0.3 rad", 4, partial(_terrain, name="ramps")),
-    Case("quadruped", "path at 1 m/s", 2, _path),
-    Case("quadruped", "stop from 1.5 m/s", 2, _stop),
-    Case("quadruped", "stand 60 s", 0.2, partial(_stand, noise=NOISE)),
+    Case("quadruped", "planks 3 cm", 4, partial(_terrain, terrain="planks")),
+    Case("quadruped", "stairs 8 cm", 4, partial(_terrain, terrain="stairs")),
+    Case("quadruped", "rubble 5 cm", 4, partial(_terrain, terrain="rubble")),
+    Case("quadruped", "ramps 0.3 rad", 4, partial(_terrain, terrain="ramps")),
+    Case("quadruped", "path at 1 m/s", 2, partial(_walk, trial=walks.follow_path)),
+    Case("quadruped", "stop from 1.5 m/s", 2, partial(_walk, trial=walks.stop_from)),
+    Case("quadruped", "stand 60 s", 0.2, _stand),
     Case("quadruped", "stand 60 s, exact state", 0.1, partial(_stand, noise=None)),
     Case("drone", "hover", 0.2, partial(_flight, draw_course=flights.hover)),
     Case("drone", "figure of eight 3 m/s", 0.5, partial(_flight, draw_course=_eight)),

@@ -41,11 +41,6 @@ class Block(NamedTuple):
         )
 
 
-def flat(_: np.random.Generator) -> tuple[Block, ...]:
-    """Return a course without blocks."""
-    return ()
-
-
 def planks(rng: np.random.Generator, height: float = 0.03) -> tuple[Block, ...]:
     """Return planks 10 cm wide across the way, 0.3 to 0.8 m apart, up to 0.3 rad askew."""
     blocks, x = [], FIRST
@@ -95,7 +90,6 @@ def ramps(rng: np.random.Generator, slope: float = 0.3) -> tuple[Block, ...]:
 
 
 TERRAINS: dict[str, Callable[[np.random.Generator], tuple[Block, ...]]] = {
-    "flat": flat,
     "planks": planks,
     "stairs": stairs,
     "rubble": rubble,
