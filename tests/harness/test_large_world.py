@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.tools.halls import make_hall
+from tests.harness.halls import make_hall
 from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override

@@ -10,7 +10,7 @@ import pytest
 import zstandard
 
 from tests.harness.replay.episodes import SHORT, altered
-from tests.tools.soak.forgeries import Forgery
+from tests.harness.replay.forgeries import Forgery
 from wayproof.harness.cli.main import main
 from wayproof.harness.decision import differences
 from wayproof.harness.errors import InputError

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.tools.soak.forgeries import CLAIMS, EDITS, Forgery, forge
+from tests.harness.replay.forgeries import CLAIMS, EDITS, Forgery, forge
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.cli.main import main
 from wayproof.harness.counterfactual.check import Verdict

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from tests.tools.halls import make_hall
+from tests.harness.halls import make_hall
 from wayproof.harness.scenario import routes
 from wayproof.harness.scenario.routes import known_route, route_between
 from wayproof.models.worlds import WORLDS, Box

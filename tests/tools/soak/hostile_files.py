@@ -83,19 +83,22 @@ def mjcf(content: str, head: str = "") -> str:
     return f"<mujoco>{head}<worldbody>{floor}{BOX}{content}</worldbody></mujoco>"
 
 
-def png(path: Path, side: int) -> None:
-    """Write a white image of one bit per pixel."""
-    line = b"\0" + b"\xff" * (side // 8)
+def png(side: int, bits: int, rows: bytes) -> bytes:
+    """Return an image of grey levels of some bits; each row begins with a zero."""
     chunks = [
-        (b"IHDR", struct.pack(">IIBBBBB", side, side, 1, 0, 0, 0, 0)),
-        (b"IDAT", zlib.compress(line * side, 1)),
+        (b"IHDR", struct.pack(">IIBBBBB", side, side, bits, 0, 0, 0, 0)),
+        (b"IDAT", zlib.compress(rows)),
         (b"IEND", b""),
     ]
-    data = b"".join(
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
         struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
         for kind, body in chunks
     )
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + data)
+
+
+def _white(path: Path, side: int) -> None:
+    """Write a white image of one bit per pixel."""
+    path.write_bytes(png(side, 1, (b"\0" + b"\xff" * (side // 8)) * side))
 
 
 def _import(path: Path, *more: str) -> list[str]:
@@ -305,20 +308,20 @@ def _pickle(folder: Path) -> list[str]:
 def _image(side: int) -> None:
     @_maker(f"map: PNG of {side} x {side}")
     def _map(folder: Path) -> list[str]:
-        png(folder / "map.png", side)
+        _white(folder / "map.png", side)
         (folder / "hostile.yaml").write_text(MAP.format(image="map.png"))
         return _import(folder / "hostile.yaml")
 
     @_maker(f"scene: texture of a PNG of {side} x {side}")
     def _texture(folder: Path) -> list[str]:
-        png(folder / "wide.png", side)
+        _white(folder / "wide.png", side)
         head = "<asset><texture name='t' type='2d' file='wide.png'/></asset>"
         (folder / "hostile.xml").write_text(mjcf("", head))
         return _import(folder / "hostile.xml")
 
     @_maker(f"scene: height field of a PNG of {side} x {side}")
     def _field(folder: Path) -> list[str]:
-        png(folder / "high.png", side)
+        _white(folder / "high.png", side)
         head = "<asset><hfield name='h' file='high.png' size='1 1 1 1'/></asset>"
         (folder / "hostile.xml").write_text(mjcf("<geom type='hfield' hfield='h'/>", head))
         return _import(folder / "hostile.xml")
@@ -354,7 +357,7 @@ def _tiff(path: Path) -> None:
     path.write_bytes(b"II*\0" + struct.pack("<I", 8 + len(body)) + body + directory)
 
 
-_heightmap("PNG of 8000 x 8000", ".png", lambda path: png(path, 8000))
+_heightmap("PNG of 8000 x 8000", ".png", lambda path: _white(path, 8000))
 _heightmap("DEM of 8000 x 8000", ".tif", _tiff)
 
 

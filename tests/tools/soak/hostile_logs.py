@@ -12,8 +12,8 @@ from pathlib import Path
 import zstandard
 from google.protobuf.message import Message
 
+from tests.harness.replay.forgeries import Forgery
 from tests.tools.small_log import COMMITTED
-from tests.tools.soak.forgeries import Forgery
 from tests.tools.soak.hostile_files import Maker
 from wayproof.harness.config import Config
 from wayproof.harness.log.codec.container import HEAD, MAGIC

@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 import io
 import struct
-import zlib
 from collections.abc import Callable
 
 import numpy as np
@@ -23,6 +22,7 @@ from tests.tools.soak.hostile_files import (
     SQUARE_NODE,
     collada,
     gltf,
+    png,
 )
 
 Files = dict[str, bytes]
@@ -87,15 +87,7 @@ def _npy(array: np.ndarray) -> bytes:
 
 def _png() -> bytes:
     """Return an image of 17 x 17 grey levels of 8 bits."""
-    rows = b"".join(b"\0" + bytes(range(n, n + 17)) for n in range(17))
-    chunks = [
-        (b"IHDR", struct.pack(">IIBBBBB", 17, 17, 8, 0, 0, 0, 0)),
-        (b"IDAT", zlib.compress(rows)), (b"IEND", b""),
-    ]  # fmt: skip
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-        for kind, body in chunks
-    )
+    return png(17, 8, b"".join(b"\0" + bytes(range(n, n + 17)) for n in range(17)))
 
 
 def _tiff() -> bytes:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import bz2
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from PIL import Image
@@ -97,19 +99,11 @@ def episode(folder: Path) -> Path:
     return path
 
 
-def scans(kind: BagKind) -> Source:
-    """Return the source of a bag with a planar laser."""
-    return lambda folder: _bag(folder, kind, "scan")
-
-
-def clouds(kind: BagKind) -> Source:
-    """Return the source of a bag with point clouds, a time for each point."""
-    return lambda folder: _bag(folder, kind, "cloud")
-
-
-def images(kind: BagKind) -> Source:
-    """Return the source of a bag with depth images and their camera."""
-    return lambda folder: _bag(folder, kind, "image")
+def _bag(folder: Path, kind: BagKind, what: str) -> Path:
+    """Write a bag with one sensor as a file; of ROS 2, the storage in its folder."""
+    out = folder / ("bag.bag" if kind == "ros1" else "bag")
+    write_bag(_messages(Builder(encoding_of(kind)), what), out, kind)
+    return out if kind == "ros1" else next(one for one in out.iterdir() if one.suffix != ".yaml")
 
 
 SOURCES: dict[str, Source] = {
@@ -120,18 +114,11 @@ SOURCES: dict[str, Source] = {
     "kitti": kitti,
     "episode": episode,
     **{
-        f"{name} {kind}": source(kind)
-        for name, source in (("scans", scans), ("clouds", clouds), ("images", images))
-        for kind in ("ros1", "mcap", "sqlite")
+        f"{what}s {kind}": partial(_bag, kind=kind, what=what)
+        for what in ("scan", "cloud", "image")
+        for kind in get_args(BagKind)
     },
 }
-
-
-def _bag(folder: Path, kind: BagKind, what: str) -> Path:
-    """Write a bag as a file; of ROS 2, the storage in its folder."""
-    out = folder / ("bag.bag" if kind == "ros1" else "bag")
-    write_bag(_messages(Builder(encoding_of(kind)), what), out, kind)
-    return out if kind == "ros1" else next(one for one in out.iterdir() if one.suffix != ".yaml")
 
 
 def _messages(build: Builder, what: str) -> Iterator[Stamped]:

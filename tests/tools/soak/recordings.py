@@ -12,15 +12,14 @@ import warnings
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from tests.tools.soak.cases import Report, judge_case, judged, limit_memory
 from tests.tools.soak.child import scratch
+from tests.tools.soak.fuzz import watched
 from tests.tools.soak.mutate import mutate
 from tests.tools.soak.recording_sources import SOURCES
 from wayproof.harness.bench.table import Progress
@@ -114,29 +113,20 @@ KINDS = (*BYTES, MESSAGES)
 
 def soak_recordings(count: int, seed: int, progress: Progress, first: int = 0) -> SimpleNamespace:
     """Break small recordings of every format `count` times, in every way in turn."""
+    kinds = [f"{kind} of {name}" for kind in KINDS for name in SOURCES]
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         sound = {key: make(_make_folder(folder / key)) for key, make in SOURCES.items()}
         for path in sound.values():
             _read(path)  # compiles everything; each is sound
-        work = partial(_cases, sound, seed)
-        return judged(
-            work, KINDS, numbers=range(first, first + count), name="recordings", progress=progress
-        )
 
+        def case(kind: str, rng: Rng) -> None:
+            warnings.simplefilter("error")  # a warning would be a second line
+            way, _, source = kind.partition(" of ")
+            with tempfile.TemporaryDirectory(dir=folder) as inner:
+                _read(break_one(sound[source], way, Path(inner), rng))
 
-def _cases(sound: dict[str, Path], seed: int, numbers: range, report: Report) -> None:
-    """Run cases in this child process."""
-    limit_memory()
-    warnings.simplefilter("error")  # a warning would be a second line
-    names = list(sound)
-    for case in numbers:
-        report(f"begin {case}")
-        rng = np.random.default_rng((seed, case))
-        name, kind = names[case % len(names)], KINDS[case // len(names) % len(KINDS)]
-        with tempfile.TemporaryDirectory(dir=scratch()) as folder:
-            path = break_one(sound[name], kind, Path(folder), rng)
-            judge_case(case, kind, partial(_read, path), report)
+        return watched(case, kinds, folder, range(first, first + count), seed, progress)
 
 
 def break_one(sound: Path, kind: str, folder: Path, rng: Rng) -> Path:
