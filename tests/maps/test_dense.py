@@ -30,7 +30,7 @@ def sweep(seed, count=400):
 @pytest.mark.parametrize("region", [(None, None), ((-2.0, -1.0, -0.4), (3.0, 2.5, 1.7))])
 def test_it_has_the_states_of_the_voxel_map_cell_by_cell(region):
     config = MapConfig(half_life=0.0)
-    ours, theirs = CountingMap(config, 1, *region), VoxelMap(config, 1, *region)
+    ours, theirs = CountingMap(config, *region), VoxelMap(config, *region)
     for a_map in (ours, theirs):
         a_map.mark_free_sphere((0.0, 0.0, 0.5), 0.6, 0)
         a_map.mark_floor((-1.0, -1.0), (1.0, 1.0), 0)

@@ -77,7 +77,7 @@ def faded_brick(ticks_seen, until):
         loss_words=eights,
     )
     faded = kernels.FadedBricks(turned, alive)
-    kernels.fade_bricks(np.array([0]), (0, 1), until, True, bricks, losses, faded, scratch)
+    kernels.fade_bricks(np.array([0]), until, True, bricks, losses, faded, scratch)
     return before, cells, (settled, ticks, dues, turned, alive)
 
 

@@ -84,7 +84,7 @@ def test_digests_differ_if_a_single_word_does(run):
     eights[4] = 0
     lanes, held = np.zeros((6, 8), np.uint64), np.zeros(6, np.bool_)
     with np.errstate(over="ignore"):
-        run(np.arange(6), (0, 6), eights, lanes, held)
+        run(np.arange(6), eights, lanes, held)
     assert len({lane.tobytes() for lane in lanes}) == 5
     assert lanes[0].tolist() == lanes[5].tolist()
     assert held.tolist() == [True, True, True, True, False, True]
