@@ -152,7 +152,7 @@ def test_patches_that_move_are_echoes_that_come_and_go_and_others_are_not():
 @pytest.fixture(scope="module")
 def room():
     """A map of walls 4 m around the sensor."""
-    voxel_map = VoxelMap(MapConfig(), 1, (-6.0, -6.0, -3.0), (6.0, 6.0, 3.0))
+    voxel_map = VoxelMap(MapConfig(), (-6.0, -6.0, -3.0), (6.0, 6.0, 3.0))
     for time_ns in (0, 10**8):
         voxel_map.integrate(
             origins=np.zeros((1, 3)),
@@ -176,7 +176,7 @@ def test_silence_across_walls_is_contradicted_and_others_are_not(room):
     assert contradicted(room, level, int(level.sum()))
     assert contradicted(room, level, 15 * int(level.sum()))
     assert not contradicted(room, level, 17 * int(level.sum()))  # less than 6 % of the sweep
-    nothing = VoxelMap(MapConfig(), 1, (-6.0, -6.0, -3.0), (6.0, 6.0, 3.0))
+    nothing = VoxelMap(MapConfig(), (-6.0, -6.0, -3.0), (6.0, 6.0, 3.0))
     assert not contradicted(nothing, level, int(level.sum()))
     short = are_contradicted(
         room, np.zeros((level.sum(), 3)), DIRECTIONS[level], 3.5, int(level.sum())

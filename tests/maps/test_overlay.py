@@ -118,7 +118,7 @@ def test_a_costmap_of_both_is_that_of_the_combined_cells_after_every_sweep(motio
     states[:, :, -window.first[2]] = OCCUPIED
     states[12:15, 5:22, 3:12] = OCCUPIED
     layer.put(window.first, states)
-    voxel_map = VoxelMap(MapConfig(resolution=0.1), 1, low, high)
+    voxel_map = VoxelMap(MapConfig(resolution=0.1), low, high)
     body = {"radius": 0.2, "height": 0.6, "step_height": 0.1}
     costs = CostmapConfig()
     both = Overlaid(voxel_map, layer)

@@ -53,7 +53,7 @@ def test_a_point_on_a_face_lies_in_the_cell_that_the_map_puts_it_into(motion, si
     )  # fmt: skip
     faces = np.round(np.arange(20, 121) * 0.05, 2)
     points = np.column_stack((faces, faces[::-1], np.full(len(faces), 0.3)))
-    voxel_map = VoxelMap(MapConfig(resolution=size), 1, mission.low, mission.high)
+    voxel_map = VoxelMap(MapConfig(resolution=size), mission.low, mission.high)
     config = Config("empty", "quadruped" if motion == "ground" else "drone", 1)
     rounded_down = 0
     for reach in (0.3, 0.55, 1.0, 1.35):  # corners at other multiples

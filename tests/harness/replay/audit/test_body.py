@@ -25,7 +25,7 @@ LOGS = Path(__file__).parents[2] / "logs"
 
 def test_the_discs_of_a_long_body_have_slack_and_a_round_one_that_of_rounding():
     """Free is x < 1; 0.295 m and half a diagonal of 10-cm cells are 3 cells from one's own."""
-    voxel_map = VoxelMap(CONFIG.map, 1, MISSION.low, MISSION.high)
+    voxel_map = VoxelMap(CONFIG.map, MISSION.low, MISSION.high)
     voxel_map.mark_floor((-1.0, -1.0), (1.0, 1.0), 0)
     voxel_map.mark_free((-1.0, -1.0, 0.0), (1.0, 1.0, 0.6), 0)
     body = Body(CONFIG, MISSION, "forbid")

@@ -66,7 +66,7 @@ def on_its_way(motion, radius, free, way):
         (-3.0, -3.0, -0.2), (3.0, 3.0, 3.0), (0.0, 0.0, 1.0), 0.0, (2.0, 0.0, 1.0),
     )  # fmt: skip
     config = Config("empty", "drone", 1)
-    voxel_map = VoxelMap(config.map, 1, mission.low, mission.high)
+    voxel_map = VoxelMap(config.map, mission.low, mission.high)
     for low, high in free:
         voxel_map.mark_floor(low, high, 0)
         voxel_map.mark_free((*low, 0.0 if motion == "ground" else -0.5), (*high, 2.5), 0)

@@ -24,7 +24,7 @@ AIR = Mission(
 def in_the_air(way, arcs, action, before=None, mission=AIR):
     """The ball in a box of free cells, x and y up to 1 and 2 m, on its way at so many samples."""
     config = Config("empty", "drone", 1)
-    voxel_map = VoxelMap(config.map, 1, mission.low, mission.high)
+    voxel_map = VoxelMap(config.map, mission.low, mission.high)
     voxel_map.mark_free((-2.0, -2.0, -0.5), (1.0, 2.0, 2.5), 0)
     decision = pb.Decision(action=action, trajectory=trajectory(way, arcs))
     pose = Pose(np.array(way[0]), np.array([1.0, 0.0, 0.0, 0.0]), position_sigma=0.0)
