@@ -295,6 +295,8 @@ def differences(found: list[str], recorded: list[str]) -> Iterator[str]:
         _, *before = known.get(name, [name])
         if not before:
             yield f"{name}: not recorded"
+        elif values[0] == "refused":
+            yield f"{name}: refused, was {' '.join(before)}"
         elif values[:3] != before[:3]:
             yield f"{name}: decided otherwise: {' '.join(values)}, was {' '.join(before)}"
         elif values[3] != before[3]:
@@ -317,6 +319,12 @@ def main() -> int:
     found = sorted(lines_of(chosen))
     recorded = RECORDED.read_text().splitlines() if RECORDED.exists() else []
     differing = list(differences(found, recorded))
+    if not found:
+        parser.error(f"--only {' '.join(options.only)}: no case has that in its name")
+    if not (options.quick or options.only):
+        names = {case.name for case in chosen}
+        gone = [line.split()[0] for line in recorded if line.split()[0] not in names]
+        differing += [f"{name}: recorded, and no case any more" for name in gone]
     if options.write:
         kept = {line.split()[0]: line for line in recorded} if len(chosen) < len(cases()) else {}
         kept |= {line.split()[0]: line for line in found}
