@@ -60,7 +60,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     if options.perturb is not None:
         config = with_perturbation(config, perturbation_from(options.perturb))
     given = {"prior.source": options.prior, "stack.name": options.stack}
-    config = override(config, [f"{key}={value}" for key, value in given.items() if value])
+    config = override(
+        config, [f"{key}={value}" for key, value in given.items() if value is not None]
+    )
     if options.guard:
         config = replace(config, stack=replace(config.stack, guard=True))
         refuse_idle_guard(config.stack)
