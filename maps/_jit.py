@@ -10,7 +10,13 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 # error_model="numpy" compiles a division without a branch for zero; nogil lets Python threads run
 # kernels side by side. No fastmath: it would let the compiler reorder arithmetic, and two machines
 # could then build two maps.
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+# No kernel is called from C: its second wrapper would take a fifth of the time to compile.
+OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "error_model": "numpy",
+    "nogil": True,
+    "no_cfunc_wrapper": True,
+}
 UNCOUNTED, COUNTED = {**OPTIONS, "_nrt": False}, {**OPTIONS, "_nrt": True}
 
 
