@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from wayproof.models.worlds.bare import empty, hall, tunnel
 from wayproof.models.worlds.construction import construction
 from wayproof.models.worlds.corridor import corridor
 from wayproof.models.worlds.crossing import crossing
 from wayproof.models.worlds.cylinders import cylinders
-from wayproof.models.worlds.empty import empty
 from wayproof.models.worlds.forest import forest
 from wayproof.models.worlds.ghosts import ghosts
-from wayproof.models.worlds.hall import hall
 from wayproof.models.worlds.maze import maze
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.office import office
@@ -25,9 +24,8 @@ from wayproof.models.worlds.solids import (
     Sphere,
     TriangleMesh,
 )
-from wayproof.models.worlds.solvability import is_solvable, is_solvable_in_any, shortest_path_length
+from wayproof.models.worlds.solvability import is_solvable, shortest_path_length
 from wayproof.models.worlds.traffic import Traffic
-from wayproof.models.worlds.tunnel import tunnel
 from wayproof.models.worlds.warehouse import warehouse
 from wayproof.models.worlds.world import World
 
@@ -59,7 +57,6 @@ __all__ = [
     "TriangleMesh",
     "World",
     "is_solvable",
-    "is_solvable_in_any",
     "shortest_path_length",
     "with_traffic",
 ]

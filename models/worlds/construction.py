@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -12,19 +13,20 @@ from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
+    LOW,
     Group,
+    Point,
     Rectangle,
-    heading_towards,
+    between,
     opposite_ends,
-    room_walls,
+    room,
     slabs_around,
     with_groups,
 )
 from wayproof.models.worlds.solids import Box, Capsule, Cylinder, TriangleMesh
 from wayproof.models.worlds.world import World
 
-LOW: Vector3 = (0.0, 0.0, -0.5)
-LENGTH, WIDTH, HEIGHT = 17.0, 12.0, 3.0
+SIZE = (17.0, 12.0)
 END_DISTANCE = 1.4
 """Distance of start and goal from the outside of the fence, m."""
 
@@ -42,52 +44,38 @@ STEP_HEIGHT = 0.03
 
 
 @generated
-def construction(
-    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
-) -> World:
+def construction(rng: np.random.Generator, difficulty: float, parameters: WorldParameters) -> World:
     """Draw a site of 17 x 12 m, start and goal at its two ends.
 
     Difficulty adds pieces. Holes have barriers about them up to a difficulty of 0.5; beyond, more
     and more of them lie open, visible only as missing floor.
     """
-    high = (LENGTH, WIDTH, HEIGHT)
-    start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=END_DISTANCE)
-    holes = _holes(rng, (start, goal), high)
+    ends = opposite_ends(rng, SIZE, inset=END_DISTANCE, side_inset=END_DISTANCE)
+    holes = _holes(rng, ends)
     unguarded = 2.0 * difficulty - 1.0
     guards = [bar for hole in holes if rng.uniform() >= unguarded for bar in _barrier(hole)]
-    site = World(
-        name="construction",
-        seed=seed,
-        low=LOW,
-        high=high,
-        solids=(*room_walls(LOW, high, "barrier"), *guards),
-        start=start,
-        start_heading=heading_towards(rng, start, goal),
-        goal=goal,
-        floor=slabs_around(LOW, high, holes),
-    )
-    count = round(PIECE_COUNTS[0] + difficulty * (PIECE_COUNTS[1] - PIECE_COUNTS[0]))
+    fence = room(rng, SIZE, ends, guards, "barrier")
+    site = replace(fence, floor=slabs_around(SIZE, holes))
+    count = round(between(PIECE_COUNTS, difficulty))
 
     def pieces() -> Iterator[Iterator[Group]]:
         for number in range(count):
             make = MAKERS[number % len(MAKERS)]
-            yield (make(rng, *_anywhere(rng, holes, high)) for _ in range(FEW_PLACEMENTS))
+            yield (make(rng, *_anywhere(rng, holes)) for _ in range(FEW_PLACEMENTS))
 
     return with_groups(site, pieces(), parameters.passage_radius)
 
 
-def _holes(
-    rng: np.random.Generator, ends: tuple[Vector3, Vector3], high: Vector3
-) -> list[Rectangle]:
+def _holes(rng: np.random.Generator, ends: tuple[Point, Point]) -> list[Rectangle]:
     """Draw holes, one to three, well apart from one another, the fence and both ends."""
     holes: list[Rectangle] = []
     count = int(rng.integers(1, 4))
     for _ in range(5 * FEW_PLACEMENTS):
         size = rng.uniform(0.8, 1.8, 2)
-        low = rng.uniform(np.add(LOW[:2], 2.2), np.subtract(high[:2], 2.2) - size)
+        low = rng.uniform(np.add(LOW[:2], 2.2), np.subtract(SIZE, 2.2) - size)
         corners = np.round([low, low + size], 2)
         apart = [_gap(corners, np.array(hole)) for hole in holes]
-        apart += [_gap(corners, np.array([end[:2], end[:2]])) for end in ends]
+        apart += [_gap(corners, np.array([end, end])) for end in ends]
         if min(apart) >= 2.0:
             (x0, y0), (x1, y1) = corners.tolist()
             holes.append(((x0, y0), (x1, y1)))
@@ -114,12 +102,10 @@ def _barrier(hole: Rectangle) -> Group:
     return (*posts, *rails)
 
 
-def _anywhere(
-    rng: np.random.Generator, holes: list[Rectangle], high: Vector3
-) -> tuple[float, float]:
+def _anywhere(rng: np.random.Generator, holes: list[Rectangle]) -> Point:
     """Draw a place not within a metre of a hole."""
     while True:
-        place = rng.uniform(LOW[:2], high[:2])
+        place = rng.uniform(LOW[:2], SIZE)
         if all(_gap(np.array([place, place]), np.array(hole)) > 1.0 for hole in holes):
             return round(float(place[0]), 3), round(float(place[1]), 3)
 
@@ -169,12 +155,8 @@ def _ramp(rng: np.random.Generator, x: float, y: float) -> Group:
 def _stairs(rng: np.random.Generator, x: float, y: float) -> Group:
     """Return five steps, each as high as a quadruped steps over."""
     return tuple(
-        Box.between(
-            (x + 0.3 * i, y - 0.5, i * STEP_HEIGHT),
-            (x + 1.5, y + 0.5, (i + 1) * STEP_HEIGHT),
-            "step",
-        )
-        for i in range(5)
+        Box.between((x + 0.3 * i, y - 0.5, z), (x + 1.5, y + 0.5, z + STEP_HEIGHT), "step")
+        for i, z in ((i, i * STEP_HEIGHT) for i in range(5))
     )
 
 
@@ -194,17 +176,13 @@ def _bars(rng: np.random.Generator, x: float, y: float) -> Group:
     """Return a trestle: a thin bar that lies at chest height across two legs."""
     length = round(rng.uniform(0.6, 1.0), 3)
     height = round(rng.uniform(0.3, 0.9), 3)
+    left, right = round(x - length, 3), round(x + length, 3)
     legs = [
-        Capsule(
-            (round(x + end, 3), round(y + side, 3), 0.02),
-            (round(x + end, 3), y, height),
-            0.02,
-            "bar",
-        )
-        for end in (-length, length)
+        Capsule((end, round(y + side, 3), 0.02), (end, y, height), 0.02, "bar")
+        for end in (left, right)
         for side in (-0.25, 0.25)
     ]
-    top = Capsule((round(x - length, 3), y, height), (round(x + length, 3), y, height), 0.02, "bar")
+    top = Capsule((left, y, height), (right, y, height), 0.02, "bar")
     return (*legs, top)
 
 

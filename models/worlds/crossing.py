@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds.generator import generated
-from wayproof.models.worlds.layout import (
-    heading_towards,
-    opposite_ends,
-    room_walls,
-    with_crates,
-)
+from wayproof.models.worlds.layout import between, opposite_ends, room, with_crates
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.pedestrians import FORKLIFT, PERSON
 from wayproof.models.worlds.world import World
 
-LOW: Vector3 = (0.0, 0.0, -0.5)
-LENGTH, WIDTH, HEIGHT = 17.0, 11.0, 3.0
+SIZE = (17.0, 11.0)
 FORKLIFT_SHARE = 0.25
 """Share of forklifts among the movers."""
 
@@ -34,37 +29,26 @@ SPEEDS = ((0.3, 0.7), (0.7, 1.5))
 
 
 @generated
-def crossing(
-    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
-) -> World:
+def crossing(rng: np.random.Generator, difficulty: float, parameters: WorldParameters) -> World:
     """Draw a 17 x 11 m hall, start and goal at its two ends, lanes across between them.
 
     Difficulty raises the number of movers from 2 to 8, and their speed.
     """
-    high = (LENGTH, WIDTH, HEIGHT)
-    start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=2.5)
-    count = round(MOVERS[0] + difficulty * (MOVERS[1] - MOVERS[0]))
-    lanes = np.linspace(LANE_DISTANCE, high[0] - LANE_DISTANCE, count)
+    ends = opposite_ends(rng, SIZE, inset=END_DISTANCE, side_inset=2.5)
+    count = round(between(MOVERS, difficulty))
+    lanes = np.linspace(LANE_DISTANCE, SIZE[0] - LANE_DISTANCE, count)
     lanes += rng.uniform(-0.3, 0.3, count)
-    hall = World(
-        name="crossing",
-        seed=seed,
-        low=LOW,
-        high=high,
-        solids=room_walls(LOW, high),
-        start=start,
-        start_heading=heading_towards(rng, start, goal),
-        goal=goal,
-        movers=tuple(_mover(rng, i, float(x), difficulty) for i, x in enumerate(lanes)),
-    )
+    hall = room(rng, SIZE, ends)
+    movers = tuple(_mover(rng, i, float(x), difficulty) for i, x in enumerate(lanes))
+    hall = replace(hall, movers=movers)
     crates = int(rng.integers(0, 4))
     return with_crates(rng, hall, crates, longest=0.8, radius=parameters.passage_radius)
 
 
 def _mover(rng: np.random.Generator, number: int, x: float, difficulty: float) -> Mover:
-    slow, fast = (a + difficulty * (b - a) for a, b in zip(*SPEEDS, strict=True))
+    slow, fast = (between(ends, difficulty) for ends in zip(*SPEEDS, strict=True))
     speed = round(rng.uniform(slow, fast), 3)
-    drives, width = bool(rng.uniform() < FORKLIFT_SHARE), WIDTH
+    drives, width = bool(rng.uniform() < FORKLIFT_SHARE), SIZE[1]
     margin = 2.0 if drives else 0.7
     route = ((round(x, 3), margin, 0.0), (round(x, 3), width - margin, 0.0))
     if rng.integers(2):

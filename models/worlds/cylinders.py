@@ -10,23 +10,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
+    LOW,
     WALL_HEIGHT,
     WALL_THICKNESS,
+    Point,
+    between,
     given_or,
-    heading_towards,
     opposite_ends,
-    room_walls,
+    room,
 )
 from wayproof.models.worlds.solids import Cylinder
 from wayproof.models.worlds.solvability import passage_radius
 from wayproof.models.worlds.world import World
 
-LOW: Vector3 = (0.0, 0.0, -0.5)
-LENGTH, WIDTH, HEIGHT = 16.0, 10.0, 3.0
+SIZE = (16.0, 10.0)
 PILLAR_RADIUS = 0.2
 CELL = 0.4
 FILLED_SHARE = (0.10, 0.34)
@@ -44,47 +44,30 @@ END_DISTANCE = 1.3
 
 
 @generated
-def cylinders(
-    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
-) -> World:
+def cylinders(rng: np.random.Generator, difficulty: float, parameters: WorldParameters) -> World:
     """Draw pillars in a 16 x 10 m hall, start and goal at its two ends.
 
     Difficulty raises the share of the cells that are filled and narrows the way left open.
     """
-    high = (LENGTH, WIDTH, HEIGHT)
-    start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=END_DISTANCE)
-    share = FILLED_SHARE[0] + difficulty * (FILLED_SHARE[1] - FILLED_SHARE[0])
-    centres = _filled_cells(rng, share, high)
-    way, radius = _way(rng, start, goal, high), PILLAR_RADIUS
+    start, goal = opposite_ends(rng, SIZE, inset=END_DISTANCE, side_inset=END_DISTANCE)
+    centres = _filled_cells(rng, between(FILLED_SHARE, difficulty))
+    way, radius = _way(rng, start, goal), PILLAR_RADIUS
     away = np.linalg.norm(centres[:, None] - way[None], axis=2).min(axis=1)
-    ends = np.linalg.norm(centres[:, None] - np.array([start, goal])[None, :, :2], axis=2)
+    ends = np.linalg.norm(centres[:, None] - np.array([start, goal])[None], axis=2)
     passage = given_or(parameters.passage_radius, passage_radius(difficulty))
     keep = (away > passage + radius + WAY_MARGIN) & (ends.min(axis=1) > END_DISTANCE)
-    return World(
-        name="cylinders",
-        seed=seed,
-        low=LOW,
-        high=high,
-        solids=(
-            *room_walls(LOW, high),
-            *(
-                Cylinder((x, y, 0.0), (x, y, WALL_HEIGHT), radius, "pillar")
-                for x, y in np.round(centres[keep], 3).tolist()
-            ),
-        ),
-        start=start,
-        start_heading=heading_towards(rng, start, goal),
-        goal=goal,
+    pillars = (
+        Cylinder((x, y, 0.0), (x, y, WALL_HEIGHT), radius, "pillar")
+        for x, y in np.round(centres[keep], 3).tolist()
     )
+    return room(rng, SIZE, (start, goal), pillars)
 
 
-def _filled_cells(
-    rng: np.random.Generator, share: float, high: Vector3
-) -> NDArray[np.float64]:  # (n, 2)
+def _filled_cells(rng: np.random.Generator, share: float) -> NDArray[np.float64]:  # (n, 2)
     """Return centres of the cells that are filled after smoothing, m."""
     from scipy import ndimage  # slow to load
 
-    inside = np.subtract(high[:2], LOW[:2]) - 2 * WALL_THICKNESS
+    inside = np.subtract(SIZE, LOW[:2]) - 2 * WALL_THICKNESS
     filled = rng.uniform(size=tuple((inside / CELL).astype(int))) < share
     around = np.ones((3, 3), np.int64)
     for _ in range(int(rng.integers(SMOOTHINGS[0], SMOOTHINGS[1] + 1))):
@@ -94,11 +77,9 @@ def _filled_cells(
     return np.asarray(corner + (np.argwhere(filled) + 0.5) * CELL)
 
 
-def _way(
-    rng: np.random.Generator, start: Vector3, goal: Vector3, high: Vector3
-) -> NDArray[np.float64]:  # (n, 2)
+def _way(rng: np.random.Generator, start: Point, goal: Point) -> NDArray[np.float64]:  # (n, 2)
     """Return points 0.1 m apart along a polyline from start to goal through two points between."""
     x = np.linspace(start[0], goal[0], 4)
-    y = [start[1], *rng.uniform(LOW[1] + END_DISTANCE, high[1] - END_DISTANCE, 2), goal[1]]
+    y = [start[1], *rng.uniform(LOW[1] + END_DISTANCE, SIZE[1] - END_DISTANCE, 2), goal[1]]
     along = np.linspace(x[0], x[-1], round(10 * (x[-1] - x[0])))
     return np.column_stack([along, np.interp(along, x, y)])

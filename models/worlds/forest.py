@@ -12,17 +12,17 @@ from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
     FEW_PLACEMENTS,
+    LOW,
     Group,
-    heading_towards,
+    between,
     opposite_ends,
-    room_walls,
+    room,
     with_groups,
 )
 from wayproof.models.worlds.solids import Capsule, Cylinder, Sphere
 from wayproof.models.worlds.world import World
 
-LOW: Vector3 = (0.0, 0.0, -0.5)
-LENGTH, WIDTH, HEIGHT = 17.0, 12.0, 3.0
+SIZE = (17.0, 12.0)
 END_DISTANCE = 1.4
 """Distance of start and goal from the outside of the hedge, m."""
 
@@ -36,40 +36,28 @@ MAX_BRANCHES = 3
 
 
 @generated
-def forest(
-    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
-) -> World:
+def forest(rng: np.random.Generator, difficulty: float, parameters: WorldParameters) -> World:
     """Draw a wood of 17 x 12 m, start and goal at its two ends.
 
     Difficulty raises the number of trees, of branches that a ground robot passes under and a drone
     does not, and of bushes.
     """
-    high = (LENGTH, WIDTH, HEIGHT)
-    start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=END_DISTANCE)
-    clearing = World(
-        name="forest",
-        seed=seed,
-        low=LOW,
-        high=high,
-        solids=room_walls(LOW, high, "hedge"),
-        start=start,
-        start_heading=heading_towards(rng, start, goal),
-        goal=goal,
-    )
-    trunks, bushes = (round(a + difficulty * (b - a)) for a, b in (TRUNKS, BUSH_COUNTS))
+    ends = opposite_ends(rng, SIZE, inset=END_DISTANCE, side_inset=END_DISTANCE)
+    clearing = room(rng, SIZE, ends, kind="hedge")
+    trunks, bushes = (round(between(counts, difficulty)) for counts in (TRUNKS, BUSH_COUNTS))
     branches = 0.2 + 0.5 * difficulty
 
     def growth() -> Iterator[Iterator[Group]]:
         for _ in range(trunks):
-            yield (_tree(rng, high, branches) for _ in range(FEW_PLACEMENTS))
+            yield (_tree(rng, branches) for _ in range(FEW_PLACEMENTS))
         for _ in range(bushes):
-            yield (_bush(rng, high) for _ in range(FEW_PLACEMENTS))
+            yield (_bush(rng) for _ in range(FEW_PLACEMENTS))
 
     return with_groups(clearing, growth(), parameters.passage_radius)
 
 
-def _tree(rng: np.random.Generator, high: Vector3, branch_share: float) -> Group:
-    x, y = np.round(rng.uniform(LOW[:2], high[:2]), 3).tolist()
+def _tree(rng: np.random.Generator, branch_share: float) -> Group:
+    x, y = np.round(rng.uniform(LOW[:2], SIZE), 3).tolist()
     radius = round(rng.uniform(0.08, 0.22), 3)
     lean, bearing = rng.uniform(0.0, 0.08), rng.uniform(0.0, 2 * pi)  # a tangent, rad
     ahead = (lean * cos(bearing), lean * sin(bearing))
@@ -89,7 +77,7 @@ def _tree(rng: np.random.Generator, high: Vector3, branch_share: float) -> Group
     return (trunk, *branches)
 
 
-def _bush(rng: np.random.Generator, high: Vector3) -> Group:
-    x, y = np.round(rng.uniform(LOW[:2], high[:2]), 3).tolist()
+def _bush(rng: np.random.Generator) -> Group:
+    x, y = np.round(rng.uniform(LOW[:2], SIZE), 3).tolist()
     radius = round(rng.uniform(0.2, 0.4), 3)
     return (Sphere((x, y, round(0.7 * radius, 3)), radius, "hedge"),)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds.generator import generated
-from wayproof.models.worlds.layout import heading_towards, opposite_ends, room_walls
+from wayproof.models.worlds.layout import LOW, Point, between, opposite_ends, room
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.world import World
 
-LOW: Vector3 = (0.0, 0.0, -0.5)
-LENGTH, WIDTH, HEIGHT = 16.0, 9.0, 3.0
+SIZE = (16.0, 9.0)
 END_DISTANCE = 1.4
 """Distance of start and goal from the outside of the walls, m."""
 
@@ -31,36 +31,23 @@ LAST_APPEARANCE = 14.0
 
 
 @generated
-def ghosts(
-    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
-) -> World:
+def ghosts(rng: np.random.Generator, difficulty: float, parameters: WorldParameters) -> World:
     """Draw a 16 x 9 m hall with panels about the straight line from end to end.
 
     Difficulty raises their number from 2 to 12. Each stands still as long as it exists, 3 to 12 s,
     and none appears within half a metre of a robot.
     """
-    high = (LENGTH, WIDTH, HEIGHT)
-    start, goal = opposite_ends(rng, LOW, high, inset=END_DISTANCE, side_inset=2.5)
-    count = round(THINGS[0] + difficulty * (THINGS[1] - THINGS[0]))
-    return World(
-        name="ghosts",
-        seed=seed,
-        low=LOW,
-        high=high,
-        solids=room_walls(LOW, high),
-        start=start,
-        start_heading=heading_towards(rng, start, goal),
-        goal=goal,
-        movers=tuple(_thing(rng, number, (start, goal)) for number in range(count)),
-    )
+    ends = opposite_ends(rng, SIZE, inset=END_DISTANCE, side_inset=2.5)
+    hall, count = room(rng, SIZE, ends), round(between(THINGS, difficulty))
+    return replace(hall, movers=tuple(_thing(rng, number, ends) for number in range(count)))
 
 
-def _thing(rng: np.random.Generator, number: int, between: tuple[Vector3, Vector3]) -> Mover:
+def _thing(rng: np.random.Generator, number: int, line: tuple[Point, Point]) -> Mover:
     """Draw one that stands about the line between two points; every other one is there at first."""
-    ends = np.array(between)[:, :2]
+    ends = np.array(line)
     while True:
         middle = ends[0] + rng.uniform(0.1, 0.9) * (ends[1] - ends[0])
-        middle[1] = np.clip(middle[1] + rng.normal(0.0, 1.5), LOW[1] + 1.0, WIDTH - 1.0)
+        middle[1] = np.clip(middle[1] + rng.normal(0.0, 1.5), LOW[1] + 1.0, SIZE[1] - 1.0)
         if np.linalg.norm(ends - middle, axis=1).min() >= END_CLEARANCE:
             break
     half_z = round(rng.uniform(0.5, 1.3), 3)

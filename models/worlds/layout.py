@@ -37,12 +37,19 @@ END_CLEARANCE = 0.95
 REACHABLE_SHARE = 0.95
 """Minimum share of the passable floor that crates leave connected with the start."""
 
+LOW: Vector3 = (0.0, 0.0, -0.5)
+"""Lower corner of the operating area of a generated world, m."""
+
+CEILING = 3.0
+"""Top of it, m."""
+
 FLOOR_THICKNESS = 0.3
 """Thickness of a floor of slabs, m."""
 
 Group = tuple[Solid, ...]
 Given = TypeVar("Given", int, float)
-Rectangle = tuple[tuple[float, float], tuple[float, float]]
+Point = tuple[float, float]
+Rectangle = tuple[Point, Point]
 
 ALL_HEIGHTS = (-100.0, 100.0)
 """Height band that holds everything, m."""
@@ -58,17 +65,46 @@ FEW_PLACEMENTS = 30
 
 
 def opposite_ends(
-    rng: np.random.Generator, low: Vector3, high: Vector3, inset: float, side_inset: float
-) -> tuple[Vector3, Vector3]:
+    rng: np.random.Generator, size: Point, inset: float, side_inset: float
+) -> tuple[Point, Point]:
     """Draw start and goal, `inset` from either end of an area along x, `side_inset` from its sides.
 
-    Lengths in m; the area begins at x = 0.
+    Lengths in m.
     """
     start, goal = (
-        (x, round(rng.uniform(low[1] + side_inset, high[1] - side_inset), 3), 0.0)
-        for x in (inset, high[0] - inset)
+        (x, round(rng.uniform(LOW[1] + side_inset, size[1] - side_inset), 3))
+        for x in (inset, size[0] - inset)
     )
     return start, goal
+
+
+def room(
+    rng: np.random.Generator,
+    size: Point,
+    ends: tuple[Point, Point],
+    solids: Iterable[Solid] = (),
+    kind: str = "wall",
+) -> World:
+    """Return a walled area with start, goal and solids; `generated` gives it name and seed.
+
+    Args:
+        rng: Draws the heading at the start.
+        size: Length along x and width, outside of the walls, m.
+        ends: Start and goal, m.
+        solids: All that stands between the walls.
+        kind: Kind of the walls.
+    """
+    high, (start, goal) = (*size, CEILING), ends
+    return World(
+        name="",
+        seed=0,
+        low=LOW,
+        high=high,
+        solids=(*room_walls(LOW, high, kind), *solids),
+        start=(*start, 0.0),
+        start_heading=heading_towards(rng, start, goal),
+        goal=(*goal, 0.0),
+    )
 
 
 def room_walls(low: Vector3, high: Vector3, kind: str = "wall") -> tuple[Box, ...]:
@@ -83,16 +119,15 @@ def room_walls(low: Vector3, high: Vector3, kind: str = "wall") -> tuple[Box, ..
     )
 
 
-def heading_towards(
-    rng: np.random.Generator, start: Sequence[float], goal: Sequence[float]
-) -> float:
+def heading_towards(rng: np.random.Generator, start: Point, goal: Point) -> float:
     """Draw a heading within half a radian of the goal's bearing, rad."""
     bearing = atan2(goal[1] - start[1], goal[0] - start[0])
     return round(bearing + rng.uniform(-0.5, 0.5), 3)
 
 
-def mirrored(world: World, flip_x: bool, flip_y: bool) -> World:
+def mirrored(rng: np.random.Generator, world: World) -> World:
     """Mirror a world of upright boxes across x, y, both or neither, within its outline."""
+    flip_x, flip_y = bool(rng.integers(2)), bool(rng.integers(2))
 
     def place(point: Vector3) -> Vector3:
         x, y, z = point
@@ -117,6 +152,11 @@ def mirrored(world: World, flip_x: bool, flip_y: bool) -> World:
     )
 
 
+def between(limits: tuple[float, float], difficulty: float) -> float:
+    """Return the value at a difficulty, given those at 0 and at 1."""
+    return limits[0] + difficulty * (limits[1] - limits[0])
+
+
 def given_or(value: Given | None, otherwise: Given) -> Given:
     """Return a parameter; where it is None, a value drawn or set by the difficulty."""
     return otherwise if value is None else value
@@ -124,7 +164,7 @@ def given_or(value: Given | None, otherwise: Given) -> Given:
 
 def points_apart(
     rng: np.random.Generator, low: NDArray[np.float64], high: NDArray[np.float64], least: float
-) -> tuple[tuple[float, float], tuple[float, float]]:
+) -> tuple[Point, Point]:
     """Draw two points of the plane until they are far enough apart, rounded to 1 mm.
 
     Args:
@@ -260,19 +300,18 @@ def _cover(solid: Solid) -> tuple[NDArray[np.float64], float]:
     return (low + high)[None] / 2, float(np.hypot(*(high - low))) / 2
 
 
-def slabs_around(low: Vector3, high: Vector3, holes: Sequence[Rectangle]) -> tuple[Box, ...]:
+def slabs_around(size: Point, holes: Sequence[Rectangle]) -> tuple[Box, ...]:
     """Return a floor 0.3 m thick with rectangular holes that do not overlap.
 
     Args:
-        low: Corner of the floor; z is not used, the floor's surface is at 0.
-        high: Corner of the floor.
+        size: Length along x and width of the floor, whose surface is at 0, m.
         holes: Lower and upper corner of each, m, to millimetres.
     """
-    cuts = sorted({low[0], high[0], *(x for (x0, _), (x1, _) in holes for x in (x0, x1))})
+    cuts = sorted({LOW[0], size[0], *(x for (x0, _), (x1, _) in holes for x in (x0, x1))})
     slabs = []
     for x0, x1 in pairwise(cuts):
         missing = sorted((a[1], b[1]) for a, b in holes if a[0] <= x0 and x1 <= b[0])
-        edges = [low[1], *(y for hole in missing for y in hole), high[1]]
+        edges = [LOW[1], *(y for hole in missing for y in hole), size[1]]
         for y0, y1 in zip(edges[::2], edges[1::2], strict=True):
             slabs.append(Box.between((x0, y0, -FLOOR_THICKNESS), (x1, y1, 0.0), "floor"))
     return tuple(slabs)

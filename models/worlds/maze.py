@@ -7,21 +7,15 @@ from itertools import groupby
 
 import numpy as np
 
-from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds.generator import generated
-from wayproof.models.worlds.layout import (
-    WALL_HEIGHT,
-    WALL_THICKNESS,
-    heading_towards,
-    room_walls,
-)
+from wayproof.models.worlds.layout import WALL_HEIGHT, WALL_THICKNESS, between, room
 from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.world import World
 
 Cell = tuple[int, int]
 
-WIDEST, NARROWEST = 2.6, 2.1
+PITCHES = (2.6, 2.1)
 """Distance from wall to wall, middle to middle, at difficulty 0 and 1, m."""
 
 SIZE = (6, 5)
@@ -34,47 +28,32 @@ THICKNESS = 0.15
 
 
 @generated
-def maze(
-    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
-) -> World:
+def maze(rng: np.random.Generator, difficulty: float, parameters: WorldParameters) -> World:
     """Draw a maze of 6 x 5 cells, the goal as far as 15 m along its passages.
 
     Difficulty narrows the passages from 2.45 to 1.95 m and leaves fewer loops: at 1 there is one
     way alone.
     """
-    pitch = round(WIDEST + difficulty * (NARROWEST - WIDEST), 3)
-    loops = 0.4 * (1.0 - difficulty)
-    size = SIZE
-    open_sides = _tree(rng, size)
-    _add_loops(rng, open_sides, size, loops)
+    pitch = round(between(PITCHES, difficulty), 3)
+    open_sides = _tree(rng)
+    _add_loops(rng, open_sides, 0.4 * (1.0 - difficulty))
     origin = WALL_THICKNESS - THICKNESS / 2
-    low: Vector3 = (0.0, 0.0, -0.5)
-    high = tuple(round(2 * origin + n * pitch, 3) for n in size)
-    first = (int(rng.integers(2)) * (size[0] - 1), int(rng.integers(size[1])))
-    last = _far_cell(open_sides, first, int(LONGEST_WAY / pitch), size)
+    first = (int(rng.integers(2)) * (SIZE[0] - 1), int(rng.integers(SIZE[1])))
+    last = _far_cell(open_sides, first, int(LONGEST_WAY / pitch))
     start, goal = (
-        (round(origin + (i + 0.5) * pitch, 3), round(origin + (j + 0.5) * pitch, 3), 0.0)
+        (round(origin + (i + 0.5) * pitch, 3), round(origin + (j + 0.5) * pitch, 3))
         for i, j in (first, last)
     )
-    outline = (high[0], high[1], WALL_HEIGHT)
-    return World(
-        name="maze",
-        seed=seed,
-        low=low,
-        high=outline,
-        solids=(*room_walls(low, outline), *_walls(open_sides, size, pitch, origin)),
-        start=start,
-        start_heading=heading_towards(rng, start, goal),
-        goal=goal,
-    )
+    length, width = (round(2 * origin + n * pitch, 3) for n in SIZE)
+    return room(rng, (length, width), (start, goal), _walls(open_sides, pitch, origin))
 
 
-def _tree(rng: np.random.Generator, size: Cell) -> set[frozenset[Cell]]:
+def _tree(rng: np.random.Generator) -> set[frozenset[Cell]]:
     """Draw pairs of neighbours without a wall between them, by a random depth-first search."""
-    path = [(int(rng.integers(size[0])), int(rng.integers(size[1])))]
+    path = [(int(rng.integers(SIZE[0])), int(rng.integers(SIZE[1])))]
     seen, open_sides = set(path), set()
     while path:
-        fresh = [cell for cell in _neighbours(path[-1], size) if cell not in seen]
+        fresh = [cell for cell in _neighbours(path[-1]) if cell not in seen]
         if not fresh:
             path.pop()
             continue
@@ -85,43 +64,41 @@ def _tree(rng: np.random.Generator, size: Cell) -> set[frozenset[Cell]]:
     return open_sides
 
 
-def _add_loops(
-    rng: np.random.Generator, open_sides: set[frozenset[Cell]], size: Cell, share: float
-) -> None:
+def _add_loops(rng: np.random.Generator, open_sides: set[frozenset[Cell]], share: float) -> None:
     """Remove a share of the inner walls, in place."""
-    for side in _sides(size):
+    for side in _sides():
         if rng.uniform() < share:
             open_sides.add(side)
 
 
-def _sides(size: Cell) -> list[frozenset[Cell]]:
+def _sides() -> list[frozenset[Cell]]:
     """Return every pair of neighbours, in a fixed order."""
-    cells = [(i, j) for i in range(size[0]) for j in range(size[1])]
-    return [frozenset((a, b)) for a in cells for b in _neighbours(a, size) if a < b]
+    cells = [(i, j) for i in range(SIZE[0]) for j in range(SIZE[1])]
+    return [frozenset((a, b)) for a in cells for b in _neighbours(a) if a < b]
 
 
-def _neighbours(cell: Cell, size: Cell) -> list[Cell]:
+def _neighbours(cell: Cell) -> list[Cell]:
     i, j = cell
     around = [(i - 1, j), (i + 1, j), (i, j - 1), (i, j + 1)]
-    return [(i, j) for i, j in around if 0 <= i < size[0] and 0 <= j < size[1]]
+    return [(i, j) for i, j in around if 0 <= i < SIZE[0] and 0 <= j < SIZE[1]]
 
 
-def _far_cell(open_sides: set[frozenset[Cell]], first: Cell, most: int, size: Cell) -> Cell:
+def _far_cell(open_sides: set[frozenset[Cell]], first: Cell, most: int) -> Cell:
     """Return the cell farthest from the first along the passages, up to a number of steps."""
     steps, queue = {first: 0}, deque([first])
     while queue:
         cell = queue.popleft()
-        for other in _neighbours(cell, size):
+        for other in _neighbours(cell):
             if other not in steps and frozenset((cell, other)) in open_sides:
                 steps[other] = steps[cell] + 1
                 queue.append(other)
     return max((count, cell) for cell, count in steps.items() if count <= most)[1]
 
 
-def _walls(open_sides: set[frozenset[Cell]], size: Cell, pitch: float, origin: float) -> list[Box]:
+def _walls(open_sides: set[frozenset[Cell]], pitch: float, origin: float) -> list[Box]:
     """Return the standing walls, each as long as it runs in one line."""
     walls = []
-    shut = [tuple(sorted(side)) for side in _sides(size) if side not in open_sides]
+    shut = [tuple(sorted(side)) for side in _sides() if side not in open_sides]
     for across in (0, 1):  # walls across x, that is along y; then along x
         along = 1 - across
         here = sorted(

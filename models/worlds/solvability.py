@@ -6,8 +6,6 @@ centre to the nearest solid that stands in the body's height band. What moves is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
 from math import ceil, floor
 from typing import TYPE_CHECKING
 
@@ -38,8 +36,6 @@ GROUND_BAND = (0.03, 0.5)
 AIR_BANDS = ((0.8, 1.6), (1.3, 2.2))
 """Altitude bands of which the reference drone needs one, m."""
 
-ATTEMPTS = 100
-
 LOWEST_FLIGHT = 0.2
 """Lower end of a height band below which a body needs floor under it, m."""
 
@@ -51,7 +47,6 @@ def is_solvable(
     band_high: float,
     start: ArrayLike,
     goal: ArrayLike,
-    clearance: float = 0.0,
 ) -> bool:
     """Return whether an upright cylinder can move from start to goal without touching a solid.
 
@@ -62,24 +57,11 @@ def is_solvable(
         band_high: Solids that begin at or above this height are passed under, m.
         start: (2,) or (3,) world frame, m; z is ignored.
         goal: (2,) or (3,) world frame, m; z is ignored.
-        clearance: Distance to keep beyond the radius, m.
     """
-    free = free_cells(world, radius + clearance, (band_low, band_high))
+    free = free_cells(world, radius, (band_low, band_high))
     labels = label_regions(free)
     start_label = labels[cell_of(world, start)]
     return bool(start_label > 0 and start_label == labels[cell_of(world, goal)])
-
-
-def is_solvable_in_any(
-    world: World,
-    radius: float,
-    bands: Sequence[Band],
-    start: ArrayLike,
-    goal: ArrayLike,
-    clearance: float = 0.0,
-) -> bool:
-    """Return whether one of several altitude bands suffices, which suffices for a flying body."""
-    return any(is_solvable(world, radius, *band, start, goal, clearance) for band in bands)
 
 
 def shortest_path_length(
@@ -89,14 +71,13 @@ def shortest_path_length(
     band_high: float,
     start: ArrayLike,
     goal: ArrayLike,
-    clearance: float = 0.0,
 ) -> float | None:
     """Return the length of the shortest way in the plane, m, or None when there is none.
 
     The 8-connected grid path (Dijkstra), pulled taut through free cells: without that a straight
     line at 22.5 degrees would count 8 % too long. Arguments as for `is_solvable`.
     """
-    way = shortest_path(world, radius, band_low, band_high, start, goal, clearance)
+    way = shortest_path(world, radius, band_low, band_high, start, goal)
     if way is None:
         return None
     return float(np.sqrt(np.square(np.diff(way, axis=0)).sum(axis=1)).sum())
@@ -109,55 +90,15 @@ def shortest_path(
     band_high: float,
     start: ArrayLike,
     goal: ArrayLike,
-    clearance: float = 0.0,
 ) -> NDArray[np.float64] | None:  # (n, 2)
     """Return the corners of that way, both ends included, m; None when there is none."""
-    free = free_cells(world, radius + clearance, (band_low, band_high))
+    free = free_cells(world, radius, (band_low, band_high))
     cells = _grid_path(free, cell_of(world, start), cell_of(world, goal))
     if cells is None:
         return None
     centres = np.asarray(world.low[:2]) + (cells + 0.5) * RESOLUTION  # (n, 2)
     points = np.vstack([np.ravel(start)[:2], centres[1:-1], np.ravel(goal)[:2]])
     return np.asarray(points[_taut(free, cells)])
-
-
-def first_solvable(
-    name: str,
-    seed: int,
-    draft: Callable[[np.random.Generator], World],
-    difficulty: float = 0.5,
-    radius: float | None = None,
-) -> World:
-    """Draw drafts from sub-seeds of (seed, name) until bodies of a radius can pass.
-
-    Args:
-        name: Name of the world.
-        seed: Seed of the world.
-        draft: Draws one world.
-        difficulty: 0 to 1.
-        radius: Radius of the bodies, m; None for that of the difficulty, see `passage_radius`.
-
-    Raises:
-        ValueError: The seed is negative, or the difficulty not from 0 to 1.
-        RuntimeError: No draft was solvable.
-    """
-    if seed < 0:
-        raise ValueError(f"seed: got {seed}, expected 0 or more")
-    if not 0.0 <= difficulty <= 1.0:
-        raise ValueError(f"difficulty: got {difficulty}, expected 0 to 1")
-    if radius is None:
-        radius = passage_radius(difficulty)
-    for attempt in range(ATTEMPTS):
-        world = draft(np.random.default_rng([seed, attempt, *name.encode()]))
-        ends = (world.start, world.goal)
-        if is_solvable(world, radius, *GROUND_BAND, *ends) and is_solvable_in_any(
-            world, radius, AIR_BANDS, *ends
-        ):
-            return replace(world, difficulty=difficulty, passage_radius=radius)
-    raise RuntimeError(
-        f"world {name!r}, seed {seed}: none of {ATTEMPTS} drafts lets a disc of {radius:g} m "
-        "through"
-    )
 
 
 def passage_radius(difficulty: float) -> float:

@@ -6,25 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from wayproof.models.arrays import Vector3
 from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds.aisle import inspected
 from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.layout import (
+    LOW,
     WALL_HEIGHT,
     WALL_THICKNESS,
+    Point,
     given_or,
-    heading_towards,
     mirrored,
-    room_walls,
+    room,
     with_crates,
 )
 from wayproof.models.worlds.shelves import CentreLine, shelf_rows
 from wayproof.models.worlds.solids import Box
 from wayproof.models.worlds.world import World
 
-LOW: Vector3 = (0.0, 0.0, -0.5)
-LENGTH, WIDTH, HEIGHT = 20.0, 14.0, 3.0
+LENGTH, WIDTH = 20.0, 14.0
 
 GOAL_END = 3.4
 """Length of the goal's end of the hall, beyond the shelves, m along x."""
@@ -40,49 +39,34 @@ END_TO_END = (8.0, 3.0)
 
 
 @generated
-def warehouse(
-    rng: np.random.Generator, seed: int, difficulty: float, parameters: WorldParameters
-) -> World:
+def warehouse(rng: np.random.Generator, difficulty: float, parameters: WorldParameters) -> World:
     """Draw a hall of 20 x 14 m, start and goal 12-17 m apart at its two ends.
 
     Difficulty scales the number of crates: 6 to 12 at 0.5.
     """
     aisle = parameters.warehouse.aisle_width
     partition_x = rng.uniform(4.6, 6.0)
-    high = (LENGTH, WIDTH, HEIGHT)
-    start, goal = _ends(rng, high)
+    ends = _ends(rng)
     partition = _partition(rng, partition_x)
     shelves, line = _storage(rng, partition_x + aisle + 0.2, aisle)
-    hall = World(
-        name="warehouse",
-        seed=seed,
-        low=LOW,
-        high=high,
-        solids=(
-            *room_walls(LOW, high),
-            *partition,
-            *shelves,
-        ),
-        start=start,
-        start_heading=heading_towards(rng, start, goal),
-        goal=goal,
-        aisle=() if line is None else inspected(line),
-    )
+    hall = room(rng, (LENGTH, WIDTH), ends, (*partition, *shelves))
+    hall = replace(hall, aisle=() if line is None else inspected(line))
     count = given_or(parameters.warehouse.crates, round(2 * difficulty * int(rng.integers(6, 13))))
-    furnished = with_crates(rng, hall, count, longest=0.8, radius=parameters.passage_radius)
-    return mirrored(furnished, flip_x=bool(rng.integers(2)), flip_y=bool(rng.integers(2)))
+    return mirrored(
+        rng, with_crates(rng, hall, count, longest=0.8, radius=parameters.passage_radius)
+    )
 
 
-def _ends(rng: np.random.Generator, high: Vector3) -> tuple[Vector3, Vector3]:
-    least, most = (high[0] - less for less in END_TO_END)
-    y = (END_DISTANCE, high[1] - END_DISTANCE)
+def _ends(rng: np.random.Generator) -> tuple[Point, Point]:
+    least, most = (LENGTH - less for less in END_TO_END)
+    y = (END_DISTANCE, WIDTH - END_DISTANCE)
     x_start = (END_DISTANCE, END_DISTANCE + END_DEPTHS[0])
-    x_goal = (high[0] - END_DISTANCE - END_DEPTHS[1], high[0] - END_DISTANCE)
+    x_goal = (LENGTH - END_DISTANCE - END_DEPTHS[1], LENGTH - END_DISTANCE)
     while True:
         start = np.round(rng.uniform((x_start[0], y[0]), (x_start[1], y[1])), 3).tolist()
         goal = np.round(rng.uniform((x_goal[0], y[0]), (x_goal[1], y[1])), 3).tolist()
         if least <= np.hypot(goal[0] - start[0], goal[1] - start[1]) <= most:
-            return (*start, 0.0), (*goal, 0.0)
+            return (start[0], start[1]), (goal[0], goal[1])
 
 
 def _partition(rng: np.random.Generator, x: float) -> list[Box]:
