@@ -38,8 +38,7 @@ class RecordedStudy:
         rows = [one for one in found if one is not None]
         if not rows:
             raise InputError(f"study '{self.folder}': no episode has ended")
-        first = planned[0].arm  # the reference
-        table = arrow_table(rows, first.variant, first.stack)
+        table = arrow_table(rows)
         logs = [str(store.log(row.key)) if row.chain else None for row in rows]
         return table.append_column("log", pa.array(logs, pa.string()))
 

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from wayproof.harness.study.determinism import Certificate
     from wayproof.harness.study.file import StudyFile
     from wayproof.harness.study.plan import Planned
-    from wayproof.harness.study.recorded_table import Pass
     from wayproof.harness.study.store import Store
     from wayproof.harness.study.study import StudyResult
 
@@ -78,41 +77,17 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
                 result = run_study(study, planned, store, engine, watch.finished, checks)
             except KeyboardInterrupt:
                 raise kept(len(planned) - count_missing(planned, store), len(planned)) from None
-    passes = _passes(study, planned, store)
-    _print_passes(console, passes)
     print_study(console, result)
     if options.check is not None:
         console.print(f"causes checked: {options.tally}", highlight=False, soft_wrap=True)
     console.print(f"next: wayproof report {store.folder}", highlight=False, soft_wrap=True)
     document = {**asdict(result), "verdict": result.verdict, "folder": str(store.folder)}
-    if study.recordings:
-        document["passes"] = [asdict(one) for one in passes]
     code = result.exit_code(options.allow_inconclusive)
     if not options.check_determinism:
         return code, document
     certificate = _certify(options, console, study, planned, store)
     code = code if certificate.identical else 1
     return code, {**document, "determinism": asdict(certificate)}
-
-
-def _passes(study: StudyFile, planned: Sequence[Planned], store: Store) -> list[Pass]:
-    """Return the passes of a study over recordings; none of another."""
-    if not study.recordings:
-        return []
-    from wayproof.harness.study.recorded_table import passes_of
-    from wayproof.harness.study.study import read_own_rows
-
-    rows, _ = read_own_rows(planned, store, allow_plugins=True)
-    return list(passes_of(rows, planned[0].arm.variant, planned[0].arm.stack))
-
-
-def _print_passes(console: Console, passes: Sequence[Pass]) -> None:
-    """Print each pass of a study over recordings in two lines."""
-    from wayproof.harness.study.recorded_table import in_words, name_of
-
-    for one in passes:
-        console.print(name_of(one), style="bold", highlight=False, soft_wrap=True)
-        console.print(f"  {in_words(one)}", highlight=False, markup=False, soft_wrap=True)
 
 
 def kept(done: int, episodes: int) -> Interrupted:

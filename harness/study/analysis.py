@@ -15,7 +15,7 @@ from wayproof.harness.statistics.exact import CONFIDENCE, Interval, holm, mcnema
 from wayproof.harness.statistics.intervals import difference_interval, mean_interval
 from wayproof.harness.statistics.support import TIME, Support
 from wayproof.harness.study.plan import Arm
-from wayproof.harness.study.rows import Row, first_difference, prove, reference_of, share_differing
+from wayproof.harness.study.rows import Row, first_difference, prove, share_differing
 
 Pairs = list[tuple[Row, Row]]
 
@@ -95,12 +95,12 @@ class Sample:
     compared: bool
 
 
-def samples_of(rows: Sequence[Row], first_variant: str, first_stack: str = "") -> list[Sample]:
+def samples_of(rows: Sequence[Row]) -> list[Sample]:
     """Return the samples of a study in the order of their first rows, paired with references."""
     by_arm = group(rows)
     samples = []
     for arm, own in by_arm.items():
-        reference = reference_of(arm, first_variant, first_stack)
+        reference = own[0].reference
         pairs = pair(own, by_arm.get(reference, [])) if reference else []
         samples.append(Sample(arm, own, pairs, reference is not None))
     return samples

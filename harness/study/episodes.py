@@ -9,8 +9,7 @@ from typing import Literal
 from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import ENDING
 from wayproof.harness.study.matching import open_planned
-from wayproof.harness.study.plan import Arm, Planned, name_of, plan_episodes
-from wayproof.harness.study.rows import reference_of
+from wayproof.harness.study.plan import Planned, name_of, plan_episodes
 from wayproof.harness.study.store import Store
 
 State = Literal["ended", "running", "not run", "no log"]
@@ -55,17 +54,15 @@ def entries_of(folder: Path, allow_plugins: bool = False) -> list[Entry]:
     store = Store(folder)
     study = store.read_study(allow_plugins)
     planned = plan_episodes(study, store.read_contents())
-    first = planned[0].arm
     keys = {(one.arm, one.seed): one.key for one in planned}
 
-    def twin(arm: Arm, seed: int) -> str:
-        reference = reference_of(arm, first.variant, first.stack)
-        key = None if reference is None else keys.get((reference, seed))
+    def twin(one: Planned) -> str:
+        key = keys.get((one.reference, one.seed)) if one.reference else None
         path = None if key is None else store.log(key)
         return str(path) if path is not None and path.is_file() else ""
 
     return [
-        _entry(store, number, one, twin(one.arm, one.seed), allow_plugins)
+        _entry(store, number, one, twin(one), allow_plugins)
         for number, one in enumerate(planned, 1)
     ]
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from wayproof.harness.config import BUILTIN, PLUGIN, Config
+from wayproof.harness.config import BUILTIN, HASH_SEPARATOR, PLUGIN, Config
 from wayproof.harness.config_document import from_document, override, with_perturbation
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.interface.connect import is_ros2, is_users
@@ -64,19 +64,45 @@ def name_of(arm: Arm) -> str:
     perturbed = "" if arm.perturbation == CLEAN else arm.perturbation
     if arm.severity:
         perturbed += f":{arm.severity:g}"
-    parts = (arm.world, arm.robot, arm.stack, arm.variant, perturbed)
+    world = arm.world.partition(HASH_SEPARATOR)[0]  # of a recording
+    parts = (world, arm.robot, arm.stack, arm.variant, perturbed)
     return " ".join(part for part in parts if part)
 
 
 @dataclass(frozen=True)
 class Planned:
-    """Episode of a study, with its content address, and the recording of its inputs."""
+    """Episode of a study.
+
+    Attributes:
+        arm: Its arm.
+        seed: Its seed.
+        config: Its resolved settings.
+        key: Content address.
+        reference: Arm that it is compared with, seed by seed; None of one that others refer to.
+        source: Recording of its inputs; None of a simulated episode.
+    """
 
     arm: Arm
     seed: int
     config: Config
     key: str
+    reference: Arm | None = None
     source: Source | None = None
+
+
+def reference_of(arm: Arm, first_variant: str, first_stack: str = "") -> Arm | None:
+    """Return the reference of an arm: unperturbed, of the first stack, or of the first variant.
+
+    It is None for the arm that is the reference of the others. An episode and its twin share world,
+    robot and seed.
+    """
+    if arm.perturbation != CLEAN:
+        return replace(arm, perturbation=CLEAN, severity=0)
+    if arm.stack != first_stack:
+        return replace(arm, stack=first_stack)
+    if arm.variant != first_variant:
+        return replace(arm, variant=first_variant)
+    return None
 
 
 def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Planned]:
@@ -98,34 +124,51 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
     perturbed = perturbed_arms(study)
     if len(stacks) * len(variants) * len(perturbed) == 1:
         _refuse_differences(study)
-    if study.recordings:
-        from wayproof.harness.study.recorded import plan_recorded
-
-        return plan_recorded(study, contents)
-    arms = itertools.product(study.worlds, study.robots, stacks, variants, perturbed)
-    configs = []
-    for world, robot, stack, variant, (perturbation, severity) in arms:
-        own = [f"stack.name={stack}"] if stack else []
-        settings = [*settings_of(study), *own, *variant]
-        config = override(from_document({"world": world, "robot": robot, "seed": 0}), settings)
-        if perturbation != CLEAN:
-            config = with_perturbation(config, perturbation_at(perturbation, severity))
-        _refuse_prior_file(study, config)
-        arm = Arm(
-            world,
-            robot,
-            variant=" ".join(variant),
-            perturbation=perturbation,
-            severity=severity,
-            stack=stack,
-        )
-        configs.append((arm, config))
+    places = list(dict.fromkeys(study.recordings)) or study.worlds
+    made = []
+    for place, robot, stack, variant, (perturbation, severity) in itertools.product(
+        places, study.robots, stacks, variants, perturbed
+    ):
+        settings = (*settings_of(study), *variant)
+        broken = perturbation_at(perturbation, severity)
+        config, source = _config_of(study, place, robot, stack, settings, broken)
+        arm = Arm(config.world, robot, " ".join(variant), perturbation, severity, stack)
+        made.append((arm, config, source))
+    first = made[0][0]
     return [
-        planned_for(arm, replace(override(config, own), seed=seed, **ends), contents)
+        planned_for(
+            arm,
+            replace(override(config, own), seed=seed, **ends),
+            contents,
+            reference=reference_of(arm, first.variant, first.stack),
+            source=source,
+        )
         for seed, own in [(seed, drawn(study.randomise, seed)) for seed in seeds_of(study)]
-        for arm, config in configs
+        for arm, config, source in made
         for ends in [_ends_of(study, arm.world, seed)]
     ]
+
+
+def _config_of(
+    study: StudyFile,
+    place: str,
+    robot: str,
+    stack: str,
+    settings: tuple[str, ...],
+    perturbation: AnyPerturbation | None,
+) -> tuple[Config, Source | None]:
+    """Return the config of an arm with seed 0, and the recording of its inputs if it has one."""
+    if study.recordings:
+        from wayproof.harness.study.recorded import recorded_config  # slow to load
+
+        return recorded_config(study, place, robot, stack, settings, perturbation)
+    own = [f"stack.name={stack}"] if stack else []
+    asked = from_document({"world": place, "robot": robot, "seed": 0})
+    config = override(asked, [*own, *settings])
+    if perturbation is not None:
+        config = with_perturbation(config, perturbation)
+    _refuse_prior_file(study, config)
+    return config, None
 
 
 def _ends_of(study: StudyFile, world: str, seed: int) -> dict[str, Any]:
@@ -173,9 +216,16 @@ def _refuse_differences(study: StudyFile) -> None:
             )
 
 
-def planned_for(arm: Arm, config: Config, contents: Contents) -> Planned:
+def planned_for(
+    arm: Arm,
+    config: Config,
+    contents: Contents,
+    reference: Arm | None = None,
+    source: Source | None = None,
+) -> Planned:
     """Return one episode of an arm."""
-    return Planned(arm, config.seed, config, episode_key(config, contents))
+    key = episode_key(config, contents)
+    return Planned(arm, config.seed, config, key, reference, source)
 
 
 def perturbed_arms(study: StudyFile) -> list[tuple[str, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -20,9 +21,10 @@ from wayproof.harness.metrics import METRICS, score
 from wayproof.harness.replay.consistency import refuse_contradictions
 from wayproof.harness.replay.content import Content
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.shadow.assess import assess
+from wayproof.harness.shadow.summary import Summary, summarize
 from wayproof.harness.study.matching import open_planned
-from wayproof.harness.study.plan import CLEAN, Arm, Planned
-from wayproof.harness.study.recorded import Judged, judge_way
+from wayproof.harness.study.plan import Arm, Planned
 from wayproof.harness.study.store import Store
 from wayproof.harness.trace import trace_of
 
@@ -57,6 +59,7 @@ class Row:
         hashes: First bytes of all streams' hashes of each decision, concatenated.
         actions: Action of each decision.
         way: Judgement of a recording's way; None of a simulated episode.
+        reference: Arm that it is compared with; None of one that others refer to.
     """
 
     key: str
@@ -74,7 +77,8 @@ class Row:
     hashes: tuple[bytes, ...] = ()
     check: str = ""
     actions: tuple[str, ...] = ()
-    way: Judged | None = None
+    way: Summary | None = None
+    reference: Arm | None = None
 
     @property
     def success(self) -> bool:
@@ -112,6 +116,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
             duration=0.0,
             metrics=_without_decisions(),
             acts=(),
+            reference=planned.reference,
         )
     if not path.is_file():
         return None
@@ -121,7 +126,7 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
     decisions, streams = content.decisions, content.streams
     done = content.perturbations[0] if content.perturbations else pb.Perturbation()
     names = tuple(one.name for one in streams[0].streams) if streams else ()
-    way = judge_way(path, content.digest, allow_plugins) if planned.source else None
+    way = _judge_way(path, content.digest, allow_plugins) if planned.source else None
     return Row(
         key=key,
         arm=arm,
@@ -139,14 +144,21 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
         hashes=tuple(_hashes(one, names) for one in streams),
         actions=tuple(one.action for one in decisions),
         way=way,
+        reference=planned.reference,
     )
 
 
-def _metrics(log: Log, content: Content, way: Judged | None) -> dict[str, float | None]:
+def _metrics(log: Log, content: Content, way: Summary | None) -> dict[str, float | None]:
     trace = trace_of(log, content.decisions, content.truths, content.motions, content.poses)
     if way is not None:
         trace = replace(trace, admitted_share=way.admitted_share)
     return score(trace)
+
+
+@functools.cache
+def _judge_way(log: Path, digest: str, allow_plugins: bool) -> Summary:
+    """Judge the way of a log over a recording, once for each digest of its content."""
+    return summarize(assess(log, allow_plugins))
 
 
 def _without_decisions() -> dict[str, float | None]:
@@ -176,31 +188,11 @@ def _hashes(message: pb.Streams, names: Sequence[str]) -> bytes:
     return b"".join(bytes.fromhex(hashes.get(name, "00" * SHORT))[:SHORT] for name in names)
 
 
-def reference_of(arm: Arm, first_variant: str, first_stack: str = "") -> Arm | None:
-    """Return the reference of an arm: unperturbed, of the first stack, or of the first variant.
-
-    It is None for the arm that is the reference of the others.
-
-    An episode and its twin share world, robot and seed.
-    """
-    if arm.perturbation != CLEAN:
-        return replace(arm, perturbation=CLEAN, severity=0)
-    if arm.stack != first_stack:
-        return replace(arm, stack=first_stack)
-    if arm.variant != first_variant:
-        return replace(arm, variant=first_variant)
-    return None
-
-
-def twins_of(rows: Sequence[Row], first_variant: str, first_stack: str = "") -> dict[str, Row]:
+def twins_of(rows: Sequence[Row]) -> dict[str, Row]:
     """Return key of a row -> the row of its reference and seed, of those that have one."""
     by_arm = {(row.arm, row.seed): row for row in rows}
-    twins = {}
-    for row in rows:
-        reference = reference_of(row.arm, first_variant, first_stack)
-        if reference is not None and (reference, row.seed) in by_arm:
-            twins[row.key] = by_arm[reference, row.seed]
-    return twins
+    pairs = ((row.key, by_arm.get((row.reference, row.seed))) for row in rows if row.reference)
+    return {key: twin for key, twin in pairs if twin is not None}
 
 
 def first_difference(row: Row, twin: Row) -> int | None:
@@ -256,7 +248,7 @@ def _by_stream(row: Row, hashes: bytes) -> dict[str, bytes]:
     return {name: hashes[at : at + SHORT] for name, at in zip(row.streams, parts, strict=True)}
 
 
-def write_table(rows: Sequence[Row], first_variant: str, path: Path, first_stack: str = "") -> None:
+def write_table(rows: Sequence[Row], path: Path) -> None:
     """Write the table as Parquet, atomically, with the comparison of each row with its twin.
 
     Without any row, as where all logs are of other episodes, there is no table.
@@ -265,13 +257,13 @@ def write_table(rows: Sequence[Row], first_variant: str, path: Path, first_stack
         path.unlink(missing_ok=True)
         return
     draft = path.with_suffix(".partial")
-    pq.write_table(arrow_table(rows, first_variant, first_stack), draft)
+    pq.write_table(arrow_table(rows), draft)
     draft.replace(path)
 
 
-def arrow_table(rows: Sequence[Row], first_variant: str, first_stack: str = "") -> pa.Table:
+def arrow_table(rows: Sequence[Row]) -> pa.Table:
     """Return the table, with the comparison of each row with its twin; at least one row."""
-    twins = twins_of(rows, first_variant, first_stack)
+    twins = twins_of(rows)
     flat = [{**_flat(row), **_paired(row, twins.get(row.key))} for row in rows]
     return pa.Table.from_pylist(flat, schema=_schema(flat))
 

@@ -16,6 +16,7 @@ from wayproof.harness.study.file import StudyFile, files_of, gates_of
 from wayproof.harness.study.gates import GateResult, judge
 from wayproof.harness.study.job import Done, Job
 from wayproof.harness.study.matching import ForeignLog
+from wayproof.harness.study.passes import passes_of
 from wayproof.harness.study.plan import Arm, Planned, name_of
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.rows import Row, read_row, write_table
@@ -39,7 +40,7 @@ EXIT_CODES: dict[StudyVerdict, int] = {
 
 
 class Answer(Protocol):
-    """Answer of a threshold, a calibration or a falsification for one arm or episode."""
+    """Answer for one arm or episode of a study that has more to tell than outcomes."""
 
     @property
     def arm(self) -> Arm:
@@ -87,7 +88,8 @@ class StudyResult:
         of_recordings: Whether it is a study over recordings.
         gates_set: Number of gates that the study sets, each for one arm or more.
         pairs: Paired results of a comparison; None of a single study.
-        answers: Answers of a threshold, a calibration or a falsification; none of a grid.
+        answers: Answers of a threshold, a calibration, a falsification or of recordings; none of
+            another grid.
     """
 
     name: str
@@ -214,8 +216,7 @@ def conclude(
 ) -> StudyResult:
     """Summarise the rows and judge the gates; a log of another episode counts as missing."""
     limit = max(one.config.episode.time_limit for one in planned)
-    first = planned[0].arm
-    samples = samples_of(rows, first.variant, first.stack)
+    samples = samples_of(rows)
     errors = [row for row in rows if not row.ran]
     return StudyResult(
         name=study.name,
@@ -240,7 +241,7 @@ def answers_of(
     rows: Sequence[Row] = (),
     run: Callable[[Sequence[Planned]], None] = lambda planned: None,
 ) -> list[Answer]:
-    """Return the answers of a study that is no grid.
+    """Return the answers of a study that is no grid of simulated episodes.
 
     Args:
         study: The study.
@@ -261,7 +262,7 @@ def answers_of(
     if study.kind == "calibrate":
         limit = max(one.config.episode.time_limit for one in planned)
         return list(calibrations_of(study, rows, limit))
-    return []
+    return list(passes_of(rows)) if study.recordings else []
 
 
 def error_in_words(row: Row) -> str:
@@ -346,7 +347,6 @@ def run_study(
         if check is not None:
             check()
         rows, foreign = read_own_rows(planned, store, allow_plugins=True)  # the study was let in
-        first = planned[0].arm
-        write_table(rows, first.variant, store.folder / "table.parquet", first.stack)
+        write_table(rows, store.folder / "table.parquet")
         answers = answers_of(study, planned, store, contents, rows, run)
     return conclude(study, planned, rows, foreign, answers)

@@ -16,8 +16,8 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.study.analysis import Sample, samples_of
 from wayproof.harness.study.file import StudyFile
+from wayproof.harness.study.passes import COLUMNS, Pass
 from wayproof.harness.study.plan import Planned, name_of, plan_episodes
-from wayproof.harness.study.recorded_table import COLUMNS, cells, passes_of
 from wayproof.harness.study.report.episode import MAP_LEGEND, Views, episode_page, title_of
 from wayproof.harness.study.report.page import Cell, Figure, Page, Section, style
 from wayproof.harness.study.report.provenance import of_study
@@ -99,7 +99,9 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
     material = read_material(folder, allow_plugins)
     whole = folder / "report.html"
     if material.study.recordings:
-        _write(whole, _recorded_page(material).html())
+        result = material.result
+        sections = [_passes(result), gates_section(result) if result.gates else None]
+        _write(whole, result_page(result, sections, result.name).html())
         return whole, material.result
     draft = folder / f".{SITE}"
     shutil.rmtree(draft, ignore_errors=True)  # of a run that was ended
@@ -133,18 +135,17 @@ def read_material(folder: Path, allow_plugins: bool = False) -> Material:
     rows, foreign = read_own_rows(planned, store, allow_plugins)
     if study.recordings and not rows:
         raise InputError(f"study '{folder}': no pass has ended")
-    first = planned[0].arm
     answers = answers_of(study, planned, store, contents, rows)
     shown = sorted(rows, key=lambda row: row.success)[:MOST_PAGES]
     return Material(
         study=study,
         planned=planned,
         rows=rows,
-        samples=samples_of(rows, first.variant, first.stack),
+        samples=samples_of(rows),
         result=conclude(study, planned, rows, foreign, answers),
         store=store,
         views=Views(store, allow_plugins),
-        twins=twins_of(rows, first.variant, first.stack),
+        twins=twins_of(rows),
         paged=frozenset(row.key for row in shown),
     )
 
@@ -256,22 +257,16 @@ def _table(material: Material) -> Page:
     )
 
 
-def _recorded_page(material: Material) -> Page:
-    """Return the page of a study over recordings."""
-    result, first = material.result, material.planned[0].arm
-    passes = passes_of(material.rows, first.variant, first.stack)
-    sections = [
-        Section(
-            "Passes",
-            note="Each pass steps the stack through a recording with at most one assumption "
-            "broken. Admitted: share of the way really driven that was known to be free when it "
-            "was entered; change: beside the pass without perturbation, in percentage points; "
-            "others: decisions of another action; inputs: streams that differ from its up to the "
-            f"first of them. 'wayproof report {material.store.folder}/logs/KEY.mcap' writes the "
-            "page of one pass.",
-            heads=(*COLUMNS, "log"),
-            rows=[[*cells(one), "" if one.error else f"logs/{one.key}.mcap"] for one in passes],
-        ),
-        gates_section(result) if result.gates else None,
-    ]
-    return result_page(result, sections, result.name)
+def _passes(result: StudyResult) -> Section:
+    """Return the table of the passes through recordings."""
+    passes = [one for one in result.answers if isinstance(one, Pass)]
+    return Section(
+        "Passes",
+        note="Each pass steps the stack through a recording with at most one assumption "
+        "broken. Admitted: share of the way really driven that was known to be free when it "
+        "was entered; change: beside the pass without perturbation, in percentage points; "
+        "others: decisions of another action; inputs: streams that differ from its up to the "
+        "first of them. 'wayproof report FOLDER/LOG' writes the page of one pass.",
+        heads=(*COLUMNS, "log"),
+        rows=[[*one.cells(), "" if one.error else f"logs/{one.key}.mcap"] for one in passes],
+    )

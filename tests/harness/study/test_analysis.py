@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from tests.harness.study.here import paired
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.analysis import pair, samples_of, summarise
@@ -34,7 +35,7 @@ def test_an_arm_by_hand() -> None:
         row(DRIFT, 2, "error", duration=0.0, acts=()),
         row(DRIFT, 3),
     ]
-    clean, drift = summarise(samples_of(rows, ""), time_limit=60.0)
+    clean, drift = summarise(samples_of(paired(rows)), time_limit=60.0)
     assert clean.against is None
     assert clean.mean_time == 20.0
     assert drift.episodes == 4
@@ -71,7 +72,7 @@ def test_severities_share_a_correction() -> None:
     rows = [row(CLEAN, seed) for seed in range(8)]
     rows += [row(arms[0], seed) for seed in range(8)]
     rows += [row(arms[1], seed, "collision") for seed in range(8)]
-    _, mild, harsh = summarise(samples_of(rows, ""), 60.0)
+    _, mild, harsh = summarise(samples_of(paired(rows)), 60.0)
     assert mild.against is not None
     assert harsh.against is not None
     assert harsh.against.p_value == pytest.approx(2 / 2**8)
@@ -109,7 +110,9 @@ def test_a_against_a_gates_wrongly_in_at_most_one_of_twenty() -> None:
             for k, arm in enumerate([CLEAN, *arms])
             for seed in range(50)
         ]
-        wrong += any(result.verdict == "failed" for result in judge(samples_of(rows, ""), [gate]))
+        wrong += any(
+            result.verdict == "failed" for result in judge(samples_of(paired(rows)), [gate])
+        )
     assert wrong / 300 <= 0.05
 
 
@@ -120,7 +123,7 @@ def test_a_real_drop_is_found() -> None:
         row(DRIFT, seed, "collision" if generator.random() < 0.3 else "success")
         for seed in range(100)
     ]
-    [result] = judge(samples_of(rows, ""), [read_gate("success.drop <= 0.05")])
+    [result] = judge(samples_of(paired(rows)), [read_gate("success.drop <= 0.05")])
     assert result.verdict == "failed"
     assert result.interval.low > 0.05
 
@@ -151,7 +154,7 @@ def test_streams_are_compared_up_to_the_first_other_action() -> None:
     assert other.undeclared == ("sensor/lidar",)
     assert prove(row(DRIFT, 2), twin) is None
     rows = [twin, drift, hashed(CLEAN, 1, same), leak]
-    against = summarise(samples_of(rows, ""), 60.0)[1].against
+    against = summarise(samples_of(paired(rows)), 60.0)[1].against
     assert against is not None
     assert (against.proven, against.undeclared) == (1, (1,))
     assert against.streams == ("pose", "sensor/lidar")
@@ -164,7 +167,7 @@ def test_a_table_says_of_each_pair_which_inputs_differ(tmp_path: Path) -> None:
         hashed(DRIFT, 0, b"0" * 8 + POSE + b"0" * 8, declared=("pose",)),
         row(DRIFT, 1, "error"),
     ]
-    write_table(rows, "", tmp_path / "table.parquet")
+    write_table(paired(rows), tmp_path / "table.parquet")
     [clean, drift, error] = pq.read_table(tmp_path / "table.parquet").to_pylist()
     assert clean["streams_changed"] is None
     assert (drift["streams_changed"], drift["streams_undeclared"]) == (["pose"], [])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.harness.study.here import paired
 from wayproof.harness.cli.main import main
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_between, samples_of
@@ -43,12 +44,12 @@ def row(seed: int, arm: Arm = ARM, outcome: str = "success", **metrics: float | 
 
 
 def judged(gate: str, rows: list[Row], time_limit: float = 60.0) -> GateResult:
-    [result] = judge(samples_of(rows, ""), [read_gate(gate)], time_limit)
+    [result] = judge(samples_of(paired(rows)), [read_gate(gate)], time_limit)
     return result
 
 
 def result_of(rows: list[Row], *gates: str) -> StudyResult:
-    results = judge(samples_of(rows, ""), [read_gate(one) for one in gates], 60.0)
+    results = judge(samples_of(paired(rows)), [read_gate(one) for one in gates], 60.0)
     return StudyResult("hard", len(rows), 0, 0, "", [], results)
 
 
@@ -114,7 +115,7 @@ def test_all_gates_share_their_error() -> None:
     """With twenty gates each interval is wider, and its line says over how many."""
     rows = [row(k) for k in range(40)]
     alone = judged("success.mean >= 0.9", rows)
-    many = judge(samples_of(rows, ""), [read_gate("success.mean >= 0.9")] * 20)
+    many = judge(samples_of(paired(rows)), [read_gate("success.mean >= 0.9")] * 20)
     assert alone.verdict == "held"
     assert {one.verdict for one in many} == {"inconclusive"}
     assert "95 %, 40 worlds" in gate_in_words(alone)
@@ -145,10 +146,10 @@ def test_a_figure_of_stacks_on_trial_is_judged_on_their_arms_alone() -> None:
     builtin, gap = (dataclasses.replace(ARM, stack=name) for name in ("builtin", "gap"))
     gate = read_gate("not_admitted.mean <= 0.5")
     rows = [row(seed, builtin) for seed in range(40)]
-    ours = judge(samples_of(rows, "", "builtin"), [gate], 60.0)
+    ours = judge(samples_of(paired(rows, stack="builtin")), [gate], 60.0)
     assert [(one.arm, one.verdict) for one in ours] == [(builtin, "inconclusive")]
     rows += [row(seed, gap, not_admitted=0.1) for seed in range(40)]
-    both = judge(samples_of(rows, "", "builtin"), [gate], 60.0)
+    both = judge(samples_of(paired(rows, stack="builtin")), [gate], 60.0)
     assert [(one.arm, one.verdict) for one in both] == [(gap, "held")]
 
 
@@ -161,7 +162,7 @@ def test_a_compared_arm_of_the_built_in_stack_is_left_out_too(first: str) -> Non
     figures = {"builtin": None, "gap": 0.1}
     rows = [row(k, arm, not_admitted=figures[arm.stack]) for arm in arms for k in range(40)]
     gate = read_gate("not_admitted.mean <= 0.5")
-    for samples in (samples_of(rows, "", first), samples_between(rows, rows)):
+    for samples in (samples_of(paired(rows, stack=first)), samples_between(rows, rows)):
         found = judge(samples, [gate], 60.0)
         assert [(one.arm.stack, one.verdict, one.gates) for one in found] == [
             ("gap", "held", 2),
@@ -174,7 +175,7 @@ def test_a_gate_neither_vanishes_nor_passes_where_no_arm_has_its_figure() -> Non
     rows = [row(k, arm) for arm in (gap, builtin) for k in range(40)]
     mean, rise = (read_gate(f"not_admitted.{one} <= 0.5") for one in ("mean", "rise"))
     for first, arms in (("gap", [gap, builtin]), ("builtin", [gap, gap])):
-        found = judge(samples_of(rows, "", first), [mean, rise], 60.0)
+        found = judge(samples_of(paired(rows, stack=first)), [mean, rise], 60.0)
         assert [(one.arm, one.verdict) for one in found] == [(arm, "inconclusive") for arm in arms]
 
 
@@ -262,6 +263,6 @@ def test_packaged_gates_can_be_held_by_their_own_seeds(path: Path) -> None:
     study = read_study(path.stem)
     planned = plan_episodes(study)
     rows = [row(one.seed, one.arm) for one in planned]
-    samples = samples_of(rows, planned[0].arm.variant)
+    samples = samples_of(paired(rows, planned[0].arm.variant, planned[0].arm.stack))
     results = judge(samples, [read_gate(one) for one in study.gates], 60.0)
     assert {one.verdict for one in results} <= {"held"}

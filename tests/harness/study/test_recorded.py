@@ -12,8 +12,8 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.shadow.assess import assess
 from wayproof.harness.shadow.summary import summarize
 from wayproof.harness.study.file import read_study
+from wayproof.harness.study.passes import passes_of
 from wayproof.harness.study.plan import plan_episodes
-from wayproof.harness.study.recorded_table import passes_of
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import read_rows
 
@@ -56,8 +56,9 @@ def study_of(folder):
 
 
 def test_each_arm_says_its_share_and_the_first_other_action(document):
-    plain, noisy = document["passes"]
-    assert (plain["perturbation"], noisy["perturbation"]) == ("none", "depth_noise:5")
+    plain, noisy = document["answers"]
+    perturbed = [(one["arm"]["perturbation"], one["arm"]["severity"]) for one in (plain, noisy)]
+    assert perturbed == [("none", 0), ("depth_noise", 5)]
     assert plain["admitted_share"] == 1.0
     assert (plain["first"], plain["change"]) == (None, None)
     assert noisy["change"] == noisy["admitted_share"] - 1.0 < 0.0
@@ -67,7 +68,7 @@ def test_each_arm_says_its_share_and_the_first_other_action(document):
 
 
 def test_exactly_the_declared_input_differs(document):
-    noisy = document["passes"][1]
+    noisy = document["answers"][1]
     assert noisy["changed"] == ["sensor/FLASER"]
     assert noisy["undeclared"] == []
 
@@ -81,14 +82,14 @@ def test_a_gate_over_one_recording_is_inconclusive(document):
 def test_the_table_is_what_follows_from_the_logs(folder, document):
     planned = plan_episodes(read_study(str(folder / "study.toml")))
     store = Store(folder / "out")
-    for one, passed in zip(planned, document["passes"], strict=True):
+    for one, passed in zip(planned, document["answers"], strict=True):
         summary = summarize(assess(store.log(one.key)))
         assert passed["admitted_share"] == summary.admitted_share
         assert open_log(store.log(one.key)).config.perturbation == one.config.perturbation
     first, second = read_rows(planned, store)
     assert len(first.actions) == len(second.actions) > 5
-    passes = list(passes_of([first, second], ""))
-    assert [one.first for one in passes] == [one["first"] for one in document["passes"]]
+    passes = passes_of([first, second])
+    assert [one.first for one in passes] == [one["first"] for one in document["answers"]]
 
 
 def test_two_runs_are_compared_by_their_gates(folder, document, tmp_path, capsys):
@@ -105,14 +106,14 @@ def test_two_runs_are_compared_by_their_gates(folder, document, tmp_path, capsys
 
 def test_a_second_run_runs_nothing_and_says_the_same(folder, document):
     logs = {path: path.stat().st_mtime_ns for path in (folder / "out/logs").glob("*.mcap")}
-    assert study_of(folder)["passes"] == document["passes"]
+    assert study_of(folder)["answers"] == document["answers"]
     assert logs == {path: path.stat().st_mtime_ns for path in logs}
 
 
 def test_a_log_in_the_place_of_another_counts_as_missing(folder, document, tmp_path):
     shutil.copytree(folder / "out", tmp_path / "out")
     (tmp_path / "study.toml").write_text((folder / "study.toml").read_text())
-    plain, noisy = (tmp_path / f"out/logs/{one['key']}.mcap" for one in document["passes"])
+    plain, noisy = (tmp_path / f"out/logs/{one['key']}.mcap" for one in document["answers"])
     shutil.copyfile(plain, noisy)
     again = study_of(tmp_path)
     assert again["verdict"] == "incomplete"
@@ -122,8 +123,8 @@ def test_a_log_in_the_place_of_another_counts_as_missing(folder, document, tmp_p
 def test_its_report_has_a_row_for_each_pass(folder, document):
     assert main(["report", str(folder / "out")]) == 0
     page = (folder / "out/report.html").read_text()
-    first = document["passes"][1]["first"]
-    assert f"{first}: {' -&gt; '.join(document['passes'][1]['actions'])}" in page
+    first = document["answers"][1]["first"]
+    assert f"{first}: {' -&gt; '.join(document['answers'][1]['actions'])}" in page
     assert "100.0%" in page
 
 
@@ -133,8 +134,8 @@ def test_a_recording_that_never_moves_shows_nothing(tmp_path):
     text = STUDY.format(recording=still, robot=tmp_path / "wheeled.toml", end=4.0)
     (tmp_path / "study.toml").write_text(text)
     document = study_of(tmp_path)
-    assert document["passes"][0]["verdict"] == "nothing shown"
-    assert document["passes"][0]["admitted_share"] is None
+    assert document["answers"][0]["verdict"] == "nothing shown"
+    assert document["answers"][0]["admitted_share"] is None
     assert document["verdict"] == "inconclusive"
     assert document["code"] == 3
 

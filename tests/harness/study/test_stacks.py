@@ -6,7 +6,7 @@ import sys
 import pyarrow.parquet as pq
 import pytest
 
-from tests.harness.study.here import run_here
+from tests.harness.study.here import paired, run_here
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
@@ -15,10 +15,10 @@ from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.analysis import samples_of
 from wayproof.harness.study.compare import compare
 from wayproof.harness.study.file import read_study
-from wayproof.harness.study.plan import Arm, plan_episodes
+from wayproof.harness.study.plan import Arm, plan_episodes, reference_of
 from wayproof.harness.study.report.charts import COLOURS, Curve, bars_chart
 from wayproof.harness.study.report.sections import stacks_section
-from wayproof.harness.study.rows import Row, reference_of
+from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
 
@@ -154,7 +154,7 @@ def test_the_table_of_stacks_by_hand():
         row("gap", 1, "success", collisions=0.0, not_admitted=0.2, guard_cuts=0.0),
         row("gap", 2, "collision", collisions=1.0, not_admitted=0.6, guard_cuts=4.0),
     ]
-    table = stacks_section(samples_of(rows, "", "builtin"), 60.0)
+    table = stacks_section(samples_of(paired(rows, stack="builtin")), 60.0)
     builtin, gap = ([cell.text for cell in cells] for cells in table.cells)
     assert builtin[:3] == ["office drone", "builtin", "2"]
     assert builtin[3].startswith("1.00 (")

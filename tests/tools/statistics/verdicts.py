@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.harness.study.here import paired
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.bench.table import Row as Document
 from wayproof.harness.metrics import METRICS
@@ -103,7 +104,7 @@ def share_failing(
         if name == "compare":
             samples = samples_between(_rows(generator, arms[0], stack, luck), rows)
         else:
-            samples = samples_of(rows, arms[0].variant)
+            samples = samples_of(paired(rows, arms[0].variant))
         results = judge(samples, gates, TIME_LIMIT)
         failing += any(result.verdict == "failed" for result in results)
     return failing / repeats
