@@ -11,10 +11,7 @@ from wayproof.models.robots.quadrotor.controller import QuadrotorController
 from wayproof.models.robots.quadrotor.model import BOTTOM, TOP, circumscribed_radius, quadrotor_mjcf
 from wayproof.models.robots.quadrotor.parameters import FAST, Parameters
 from wayproof.models.robots.robot import RobotSpec, Setpoint, SpeedLimits
-from wayproof.models.sensors.devices import Mount
-from wayproof.models.sensors.devices.ideal_altimeter import IDEAL_ALTIMETER
-from wayproof.models.sensors.devices.ideal_depth_camera import IDEAL_DEPTH_CAMERA
-from wayproof.models.sensors.devices.ideal_lidar_wide import IDEAL_LIDAR_WIDE
+from wayproof.models.sensors.devices import DEVICES, Mount
 
 FULL = SpeedLimits(speed=4.0, acceleration=4.0, jerk=20.0, yaw_rate=1.0, sideways_speed=4.0)
 """Limits well inside the controller's tracking with `FAST`, which leaves navigation a reserve.
@@ -44,9 +41,9 @@ def _spec(parameters: Parameters, limits: SpeedLimits) -> RobotSpec:
         max_tilt=1.2,
         sideways_speed=limits.sideways_speed,
         mounts=(
-            Mount("lidar", "lidar", IDEAL_LIDAR_WIDE),
-            Mount("depth", "camera", IDEAL_DEPTH_CAMERA),
-            Mount("altimeter", "altimeter", IDEAL_ALTIMETER),
+            Mount("lidar", "lidar", DEVICES["ideal-lidar-wide"]),
+            Mount("depth", "camera", DEVICES["ideal-depth-camera"]),
+            Mount("altimeter", "altimeter", DEVICES["ideal-altimeter"]),
         ),
     )
 

@@ -10,8 +10,7 @@ from wayproof.models.robots.quadruped.controller import QuadrupedController
 from wayproof.models.robots.quadruped.model import LIDAR_SITE, quadruped_mjcf
 from wayproof.models.robots.quadruped.parameters import FAST, Parameters
 from wayproof.models.robots.robot import RobotSpec, Setpoint, SpeedLimits
-from wayproof.models.sensors.devices import Mount
-from wayproof.models.sensors.devices.ideal_lidar_floor import IDEAL_LIDAR_FLOOR
+from wayproof.models.sensors.devices import DEVICES, Mount
 
 FULL = SpeedLimits(speed=1.5, acceleration=2.0, jerk=15.0, yaw_rate=1.5, sideways_speed=0.35)
 """Limits well inside the controller's tracking with `FAST`, which leaves navigation a reserve."""
@@ -44,7 +43,7 @@ def _spec(parameters: Parameters, limits: SpeedLimits, top: float) -> RobotSpec:
         max_jerk=limits.jerk,
         max_yaw_rate=limits.yaw_rate,
         max_tilt=1.0,
-        mounts=(Mount("lidar", "lidar", IDEAL_LIDAR_FLOOR),),
+        mounts=(Mount("lidar", "lidar", DEVICES["ideal-lidar-floor"]),),
         sideways_speed=limits.sideways_speed,
         max_yaw_acceleration=parameters.gait.yaw_acceleration,
         discs=((-0.245, 0.235), (0.0, 0.235), (0.245, 0.235)),

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.worlds.solids.solid import Band, Bounded, numbers, write_geom
+from wayproof.models.worlds.solids.solid import Band, Solid, numbers, write_geom
 from wayproof.models.worlds.solids.triangles import BOX_FACES, distance_to_triangles
 
 
 @dataclass(frozen=True)
-class Box(Bounded):
+class Box(Solid):
     """A solid box.
 
     Attributes:
@@ -68,22 +68,11 @@ class Box(Bounded):
         return np.asarray(about_z @ about_y @ about_x)
 
     @cached_property
-    def reach(self) -> Vector3:
-        """Half the world-frame extents, m."""
-        x, y, z = (np.abs(self.R_world_box) @ self.half_extents).tolist()
-        return x, y, z
-
-    @cached_property
-    def low(self) -> Vector3:
-        """Lower corner of the axis-aligned bounds, m."""
-        (x, y, z), (a, b, c) = self.centre, self.reach
-        return x - a, y - b, z - c
-
-    @cached_property
-    def high(self) -> Vector3:
-        """Upper corner of the axis-aligned bounds, m."""
-        (x, y, z), (a, b, c) = self.centre, self.reach
-        return x + a, y + b, z + c
+    def bounds(self) -> tuple[Vector3, Vector3]:
+        """Lower and upper corner of the axis-aligned bounds, m."""
+        x, y, z = self.centre
+        a, b, c = (np.abs(self.R_world_box) @ self.half_extents).tolist()
+        return (x - a, y - b, z - c), (x + a, y + b, z + c)
 
     @property
     def corners(self) -> NDArray[np.float64]:  # (8, 3)

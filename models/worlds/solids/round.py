@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.solids.solid import (
     Band,
-    Bounded,
+    Solid,
     least_and_greatest,
     numbers,
     write_geom,
@@ -20,7 +21,7 @@ from wayproof.models.worlds.solids.solid import (
 
 
 @dataclass(frozen=True)
-class _AboutAxis(Bounded):
+class _AboutAxis(Solid):
     """Common base of cylinders and capsules.
 
     Attributes:
@@ -78,36 +79,33 @@ class _AboutAxis(Bounded):
         x1, y1, z1 = (np.add(self.tail, last * np.subtract(self.head, self.tail))).tolist()
         return (x0, y0, z0), (x1, y1, z1)
 
-    def _place(self) -> str:
+    @cached_property
+    def bounds(self) -> tuple[Vector3, Vector3]:
+        """Lower and upper corner of the axis-aligned bounds, m."""
+        ends, rim = np.array([self.tail, self.head]), self._rim()
+        return least_and_greatest(ends - rim)[0], least_and_greatest(ends + rim)[1]
+
+    @abstractmethod
+    def _rim(self) -> NDArray[np.float64]:  # (3,)
+        """Return how far an end reaches from its middle along each world axis, m."""
+
+    def geom(self, name: str) -> str:
+        """Return its MJCF geom."""
         ends = f"{numbers(self.tail)} {numbers(self.head)}"
-        return f'fromto="{ends}" size="{numbers([self.radius])}"'
+        place = f'fromto="{ends}" size="{numbers([self.radius])}"'
+        return write_geom(name, self.kind, f'type="{type(self).__name__.lower()}" {place}')
 
 
 @dataclass(frozen=True)
 class Cylinder(_AboutAxis):
     """A cylinder with flat ends, its axis from `tail` to `head`."""
 
-    @cached_property
-    def low(self) -> Vector3:
-        """Lower corner of the axis-aligned bounds, m."""
-        return least_and_greatest(np.subtract([self.tail, self.head], self._rim()))[0]
-
-    @cached_property
-    def high(self) -> Vector3:
-        """Upper corner of the axis-aligned bounds, m."""
-        return least_and_greatest(np.add([self.tail, self.head], self._rim()))[1]
-
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
         beyond, across = self._split(points)
         return np.asarray(np.hypot(beyond, np.maximum(across - self.radius, 0.0)))
 
-    def geom(self, name: str) -> str:
-        """Return its MJCF geom."""
-        return write_geom(name, self.kind, f'type="cylinder" {self._place()}')
-
     def _rim(self) -> NDArray[np.float64]:  # (3,)
-        """Return how far a flat end reaches from its centre along each world axis, m."""
         axis = np.subtract(self.head, self.tail)
         cosine = axis / np.linalg.norm(axis)
         return np.asarray(self.radius * np.sqrt(np.maximum(1.0 - cosine**2, 0.0)))
@@ -117,27 +115,16 @@ class Cylinder(_AboutAxis):
 class Capsule(_AboutAxis):
     """All points within `radius` of the line from `tail` to `head`."""
 
-    @cached_property
-    def low(self) -> Vector3:
-        """Lower corner of the axis-aligned bounds, m."""
-        return least_and_greatest(np.subtract([self.tail, self.head], self.radius))[0]
-
-    @cached_property
-    def high(self) -> Vector3:
-        """Upper corner of the axis-aligned bounds, m."""
-        return least_and_greatest(np.add([self.tail, self.head], self.radius))[1]
-
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
         return np.asarray(np.maximum(np.hypot(*self._split(points)) - self.radius, 0.0))
 
-    def geom(self, name: str) -> str:
-        """Return its MJCF geom."""
-        return write_geom(name, self.kind, f'type="capsule" {self._place()}')
+    def _rim(self) -> NDArray[np.float64]:  # (3,)
+        return np.full(3, self.radius)
 
 
 @dataclass(frozen=True)
-class Sphere(Bounded):
+class Sphere(Solid):
     """A ball.
 
     Attributes:
@@ -154,17 +141,11 @@ class Sphere(Bounded):
         """Refuse a solid without length or width."""
         _check_radius(self.radius)
 
-    @property
-    def low(self) -> Vector3:
-        """Lower corner of the axis-aligned bounds, m."""
-        x, y, z = self.centre
-        return x - self.radius, y - self.radius, z - self.radius
-
-    @property
-    def high(self) -> Vector3:
-        """Upper corner of the axis-aligned bounds, m."""
-        x, y, z = self.centre
-        return x + self.radius, y + self.radius, z + self.radius
+    @cached_property
+    def bounds(self) -> tuple[Vector3, Vector3]:
+        """Lower and upper corner of the axis-aligned bounds, m."""
+        (x, y, z), r = self.centre, self.radius
+        return (x - r, y - r, z - r), (x + r, y + r, z + r)
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return exact distance (n,) from points (n, 3), world frame, m; 0 inside."""

@@ -1,9 +1,9 @@
-"""Interface of solids, and the writing of their geoms."""
+"""Base class of solids, and the writing of their geoms."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,81 +20,59 @@ DECIMALS = 4
 """Decimals of generated lengths in m: corners are whole millimetres, halves need one more."""
 
 
-class Solid(Protocol):
-    """Something solid in the world, immutable."""
+class Solid(ABC):
+    """Something solid in the world, immutable.
+
+    Attributes:
+        kind: Kind of object, such as `shelf`: a name in `KINDS` or any other.
+    """
+
+    kind: str
 
     @property
-    def kind(self) -> str:
-        """Kind of object, such as `shelf`: a name in `KINDS` or any other."""
-        ...
+    @abstractmethod
+    def bounds(self) -> tuple[Vector3, Vector3]:
+        """Lower and upper corner of its axis-aligned bounds, world frame, m."""
 
-    @property
-    def low(self) -> Vector3:
-        """Lower corner of its axis-aligned bounds, world frame, m."""
-        ...
-
-    @property
-    def high(self) -> Vector3:
-        """Upper corner of its axis-aligned bounds, m."""
-        ...
-
-    @property
-    def bottom(self) -> float:
-        """Height of its lowest point, m."""
-        ...
-
-    @property
-    def top(self) -> float:
-        """Height of its highest point, m."""
-        ...
-
+    @abstractmethod
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
-        ...
 
+    @abstractmethod
     def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
         """Return the distance (n,) from points (n, 2) to the footprint of its part in a band, m.
 
         Never more than the true one; more parts than those in the band may count.
         """
-        ...
 
-    def asset(self, name: str) -> str:
-        """Return the MJCF asset of its geom; empty without one."""
-        ...
-
+    @abstractmethod
     def geom(self, name: str) -> str:
         """Return its MJCF geom."""
-        ...
-
-
-class Bounded:
-    """Base of most solids: bottom and top from the bounds, and no asset."""
-
-    @property
-    def low(self) -> Vector3:
-        """Lower corner of the axis-aligned bounds, m."""
-        raise NotImplementedError
-
-    @property
-    def high(self) -> Vector3:
-        """Upper corner of its axis-aligned bounds, m."""
-        raise NotImplementedError
-
-    @property
-    def bottom(self) -> float:
-        """Height of the lowest point, m."""
-        return self.low[2]
-
-    @property
-    def top(self) -> float:
-        """Height of the highest point, m."""
-        return self.high[2]
 
     def asset(self, name: str) -> str:
         """Return the MJCF asset of its geom; empty without one."""
         del name
         return ""
+
+    @property
+    def low(self) -> Vector3:
+        """Lower corner of its bounds, m."""
+        return self.bounds[0]
+
+    @property
+    def high(self) -> Vector3:
+        """Upper corner of its bounds, m."""
+        return self.bounds[1]
+
+    @property
+    def bottom(self) -> float:
+        """Height of its lowest point, m."""
+        return self.low[2]
+
+    @property
+    def top(self) -> float:
+        """Height of its highest point, m."""
+        return self.high[2]
 
 
 def write_geom(name: str, kind: str, shape: str) -> str:

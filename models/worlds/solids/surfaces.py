@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from wayproof.models.arrays import Vector3
 from wayproof.models.worlds.solids.solid import (
     Band,
-    Bounded,
+    Solid,
     least_and_greatest,
     numbers,
     write_geom,
@@ -23,7 +23,7 @@ MIN_RELIEF = 1e-3
 
 
 @dataclass(frozen=True)
-class TriangleMesh(Bounded):
+class TriangleMesh(Solid):
     """A surface of triangles. Beams meet the triangles; bodies, in MuJoCo, their convex hull.
 
     So a mesh that is to be touched where it is hollow has to come in convex pieces.
@@ -64,15 +64,10 @@ class TriangleMesh(Bounded):
         """Corners of each face, world frame, m."""
         return np.asarray(np.array(self.vertices, np.float64)[np.array(self.faces)])
 
-    @property
-    def low(self) -> Vector3:
-        """Lower corner of the axis-aligned bounds, m."""
-        return least_and_greatest(self.vertices)[0]
-
-    @property
-    def high(self) -> Vector3:
-        """Upper corner of the axis-aligned bounds, m."""
-        return least_and_greatest(self.vertices)[1]
+    @cached_property
+    def bounds(self) -> tuple[Vector3, Vector3]:
+        """Lower and upper corner of the axis-aligned bounds, m."""
+        return least_and_greatest(self.vertices)
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return exact distance (n,) from points (n, 3), world frame, to the surface, m; slow."""
@@ -94,7 +89,7 @@ class TriangleMesh(Bounded):
 
 
 @dataclass(frozen=True)
-class HeightField(Bounded):
+class HeightField(Solid):
     """Ground of given heights at the nodes of a grid, solid down to a base below them.
 
     Attributes:
@@ -149,16 +144,11 @@ class HeightField(Bounded):
         faces = np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)])
         return np.asarray(faces.reshape(-1, 3, 3))
 
-    @property
-    def low(self) -> Vector3:
-        """Lower corner of the axis-aligned bounds, m: that of the base."""
-        x, y, z = least_and_greatest(self.nodes.reshape(-1, 3))[0]
-        return x, y, z - self.base
-
-    @property
-    def high(self) -> Vector3:
-        """Upper corner of the axis-aligned bounds, m."""
-        return least_and_greatest(self.nodes.reshape(-1, 3))[1]
+    @cached_property
+    def bounds(self) -> tuple[Vector3, Vector3]:
+        """Lower and upper corner of the axis-aligned bounds, down to the base, m."""
+        (x, y, z), high = least_and_greatest(self.nodes.reshape(-1, 3))
+        return (x, y, z - self.base), high
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the distance (n,) of points (n, 3) above the base to the ground, m; 0 below."""
