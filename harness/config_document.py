@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import msgspec
@@ -27,6 +27,9 @@ NAMED: dict[str, Iterable[str]] = {
     "sensors.depth": (OWN, *DEVICES),
 }
 """Settings whose values are names in a registry."""
+
+LEFT_OPEN = ("start", "goal", "waypoints", "sensors", "motion.limits")
+"""Settings that a scenario resolves from its world and robot."""
 
 FILLED_IN = ("prior_map",)
 """Fields that only a run sets."""
@@ -76,6 +79,29 @@ def with_perturbation(config: Config, perturbation: AnyPerturbation | None) -> C
     except ValueError as error:
         kind = "none" if perturbation is None else perturbation.kind
         raise InputError(f"perturbation '{kind}': {error}") from None
+
+
+def left_open(config: Config) -> dict[str, str]:
+    """Return the settings that a scenario resolves as they were asked for, name -> JSON."""
+    return {name: msgspec.json.encode(value_of(config, name)).decode() for name in LEFT_OPEN}
+
+
+def as_asked(config: Config, asked: Mapping[str, str]) -> Config:
+    """Return a resolved config with what `left_open` returned of the one that was asked for.
+
+    Raises:
+        InputError: It is no such thing.
+    """
+    document = msgspec.to_builtins(config)
+    for name in LEFT_OPEN:
+        section, _, field = name.rpartition(".")
+        try:
+            (document[section] if section else document)[field] = msgspec.json.decode(
+                asked.get(name, "")
+            )
+        except msgspec.DecodeError as error:
+            raise InputError(f"{name} as it was asked for: {error}") from None
+    return from_document(document)
 
 
 def value_of(config: Config, key: str) -> Any:

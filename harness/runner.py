@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wayproof.harness.config import Config
-from wayproof.harness.config_document import to_json
+from wayproof.harness.config_document import left_open, to_json
 from wayproof.harness.episode import Episode, Observer
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.inputs import Beams
@@ -16,7 +16,14 @@ from wayproof.harness.interface.build import live_navigator
 from wayproof.harness.interface.connect import PredictorSession, Session
 from wayproof.harness.interface.predictors.live import predictions_for
 from wayproof.harness.log.copy import thin
-from wayproof.harness.log.writer import PLUGINS, PREDICTOR_STDERR, STDERR, LogWriter, hold_log
+from wayproof.harness.log.writer import (
+    ASKED,
+    PLUGINS,
+    PREDICTOR_STDERR,
+    STDERR,
+    LogWriter,
+    hold_log,
+)
 from wayproof.harness.mission import Mission
 from wayproof.harness.outputs import Draft
 from wayproof.harness.result import Result
@@ -144,6 +151,8 @@ def open_episode(
         log_path if isinstance(log_path, Draft) else hold_log(log_path) as draft,
         LogWriter(draft, config, mission, scenario.scene.mjcf) as log,
     ):
+        if scenario.asked is not None:
+            log.note(ASKED, left_open(scenario.asked))
         if digests := plugin_digests(scenario.config):
             log.note(PLUGINS, digests)
             announce(log.path)

@@ -19,7 +19,7 @@ from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_keyframes, read_messages
 from wayproof.harness.log.decision_messages import DecisionMessages
 from wayproof.harness.log.head import Head, check_file, read_head
-from wayproof.harness.log.writer import PLUGINS, STDERR, TRACEBACK
+from wayproof.harness.log.writer import ASKED, PLUGINS, STDERR, TRACEBACK
 from wayproof.harness.mission import Mission
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -95,6 +95,8 @@ class Log:
         traceback: Traceback of an episode that ended as `error`; empty without one.
         stderr: End of what a stack in another process wrote to its standard error.
         plugins: SHA-256 of the file of each of the user's classes in use, by name.
+        asked: Settings that the scenario resolved, as they were asked for, name -> JSON; empty of
+            an episode without a scenario.
     """
 
     path: Path
@@ -109,6 +111,7 @@ class Log:
     traceback: str = ""
     stderr: str = ""
     plugins: dict[str, str] = field(default_factory=dict)
+    asked: dict[str, str] = field(default_factory=dict)
 
     @property
     def under_way(self) -> bool:
@@ -329,6 +332,7 @@ def open_log(path: Path, allow_plugins: bool = False) -> Log:
         traceback=_text(head, TRACEBACK),
         stderr=_text(head, STDERR),
         plugins=head.metadata.get(PLUGINS, {}),
+        asked=head.metadata.get(ASKED, {}),
     )
 
 

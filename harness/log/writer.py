@@ -50,6 +50,9 @@ PACKED_SCENE = "scene.xml.zst"
 PLUGINS = "plugins"
 """Name of the metadata with the SHA-256 of the file of each of the user's classes in use."""
 
+ASKED = "asked"
+"""Name of the metadata with the settings that the scenario resolved, as they were asked for."""
+
 STDERR = "stack.stderr.txt"
 """Attachment: the end of the standard error of a stack in another process."""
 

@@ -64,17 +64,14 @@ def resolve_limits(config: Config, world: World) -> Config:
     """
     if config.motion.limits != "auto":
         return config
-    limits = limits_of_auto(config, moves=bool(world.movers))
-    return replace(config, motion=replace(config.motion, limits=limits))
-
-
-def limits_of_auto(config: Config, moves: bool) -> Literal["full", "cautious", "sloping"]:
-    """Return what `motion.limits=auto` stands for in a world where things move or do not."""
+    limits: Literal["full", "cautious", "sloping"]
     if config.costmap.max_slope > 0.0:
-        return "sloping"
-    if moves:
-        return "cautious"
-    return LIMITS_IN_STATIC_WORLDS.get(config.robot, "full")  # no other robot has two
+        limits = "sloping"
+    elif world.movers:
+        limits = "cautious"
+    else:
+        limits = LIMITS_IN_STATIC_WORLDS.get(config.robot, "full")  # no other robot has two
+    return replace(config, motion=replace(config.motion, limits=limits))
 
 
 UNUSED: dict[str, tuple[str, ...]] = {

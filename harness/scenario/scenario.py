@@ -55,6 +55,7 @@ class Scenario:
         mission: Task of the navigation stack.
         spec: The robot's body.
         warnings: Findings of the model check that do not prevent a run.
+        asked: Config that it was built from; None of one that a log holds.
     """
 
     config: Config
@@ -63,6 +64,7 @@ class Scenario:
     mission: Mission
     spec: RobotSpec
     warnings: tuple[str, ...]
+    asked: Config | None = None
 
     def route_length(self) -> float | None:
         """Return the length of this body's shortest way by the truth without movers, m; maybe None.
@@ -117,6 +119,7 @@ def build(config: Config, world: World | None = None) -> Scenario:
             would see wrongly.
     """
     world = find_world(config) if world is None else world
+    asked = config
     config = resolve_limits(config, world)
     robot = find_robot(config)
     spec = robot.spec
@@ -151,6 +154,7 @@ def build(config: Config, world: World | None = None) -> Scenario:
             *warn_of_blind_start(scene.casters, spec, config),
             *_inspect(scene, world, config),
         ),
+        asked=asked,
     )
 
 

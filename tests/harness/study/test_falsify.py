@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -13,7 +12,7 @@ import pytest
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
-from wayproof.harness.config_document import from_json, override, to_json
+from wayproof.harness.config_document import from_json, override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import LogWriter
@@ -126,8 +125,7 @@ def pretended(jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) 
             "sim_time_s": "4.0",
             "min_clearance_m": "0.1" if off else "0.5",
         }
-        in_its_world = replace(config, motion=replace(config.motion, limits="full"))
-        with LogWriter(job.log, to_json(in_its_world), MISSION, "<mujoco/>") as log:
+        with LogWriter(job.log, job.config, MISSION, "<mujoco/>") as log:
             log.finish(result)
         finished(Done(job.key))
 

@@ -6,7 +6,6 @@ import json
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ import pytest
 
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
-from wayproof.harness.config_document import from_json, to_json
+from wayproof.harness.config_document import from_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.scenario.scenario import build
@@ -56,8 +55,7 @@ class Pretended:
             severity = config.perturbation.severity if config.perturbation else 0.0
             self.ran.append((config.seed, severity))
             outcome = "success" if severity <= self.bears(config.seed) else "collision"
-            in_its_world = replace(config, motion=replace(config.motion, limits="full"))
-            with LogWriter(job.log, to_json(in_its_world), MISSION, "<mujoco/>") as log:
+            with LogWriter(job.log, job.config, MISSION, "<mujoco/>") as log:
                 log.finish({"outcome": outcome, "reason": outcome, "chain": ""})
             finished(Done(job.key))
 
