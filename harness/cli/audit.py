@@ -9,16 +9,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from wayproof.harness.cli.verb import (
-    Document,
-    Verb,
-    add_log_paths,
-    add_unchecked,
-    arg,
-    arguments,
-    check_log,
-    one_or_all,
-)
+from wayproof.harness.cli import shared
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, check_log, one_or_all
 
 if TYPE_CHECKING:
     from wayproof.harness.replay.audit import Audit, Volumes
@@ -97,8 +89,8 @@ POLICIES = ("forbid", "penalize", "allow")
 VERB = Verb(
     help="check that every committed path lay in space that its map knew to be free",
     add_arguments=arguments(
-        add_log_paths,
-        add_unchecked,
+        shared.log_paths,
+        shared.unchecked,
         arg(
             "--policy POLICY",
             f"check paths under this policy for unknown space: {', '.join(POLICIES)} "

@@ -6,7 +6,7 @@ import argparse
 
 from rich.console import Console
 
-from wayproof.harness.cli.verb import Document, Verb
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -19,20 +19,17 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     return 0, {"rows": rows}
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("part", metavar="PART", help="rays, map, plan, loop or robots")
-    parser.add_argument(
-        "--repeats",
-        type=int,
-        metavar="N",
-        help="number of sweeps, queries, episodes or runs (default: depends on the part)",
-    )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the scenes (default: 0)")
-
-
 VERB = Verb(
     help="measure how fast one part is on this machine, beside a peer in the same run",
-    add_arguments=_add_arguments,
+    add_arguments=arguments(
+        arg("PART", "rays, map, plan, loop or robots"),
+        arg(
+            "--repeats N",
+            "number of sweeps, queries, episodes or runs (default: depends on the part)",
+            int,
+        ),
+        arg("--seed SEED", "seed of the scenes", int, 0),
+    ),
     run=run,
     example="wayproof bench rays --json",
 )

@@ -8,16 +8,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from wayproof.harness.cli.study import add_inconclusive, print_study
-from wayproof.harness.cli.verb import (
-    Document,
-    Verb,
-    add_plugins,
-    add_summaries,
-    arg,
-    arguments,
-    write_summaries,
-)
+from wayproof.harness.cli import shared
+from wayproof.harness.cli.study import print_study
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, write_summaries
 from wayproof.harness.study.default_gates import DEFAULT_GATES
 
 
@@ -54,9 +47,9 @@ VERB = Verb(
             action="append",
         ),
         arg("--html FILE", "write the comparison as an HTML page", Path),
-        add_summaries,
-        add_inconclusive,
-        add_plugins,
+        shared.summaries,
+        shared.inconclusive,
+        shared.plugins,
     ),
     run=run,
     example="wayproof compare logs/before logs/after --gate 'success.drop <= 0.05'",

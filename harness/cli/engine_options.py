@@ -19,6 +19,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from wayproof.harness.cli.verb import arg, arguments
 from wayproof.harness.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -29,20 +30,12 @@ if TYPE_CHECKING:
 ENGINES = ("processes", "ray")
 
 
-def add_engine(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the engine that runs the episodes."""
-    cores = os.cpu_count() or 1
-    parser.add_argument(
-        "--jobs",
-        type=int,
-        default=cores,
-        metavar="N",
-        help="number of processes (default: one for each core)",
-    )
-    parser.add_argument(
-        "--engine", default="processes", help=f"{' or '.join(ENGINES)} (default: processes)"
-    )
-    parser.add_argument("--address", metavar="HOST:PORT", help="address of a running Ray cluster")
+add_engine = arguments(
+    arg("--jobs N", "number of processes (default: one for each core)", int, os.cpu_count() or 1),
+    arg("--engine ENGINE", " or ".join(ENGINES), default="processes"),
+    arg("--address HOST:PORT", "address of a running Ray cluster"),
+)
+"""Options of the engine that runs the episodes."""
 
 
 def check_engine(options: argparse.Namespace) -> None:

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from wayproof.harness.cli import shared
 from wayproof.harness.cli.card_table import print_card
 from wayproof.harness.cli.cause_text import print_finding, print_misses, print_verdict
 from wayproof.harness.cli.metrics import print_metrics
 from wayproof.harness.cli.verb import (
     Document,
     Verb,
-    add_plugins,
-    add_unchecked,
     arg,
     arguments,
     check_ending,
@@ -287,8 +286,8 @@ VERB = Verb(
         ),
         arg("--metrics", "print the metrics of each log instead, computed from it alone"),
         arg("--long", "with --metrics: print the formula and source of each as well"),
-        add_unchecked,
-        add_plugins,
+        shared.unchecked,
+        shared.plugins,
     ),
     run=run,
     example="wayproof explain logs/warehouse-drone-3.mcap 42 --png moment.png",

@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Console
 
+from wayproof.harness.cli import shared
 from wayproof.harness.cli.verb import (
     Document,
     Verb,
-    add_plugins,
-    add_sensors,
-    add_unchecked,
     arg,
     arguments,
     check_ending,
     check_log,
+    recording_options,
 )
 from wayproof.harness.errors import InputError, unknown_name
 
@@ -74,17 +73,18 @@ def _foxglove(path: Path, options: argparse.Namespace) -> Document:
 
 def _bag(path: Path, options: argparse.Namespace) -> Document:
     """Write a bag of a recording of any format; of a log, its maps and plans as well."""
+    from wayproof.harness.log.reader import open_log
     from wayproof.harness.recordings.formats import open_recording
-    from wayproof.harness.recordings.recording import RecordingOptions
-    from wayproof.harness.viewer.ros_bag import check_name, convert, open_log_of
+    from wayproof.harness.viewer.ros_bag import convert
 
     kind: BagKind = "ros1" if path.suffix == ".bag" else options.storage
-    check_name(path, kind)
-    chosen = RecordingOptions(sensors=tuple(options.sensor), pose=options.pose)
-    recording = open_recording(options.log, options=chosen)
+    if kind != "ros1" and path.suffix in (".mcap", ".db3", ".bag"):
+        raise InputError(f"--bag: got '{path}', expected a FILE.bag, or the name of a folder")
+    recording = open_recording(options.log, options=recording_options(options))
+    log = None
     if recording.format == "wayproof":
         check_log(options.log, options)
-    log = open_log_of(recording, options.log, options.allow_plugins)
+        log = open_log(options.log, options.allow_plugins)
     messages = convert(recording, log, path, kind)
     return {"messages": messages, **recording.faults}
 
@@ -180,9 +180,9 @@ VERB = Verb(
             default="mcap",
             choices=("mcap", "sqlite"),
         ),
-        add_sensors,
-        add_unchecked,
-        add_plugins,
+        shared.sensors,
+        shared.unchecked,
+        shared.plugins,
     ),
     run=run,
     example="wayproof export logs/warehouse-drone-3.mcap --parquet decisions.parquet",

@@ -9,17 +9,9 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from wayproof.harness.cli import shared
 from wayproof.harness.cli.differences import print_differences
-from wayproof.harness.cli.verb import (
-    Document,
-    Verb,
-    add_log,
-    add_plugins,
-    add_settings,
-    arg,
-    arguments,
-    warn_of_changed_plugins,
-)
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, warn_of_changed_plugins
 from wayproof.harness.cli.what_if import refuse_worlds
 from wayproof.harness.errors import InputError
 
@@ -81,12 +73,12 @@ def _print_answers_before(console: Console, restarted: RestartedStack) -> None:
 VERB = Verb(
     help="continue the simulation from decision N with other settings, in a new log",
     add_arguments=arguments(
-        add_log,
+        shared.log,
         arg("N", "number of the decision", int),
-        add_settings,
+        shared.settings,
         arg("--stack STACK", "stack that was on trial, which is run and goes on itself"),
         arg("--log FILE", "name of the new log", Path, dest="out"),
-        add_plugins,
+        shared.plugins,
     ),
     run=run,
     example="wayproof replay fork logs/warehouse-drone-3.mcap 10 --log fork.mcap",

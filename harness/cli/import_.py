@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from wayproof.harness.cli import check_robot
-from wayproof.harness.cli.verb import Document, Verb, arg, arguments, check_ending
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, check_ending, given, point
 from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import written_whole
 
@@ -17,12 +18,6 @@ if TYPE_CHECKING:
     from wayproof.models.world_files import Found, ImportOptions
 
 WORLDS = Path("worlds")
-
-GIVEN = (
-    *("height", "resolution", "scale", "unknown", "floor", "root"),
-    *("skip_missing", "visuals"),
-)
-"""Options that are fields of `models.world_files.ImportOptions`, with its defaults."""
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
@@ -33,22 +28,17 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     check_ending("--out", out, ".xml")
     check_ending("--places", options.places, ".png")
     try:
-        given = {name: value for name in GIVEN if (value := getattr(options, name)) is not None}
         radius, height, step = _robot_size(options.robot)
         import_options = ImportOptions(
-            **given,
-            model_paths=tuple(options.model_path),
-            without=tuple(options.without),
-            kinds=tuple(_kind(text) for text in options.kinds),
+            **given(ImportOptions, options),
             robot_radius=radius,
             robot_height=height,
             robot_step=step,
         )
-        start, goal = (_point(name, getattr(options, name)) for name in ("start", "goal"))
         found = read_scene(options.file, import_options)
         if options.places is not None:
             return _show_places(options, import_options, found, console)
-        world = world_from(options.file, found, import_options, start, goal)
+        world = world_from(options.file, found, import_options, options.start, options.goal)
     except WorldFileError as error:
         raise InputError(str(error)) from None
     except ValueError as error:
@@ -109,17 +99,9 @@ def _robot_size(name: str) -> tuple[float, float, float]:
     return spec.radius, spec.height, spec.step_height
 
 
-def _point(name: str, text: str | None) -> tuple[float, float, float] | None:
+def _place(name: str, text: str) -> tuple[float, float, float]:
     """Parse `X,Y` or `X,Y,Z`; Z is 0 by default."""
-    if text is None:
-        return None
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) not in (2, 3):
-        raise InputError(f"--{name}: got '{text}', expected X,Y or X,Y,Z in m")
-    x, y, z = [*values, 0.0][:3]
+    x, y, z = (*point(name, text), 0.0)[:3]
     return x, y, z
 
 
@@ -128,8 +110,14 @@ VERB = Verb(
     add_arguments=arguments(
         arg("FILE", "file to import; its extension is the format", Path),
         arg("--out FILE.xml", "world file (default: worlds/NAME.xml)", Path),
-        arg("--start X,Y[,Z]", "start, m (default: the file's, or chosen)"),
-        arg("--goal X,Y[,Z]", "goal, m (default: the file's, or chosen)"),
+        arg(
+            "--start X,Y[,Z]",
+            "start, m (default: the file's, or chosen)",
+            partial(_place, "--start"),
+        ),
+        arg(
+            "--goal X,Y[,Z]", "goal, m (default: the file's, or chosen)", partial(_place, "--goal")
+        ),
         arg(
             "--places FILE.png",
             "draw the scene from above with numbered free places and list them, and stop there",
@@ -155,12 +143,14 @@ VERB = Verb(
             Path,
             [],
             action="append",
+            dest="model_paths",
         ),
         arg("--floor Z", "height of the floor in the file, m (default: found, or 0)", float),
         arg(
             "--as KIND=MODEL",
             "kind of the models of that name or pattern, such as floor=ground* (repeatable)",
-            default=[],
+            _kind,
+            [],
             action="append",
             dest="kinds",
         ),

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
+from wayproof.harness.cli import shared
 from wayproof.harness.cli.verb import (
     Document,
     Verb,
-    add_recording,
-    add_settings,
     arg,
     arguments,
     check_ending,
@@ -182,9 +181,9 @@ def _print(
 VERB = Verb(
     help="compare resolutions, clamps and decay of the map on the sweeps of a log or a recording",
     add_arguments=arguments(
-        add_recording,
+        shared.recording,
         arg("--robot ROBOT", "body of a recording: a spec file, or a robot's name"),
-        add_settings,
+        shared.settings,
         arg("--sweeps N", "number of sweeps that are integrated", int, SWEEPS),
         arg("--kind NAME", "kind of the maps (default: the log's)"),
         arg("--plot FILE.png", "draw memory and time", Path),

@@ -10,16 +10,9 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from wayproof.harness.cli import fork, simulate, what_if
+from wayproof.harness.cli import fork, shared, simulate, what_if
 from wayproof.harness.cli.differences import print_differences, print_scope
-from wayproof.harness.cli.verb import (
-    Document,
-    Verb,
-    add_log_paths,
-    arg,
-    arguments,
-    replay_each,
-)
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, replay_each
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
@@ -85,7 +78,7 @@ def print_replay(console: Console, replayed: Replay) -> None:
 VERB = Verb(
     help="recompute every decision of a log and compare bit by bit; or with one thing changed",
     add_arguments=arguments(
-        add_log_paths,
+        shared.log_paths,
         arg(
             "--jobs N",
             "most processes, each of which begins from a state in the log (default: all cores)",

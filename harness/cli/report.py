@@ -8,16 +8,9 @@ from pathlib import Path
 
 from rich.console import Console
 
+from wayproof.harness.cli import shared
 from wayproof.harness.cli.study import print_foreign
-from wayproof.harness.cli.verb import (
-    Document,
-    Verb,
-    add_plugins,
-    add_summaries,
-    arg,
-    arguments,
-    write_summaries,
-)
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, write_summaries
 from wayproof.harness.errors import InputError
 
 
@@ -58,8 +51,8 @@ VERB = Verb(
     "or the page of a recording, beside its log",
     add_arguments=arguments(
         arg("FOLDER", "folder of a study, or log of a recording", Path),
-        add_summaries,
-        add_plugins,
+        shared.summaries,
+        shared.plugins,
     ),
     run=run,
     example="wayproof report logs/smoke",

@@ -6,30 +6,17 @@ import argparse
 import contextlib
 import errno
 import hashlib
-import math
 import sys
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
 
-from wayproof.harness.cli.verb import (
-    Document,
-    Verb,
-    add_check,
-    add_log_file,
-    add_log_folder,
-    add_perturb,
-    add_prior,
-    add_settings,
-    add_stack,
-    arg,
-    arguments,
-    refuse_idle_guard,
-    warn,
-)
+from wayproof.harness.cli import shared
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, point, warn
 from wayproof.harness.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
@@ -43,6 +30,7 @@ SHOWN_LINES = 8
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run one episode."""
+    from wayproof.harness.config import BUILTIN
     from wayproof.harness.config_document import from_document, override, with_perturbation
     from wayproof.harness.perturbations import perturbation_from
     from wayproof.harness.scenario.robots import refuse_unused
@@ -56,7 +44,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         *waypoints, goal = (_goal(text) for text in options.goal)
         config = replace(config, goal=goal, waypoints=tuple(waypoints))
     if options.start is not None:
-        config = replace(config, start=_point("start", options.start))
+        config = replace(config, start=options.start)
     if options.perturb is not None:
         config = with_perturbation(config, perturbation_from(options.perturb))
     given = {"prior.source": options.prior, "stack.name": options.stack}
@@ -64,8 +52,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         config, [f"{key}={value}" for key, value in given.items() if value is not None]
     )
     if options.guard:
+        if config.stack.name == BUILTIN:
+            raise InputError("--guard: expected --stack; the built-in stack has no referee")
         config = replace(config, stack=replace(config.stack, guard=True))
-        refuse_idle_guard(config.stack)
     path = options.log or options.logs / f"{episode_name(config)}.mcap"
     if options.view is not None:
         from wayproof.harness.viewer.rerun_view import check_view
@@ -103,17 +92,6 @@ def _check(result: Result, options: argparse.Namespace, console: Console) -> Doc
     return asdict(verdict)
 
 
-def _point(name: str, text: str) -> tuple[float, ...]:
-    """Read `X,Y` or `X,Y,Z`."""
-    try:
-        point = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        point = ()
-    if len(point) not in (2, 3) or not all(map(math.isfinite, point)):
-        raise InputError(f"--{name} {text}: expected X,Y or X,Y,Z, finite numbers in m")
-    return point
-
-
 def _goal(text: str) -> tuple[float, ...] | str:
     """Read `X,Y`, `X,Y,Z` or the name of a place."""
     from wayproof.models.places import PLACES
@@ -123,7 +101,7 @@ def _goal(text: str) -> tuple[float, ...] | str:
     if text.replace("_", "").isalpha():
         places = ", ".join(sorted(PLACES))
         raise InputError(f"--goal {text}: expected X,Y or X,Y,Z, or a place: {places}")
-    return _point("goal", text)
+    return point("--goal", text)
 
 
 def episode_name(config: Config) -> str:
@@ -206,7 +184,7 @@ def _viewed(
     """Return the context in which an episode is shown while it runs, if `--view` is given."""
     if view is None:
         return contextlib.nullcontext()
-    from wayproof.harness.cli.live_view import live_view
+    from wayproof.harness.cli.live import live_view
 
     return live_view(draft.path, _saved(view), console)
 
@@ -279,20 +257,20 @@ VERB = Verb(
             "several times, one after the other",
             action="append",
         ),
-        arg("--start X,Y[,Z]", "start, m (default: the world's)"),
-        add_settings,
-        add_perturb,
-        add_prior,
-        add_stack,
-        add_log_file,
+        arg("--start X,Y[,Z]", "start, m (default: the world's)", partial(point, "--start")),
+        shared.settings,
+        shared.perturb,
+        shared.prior,
+        shared.stack,
+        shared.log_file,
         arg(
             "--view FILE.rrd",
             "show the episode in the Rerun viewer while it runs, or write a recording for it",
             nargs="?",
             const=WINDOW,
         ),
-        add_check,
-        add_log_folder,
+        shared.check,
+        shared.log_folder,
     ),
     run=run,
     example="wayproof run warehouse --robot drone --seed 3 --set map.resolution=0.05",

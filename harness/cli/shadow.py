@@ -12,19 +12,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from wayproof.harness.cli.verb import (
-    Document,
-    Verb,
-    add_log_file,
-    add_log_folder,
-    add_perturb,
-    add_prior,
-    add_recording,
-    add_settings,
-    arg,
-    arguments,
-    recording_options,
-)
+from wayproof.harness.cli import shared
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, recording_options
 
 if TYPE_CHECKING:
     from wayproof.harness.recordings.recording import Recording
@@ -170,15 +159,15 @@ VERB = Verb(
     help="judge the way of a recorded robot, and what the stack would have done; "
     "exit code 1 if some of it was not admitted, 3 if nothing was shown",
     add_arguments=arguments(
-        add_recording,
+        shared.recording,
         arg("--robot ROBOT", "body: a spec file, or a name of 'wayproof list'", required=True),
         arg("--seed N", "seed of the searches", int, 0),
-        add_settings,
-        add_prior,
-        add_perturb,
+        shared.settings,
+        shared.prior,
+        shared.perturb,
         arg("--stack STACK", "stack that decides, as of 'wayproof run'; it is run"),
-        add_log_file,
-        add_log_folder,
+        shared.log_file,
+        shared.log_folder,
     ),
     run=run,
     example="wayproof shadow examples/recordings/fr079/fr079-200.clf.bz2 --robot quadruped",

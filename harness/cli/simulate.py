@@ -10,15 +10,9 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
+from wayproof.harness.cli import shared
 from wayproof.harness.cli.differences import print_differences, print_elsewhere
-from wayproof.harness.cli.verb import (
-    Document,
-    Verb,
-    add_log_paths,
-    arg,
-    arguments,
-    replay_each,
-)
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, replay_each
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
@@ -76,7 +70,7 @@ def print_closed_loop(console: Console, again: ClosedLoop) -> None:
 VERB = Verb(
     help="simulate the episode of a log again from its seed, and compare the sensor data as well",
     add_arguments=arguments(
-        add_log_paths,
+        shared.log_paths,
         arg("--log FILE", "write the episode again, in full, as a new log", Path, dest="out"),
     ),
     run=run,

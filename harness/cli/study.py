@@ -11,14 +11,9 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
+from wayproof.harness.cli import shared
 from wayproof.harness.cli.engine_options import Watch, add_engine, check_engine, open_engine
-from wayproof.harness.cli.verb import (
-    LOGS,
-    Document,
-    Verb,
-    add_check,
-    add_plugins,
-)
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments
 from wayproof.harness.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
@@ -58,7 +53,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         raise InputError(f"--check, --merge: of planned episodes, got a study of {study.kind}")
     whole = plan_episodes(study)
     planned = shard(whole, options.shard) if options.shard else whole
-    store = Store(options.out or LOGS / study.folder)
+    store = Store(options.out or shared.LOGS / study.folder)
     if options.merge:
         with store.open():
             copied = merge(store, options.merge, whole, options.allow_plugins)
@@ -190,67 +185,35 @@ def _arm_in_words(one: ArmSummary) -> str:
     )
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "file",
-        metavar="FILE",
-        help="study file (TOML) or name of a packaged study",
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a field of the study, as seeds=4, worlds=office,maze, kind=threshold or "
-        "falsify.budget=20, or a setting of its episodes; repeatable",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="FOLDER",
-        help="folder of the study (default: logs/NAME, with the kind behind it)",
-    )
-    parser.add_argument("--shard", metavar="I/N", help="run only the I-th of N parts")
-    parser.add_argument(
-        "--merge",
-        type=Path,
-        nargs="+",
-        metavar="FOLDER",
-        help="copy finished episodes from other folders",
-    )
-    parser.add_argument(
-        "--retry-errors", action="store_true", help="run episodes again that ended in an error"
-    )
-    parser.add_argument(
-        "--check-determinism",
-        action="store_true",
-        help="run a sample again in other processes and orders; write a certificate",
-    )
-    parser.add_argument(
-        "--sample",
-        type=int,
-        default=8,
-        metavar="N",
-        help="number of episodes for --check-determinism (default: 8)",
-    )
-    add_inconclusive(parser)
-    add_check(parser)
-    add_engine(parser)
-    add_plugins(parser)
-
-
-def add_inconclusive(parser: argparse.ArgumentParser) -> None:
-    """Add `--allow-inconclusive`."""
-    parser.add_argument(
-        "--allow-inconclusive",
-        action="store_true",
-        help="exit code 0 for inconclusive gates, except those that must be 'proven'",
-    )
-
-
 VERB = Verb(
     help="run many paired episodes and judge them by gates",
-    add_arguments=_add_arguments,
+    add_arguments=arguments(
+        arg("FILE", "study file (TOML) or name of a packaged study"),
+        arg(
+            "--set NAME=VALUE",
+            "a field of the study, as seeds=4, worlds=office,maze, kind=threshold or "
+            "falsify.budget=20, or a setting of its episodes; repeatable",
+            default=[],
+            action="append",
+        ),
+        arg(
+            "--out FOLDER",
+            "folder of the study (default: logs/NAME, with the kind behind it)",
+            Path,
+        ),
+        arg("--shard I/N", "run only the I-th of N parts"),
+        arg("--merge FOLDER", "copy finished episodes from other folders", Path, nargs="+"),
+        arg("--retry-errors", "run episodes again that ended in an error"),
+        arg(
+            "--check-determinism",
+            "run a sample again in other processes and orders; write a certificate",
+        ),
+        arg("--sample N", "number of episodes for --check-determinism", int, 8),
+        shared.inconclusive,
+        shared.check,
+        add_engine,
+        shared.plugins,
+    ),
     run=run,
     example="wayproof study smoke",
 )

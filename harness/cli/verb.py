@@ -1,21 +1,20 @@
-"""Interface of a verb of the command line, and all that several verbs share."""
+"""Interface of a verb of the command line, and functions that several verbs share."""
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from wayproof.harness.cli.arguments import EachKeyOnce
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
-    from wayproof.harness.config import StackConfig
     from wayproof.harness.log.reader import Log
     from wayproof.harness.recordings.recording import RecordingOptions
     from wayproof.harness.study.study import StudyResult
@@ -24,11 +23,6 @@ Document = dict[str, Any]
 
 AddArguments = Callable[[argparse.ArgumentParser], object]
 """Declaration of arguments of a verb."""
-
-LOGS = Path("logs")
-
-MAX_CHECKED = 600.0
-"""Default simulated time after which `--check` starts no further simulation, s."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +55,15 @@ def arguments(*each: AddArguments) -> AddArguments:
     return add
 
 
-def arg(spec: str, text: str, kind: type = str, default: Any = None, **more: Any) -> AddArguments:
+def arg(
+    spec: str, text: str, kind: Callable[[str], Any] = str, default: Any = None, **more: Any
+) -> AddArguments:
     """Return the declaration of one argument.
 
     Args:
         spec: `NAME` of a positional one, `--name VALUE` of an option, `--name` of a switch.
-        text: Help; the default is added to it.
-        kind: Type of the value.
+        text: Help; the default is added to it, unless it names one.
+        kind: Makes the value of its word.
         default: Value where none is given.
         more: Further settings of `ArgumentParser.add_argument`.
     """
@@ -81,143 +77,64 @@ def arg(spec: str, text: str, kind: type = str, default: Any = None, **more: Any
         settings["metavar"] = value
     if settings.get("action") not in ("store_true", "store_false"):
         settings["type"] = kind
-        if default not in (None, []):
+        if default not in (None, []) and "(default:" not in text:
             settings["help"] += f" (default: {default})"
     return lambda parser: parser.add_argument(name, **settings)
 
 
-add_plugins = arg(
-    "--allow-plugins",
-    "run the planner or controller that a log or study names as module:Class or FILE.py:Class",
-)
-"""Permission to run code that logs and study files name."""
+def given(kind: type[Any], options: argparse.Namespace) -> dict[str, Any]:
+    """Return the fields of a dataclass that options give, by the names of their values.
 
-add_log = arg("LOG", "log file", Path)
-
-add_log_paths = arguments(arg("LOG", "log file, repeatable", Path, nargs="+"), add_plugins)
-
-add_unchecked = arg(
-    "--unchecked", "read the log even if its result does not follow from its content"
-)
-
-add_log_folder = arg("--logs FOLDER", "folder for new logs", Path, LOGS)
-
-add_log_file = arg("--log FILE", "log file (default: in the folder of --logs)", Path)
-
-add_settings = arg(
-    "--set KEY=VALUE",
-    "override a setting, repeatable; 'wayproof list' shows the names",
-    default=[],
-    action=EachKeyOnce,
-)
-
-add_perturb = arg("--perturb KIND:SEVERITY[:MODE]", "break one assumption, at a severity of 1 to 5")
-
-add_prior = arg(
-    "--prior FILE",
-    "map of another day that may guide: .yaml, .bt, .ot, .map, .mcap, .ply, .spz or a world file; "
-    "or truth, the world's own geometry; prior.* says where it lies and what it may do",
-)
-
-add_stack = arguments(
-    arg(
-        "--stack STACK",
-        "put a stack on trial: a name of 'wayproof list', module:Class, file.py:Class, "
-        "policy:FILE.onnx, exec:COMMAND, unix:PATH, tcp:HOST:PORT or ros2[:KEY=VALUE,...]",
-    ),
-    arg("--guard", "brake where the referee does not admit a command"),
-)
-
-add_check = arg(
-    "--check SECONDS",
-    "check causes of failure by simulating again with one thing corrected at a time, for "
-    f"at most so much simulated time (default {MAX_CHECKED:g} s)",
-    float,
-    nargs="?",
-    const=MAX_CHECKED,
-)
-
-add_summaries = arguments(
-    arg("--markdown FILE", "write the verdict for a pull request", Path),
-    arg(
-        "--junit FILE",
-        "write each gate as a test case for a CI server; an inconclusive one is an error",
-        Path,
-    ),
-)
-
-add_sensors = arguments(
-    arg(
-        "--sensor TOPIC",
-        "sensor of a recording to read, repeatable (default: the only one)",
-        default=[],
-        action="append",
-    ),
-    arg("--pose TOPIC", "topic or frame of a recording's poses (default: the only one)"),
-)
-
-add_recording = arguments(
-    arg("RECORDING", "file or folder", Path),
-    arg("--format NAME", "format (default: found)"),
-    add_sensors,
-    arg("--body FRAME", "frame of the body (default: the poses')"),
-    arg(
-        "--mount X,Y,Z[,YAW[,PITCH[,ROLL]]]",
-        "sensor in the body's frame, m and degrees, where the recording does not say; of a "
-        "folder the body under the sensor whose poses it has",
-    ),
-    arg("--begin S", "first second read", float, 0.0),
-    arg("--end S", "last second read", float),
-    arg("--range-max M", "longest range that counts, m", float),
-    arg("--max-gap S", "longest time between two poses, s", float, 1.0),
-    arg("--intrinsics FX,FY,CX,CY", "of depth images, pixels, where the recording does not say"),
-    arg("--depth-scale N", "units of a depth image in a metre (default: the format's)", float),
-    arg("--pixel-stride N", "read each N-th row and column of depth images", int, 4),
-    arg("--no-return-is-free", "a beam without return was free up to the longest range"),
-)
+    Those that are None, False or empty keep the default of the field.
+    """
+    names = {one.name for one in fields(kind)}
+    return {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in vars(options).items()
+        if name in names and value is not None and value is not False and value != []
+    }
 
 
 def recording_options(options: argparse.Namespace) -> RecordingOptions:
     """Read the options of a recording.
 
     Raises:
-        InputError: A mount or intrinsics are not made of as many numbers.
+        InputError: A mount is not made of as many numbers.
     """
     from wayproof.harness.recordings.poses import mount_of
     from wayproof.harness.recordings.recording import RecordingOptions
 
-    intrinsics = None
-    if options.intrinsics is not None:
-        intrinsics = numbers("--intrinsics", options.intrinsics)
-        if len(intrinsics) != 4:
-            raise InputError(f"--intrinsics {options.intrinsics}: expected FX,FY,CX,CY, in pixels")
-    return RecordingOptions(
-        format=options.format,
-        sensors=tuple(options.sensor),
-        pose=options.pose,
-        body=options.body,
-        mount=None if options.mount is None else mount_of(numbers("--mount", options.mount)),
-        start_s=options.begin,
-        end_s=options.end,
-        range_max=options.range_max,
-        missing_returns_free=options.no_return_is_free or None,
-        intrinsics=intrinsics and tuple(intrinsics),  # type: ignore[arg-type]  # four, as checked
-        depth_scale=options.depth_scale,
-        pixel_stride=options.pixel_stride,
-        max_gap_s=options.max_gap,
-    )
+    chosen = given(RecordingOptions, options)
+    if "mount" in chosen:
+        chosen["mount"] = mount_of(chosen["mount"])
+    return RecordingOptions(**chosen)
 
 
-def numbers(name: str, text: str) -> list[float]:
+def numbers(name: str, text: str) -> tuple[float, ...]:
     """Read numbers with commas between them.
 
     Raises:
         InputError: One is not a number.
     """
     try:
-        return [float(part) for part in text.split(",")]
+        return tuple(float(part) for part in text.split(","))
     except ValueError:
         raise InputError(f"{name} {text}: expected numbers with commas between them") from None
+
+
+def point(name: str, text: str) -> tuple[float, ...]:
+    """Read `X,Y` or `X,Y,Z`.
+
+    Raises:
+        InputError: It is something else.
+    """
+    try:
+        values = numbers(name, text)
+    except InputError:
+        values = ()
+    if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
+        raise InputError(f"{name} {text}: expected X,Y or X,Y,Z, finite numbers in m")
+    return values
 
 
 def write_summaries(
@@ -313,28 +230,3 @@ def replay_each(
 def one_or_all(name: str, documents: list[Document]) -> Document:
     """Return the document of a verb that takes logs: flat for one log, else a list under `name`."""
     return documents[0] if len(documents) == 1 else {name: documents}
-
-
-def stack_of(options: argparse.Namespace) -> StackConfig:
-    """Return the stack that `--stack` and `--guard` give; the built-in one without.
-
-    Raises:
-        InputError: A guard, which the built-in stack has no use for.
-    """
-    from wayproof.harness.config import BUILTIN, StackConfig
-
-    stack = StackConfig(BUILTIN if options.stack is None else options.stack, options.guard)
-    refuse_idle_guard(stack)
-    return stack
-
-
-def refuse_idle_guard(stack: StackConfig) -> None:
-    """Refuse a guard of the built-in stack, which would have no effect.
-
-    Raises:
-        InputError: It is one.
-    """
-    from wayproof.harness.config import BUILTIN
-
-    if stack.guard and stack.name == BUILTIN:
-        raise InputError("--guard: expected --stack; the built-in stack has no referee")

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
+from wayproof.harness.cli import shared
 from wayproof.harness.cli.differences import print_differences, print_elsewhere, print_scope
-from wayproof.harness.cli.verb import Document, Verb, add_plugins, arg, arguments, one_or_all
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, one_or_all
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
@@ -107,7 +108,7 @@ VERB = Verb(
     help="recompute everything in a log that can be recomputed; exit code 0 or 1",
     add_arguments=arguments(
         arg("LOG", "log file, repeatable", Path, nargs="*"),
-        add_plugins,
+        shared.plugins,
         arg(
             "--key PUBLIC",
             "Ed25519 public key, PEM or OpenSSH, whose signature the log must have",

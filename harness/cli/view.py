@@ -14,16 +14,8 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from wayproof.harness.cli.verb import (
-    Document,
-    Verb,
-    add_plugins,
-    add_unchecked,
-    arg,
-    arguments,
-    check_ending,
-    check_log,
-)
+from wayproof.harness.cli import shared
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, check_ending, check_log
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
@@ -191,8 +183,8 @@ VERB = Verb(
         arg("--live", "follow a log that is being written, up to its end"),
         arg("--twin", "show the episode of a study beside its twin"),
         arg("--failed", "list the episodes of a study that failed alone"),
-        add_unchecked,
-        add_plugins,
+        shared.unchecked,
+        shared.plugins,
     ),
     run=run,
     example="wayproof view logs/warehouse-drone-3.mcap --save drone.rrd",

@@ -11,16 +11,9 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
+from wayproof.harness.cli import shared
 from wayproof.harness.cli.differences import print_differences
-from wayproof.harness.cli.verb import (
-    Document,
-    Verb,
-    add_log_paths,
-    add_settings,
-    arg,
-    arguments,
-    replay_each,
-)
+from wayproof.harness.cli.verb import Document, Verb, arg, arguments, replay_each
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
@@ -139,8 +132,8 @@ def _answer(answer: Answer) -> str:
 VERB = Verb(
     help="what other settings, or another stack, would have decided on the inputs of a log",
     add_arguments=arguments(
-        add_log_paths,
-        add_settings,
+        shared.log_paths,
+        shared.settings,
         arg("--stack STACK", "query this stack on the log's inputs, and compare its answers"),
     ),
     run=run,
