@@ -6,8 +6,7 @@ The map of the decision is rebuilt from the inputs of the log.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import TypedDict
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,7 +171,7 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
     ages, probabilities = _evidence(navigator, moment)
     stages = decision.stages
     perturbation = case.config.perturbation
-    return Card(
+    card = Card(
         sequence=decision.sequence,
         time_s=moment.time_ns * 1e-9,
         action=decision.action,
@@ -223,9 +222,8 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
         else f"{perturbation.kind} {perturbation.amount:g} {perturbation.unit}",
         stack="" if moment.answer is None else case.config.stack.name,
         verdict=_verdict(decision),
-        **_of_prior(case, moment),
-        **_of_stack(case, number, navigator),
     )
+    return _with_stack(_with_prior(card, case, moment), case, number, navigator)
 
 
 def command_at(case: Case, number: int) -> Commanded | None:
@@ -240,15 +238,8 @@ def command_at(case: Case, number: int) -> Commanded | None:
     return commanded(moment.answer, moment.decision, followed, case.config, case.mission)
 
 
-class _OfPrior(TypedDict, total=False):
-    """Fields of a card that only a decision with a prior map has."""
-
-    unmeasured: str
-    committed_evidence: dict[str, float]
-    global_evidence: dict[str, float]
-
-
-def _of_prior(case: Case, moment: Moment) -> _OfPrior:
+def _with_prior(card: Card, case: Case, moment: Moment) -> Card:
+    """Add what only a decision with a prior map or predictions has."""
     config, decision = case.config, moment.decision
     prior, prediction = config.prior, config.prediction
     used = []
@@ -257,12 +248,13 @@ def _of_prior(case: Case, moment: Moment) -> _OfPrior:
     if prediction.source != NO_PREDICTOR:
         used.append(f"prediction {prediction.source}, {prediction.policy}{_answered(moment)}")
     if not used:
-        return {}
-    return {
-        "unmeasured": "; ".join(used),
-        "committed_evidence": _lengths(decision.committed_evidence),
-        "global_evidence": _lengths(decision.global_evidence),
-    }
+        return card
+    return replace(
+        card,
+        unmeasured="; ".join(used),
+        committed_evidence=_lengths(decision.committed_evidence),
+        global_evidence=_lengths(decision.global_evidence),
+    )
 
 
 def _answered(moment: Moment) -> str:
@@ -278,28 +270,17 @@ def _lengths(evidence: pb.Evidence) -> dict[str, float]:
     return {name.removesuffix("_m"): getattr(evidence, name) for name in names}
 
 
-class _OfStack(TypedDict, total=False):
-    """Fields of a card that only a stack on trial has."""
-
-    answer: str
-    planned_m: float
-    planned_admitted_m: float
-
-
-def _of_stack(case: Case, number: int, navigator: Navigator) -> _OfStack:
+def _with_stack(card: Card, case: Case, number: int, navigator: Navigator) -> Card:
+    """Add what only a decision of a stack on trial has."""
     command = command_at(case, number)
     if command is None:
-        return {}
+        return card
     answer, plan = command_in_words(command.message), command.planned_path
     if len(plan) < 2:
-        return {"answer": answer}
-    return {
-        "answer": answer,
-        "planned_m": length(plan),
-        "planned_admitted_m": _admitted_length(
-            case.moments[number].decision, case.mission, navigator.costmap, plan
-        ),
-    }
+        return replace(card, answer=answer)
+    decision = case.moments[number].decision
+    admitted = _admitted_length(decision, case.mission, navigator.costmap, plan)
+    return replace(card, answer=answer, planned_m=length(plan), planned_admitted_m=admitted)
 
 
 def _admitted_length(

@@ -51,17 +51,16 @@ def _column(root: str, log: Log) -> rrb.Vertical:
     world, period = f"/{root}/world", layer_period_ns(log) * 1e-9
     verdict = "verdict" if log.config.recording is None else "way"
     lanes = ("action", "label", verdict, "event")
-    shown = _Spaces(world)
     maps = [
-        shown.view(f"map, each {period:g} s", above, "layer", FROM_ABOVE),
-        shown.view(WORDS["age"], above, "age", FROM_ABOVE),
-        shown.view(WORDS["probability"], above, "probability", FROM_ABOVE),
+        _space(world, f"map, each {period:g} s", above, "layer", FROM_ABOVE),
+        _space(world, WORDS["age"], above, "age", FROM_ABOVE),
+        _space(world, WORDS["probability"], above, "probability", FROM_ABOVE),
     ]
     if gives_costmap(log):
         name = "the stack's own costmap"
-        maps.insert(1, shown.view(name, above, "stack_costmap", FROM_ABOVE))
+        maps.insert(1, _space(world, name, above, "stack_costmap", FROM_ABOVE))
     return rrb.Vertical(
-        rrb.Horizontal(shown.view(f"{root}: space", aside, "layer"), rrb.Tabs(*maps)),
+        rrb.Horizontal(_space(world, f"{root}: space", aside, "layer"), rrb.Tabs(*maps)),
         rrb.Horizontal(
             rrb.TextDocumentView(origin=f"/{root}/decision", name="decision"),
             rrb.TextLogView(origin=f"/{root}/reasons", name="reasons"),
@@ -113,40 +112,31 @@ def gives_costmap(log: Log) -> bool:
     )
 
 
-class _Spaces:
-    """Views in space of one log.
+def _space(
+    world: str, name: str, eye: rrb.EyeControls3D, floor: str, hidden: Sequence[str] = ()
+) -> rrb.Spatial3DView:
+    """Return a view in space with one grid on the floor.
 
-    Attributes:
-        world: Entity of its world.
+    Args:
+        world: Entity of the world.
+        name: Title of the view.
+        eye: Position of the viewer.
+        floor: Entity of the grid.
+        hidden: Entities left out besides.
     """
-
-    def __init__(self, world: str) -> None:
-        self.world = world
-
-    def view(
-        self, name: str, eye: rrb.EyeControls3D, floor: str, hidden: Sequence[str] = ()
-    ) -> rrb.Spatial3DView:
-        """Return a view with one grid on the floor.
-
-        Args:
-            name: Its title.
-            eye: Position of the viewer.
-            floor: Entity of the grid.
-            hidden: Entities left out besides.
-        """
-        left_out = [*(one for one in FLOORS if one != floor), *hidden]
-        so_far = rrb.VisibleTimeRanges(
-            timeline="time",
-            start=rrb.TimeRangeBoundary.infinite(),
-            end=rrb.TimeRangeBoundary.cursor_relative(),
-        )
-        marks = (f"events/{name_of(kind)}" for kind in COLOURS)
-        return rrb.Spatial3DView(
-            origin=self.world,
-            contents=["+ $origin/**", *(f"- $origin/{one}" for one in left_out)],
-            name=name,
-            eye_controls=eye,
-            line_grid=False,
-            background=list(UNKNOWN_COLOUR),
-            overrides={f"{self.world}/{one}": [so_far] for one in (*TRACKS, *marks)},
-        )
+    left_out = [*(one for one in FLOORS if one != floor), *hidden]
+    so_far = rrb.VisibleTimeRanges(
+        timeline="time",
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    marks = (f"events/{name_of(kind)}" for kind in COLOURS)
+    return rrb.Spatial3DView(
+        origin=world,
+        contents=["+ $origin/**", *(f"- $origin/{one}" for one in left_out)],
+        name=name,
+        eye_controls=eye,
+        line_grid=False,
+        background=list(UNKNOWN_COLOUR),
+        overrides={f"{world}/{one}": [so_far] for one in (*TRACKS, *marks)},
+    )

@@ -14,7 +14,6 @@ from wayproof.harness.explain.commanded import Commanded, commanded
 from wayproof.harness.explain.stack_costmap import Newest
 from wayproof.harness.inputs import Beams
 from wayproof.harness.log.reader import Log, Record
-from wayproof.harness.mission import Mission
 from wayproof.harness.recompute.keyframes import map_before, start_at, startable
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.recompute.side_by_side import as_input_error
@@ -116,9 +115,3 @@ def moments(log: Log, shown: int = 0) -> Iterator[Moment]:
         yield Moment(record, truth, now.beams, navigator, command)
         if not decision.deadline_missed:
             followed = decision.trajectory
-
-
-def standing_low(mission: Mission) -> tuple[float, float, float]:
-    """Return the lower corner of the space of obstacles, m: above a walking body's step height."""
-    x, y, z = mission.low
-    return x, y, max(z, mission.step_height)

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.decision import path_of
-from wayproof.harness.errors import InputError
-from wayproof.harness.log.reader import Log, open_log
+from wayproof.harness.log.reader import Log
 from wayproof.harness.recordings.bags.building import Builder
 from wayproof.harness.recordings.bags.writing import (
     WORLD,
@@ -62,11 +61,6 @@ def convert(recording: Recording, log: Log | None, out: Path, kind: BagKind) -> 
         views = _views(log, Builder(encoding_of(kind)), kind)
         messages = heapq.merge(messages, views, key=lambda one: one.stamp_ns)
     return write_bag(messages, out, kind)
-
-
-def open_log_of(recording: Recording, path: Path, allow_plugins: bool) -> Log | None:
-    """Return the log that a recording was opened from; None of another format."""
-    return open_log(path, allow_plugins) if recording.format == "wayproof" else None
 
 
 def costs_of(costmap: Costmap, layer: int, collision_distance_sq: int) -> NDArray[np.uint8]:
@@ -180,13 +174,3 @@ def _path(build: Builder, now: int, points: NDArray[np.float64]) -> Any:
         for point in points
     ]
     return build.make("nav_msgs/Path", header=header, poses=poses)
-
-
-def check_name(out: Path, kind: BagKind) -> None:
-    """Refuse a name that ROS tools would not take.
-
-    Raises:
-        InputError: A bag of ROS 2 with an ending.
-    """
-    if kind != "ros1" and out.suffix in (".mcap", ".db3", ".bag"):
-        raise InputError(f"--bag: got '{out}', expected a FILE.bag, or the name of a folder")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wayproof.harness.log.reader import Log
 from wayproof.harness.viewer.evidence import Evidence, evidence_at
 from wayproof.harness.viewer.layer import kinds, layer_at
-from wayproof.harness.viewer.moments import Moment, moments, standing_low
+from wayproof.harness.viewer.moments import Moment, moments
 from wayproof.harness.viewer.tiles import Tile, Tiles
 
 MOST_HITS = 3000
@@ -91,8 +91,10 @@ def snapshots(log: Log) -> Iterator[Snapshot]:
 
 
 def tiles_of(log: Log) -> Tiles:
-    """Return the tiles for the occupied cells of the map of a log."""
-    return Tiles(standing_low(log.mission), log.mission.high, log.config.map.resolution)
+    """Return the tiles for the occupied cells of a log's map, above a walking body's steps."""
+    x, y, z = log.mission.low
+    low = x, y, max(z, log.mission.step_height)
+    return Tiles(low, log.mission.high, log.config.map.resolution)
 
 
 def _layer(log: Log, moment: Moment, with_evidence: bool) -> Layer:
