@@ -20,10 +20,7 @@ from wayproof.harness.errors import InputError, NeverReturned, printable
 from wayproof.harness.interface.connect import file_digest, runs_elsewhere, runs_in_process
 from wayproof.harness.interface.errors import OutsideError
 from wayproof.harness.supervision import stacks_file
-from wayproof.models._plugin import UserCodeError as ControllerError
-from wayproof.planners.ompl._plugin import UserCodeError as PlannerError
-
-USER_CODE_ERRORS = (PlannerError, ControllerError)
+from wayproof.plugin import UserCodeError
 
 LONGEST_TRACEBACK = 16_384
 """Maximum number of characters of a traceback in a log; its end is kept."""
@@ -90,11 +87,11 @@ def failure_of(error: BaseException, place: str, names: list[str]) -> Failure:
         place: Time of it, such as `at decision 12`.
         names: The user's classes in use.
     """
-    raised = error.__cause__ if isinstance(error, USER_CODE_ERRORS) else None
+    raised = error.__cause__ if isinstance(error, UserCodeError) else None
     text = bounded("".join(traceback.format_exception(raised or error)))
     if isinstance(error, OutsideError) and raised is None:
         text = bounded(error.traceback) if error.traceback else ""  # ours would say nothing of it
-    if isinstance(error, USER_CODE_ERRORS):
+    if isinstance(error, UserCodeError):
         line = f"{error.who} {raised}" if isinstance(raised, NeverReturned) else str(error)
         return Failure(printable(f"{line} {place}"), text, ours=False)
     if isinstance(error, NeverReturned):

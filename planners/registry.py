@@ -9,9 +9,9 @@ from ompl import base as ob
 from ompl import geometric as og
 
 from wayproof.planners.astar.grid_astar import GridAStar
-from wayproof.planners.ompl._plugin import SEPARATOR, load_class
 from wayproof.planners.ompl.state_spaces import POSE_IN_SPACE, STATE_SPACES, StateSpace
 from wayproof.planners.ompl.waypoint_planner import WaypointPlanner
+from wayproof.plugin import SEPARATOR, load_class
 
 
 class Budget(NamedTuple):

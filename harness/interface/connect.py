@@ -36,7 +36,7 @@ from wayproof.harness.prediction.predicted_box import PredictionError, in_steps
 from wayproof.harness.prediction_config import ONNX_FILE
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.maps import Costmap
-from wayproof.planners.ompl._plugin import UserCodeError, load_class, source_digest, user_code
+from wayproof.plugin import UserCodeError, load_class, source_digest, user_code
 
 EXEC, SOCKETS, ROS2, POLICY = "exec:", ("unix:", "tcp:"), "ros2", "policy:"
 

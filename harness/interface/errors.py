@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import ClassVar, Literal
 
 from wayproof.harness.errors import InputError, NeverReturned
-from wayproof.planners.ompl._plugin import UserCodeError, user_code
+from wayproof.plugin import UserCodeError, user_code
 
 Way = Literal["died", "hung", "broken"]
 """Way in which code from outside fails: it ended; gave no answer in time; or no valid one."""

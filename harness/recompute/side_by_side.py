@@ -22,9 +22,9 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.types import PlannerState
-from wayproof.harness.user_code import USER_CODE_ERRORS
 from wayproof.models.arrays import Vector3
 from wayproof.planners import Trajectory
+from wayproof.plugin import UserCodeError
 
 T = TypeVar("T")
 
@@ -161,7 +161,7 @@ def as_input_error(what: str, make: Callable[[], T]) -> T:
     """
     try:
         return make()
-    except USER_CODE_ERRORS as error:
+    except UserCodeError as error:
         raise InputError(f"{what}: {error}") from error
     except MemoryError:
         raise InputError(f"{what}: out of memory, expected smaller maps, or more memory") from None

@@ -12,7 +12,7 @@ from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
 from wayproof.harness.scenario.worlds import find_world
 from wayproof.models.robots.custom import CustomRobot
 from wayproof.models.world_files import FileWorld
-from wayproof.planners.ompl._plugin import source_digest
+from wayproof.plugin import source_digest
 
 Contents = dict[str, str]
 """Path as given -> name and hash of the file."""

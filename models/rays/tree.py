@@ -14,9 +14,6 @@ from wayproof.models.arrays import Array
 BOX_MARGIN = 1e-9
 """Excess of boxes over what they bound, m, so that rounding never rules out a hit."""
 
-LEAF_SIZE = 4
-"""Maximum number of items of a leaf: testing them costs about as much as another box test."""
-
 BINS = 16
 """Number of bins between which a split is tried; Wald 2007 finds 16 nearly as good as all."""
 
@@ -32,8 +29,8 @@ class Tree(NamedTuple):
 
     Attributes:
         boxes: (k, 6) lower and upper corner of each node, margin included.
-        links: (k, 3) of a leaf its first place in `order` and how many; of an inner node its first
-            child, of which the second is the next node, and 0; then the axis of the split.
+        links: (k, 2) of a leaf its place in `order` and 1; of an inner node its first child, of
+            which the second is the next node, and 0.
         order: (n,) items as the leaves list them.
     """
 
@@ -56,28 +53,24 @@ class Items(NamedTuple):
     order: NDArray[np.int32]
 
 
-def build_tree(lower: Array, upper: Array, leaf_size: int = LEAF_SIZE) -> Tree:
-    """Build the tree over n items with corners (n, 3) and (n, 3); it is empty without items.
+def build_tree(lower: Array, upper: Array) -> Tree:
+    """Build the tree over n items with corners (n, 3) and (n, 3), each in a leaf of its own.
 
-    Args:
-        lower: (n, 3) lower corners.
-        upper: (n, 3) upper corners.
-        leaf_size: Maximum number of items of a leaf.
+    It is empty without items.
     """
     count = len(lower)
     order = np.arange(count, dtype=np.int32)
-    boxes, links = np.empty((2 * count, 6)), np.empty((2 * count, 3), np.int32)
+    boxes, links = np.empty((2 * count, 6)), np.empty((2 * count, 2), np.int32)
     pending = np.empty((DEEPEST, 4), np.int64)
     bins, costs = np.empty((BINS + 1, 7)), np.empty(BINS)
     items = Items(lower, upper, order)
-    nodes = grow_tree(items, leaf_size, boxes, links, pending, bins, costs) if count else 0
+    nodes = grow_tree(items, boxes, links, pending, bins, costs) if count else 0
     return Tree(boxes[:nodes].copy(), links[:nodes].copy(), order)
 
 
 @kernel
 def grow_tree(
     items: Items,
-    leaf_size: int,
     boxes: Array,
     links: NDArray[np.int32],
     pending: NDArray[np.int64],
@@ -88,9 +81,8 @@ def grow_tree(
 
     Args:
         items: At least one; their order becomes that of the leaves.
-        leaf_size: Maximum number of items of a leaf.
         boxes: (2 n, 6) is written, see `Tree`.
-        links: (2 n, 3) is written, see `Tree`.
+        links: (2 n, 2) is written, see `Tree`.
         pending: (DEEPEST, 4) scratch: nodes that wait, their first and last place, their depth.
         bins: (BINS + 1, 7) scratch: boxes and numbers of items; the last row is of one side.
         costs: (BINS,) scratch: costs of the left sides.
@@ -102,17 +94,17 @@ def grow_tree(
         node, start, stop = pending[waiting, 0], pending[waiting, 1], pending[waiting, 2]
         depth = pending[waiting, 3] + 1
         enclose(items, start, stop, boxes, node)
-        axis, low, high = widest_axis(items, start, stop)
-        if stop - start <= leaf_size:
-            links[node, 0], links[node, 1], links[node, 2] = start, stop - start, axis
+        if stop - start == 1:
+            links[node, 0], links[node, 1] = start, 1
             continue
+        axis, low, high = widest_axis(items, start, stop)
         middle = start
         if (high > low) & (depth < MAX_SORTED_DEPTH):
             scale = BINS / (high - low)
             middle = split(items, start, stop, axis, low, scale, bins, costs)
         if (middle == start) | (middle == stop):
             middle = (start + stop) // 2
-        links[node, 0], links[node, 1], links[node, 2] = nodes, 0, axis
+        links[node, 0], links[node, 1] = nodes, 0
         for side in range(2):
             pending[waiting, 0] = nodes + 1 - side
             pending[waiting, 1] = start if side == 1 else middle

@@ -63,7 +63,7 @@ def build_wide_tree(lower: Array, upper: Array) -> WideTree:
 
     Without items it has one node without children.
     """
-    tree = build_tree(lower, upper, leaf_size=1)
+    tree = build_tree(lower, upper)
     nodes = max(len(tree.boxes), 1)
     boxes = np.full((nodes, SIDES), np.nan, np.float32)
     links = np.zeros((nodes, CHILDREN), np.int32)
@@ -103,7 +103,7 @@ def weigh(
 
     Args:
         boxes: (k, 6) of a tree with two children a node and one item a leaf.
-        links: (k, 3) likewise; children stand behind their parents.
+        links: (k, 2) likewise; children stand behind their parents.
         costs: (k, 8) is written: expected cost, with at most 1 to 8 roots.
         shares: (k, 8) is written: how many of the roots the first child gets, LEAF or FEWER; with
             one root, how many of a node's children are from the first child.
@@ -176,7 +176,7 @@ def pull_together(
 
     Args:
         boxes: (k, 6) as for `weigh`.
-        links: (k, 3) likewise.
+        links: (k, 2) likewise.
         shares: (k, 8) by `weigh`.
         counts: (k, 2) by `weigh`.
         wide_boxes: (k, 48) is written, see `WideTree`; not a number before.

@@ -14,7 +14,7 @@ from wayproof.models.arrays import Array
 from wayproof.models.classes import UNKNOWN_CLASS, class_of_geoms
 from wayproof.models.poses import Trail
 from wayproof.models.random_streams import stream
-from wayproof.models.rays import cut_grid, cut_scattered
+from wayproof.models.rays import Pattern, cut_grid, cut_scattered
 from wayproof.models.sensors.beams import (
     DROPPED,
     NO_RETURN,
@@ -25,7 +25,7 @@ from wayproof.models.sensors.beams import (
     rotate,
 )
 from wayproof.models.sensors.devices import Device, Mount, RangeNoise, SensorConfig
-from wayproof.models.sensors.engines import ENGINES, Firing, Hits
+from wayproof.models.sensors.engines import ENGINES
 from wayproof.models.sensors.measure import measure
 
 ROBOT_GROUP = 3
@@ -64,10 +64,10 @@ class SweepCaster:
         self._site = model.site(prefix + mount.site).id
         self.mounting = _mounting(model, self._site, base)
         self._ages = -1e-9 * pose_offsets(self.table, round(1e9 / mount.device.rate))
-        self._firing = _fire(self.table, self._pose_indices, 0)
+        self._beams, self._pattern = _fire(self.table, self._pose_indices, 0)
         groups = np.ones(mujoco.mjNGROUP, np.uint8)
         groups[ROBOT_GROUP] = 0
-        reach = _reach(mount.device, self._firing.directions)
+        reach = _reach(mount.device, self._beams)
         self._engine = ENGINES[config.engine](model, groups, reach)
 
     def cast(
@@ -102,14 +102,23 @@ class SweepCaster:
     ) -> tuple[NDArray[np.uint16], NDArray[np.int32]]:
         """Return ranges (n,), mm, and the geoms (n,) that the beams met."""
         if self.table.non_repetitive:
-            self._firing = _fire(self.table, self._pose_indices, sequence)
+            self._beams, self._pattern = _fire(self.table, self._pose_indices, sequence)
         origins, rotations = self._scan_poses(data, trail)
-        fades = self.mount.device.noise.grazing > 0.0  # only then normals are worth their time
-        hits = self._engine.cast(data, self._firing, origins, rotations, normals=fades)
+        sweep = data, self._pattern, origins, rotations
+        incidence = None
+        if self.mount.device.noise.grazing > 0.0:  # only then normals are worth their time
+            distance, geom_id, normals = self._engine.cast_with_normals(*sweep)
+            incidence = self._incidence(normals, rotations)
+        else:
+            distance, geom_id = self._engine.cast(*sweep)
         rng = _draws(self.mount, seed, sequence)
-        incidence = _incidence(hits, self._firing, rotations) if fades else None
-        beams = self._firing.directions
-        return measure(self.mount.device, hits.distance, incidence, beams, rng), hits.geom_id
+        return measure(self.mount.device, distance, incidence, self._beams, rng), geom_id
+
+    def _incidence(self, normals: Array, rotations: Array) -> Array:  # (n,)
+        """Return the cosine between each beam and the normal where it hit; 0 for a miss."""
+        R = rotations[self._pose_indices] if len(rotations) > 1 else rotations[0]
+        cosine: Array = (rotate(R, self._beams) * normals).sum(axis=1)
+        return cosine
 
     def _scan_poses(self, data: mujoco.MjData, trail: Trail) -> tuple[Array, Array]:
         """Return the sensor's positions (m, 3), m, and rotations (m, 3, 3) in the world."""
@@ -192,20 +201,12 @@ def _draws(mount: Mount, seed: int, sequence: int) -> np.random.Generator | None
     return stream(seed, f"sensor/{mount.name}", sequence)
 
 
-def _fire(table: BeamTable, indices: NDArray[np.int32], sequence: int) -> Firing:
+def _fire(table: BeamTable, indices: NDArray[np.int32], sequence: int) -> tuple[Array, Pattern]:
+    """Return the beams (n, 3) of a sweep, sensor frame, and the same cut into tiles."""
     beams = directions(table, sequence)
     if table.non_repetitive:
-        pattern = cut_scattered(beams, indices)
-    else:
-        pattern = cut_grid(beams, len(table.rows), len(table.columns), indices)
-    return Firing(beams, indices, pattern)
-
-
-def _incidence(hits: Hits, firing: Firing, rotations: Array) -> Array:  # (n,)
-    """Return the cosine between each beam and the normal where it hit; 0 for a miss."""
-    R = rotations[firing.pose_indices] if len(rotations) > 1 else rotations[0]
-    cosine: Array = (rotate(R, firing.directions) * hits.normals).sum(axis=1)
-    return cosine
+        return beams, cut_scattered(beams, indices)
+    return beams, cut_grid(beams, len(table.rows), len(table.columns), indices)
 
 
 def _reach(device: Device, beams: Array) -> float:

@@ -19,10 +19,10 @@ from ompl import util as ou
 from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import segment, sweep
 from wayproof.planners.kernels.grid import Floats, Pose
-from wayproof.planners.ompl._plugin import UserCodeError, user_code
 from wayproof.planners.ompl.state_spaces import StateSpace, sample_curve
 from wayproof.planners.ompl.validity import BodyValidity
 from wayproof.planners.registry import Budget, is_registered, planner_builder
+from wayproof.plugin import UserCodeError, user_code
 
 # Reseeding a generator that was used before makes OMPL print an error, although it reseeds.
 ou.setLogLevel(ou.LogLevel.LOG_NONE)

@@ -9,9 +9,9 @@ from ompl import base as ob
 
 from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels.grid import Floats
-from wayproof.planners.ompl._plugin import UserCodeError
 from wayproof.planners.ompl.adapter import add_solution, query_ends
 from wayproof.planners.path import poses_along
+from wayproof.plugin import UserCodeError
 
 
 class PlansWaypoints(Protocol):

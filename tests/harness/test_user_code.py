@@ -22,7 +22,7 @@ from wayproof.harness.study.matching import mismatch
 from wayproof.harness.study.plan import CLEAN, Arm, planned_for
 from wayproof.harness.user_code import LONGEST_TRACEBACK, bounded, failure_of
 from wayproof.planners import FreeSpace, PlannerConfig, plan
-from wayproof.planners.ompl._plugin import UserCodeError, load_class
+from wayproof.plugin import UserCodeError, load_class
 
 ROOT = Path(__file__).parents[2]
 
@@ -392,12 +392,6 @@ def test_memory_and_time_are_the_users_where_there_is_a_user():
     assert theirs.reason == "out of memory with a.py:B at decision 3"
     late = failure_of(NeverReturned("had not returned"), "after decision 3", ["a.py:B"])
     assert late.reason == "a.py:B had not returned after decision 3"
-
-
-def test_the_two_loaders_are_one_text():
-    assert (ROOT / "planners/ompl/_plugin.py").read_text() == (
-        ROOT / "models/_plugin.py"
-    ).read_text()
 
 
 def test_a_study_keeps_what_an_episode_in_error_had_logged(recorded, tmp_path):

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._plugin import UserCodeError, load_class, user_code
 from wayproof.models.robots.custom.source import RobotSpecError, Source, free
 from wayproof.models.robots.custom.spec_file import SpecFile
 from wayproof.models.robots.custom.writing import farthest, mesh_points
 from wayproof.models.robots.robot import Controller, Setpoint
 from wayproof.models.sensors.caster import ROBOT_GROUP
+from wayproof.plugin import UserCodeError, load_class, user_code
 
 
 def kept_mjcf(source: Source, spec: SpecFile) -> str:

@@ -10,7 +10,7 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.recompute.side_by_side import as_input_error
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.planners.ompl._plugin import UserCodeError
+from wayproof.plugin import UserCodeError
 
 SMALL_LOG = str(COMMITTED)
 

@@ -6,7 +6,7 @@ import numpy as np
 from wayproof.models.rays import cut_grid, cut_scattered
 from wayproof.models.sensors.beams import directions as beams_of
 from wayproof.models.sensors.devices import DepthCamera, Device, SpinningLidar, evenly
-from wayproof.models.sensors.engines import Firing, MujocoEngine
+from wayproof.models.sensors.engines import MujocoCaster
 
 ALL = np.ones(mujoco.mjNGROUP, np.uint8)
 
@@ -40,8 +40,8 @@ def directions_of(sensor):
 
 
 def own_hits(model, data, directions, range, origin, R):
-    firing = Firing(directions, np.zeros(len(directions), np.int32), cut_scattered(directions))
-    return MujocoEngine(model, ALL, range).cast(data, firing, origin[None], R[None])[:2]
+    pattern = cut_scattered(directions)
+    return MujocoCaster(model, ALL, range).cast(data, pattern, origin[None], R[None])
 
 
 def pattern_of(sensor, indices=None):

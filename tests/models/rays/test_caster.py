@@ -18,7 +18,7 @@ from tests.models.rays.cast import (
 )
 from wayproof.models.rays import TileCaster, cut_grid, cut_scattered, tile_kernels
 from wayproof.models.sensors.beams import rotate
-from wayproof.models.sensors.engines import Firing, MujocoEngine
+from wayproof.models.sensors.engines import MujocoCaster
 
 CAMERA = camera(45, 61, 1.5, 1.2, range=8.0)
 SINGLE = cut_grid(np.array([[1.0, 0.0, 0.0]]), 1, 1)
@@ -271,7 +271,6 @@ def test_triangles_and_primitives_in_one_scene(poses):
     """Distances, ids and normals of MuJoCo's own caster, from one pose and from many."""
     model, data = posed(MIXED, MESH)
     rng = np.random.default_rng(poses)
-    directions = directions_of(LIDAR)
     indices = np.tile(np.arange(130) * poses // 130, 21).astype(np.int32)
     origins = np.array([0.1, 0.2, 0.3]) + rng.normal(0.0, 0.05, (poses, 3))
     rotations = np.stack([random_rotation(rng) for _ in range(poses)])
@@ -279,14 +278,14 @@ def test_triangles_and_primitives_in_one_scene(poses):
     got = caster.cast_with_normals(data, pattern_of(LIDAR, indices), origins, rotations)
     plain = caster.cast(data, pattern_of(LIDAR, indices), origins, rotations)
     assert all((one == other).all() for one, other in zip(plain, got, strict=False))
-    firing = Firing(directions, indices, pattern_of(LIDAR, indices))
-    own = MujocoEngine(model, ALL, LIDAR.range)
-    expected = own.cast(data, firing, origins, rotations, normals=True)
-    hit = (expected.distance >= 0.0) & (expected.distance <= LIDAR.range)
-    assert set(np.unique(expected.geom_id[hit])) == {0, 1, 2, 3, 4}
-    np.testing.assert_array_equal(got[1], np.where(hit, expected.geom_id, -1))
-    np.testing.assert_allclose(got[0], np.where(hit, expected.distance, -1.0), rtol=0, atol=1e-9)
-    np.testing.assert_allclose(got[2][hit], expected.normals[hit], rtol=0, atol=1e-9)
+    own = MujocoCaster(model, ALL, LIDAR.range)
+    pattern = pattern_of(LIDAR, indices)
+    distance, ids, normals = own.cast_with_normals(data, pattern, origins, rotations)
+    hit = (distance >= 0.0) & (distance <= LIDAR.range)
+    assert set(np.unique(ids[hit])) == {0, 1, 2, 3, 4}
+    np.testing.assert_array_equal(got[1], np.where(hit, ids, -1))
+    np.testing.assert_allclose(got[0], np.where(hit, distance, -1.0), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(got[2][hit], normals[hit], rtol=0, atol=1e-9)
     assert (got[2][~hit] == 0.0).all()
 
 

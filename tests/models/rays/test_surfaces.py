@@ -341,7 +341,7 @@ def test_a_tree_over_equal_and_over_exponential_items_stays_shallow():
     for corners in (same, doubling):
         _, links, _ = build_tree(corners, corners)
         depth = np.zeros(len(links), int)
-        for node, (first, items, _) in enumerate(links):
+        for node, (first, items) in enumerate(links):
             if items == 0:
                 depth[first : first + 2] = depth[node] + 1
         assert depth.max() <= MAX_SORTED_DEPTH + 14

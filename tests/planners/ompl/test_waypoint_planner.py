@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wayproof.planners import Body, FreeSpace, PlannerConfig, plan
-from wayproof.planners.ompl._plugin import UserCodeError
+from wayproof.plugin import UserCodeError
 
 PLANNERS = '''
 import numpy as np
@@ -96,7 +96,7 @@ def test_a_long_body_heads_along_the_waypoints(file):
 
 
 def test_a_planner_gets_seed_and_budget(file):
-    from wayproof.planners.ompl._plugin import load_class
+    from wayproof.plugin import load_class
 
     seen = load_class(f"{file}:Middle").seen
     seen.clear()

@@ -1,6 +1,6 @@
 """Classes of the user's own, by `module:Class` or `path/to/file.py:Class`.
 
-`planners/ompl/_plugin.py` and `models/_plugin.py` are one text: neither package imports the other.
+Planners, controllers and stacks are loaded by it: it stands beside the packages, and imports none.
 """
 
 from __future__ import annotations
