@@ -57,14 +57,6 @@ OPAQUE = 255
 STEPS_OF_SQUARE = 32
 """Steps of a squared distance in deviations, in the table of the Gaussian's values."""
 
-VALUES = np.rint(
-    65536.0
-    * exponentials(
-        -0.5 * np.arange(DEVIATIONS * DEVIATIONS * STEPS_OF_SQUARE + 1.0) / STEPS_OF_SQUARE
-    )
-).astype(np.int64)
-"""exp(-m^2 / 2) in 65536ths, by m^2 in steps."""
-
 STEPS_OF_VOTE = 64
 """Steps of -ln(1 - p) to a unit."""
 
@@ -300,9 +292,16 @@ def _vote(
         squared = squared + 2.0 * (dx * dy * xy + dx * dz * xz + dy * dz * yz)
         near = squared < DEVIATIONS * DEVIATIONS
         steps = (np.maximum(squared[near], 0.0) * STEPS_OF_SQUARE).astype(np.int64)
-        shares = opacities[index[near]] * VALUES[steps] // OPAQUE  # of 65536
+        shares = opacities[index[near]] * _values()[steps] // OPAQUE  # of 65536
         where = (cells[near, 0] * ny + cells[near, 1]) * nz + cells[near, 2]
         np.add.at(flat, where, votes_of_shares()[np.minimum(shares, 65535) >> 8])
+
+
+@functools.cache
+def _values() -> NDArray[np.int64]:
+    """Return exp(-m^2 / 2) in 65536ths, by the squared distance m^2 in steps."""
+    squares = np.arange(DEVIATIONS * DEVIATIONS * STEPS_OF_SQUARE + 1.0) / STEPS_OF_SQUARE
+    return np.rint(65536.0 * exponentials(-0.5 * squares)).astype(np.int64)
 
 
 def _chunks(chosen: NDArray[np.int64], counts: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:

@@ -13,7 +13,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 import mujoco
 import numpy as np
@@ -205,7 +204,7 @@ def world_text(found: Found, ends: Ends, name: str) -> str:
     if found.plane or all(part.kind != FLOOR_KIND for part in found.parts):
         geoms.insert(0, _floor(centre, ends))
     return _FILE.format(
-        name=quoteattr(name),
+        name=_quoted(name),
         custom="\n".join(_custom(found, ends)),
         assets="\n".join(line for name, part in named for line in _asset(name, part)),
         centre=_numbers(centre),
@@ -224,6 +223,13 @@ def part_names(parts: Iterable[Part]) -> list[str]:
     return names
 
 
+def _quoted(text: str) -> str:
+    """Return a text as the value of an attribute, in quotes."""
+    from xml.sax.saxutils import quoteattr  # slow to load, with a client of HTTP
+
+    return quoteattr(text)
+
+
 def _custom(found: Found, ends: Ends) -> list[str]:
     values: dict[str, Iterable[float]] = {
         "start": [*ends.start, ends.start_heading],
@@ -239,7 +245,7 @@ def _custom(found: Found, ends: Ends) -> list[str]:
     texts = {"format": FORMAT, "source": found.source}
     texts |= {MOVER_PREFIX + mover.name: mover_text(mover) for mover in found.movers}
     return lines + [
-        f'    <text name="{CUSTOM_PREFIX}{name}" data={quoteattr(text)}/>'
+        f'    <text name="{CUSTOM_PREFIX}{name}" data={_quoted(text)}/>'
         for name, text in texts.items()
         if text
     ]
