@@ -49,14 +49,12 @@ def print_audit(console: Console, audited: Audit) -> None:
     if count:
         rules = ", ".join(f"{number} {rule}" for rule, number in audited.rules.items())
         verdict = (f"{count} violation{'s'[: count > 1]} ({rules})", "bold red")
-    reasons = f"{audited.reasons} reasons"
-    if not audited.reasons:
-        reasons = "no reason checked: the log's format has them in words alone"
     text = Text.assemble(
         verdict,
         f" in {audited.decisions} decisions, policy '{audited.policy}': ",
         f"{audited.swept} paths swept, {audited.stops} forced stops, ",
-        f"{audited.recoveries} recoveries, {audited.late} late, {reasons}; {audited.log}",
+        f"{audited.recoveries} recoveries, {audited.late} late, ",
+        f"{audited.reasons} reasons; {audited.log}",
     )
     console.print(text)
     if audited.rests is not None:

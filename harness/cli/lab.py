@@ -110,9 +110,7 @@ def _policies(options: argparse.Namespace) -> list[Policy]:
 
 def _print_policies(console: Console, policies: list[Policy]) -> None:
     if not policies:
-        console.print(
-            "  no way judged by policy: expected the log of 'wayproof shadow'", highlight=False
-        )
+        console.print("  no way judged by policy: expected the log of 'wayproof shadow'")
     for one in policies:
         share = "nothing shown" if one.admitted_share is None else f"{one.admitted_share:.1%}"
         refused = ", ".join(f"{why} {length:.2f} m" for why, length in one.refused_m.items())

@@ -74,8 +74,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
                 raise kept(len(planned) - count_missing(planned, store), len(planned)) from None
     print_study(console, result)
     if options.check is not None:
-        console.print(f"causes checked: {options.tally}", highlight=False, soft_wrap=True)
-    console.print(f"next: wayproof report {store.folder}", highlight=False, soft_wrap=True)
+        console.print(f"causes checked: {options.tally}")
+    console.print(f"next: wayproof report {store.folder}")
     document = {**asdict(result), "verdict": result.verdict, "folder": str(store.folder)}
     code = result.exit_code(options.allow_inconclusive)
     if not options.check_determinism:
@@ -127,9 +127,7 @@ def _certify(
     verdict = f"{len(differing)} differ" if differing else "all are identical"
     console.print(
         f"determinism: {len(certificate.sample)} episodes run again in {len(ARRANGEMENTS)} other "
-        f"ways: {verdict}; certificate {store.folder / FILE}",
-        highlight=False,
-        soft_wrap=True,
+        f"ways: {verdict}; certificate {store.folder / FILE}"
     )
     return certificate
 
@@ -141,27 +139,27 @@ def print_study(console: Console, result: StudyResult) -> None:
     from wayproof.harness.study.study import verdict_in_words
 
     for one in result.arms:
-        console.print(name_of(one.arm), style="bold", highlight=False, soft_wrap=True)
-        console.print(f"  {_arm_in_words(one)}", highlight=False, soft_wrap=True)
+        console.print(name_of(one.arm), style="bold")
+        console.print(f"  {_arm_in_words(one)}")
     for gate in result.gates:
         line = Text.assemble(
             (gate.verdict, VERDICT_STYLES[gate.verdict]), f": {gate_in_words(gate)}"
         )
-        console.print(line, soft_wrap=True)
+        console.print(line)
     for answer in result.answers:
-        console.print(name_of(answer.arm), style="bold", highlight=False, soft_wrap=True)
+        console.print(name_of(answer.arm), style="bold")
         for text in answer.in_words().splitlines():
-            console.print(f"  {text}", highlight=False, soft_wrap=True)
+            console.print(f"  {text}")
     print_foreign(console, result)
     verdict = (result.verdict, VERDICT_STYLES[result.verdict])
     line = Text.assemble("verdict: ", verdict, f": {verdict_in_words(result)}")
-    console.print(line, soft_wrap=True)
+    console.print(line)
 
 
 def print_foreign(console: Console, result: StudyResult) -> None:
     """Print the logs that are not of the planned episodes."""
     for line in result.foreign[:SHOWN_FOREIGN]:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        console.print(line)
     if len(result.foreign) > SHOWN_FOREIGN:
         console.print(f"and {len(result.foreign) - SHOWN_FOREIGN} more logs of other episodes")
 

@@ -324,7 +324,7 @@ def _verdict(decision: pb.Decision) -> str:
 
 
 def _leads_to(decision: pb.Decision) -> str:
-    """Return where a path leads; in formats before 5 an exploration looks like the goal."""
+    """Return where a path leads; empty without one."""
     if not len(decision.global_path):
         return ""
     if decision.predicate.kind in ("looking_elsewhere", "backing_up"):

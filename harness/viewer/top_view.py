@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from bisect import bisect_right
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -91,25 +91,18 @@ class Mark(NamedTuple):
     style: str
 
 
-@dataclass
-class Track:
-    """Places of the base at decisions.
+class Place(NamedTuple):
+    """Place of the base at one decision.
 
     Attributes:
-        time_ns: Simulated time of each, ns.
-        true: (3,) true or recorded position of each, m.
-        believed: (3,) estimated position of each, m.
+        time_ns: Simulated time, ns.
+        true: (3,) true or recorded position, m.
+        believed: (3,) estimated position, m.
     """
 
-    time_ns: list[int] = field(default_factory=list)
-    true: list[Array] = field(default_factory=list)
-    believed: list[Array] = field(default_factory=list)
-
-    def add(self, time_ns: int, true: Iterable[float], believed: Iterable[float]) -> None:
-        """Add the place of one decision."""
-        self.time_ns.append(time_ns)
-        self.true.append(np.array([*true]))
-        self.believed.append(np.array([*believed]))
+    time_ns: int
+    true: Array
+    believed: Array
 
 
 class TopView:
@@ -123,12 +116,12 @@ class TopView:
         """
         self._log = log
         self._space = true_space(log) if space is None else space
-        self.track = Track()
+        self.track: list[Place] = []
 
     def follow(self, moment: Moment) -> None:
         """Add the place of a moment to the track."""
-        believed = moment.record.inputs.pose.position
-        self.track.add(moment.time_ns, moment.truth.position, believed)
+        true, believed = np.array(moment.truth.position), moment.record.inputs.pose.position
+        self.track.append(Place(moment.time_ns, true, np.array(believed)))
 
     @mpl.rc_context(STYLE)
     def draw(
@@ -174,22 +167,16 @@ class TopView:
             axes.contour(*centres, solid.T.astype(float), [0.5], colors=[ink(TRUE)], linewidths=1.2)
 
     def _draw_tracks(self, axes: Axes, moment: Moment) -> None:
-        track, now = self.track, np.searchsorted(self.track.time_ns, moment.time_ns, "right")
+        now = bisect_right(self.track, moment.time_ns, key=lambda place: place.time_ns)
+        true, believed = [one.true for one in self.track], [one.believed for one in self.track]
         way = "true track" if self._log.config.recording is None else "recorded track"
-        _line(axes, track.true[:now], color=ink(TRUE), ls=":", label=f"{way} so far")
-        _line(axes, track.true[now - 1 :], color="#e0a0a0", ls=":", label=f"{way} after")
-        _line(
-            axes,
-            track.believed[:now],
-            color=ink(BELIEVED),
-            ls=":",
-            label="believed track so far",
-        )
+        _line(axes, true[:now], color=ink(TRUE), ls=":", label=f"{way} so far")
+        _line(axes, true[now - 1 :], color="#e0a0a0", ls=":", label=f"{way} after")
+        _line(axes, believed[:now], color=ink(BELIEVED), ls=":", label="believed track so far")
         radius, goal = self._log.mission.radius, self._log.mission.goal
-        true, believed = moment.truth.position[:2], moment.record.inputs.pose.position[:2]
-        axes.add_patch(Circle((true[0], true[1]), radius, zorder=3, **BODY))
-        at = (float(believed[0]), float(believed[1]))
-        axes.add_patch(Circle(at, radius, zorder=3, **BELIEVED_BODY))
+        (x, y), at = moment.truth.position[:2], moment.record.inputs.pose.position[:2]
+        axes.add_patch(Circle((x, y), radius, zorder=3, **BODY))
+        axes.add_patch(Circle((float(at[0]), float(at[1])), radius, zorder=3, **BELIEVED_BODY))
         axes.plot(*goal[:2], "o", color=ink(COMMITTED), ms=7, mfc="none", ls="none", label="goal")
 
     def _add_words(self, figure: Figure, moment: Moment) -> None:
@@ -320,7 +307,8 @@ def draw_card(log: Log, case: Case, card: Card, navigator: Navigator, out: Path)
     """
     view = TopView(log, case.space)
     for one in case.moments:
-        view.track.add(one.time_ns, one.truth.position, one.pose.position)
+        position = np.array(one.truth.position)
+        view.track.append(Place(one.time_ns, position, np.array(one.pose.position)))
     here, command = case.moments[card.sequence], command_at(case, card.sequence)
     record = Record(here.inputs, here.latency, here.decision, answer=here.answer)
     moment = Moment(record, here.truth, case.beams_at(card.sequence), navigator, command)
