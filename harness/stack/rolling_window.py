@@ -71,10 +71,14 @@ class RollingWindow:
 
     @property
     def inner(self) -> tuple[Array, Array]:
-        """Corners (2,) of the part in which a goal may lie, m."""
+        """Corners (2,) of the part in which a goal may lie, m.
+
+        At an end of the area that is its border, though the last centre may leave half a cell.
+        """
         low, high = self.corners
-        least = low[:2] + INSET * (low[:2] > self._low[:2])
-        greatest = high[:2] - INSET * (high[:2] < self._high[:2])
+        at_low, at_high = (np.equal(self.centre, end) for end in self._ends)
+        least = np.where(at_low, self._low[:2], low[:2] + INSET)
+        greatest = np.where(at_high, self._high[:2], high[:2] - INSET)
         return least, greatest
 
     def centred_on(self, position: Array) -> Cell:

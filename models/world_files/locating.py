@@ -36,6 +36,9 @@ MAX_ANCESTORS = 6
 
 MODEL_FILES = ("model.sdf", "model.urdf")
 
+NEWEST_SDF = (1, 12)
+"""Newest version of SDF that is read."""
+
 SCHEMES = ("model://", "package://", "file://", "http://", "https://", "fuel://")
 
 
@@ -211,14 +214,26 @@ def _config_name(folder: Path) -> str:
 
 
 def _model_files(folder: Path) -> list[Path]:
-    """Return the candidate files of a folder's model: by its `model.config`, or by its name."""
+    """Return the candidate files of a folder's model: by its `model.config`, or by its name.
+
+    Of the files that a `model.config` lists, it is that of the highest version which sdformat can
+    read, and the first of those without a version, as in sdformat's `parser.cc`.
+    """
     named = []
     try:
-        sdf = [child.text.strip() for child in read_xml(folder / "model.config").all("sdf")]
-        named = [folder / name for name in reversed(sdf) if name and ".." not in name]
+        listed = list(read_xml(folder / "model.config").all("sdf"))
+        versions = [_version(one.attributes.get("version", "")) for one in listed]
+        known = [version if version <= NEWEST_SDF else (0,) for version in versions]
+        best = listed[known.index(max(known))].text.strip() if listed else ""
+        named = [folder / best] if best and ".." not in best else []
     except WorldFileError:
         pass
     return [*named, *(folder / name for name in MODEL_FILES)]
+
+
+def _version(text: str) -> tuple[int, ...]:
+    words = text.strip().split(".")
+    return tuple(map(int, words)) if all(word.isdecimal() for word in words) else (0,)
 
 
 def _newest_version(folder: Path) -> Path:

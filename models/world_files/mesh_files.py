@@ -1,4 +1,4 @@
-"""Triangles of mesh files: STL, OBJ and PLY by trimesh, COLLADA by pycollada, glTF by trimesh."""
+"""Triangles of mesh files: STL, OBJ and glTF by trimesh, COLLADA by pycollada, PLY."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.world_files.ply import read_ply
 from wayproof.models.world_files.reading import WorldFileError, check_file
 from wayproof.models.world_files.xml_tree import parse_xml
 
@@ -32,12 +33,27 @@ COMPONENTS = {
 }  # fmt: skip
 """Numbers of an element of a glTF accessor, by its type."""
 
+TRIANGLES, FAN = (4, 5, 6), 6
+"""Modes of a glTF primitive with a surface, and that of a fan."""
+
 BYTE_ENCODINGS = ("us-ascii", "iso-8859-1", "windows-1252")
 """Encodings of one byte a character that a COLLADA file may declare besides UTF-8."""
 
 DECLARATION = re.compile(
     r"^(?:\ufeff|\xef\xbb\xbf)?\s*<\?xml(?:[^>]*?encoding=[\"'](?P<encoding>[^\"']*))?[^>]*\?>"
 )
+
+SHAPELESS = (
+    "KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "EXT_lights_", "KHR_xmp",
+    "MSFT_texture_", "KHR_animation_",
+)  # fmt: skip
+"""Beginnings of the names of glTF extensions that no shape depends on."""
+
+COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_mesh_gpu_instancing")
+"""glTF extensions without which the shapes are others."""
+
+DRAWN_ONLY = ("image", "texture", "effect", "material", "light", "camera", "surface", "sampler")
+"""Words in pycollada's errors about what no shape depends on."""
 
 EXTRA = "pip install 'wayproof[imports]'"
 
@@ -62,10 +78,12 @@ class MeshFile(NamedTuple):
     Attributes:
         surfaces: Surfaces in the order of the file.
         up: Axis of the file that points up: x, y or z.
+        notes: Notes on what was left out or taken otherwise than written.
     """
 
     surfaces: list[Surface]
     up: str = "z"
+    notes: tuple[str, ...] = ()
 
 
 def load_mesh_file(path: Path) -> MeshFile:
@@ -80,7 +98,7 @@ def load_mesh_file(path: Path) -> MeshFile:
         raise WorldFileError(path, f"mesh format '{path.suffix}' (available: {known})")
     check_file(path, MOST_BYTES)
     loaded = _parsed(path, reader)
-    return MeshFile([_checked(path, surface) for surface in loaded.surfaces], loaded.up)
+    return loaded._replace(surfaces=[_checked(path, surface) for surface in loaded.surfaces])
 
 
 def cloud_points(path: Path) -> NDArray[np.float64] | None:
@@ -90,21 +108,9 @@ def cloud_points(path: Path) -> NDArray[np.float64] | None:
         WorldFileError: A broken file, more points than vertices are allowed, or no trimesh.
     """
     check_file(path, MOST_BYTES)
-    data = path.read_bytes()
-    header = data[: data.find(b"end_header")].splitlines()
-    faces = [line.split() for line in header if line.split()[:2] == [b"element", b"face"]]
-    if any(words[2:] != [b"0"] for words in faces):
-        return None
     _check_count(path)
-    return _parsed(path, _cloud)
-
-
-def _cloud(path: Path) -> NDArray[np.float64]:
-    import trimesh
-
-    with path.open("rb") as file:
-        cloud: Any = trimesh.load(file, file_type="ply", process=False)
-    return np.array(cloud.vertices, np.float64).reshape(-1, 3)
+    read = _parsed(path, read_ply)
+    return None if read.polygons or read.strips else read.vertices
 
 
 Parsed = TypeVar("Parsed")
@@ -136,18 +142,25 @@ def _checked(path: Path, surface: Surface) -> Surface:
 
 
 def _plain(path: Path) -> MeshFile:
-    """Read STL, OBJ or PLY: one surface."""
+    """Read STL or OBJ: one surface."""
     _check_count(path)
     import trimesh
 
     with path.open("rb") as file:  # not by name: so it looks for no materials
-        mesh = trimesh.load_mesh(file, file_type=path.suffix[1:].lower(), process=False)
-    return MeshFile([_surface(path.stem, mesh)])
+        mesh: Any = trimesh.load_mesh(file, file_type=path.suffix[1:].lower(), process=False)
+    return MeshFile([_surface(path.stem, mesh.vertices, mesh.faces)])
 
 
-def _surface(name: str, mesh: Any) -> Surface:
-    vertices = np.array(mesh.vertices, np.float64).reshape(-1, 3)
-    return Surface(name, vertices, np.array(mesh.faces, np.int64).reshape(-1, 3))
+def _ply(path: Path) -> MeshFile:
+    """Read PLY: one surface of its polygons and strips."""
+    _check_count(path)
+    read = read_ply(path)
+    return MeshFile([_surface(path.stem, read.vertices, read.triangles)])
+
+
+def _surface(name: str, vertices: Any, faces: Any) -> Surface:
+    placed = np.array(vertices, np.float64).reshape(-1, 3)
+    return Surface(name, placed, np.array(faces, np.int64).reshape(-1, 3))
 
 
 def _check_count(path: Path) -> None:
@@ -179,10 +192,15 @@ def _collada(path: Path) -> MeshFile:
     scene = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
     unit = float(scene.assetInfo.unitmeter or 1.0)
     surfaces: list[Surface] = []
+    notes: Counter[str] = Counter()
     visited = itertools.count(1)
     for node in scene.scene.nodes if scene.scene is not None else []:
-        _walk(path, node, np.diag([unit, unit, unit, 1.0]), surfaces, 0, visited)
-    return MeshFile(surfaces, str(scene.assetInfo.upaxis or "Y_UP")[0].lower())
+        _walk(path, node, np.diag([unit, unit, unit, 1.0]), surfaces, 0, visited, notes)
+    for error in scene.errors:
+        if not any(word in str(error).lower() for word in DRAWN_ONLY):
+            notes[f"faulty parts left out ({' '.join(str(error).split())[:100]})"] += 1
+    up = str(scene.assetInfo.upaxis or "Y_UP")[0].lower()
+    return MeshFile(surfaces, up, tuple(f"{count} {what}" for what, count in notes.items()))
 
 
 def _xml_text(path: Path) -> str:
@@ -212,6 +230,7 @@ def _walk(
     into: list[Surface],
     depth: int,
     visited: Iterator[int],
+    notes: Counter[str],
 ) -> None:
     """Collect the surfaces of a COLLADA node and of those below it; T is T_world_parent."""
     import collada
@@ -220,16 +239,35 @@ def _walk(
         raise WorldFileError(path, f"more than {MAX_NODES} nodes, or {MAX_NESTED_NODES} deep")
     T = T @ np.asarray(getattr(node, "matrix", np.eye(4)), np.float64)
     for child in getattr(node, "children", ()):
-        if isinstance(child, collada.scene.GeometryNode):
+        if isinstance(child, collada.scene.ControllerNode):
+            geometry, bind = _bound(child.controller)
+            name = node.xmlnode.get("name") or geometry.name or geometry.id
+            into += _geometry(path, str(name), geometry, T @ bind, notes)
+            notes["skinned meshes taken in their bind pose"] += 1
+        elif isinstance(child, collada.scene.GeometryNode):
             name = node.xmlnode.get("name") or child.geometry.name or child.geometry.id
-            into += _geometry(path, str(name), child.geometry, T)
+            into += _geometry(path, str(name), child.geometry, T, notes)
         elif isinstance(child, collada.scene.NodeNode):
-            _walk(path, child.node, T @ np.eye(4), into, depth + 1, visited)
+            _walk(path, child.node, T @ np.eye(4), into, depth + 1, visited, notes)
         elif isinstance(child, collada.scene.Node):
-            _walk(path, child, T, into, depth + 1, visited)
+            _walk(path, child, T, into, depth + 1, visited, notes)
 
 
-def _geometry(path: Path, name: str, geometry: Any, T: NDArray[np.float64]) -> list[Surface]:
+def _bound(controller: Any) -> tuple[Any, NDArray[np.float64]]:
+    """Return the geometry of a COLLADA skin or morph, and its bind shape matrix (4, 4)."""
+    bind = np.eye(4)
+    while not hasattr(controller, "primitives"):
+        if hasattr(controller, "bind_shape_matrix"):
+            bind = bind @ np.asarray(controller.bind_shape_matrix, np.float64).reshape(4, 4)
+            controller = controller.geometry
+        else:
+            controller = controller.source_geometry
+    return controller, bind
+
+
+def _geometry(
+    path: Path, name: str, geometry: Any, T: NDArray[np.float64], notes: Counter[str]
+) -> list[Surface]:
     import collada
 
     found = []
@@ -240,7 +278,10 @@ def _geometry(path: Path, name: str, geometry: Any, T: NDArray[np.float64]) -> l
                 what = f"polygons of {corners} corners, of which {len(primitive.index)} are there"
                 raise WorldFileError(path, what)
             primitive = primitive.triangleset()
-        if not isinstance(primitive, collada.triangleset.TriangleSet) or not len(primitive):
+        if not isinstance(primitive, collada.triangleset.TriangleSet):
+            notes["lists of lines left out"] += 1
+            continue
+        if not len(primitive):
             continue
         vertices = np.asarray(primitive.vertex, np.float64).reshape(-1, 3)
         placed = vertices @ T[:3, :3].T + T[:3, 3]
@@ -264,7 +305,7 @@ def _gltf(path: Path) -> MeshFile:
             check_file(file, MOST_BYTES)
             return file.read_bytes()
 
-    _check_gltf(path)
+    notes = _check_gltf(path)
     with path.open("rb") as opened:
         scene = trimesh.load_scene(
             opened, file_type=path.suffix[1:].lower(), resolver=Beside(str(path)),
@@ -280,16 +321,19 @@ def _gltf(path: Path) -> MeshFile:
         if hasattr(mesh, "faces"):
             placed = np.asarray(mesh.vertices) @ T[:3, :3].T + T[:3, 3]
             surfaces.append(Surface(str(name), placed, np.array(mesh.faces, np.int64)))
-    return MeshFile(surfaces, "y")
+    return MeshFile(surfaces, "y", notes)
 
 
-def _check_gltf(path: Path) -> None:
-    """Refuse a node hierarchy that is no tree, or that places more than is allowed.
+def _check_gltf(path: Path) -> tuple[str, ...]:
+    """Refuse what is not read, a node hierarchy that is no tree, and more than is allowed.
 
     Source: the glTF 2.0 specification, sections 3.5.1 (strict trees) and 4 (GLB).
 
+    Returns:
+        Notes on what is taken otherwise than written.
+
     Raises:
-        WorldFileError: Naming the count, or the node.
+        WorldFileError: Naming the extension, the count or the node.
     """
     data = path.read_bytes()
     if data[:4] == b"glTF":
@@ -325,12 +369,47 @@ def _check_gltf(path: Path) -> None:
             raise WorldFileError(path, f"nodes more than {MAX_NESTED_NODES} deep")
     if seen < len(nodes):
         raise WorldFileError(path, "nodes in a circle, expected a tree")
+    return tuple(_unread_gltf(path, content))
+
+
+def _unread_gltf(path: Path, content: dict[str, Any]) -> Iterator[str]:
+    """Refuse extensions that shapes depend on; yield notes on what has no surface.
+
+    Raises:
+        WorldFileError: Naming the extension, or the primitive without data.
+    """
+    required = [one for one in content.get("extensionsRequired", []) if not _is_shapeless(one)]
+    used = [one for one in content.get("extensionsUsed", []) if one in COMPRESSED]
+    if required or used:
+        raise WorldFileError(
+            path, f"glTF extension {(required + used)[0][:60]}: not read; expected it exported "
+            "without compression or instancing"
+        )  # fmt: skip
+    accessors = content.get("accessors", [])
+    counts: Counter[str] = Counter()
+    for primitive in (one for mesh in content.get("meshes", []) for one in mesh["primitives"]):
+        place = primitive["attributes"].get("POSITION")
+        mode = primitive.get("mode", 4)
+        if mode not in TRIANGLES:
+            counts["primitives of points or lines left out"] += 1
+        elif place is None or not {"bufferView", "sparse"} & set(accessors[place]):
+            raise WorldFileError(path, "a primitive without data of its POSITION")
+        elif mode == FAN:
+            raise WorldFileError(path, "a primitive of mode TRIANGLE_FAN: not read")
+    counts["skinned meshes taken unbent, where their nodes are"] = sum(
+        "skin" in node and "mesh" in node for node in content.get("nodes", [])
+    )
+    return (f"{count} {what}" for what, count in counts.items() if count)
+
+
+def _is_shapeless(extension: object) -> bool:
+    return isinstance(extension, str) and extension.startswith(SHAPELESS)
 
 
 READERS: dict[str, Callable[[Path], MeshFile]] = {
     ".stl": _plain,
     ".obj": _plain,
-    ".ply": _plain,
+    ".ply": _ply,
     ".dae": _collada,
     ".gltf": _gltf,
     ".glb": _gltf,

@@ -121,6 +121,7 @@ def mesh_parts(
         WorldFileError: Of `load_mesh_file`; no such node; no triangle; no decomposition.
     """
     loaded = load_mesh_file(path)
+    notes += [f"{path.name}: {note}" for note in loaded.notes]
     surfaces = loaded.surfaces
     if submesh is not None:
         surfaces = [surface for surface in surfaces if surface.name == submesh]

@@ -24,6 +24,7 @@ from wayproof.models.world_files.parts import Mesh, Part, Quaternion, Shape, qua
 from wayproof.models.world_files.reading import MAX_SOLIDS, WorldFileError
 from wayproof.models.world_files.xml_tree import Element
 from wayproof.models.worlds.movers import Mover
+from wayproof.models.worlds.solids import FRICTION
 
 CUSTOM_PREFIX = "wayproof_"
 """Prefix of the names in `<custom>` that hold the mission of a world file."""
@@ -41,6 +42,9 @@ SHAPES: dict[int, tuple[Shape, int]] = {
     int(Geoms.mjGEOM_ELLIPSOID): ("ellipsoid", 3),
 }
 """Shape and number of lengths of each geom type."""
+
+DEFAULT_RGBA = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
+"""Colour of a geom that is given none: that of its material counts."""
 
 NOT_COMPILED = (ValueError, RuntimeError, MemoryError, mujoco.FatalError)
 """Exceptions that MuJoCo raises for a scene that does not compile."""
@@ -62,6 +66,7 @@ def read_mjcf(path: Path, options: ImportOptions) -> Found:
     except NOT_COMPILED as error:
         raise WorldFileError(path, _reason(error)) from None
     found = found_in(model, path)
+    found.notes += _changed(model)
     _take_hulls(found)
     found.notes += [f"body '{name}': left out" for name in options.without]
     return found
@@ -140,9 +145,7 @@ def found_in(model: mujoco.MjModel, path: Path | str, robot: int | None = None) 
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_kinematics(model, data)
-    solid = (model.geom_contype | model.geom_conaffinity) != 0
-    if not solid.any():
-        solid[:] = True
+    solid = _solid(model)
     if robot is not None:
         solid &= model.body_rootid[model.geom_bodyid] != model.body_rootid[robot]
     if solid.sum() > MAX_SOLIDS:
@@ -204,6 +207,31 @@ def _left_out(model: mujoco.MjModel, solid: NDArray[np.bool_], moved: int) -> It
             yield f"{count} {what}: left out"
     if moved:
         yield f"{moved} bodies that are moved from outside: they stand still here"
+
+
+def _changed(model: mujoco.MjModel) -> Iterator[str]:
+    """Yield a line for each property of solid geoms that a world file holds otherwise."""
+    solid = _solid(model)
+    alpha = model.geom_rgba[:, 3].copy()
+    with_material = (model.geom_matid >= 0) & (model.geom_rgba == DEFAULT_RGBA).all(axis=1)
+    alpha[with_material] = model.mat_rgba[model.geom_matid[with_material], 3]
+    slides = model.geom_friction[:, 0]
+    for chosen, what in (
+        (alpha == 0.0, "geoms of alpha 0: beams meet them here"),
+        ((alpha > 0.0) & (alpha < 1.0), "transparent geoms: drawn opaque here"),
+        (np.abs(slides - FRICTION) > 1e-9, f"geoms of another friction: {FRICTION:g} here"),
+        (model.geom_group != 0, "geoms of other groups: of group 0 here"),
+    ):
+        geoms = np.flatnonzero(chosen & solid)
+        if len(geoms):
+            names = ", ".join(dict.fromkeys(n for g in geoms.tolist() if (n := _name(model, g))))
+            yield f"{len(geoms)} {what}" + (f" ({names[:100]})" if names else "")
+
+
+def _solid(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return the geoms that meet any contact; all of them where none does."""
+    solid = (model.geom_contype | model.geom_conaffinity) != 0
+    return solid if solid.any() else np.ones_like(solid)
 
 
 def _plane(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plane:

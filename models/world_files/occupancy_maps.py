@@ -6,16 +6,20 @@ In the mode `raw` the grey itself is the percentage, whatever `negate` says, and
 As in Nav2's `map_io.cpp` the grey of a colour is the mean of its channels, the opacity is one more
 of them in the mode `trinary`, and a pixel that is not opaque is unknown in the mode `scale`. Here
 so it is in the mode `raw`, and in no mode is a pixel free that is not opaque or not by its colours.
+Nav2's savers wrote a `free_thresh` of 0.25 beside the grey 205 of unknown, which that makes free:
+in the mode `trinary` it is unknown here where the image holds a saver's levels.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
@@ -27,8 +31,25 @@ from wayproof.models.world_files.voxel_maps import cell_boxes
 
 NEEDED = ("image", "resolution", "origin", "occupied_thresh", "free_thresh")
 MODES = ("trinary", "scale", "raw")
-FLAGS = {"0": False, "1": True, "false": False, "true": True}
+FLAGS = {
+    **dict.fromkeys(("0", "false", "no", "off", "n"), False),
+    **dict.fromkeys(("1", "true", "yes", "on", "y"), True),
+}
 LARGEST_YAML = 64 * 2**10
+
+SAVED_UNKNOWN = 205
+"""Grey that map savers of ROS write where a cell is unknown; 0 is occupied and 254 free."""
+
+SAVED_LEVELS = (0, SAVED_UNKNOWN, 254, 255)
+SAVED_SHARE = 0.99
+"""Share of those levels from which an image is a saver's."""
+
+
+class Entry(NamedTuple):
+    """An entry of a map's YAML: its words, one but for a list, and its line."""
+
+    words: tuple[str, ...]
+    line: int
 
 
 class OccupancyGrid(NamedTuple):
@@ -39,12 +60,14 @@ class OccupancyGrid(NamedTuple):
         free: (nx, ny) cells; what is neither is unknown.
         resolution: Edge of a cell, m.
         origin: Corner of the first cell, x and y, m, and turn about it, rad.
+        saved_unknown: Number of cells that a saver wrote as unknown and `free_thresh` makes free.
     """
 
     occupied: NDArray[np.bool_]
     free: NDArray[np.bool_]
     resolution: float
     origin: Vector3
+    saved_unknown: int = 0
 
 
 def read_occupancy_grid(path: Path) -> OccupancyGrid:
@@ -54,18 +77,21 @@ def read_occupancy_grid(path: Path) -> OccupancyGrid:
         WorldFileError: Naming the line or the entry.
     """
     entries = _entries(path)
-    origin = _list(path, entries, "origin", 3)
+    origin = _numbers(path, entries, "origin", "[x, y, yaw]", 3)
     resolution = _number(path, entries, "resolution", 1e-4, 100.0)
     most = _number(path, entries, "occupied_thresh", 0.0, 1.0)
     least = _number(path, entries, "free_thresh", 0.0, 1.0)
-    negate = _flag(path, entries, "negate") if "negate" in entries else False
-    mode, line = entries.get("mode", (MODES[0], 0))
-    if mode not in MODES:
-        raise WorldFileError(path, f"mode: got '{mode}', expected {', '.join(MODES)}", line)
-    image = read_map_image(beside(path, entries["image"][0]))
+    negate = FLAGS[_word(path, entries, "negate", "0", FLAGS)]
+    mode = _word(path, entries, "mode", MODES[0], MODES)
+    image = read_map_image(beside(path, "".join(entries["image"].words)))
     occupancy = _occupancies(image.most, mode, negate)
     occupied, free = _states(image, occupancy > most, occupancy < least, mode)  # NaN is neither
-    return OccupancyGrid(occupied[::-1].T, free[::-1].T, resolution, vector(origin))  # upwards
+    hidden = np.zeros_like(free)
+    if mode == "trinary" and not negate:
+        hidden = free & _saved_as_unknown(image)
+        free &= ~hidden
+    upwards = occupied[::-1].T, free[::-1].T
+    return OccupancyGrid(*upwards, resolution, vector(origin), int(hidden.sum()))
 
 
 def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
@@ -74,7 +100,7 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
     Raises:
         WorldFileError: Naming the line or the entry.
     """
-    occupied, free, resolution, origin = read_occupancy_grid(path)
+    occupied, free, resolution, origin, hidden = read_occupancy_grid(path)
     unknown = ~(occupied | free)
     solid = occupied | unknown if options.unknown == "occupied" else occupied
     parts = _walls(path, solid, resolution, origin, options.height)
@@ -82,6 +108,11 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
     found.notes.append(
         f"{occupied.sum()} cells occupied, {unknown.sum()} unknown, taken as {options.unknown}"
     )
+    if hidden:
+        found.notes.append(
+            f"{hidden} of them have the grey {SAVED_UNKNOWN} of a saver's unknown, which "
+            "free_thresh would make free"
+        )
     return found
 
 
@@ -95,6 +126,14 @@ def _states(
     if mode == "trinary":
         return is_occupied[image.blended], free & is_free[image.blended] & image.opaque
     return occupied & image.opaque, free & image.opaque
+
+
+def _saved_as_unknown(image: MapImage) -> NDArray[np.bool_]:
+    """Return the pixels that a map saver wrote as unknown; none in an image of other levels."""
+    levels = image.grey.astype(np.int64) * 255
+    saved = np.isin(levels, [level * image.most for level in SAVED_LEVELS])
+    unknown = levels == SAVED_UNKNOWN * image.most
+    return unknown if saved.mean() >= SAVED_SHARE else np.zeros_like(unknown)
 
 
 def _occupancies(most: int, mode: str, negate: bool) -> NDArray[np.float64]:
@@ -120,51 +159,58 @@ def _walls(
     ]
 
 
-def _entries(path: Path) -> dict[str, tuple[str, int]]:
-    """Return the `key: value` lines with their numbers: such a file has nothing deeper."""
-    entries: dict[str, tuple[str, int]] = {}
-    for number, line in enumerate(read_text(path, LARGEST_YAML).splitlines(), start=1):
-        bare = line.partition(" #")[0].strip()
-        if not bare or bare.startswith("#") or bare == "---":
-            continue
-        key, colon, value = bare.partition(":")
-        if not colon or line[0].isspace() or key in entries:
-            raise WorldFileError(
-                path, f"got '{bare[:60]}', expected one 'key: value' a line", number
-            )
-        entries[key.strip()] = (value.strip().strip("'\""), number)
+def _entries(path: Path) -> dict[str, Entry]:
+    """Return the entries of the first document by name; what is nested deeper is not looked at.
+
+    Scalars keep their text: each is read as yaml-cpp reads it for what is wanted of it.
+    """
+    try:
+        root = next(yaml.compose_all(read_text(path, LARGEST_YAML), yaml.SafeLoader), None)
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else None
+        raise WorldFileError(path, f"no YAML ({error.problem})", line) from None
+    except (yaml.YAMLError, RecursionError) as error:
+        raise WorldFileError(path, f"no YAML ({' '.join(str(error).split())[:100]})") from None
+    if not isinstance(root, yaml.MappingNode):
+        raise WorldFileError(path, f"expected a mapping with {', '.join(NEEDED)}")
+    entries: dict[str, Entry] = {}
+    for key, value in root.value:
+        name, line = str(key.value), key.start_mark.line + 1
+        if name in entries:
+            raise WorldFileError(path, f"{name[:40]}: given twice", line)
+        inner = value.value if isinstance(value, yaml.SequenceNode) else [value]
+        words = [one.value if isinstance(one, yaml.ScalarNode) else "" for one in inner]
+        entries[name] = Entry(tuple(words), line)
     missing = [key for key in NEEDED if key not in entries]
     if missing:
         raise WorldFileError(path, f"no {', '.join(missing)}")
     return entries
 
 
-def _number(
-    path: Path, entries: dict[str, tuple[str, int]], key: str, low: float, high: float
-) -> float:
-    text, line = entries[key]
+def _numbers(
+    path: Path, entries: dict[str, Entry], key: str, expected: str, count: int = 1,
+    low: float = -math.inf, high: float = math.inf,
+) -> list[float]:  # fmt: skip
+    words, line = entries[key]
     try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise WorldFileError(path, f"{key}: got '{text}', expected {low:g} to {high:g}", line)
-    return value
-
-
-def _flag(path: Path, entries: dict[str, tuple[str, int]], key: str) -> bool:
-    text, line = entries[key]
-    if text.lower() not in FLAGS:
-        raise WorldFileError(path, f"{key}: got '{text}', expected {', '.join(FLAGS)}", line)
-    return FLAGS[text.lower()]
-
-
-def _list(path: Path, entries: dict[str, tuple[str, int]], key: str, count: int) -> list[float]:
-    text, line = entries[key]
-    try:
-        values = [float(word) for word in text.strip("[]").split(",")]
+        values = [float(word) for word in words]
     except ValueError:
         values = []
-    if len(values) != count or not np.isfinite(values).all():
-        raise WorldFileError(path, f"{key}: got '{text}', expected [x, y, yaw]", line)
+    if len(values) != count or not all(math.isfinite(v) and low <= v <= high for v in values):
+        raise WorldFileError(path, f"{key}: got '{', '.join(words)}', expected {expected}", line)
     return values
+
+
+def _number(path: Path, entries: dict[str, Entry], key: str, low: float, high: float) -> float:
+    return _numbers(path, entries, key, f"{low:g} to {high:g}", 1, low, high)[0]
+
+
+def _word(
+    path: Path, entries: dict[str, Entry], key: str, default: str, known: Iterable[str]
+) -> str:
+    """Return an entry in lower case, one of the known words."""
+    words, line = entries.get(key, Entry((default,), 0))
+    word = ", ".join(words).lower()
+    if word not in known:
+        raise WorldFileError(path, f"{key}: got '{word}', expected {', '.join(known)}", line)
+    return word

@@ -15,25 +15,14 @@ from wayproof.models.world_files.ground import kind_of
 from wayproof.models.world_files.locating import Locator
 from wayproof.models.world_files.movers import check_movers
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.parts import moved
+from wayproof.models.world_files.parts import Part, moved
 from wayproof.models.world_files.reading import FARTHEST, MAX_SOLIDS, WorldFileError
 from wayproof.models.world_files.sdf_actors import read_actor
 from wayproof.models.world_files.sdf_frames import ORIGIN, Frames, Placement, numbers
+from wayproof.models.world_files.sdf_includes import SHOWN, Includes
 from wayproof.models.world_files.sdf_shapes import Shapes
 from wayproof.models.world_files.urdf import read_links
 from wayproof.models.world_files.xml_tree import Element, read_xml
-
-LIGHTS = ("sun",)
-"""Models of Gazebo without anything solid."""
-
-GROUND_MODELS = ("ground_plane",)
-"""Models of Gazebo and Fuel that are a level plane at their origin."""
-
-MAX_NESTED = 20
-"""Maximum depth of includes; deeper ones are a cycle."""
-
-MAX_INCLUDED = 2000
-"""Maximum number of included files, counted at every mention."""
 
 LEFT_OUT = ("road", "population")
 """Elements of a world that are not taken over, each with a note of its line."""
@@ -53,11 +42,11 @@ def read_sdf(path: Path, options: ImportOptions) -> Found:
         what = f"{len(scopes)} worlds or models, expected one <world> or <model>"
         raise WorldFileError(path, what, scopes[1].line)
     reading = _Reading(path, options)
-    if scopes[0].tag == "model":
-        own = Frames(path, scopes[0]).placed(scopes[0], ORIGIN, None)
-        reading.take_model(path, scopes[0], own, "")
+    scope = reading.includes.written_out(path, scopes[0])
+    if scope.tag == "model":
+        reading.take_model(path, scope, Frames(path, scope).placed(scope, ORIGIN, None), "")
     else:
-        reading.take_world(path, scopes[0])
+        reading.take_world(path, scope)
     reading.finish()
     return reading.found
 
@@ -68,25 +57,24 @@ class _Reading:
     def __init__(self, path: Path, options: ImportOptions) -> None:
         self.found = Found()
         self._options = options
-        self._locator = Locator(path, options.model_paths)
-        self._shapes = Shapes(self.found, options, self._locator)
-        self._depth = self._included = 0
+        locator = Locator(path, options.model_paths)
+        self._shapes = Shapes(self.found, options, locator)
+        self.includes = Includes(locator, self._shapes)
         self._moving = 0
-        self._drawn: dict[str, list[tuple[str, int]]] = {}
 
     def take_world(self, path: Path, world: Element) -> None:
         frames, saved = Frames(path, world), _saved_state(path, world)
         for child in [*world.children, *saved.inserted]:
-            name = child.attributes.get("name", "")
-            if child.tag in ("model", "include") and _given_name(child) in saved.deleted:
+            name, file = child.attributes.get("name", ""), child.file or path
+            if child.tag in ("model", "ground") and name in saved.deleted:
                 continue
             if child.tag == "model":
-                placed = frames.placed(child, ORIGIN, Frames(path, child))
-                self.take_model(path, child, placed, name, saved.models.get(name))
-            elif child.tag == "include":
-                self._include(path, child, frames, ORIGIN, "", saved)
+                placed = frames.placed(child, ORIGIN, Frames(file, child))
+                self.take_model(file, child, placed, _shown(child), saved.models.get(name))
+            elif child.tag == "ground":
+                self._shapes.ground(frames.placed(child, ORIGIN, None), _shown(child))
             elif child.tag == "actor":
-                self._take_actor(path, child, frames)
+                self._take_actor(file, child, frames)
             elif child.tag in LEFT_OUT:
                 self.found.notes.append(f"<{child.tag}> '{name}' (line {child.line}): left out")
 
@@ -103,13 +91,6 @@ class _Reading:
         """Write the notes that hold for many models at once."""
         if self._moving:
             self.found.notes.append(f"{self._moving} models that can move: they stand still here")
-        taken = "made solid" if self._options.visuals else "left out; --visuals makes them solid"
-        for model, links in self._drawn.items():
-            name, line = links[0]
-            more = f" and {len(links) - 1} more links" if len(links) > 1 else ""
-            self.found.notes.append(
-                f"link '{f'{model} {name}'.strip()}' (line {line}){more}: visuals only, {taken}"
-            )
         self._shapes.finish()
         self._leave_out_lost()
 
@@ -135,20 +116,30 @@ class _Reading:
         if state is not None and state.placed is not None:
             placed = state.placed
         for child in model.children:
-            inner = child.attributes.get("name", "")
+            inner, file = child.attributes.get("name", ""), child.file or path
             if child.tag == "link":
                 own = frames.of(child)
                 at, scale = placed @ own, np.ones(3)
                 if state is not None:
                     at = state.links.get(inner, at)
                     scale = state.scale
-                self._take_link(path, child, at, name, scale, frames, own)
+                self._take_link(file, child, at, name, scale, frames, own)
             elif child.tag == "model":
-                nested = placed @ frames.placed(child, ORIGIN, Frames(path, child))
+                nested = placed @ frames.placed(child, ORIGIN, Frames(file, child))
                 within = None if state is None else state.models.get(inner)
-                self.take_model(path, child, nested, name or inner, within)
-            elif child.tag == "include":
-                self._include(path, child, frames, placed, name, None)
+                self.take_model(file, child, nested, name or _shown(child), within)
+            elif child.tag == "robot":
+                for part, shape in read_links(file, child, self._shapes):
+                    part = moved(part, placed.position, placed.R)
+                    self._add(file, replace(part, model=name, kind=kind_of(name)), shape)
+            elif child.tag == "ground":
+                at = placed @ frames.placed(child, ORIGIN, None)
+                self._shapes.ground(at, name or _shown(child))
+
+    def _add(self, path: Path, part: Part, shape: Element) -> None:
+        self.found.parts.append(part)
+        if len(self.found.parts) > MAX_SOLIDS:
+            raise WorldFileError(path, f"more than {MAX_SOLIDS} shapes", shape.line)
 
     def _take_link(
         self,
@@ -171,11 +162,8 @@ class _Reading:
             frames: Frames of the model: a shape's pose may be relative to one of them.
             own: T_model_link.
         """
-        shapes = list(link.all("collision"))
-        if not shapes and link.first("visual") is not None:
-            shapes = self._visuals(link, model)
         within = Frames(path, link)
-        for shape in shapes:
+        for shape in self._shapes.solid_in(link, model):
             pose = shape.first("pose")
             if pose is not None and pose.attributes.get("relative_to"):
                 at = placed @ own.inverse() @ frames.of(shape)
@@ -184,85 +172,12 @@ class _Reading:
             for part in self._shapes.parts(path, shape, at, model, scale):
                 kind = part.kind if part.shape == "heights" else kind_of(model)
                 part = replace(moved(part, at.position, at.R), model=model, kind=kind)
-                self.found.parts.append(part)
-            if len(self.found.parts) > MAX_SOLIDS:
-                raise WorldFileError(path, f"more than {MAX_SOLIDS} shapes", shape.line)
-
-    def _visuals(self, link: Element, model: str) -> list[Element]:
-        """Return a link's visuals where they are to be solid; `finish` notes them either way."""
-        name = link.attributes.get("name", "")
-        self._drawn.setdefault(model, []).append((name, link.line))
-        return list(link.all("visual")) if self._options.visuals else []
-
-    def _include(
-        self,
-        path: Path,
-        include: Element,
-        frames: Frames,
-        outer: Placement,
-        model: str,
-        saved: _Saved | None,
-    ) -> None:
-        uri = include.first("uri")
-        text = "" if uri is None else uri.text.strip()
-        known = self._locator.name_of(text)
-        if known in LIGHTS:
-            return
-        name = model or _given_name(include) or known
-        if known in GROUND_MODELS and self._locator.model(text) is None:
-            self._shapes.ground(outer @ frames.placed(include, ORIGIN, None), name, include.line)
-            return
-        file = self._locator.model(text) if text else None
-        if file is None:
-            self._shapes.missing("include", text, path, include.line)
-            return
-        if self._depth >= MAX_NESTED:
-            raise WorldFileError(path, f"<include>: more than {MAX_NESTED} deep", include.line)
-        self._depth += 1
-        self._included += 1
-        if self._included > MAX_INCLUDED:
-            raise WorldFileError(path, f"<include>: more than {MAX_INCLUDED}", include.line)
-        self._take_file(path, include, frames, outer, name, saved, file)
-        self._depth -= 1
-
-    def _take_file(
-        self,
-        path: Path,
-        include: Element,
-        frames: Frames,
-        outer: Placement,
-        name: str,
-        saved: _Saved | None,
-        file: Path,
-    ) -> None:
-        """Read the model of an included file where the include places it."""
-        root = read_xml(file)
-        if root.tag == "robot":
-            at = outer @ frames.placed(include, ORIGIN, None)
-            for part, shape in read_links(file, root, self._shapes):
-                part = moved(part, at.position, at.R)
-                self.found.parts.append(replace(part, model=name, kind=kind_of(name)))
-                if len(self.found.parts) > MAX_SOLIDS:
-                    raise WorldFileError(file, f"more than {MAX_SOLIDS} shapes", shape.line)
-            return
-        model = root.first("model")
-        if model is None:
-            raise WorldFileError(file, "expected <sdf> with one <model>", 1)
-        inner = Frames(file, model)
-        own = inner.placed(model, ORIGIN, inner)
-        at = outer @ frames.placed(include, own, inner)
-        state = None
-        if saved is not None:
-            state = saved.models.get(_given_name(include) or model.attributes.get("name", ""))
-        self.take_model(file, model, at, name, state)
+                self._add(path, part, shape)
 
 
-def _given_name(element: Element) -> str:
-    """Return the name of a model, or that which an include gives to it."""
-    if element.tag != "include":
-        return element.attributes.get("name", "")
-    name = element.first("name")
-    return "" if name is None else name.text.strip()
+def _shown(model: Element) -> str:
+    """Return the name by which a model is known to the user."""
+    return model.attributes.get(SHOWN, model.attributes.get("name", ""))
 
 
 class _State:

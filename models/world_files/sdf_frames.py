@@ -12,7 +12,12 @@ from wayproof.models.world_files.parts import rotation_of, turned_by
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.xml_tree import Element
 
-FRAME_ELEMENTS = ("link", "frame", "model", "include", "joint")
+MERGED = "merged"
+"""Tag of a model whose elements are its parent's: it is a frame alone."""
+
+MODELS = ("model", MERGED)
+
+FRAME_ELEMENTS = ("link", "frame", "joint", "ground", "absent", *MODELS)
 """Elements whose name is a frame of the model or world that holds them."""
 
 
@@ -109,21 +114,20 @@ class Frames:
     def _named(self, name: str, user: Element) -> Placement:
         if name in self._known:
             return self._known[name]
-        head, inside, rest = name.partition("::")
-        if inside and head in self._framed and self._framed[head].tag == "model":
-            model = self._framed[head]
-            within = Frames(self._path, model)
-            outer = self.placed(model, ORIGIN, within)
-            self._known[name] = outer @ within._named(rest, user)
-            return self._known[name]
-        if name not in self._framed:
+        head, _, rest = name.partition("::")
+        element = self._framed.get(head if rest else name)
+        if element is None or (rest and element.tag not in MODELS):
             what = f"<{user.tag}>: no frame '{name}' (available: {', '.join(self._framed)})"
-            raise WorldFileError(self._path, what[:200], user.line)
+            raise WorldFileError(user.file or self._path, what[:200], user.line)
         if name in self._open:
             circle = " -> ".join([*self._open, name])
             raise WorldFileError(self._path, f"frames in a circle: {circle}", user.line)
         self._open.append(name)
-        self._known[name] = self.of(self._framed[name])
+        if element.tag in MODELS:
+            within = Frames(element.file or self._path, element)
+            self._known[name] = self.placed(element, ORIGIN, within) @ within._named(rest, user)
+        else:
+            self._known[name] = self.of(element)
         self._open.pop()
         return self._known[name]
 

@@ -44,6 +44,18 @@ class Shapes:
         self._untouched: Counter[str] = Counter()
         self._meshes: dict[tuple[object, ...], list[Part]] = {}
         self._cuts = Cuts()
+        self._drawn: dict[str, list[tuple[str, int]]] = {}
+
+    def solid_in(self, link: Element, model: str) -> list[Element]:
+        """Return a link's collisions; of one with visuals only, those if they are to be solid.
+
+        `finish` notes a link with visuals only either way.
+        """
+        shapes, visuals = list(link.all("collision")), list(link.all("visual"))
+        if shapes or not visuals:
+            return shapes
+        self._drawn.setdefault(model, []).append((link.attributes.get("name", ""), link.line))
+        return visuals if self._options.visuals else []
 
     def parts(
         self, path: Path, shape: Element, placed: Placement, model: str, scale: NDArray[np.float64]
@@ -100,7 +112,7 @@ class Shapes:
         except ValueError as error:
             raise WorldFileError(path, f"<{shape.tag}>: {error}", shape.line) from None
 
-    def ground(self, placed: Placement, model: str, line: int) -> None:
+    def ground(self, placed: Placement, model: str) -> None:
         """Add the level plane of a known ground model."""
         self._found.planes.append(Plane(placed.position, placed.R[:, 2], None, model))
 
@@ -119,6 +131,13 @@ class Shapes:
 
     def finish(self) -> None:
         """Write the notes on parts that were left out."""
+        taken = "made solid" if self._options.visuals else "left out; --visuals makes them solid"
+        for model, links in self._drawn.items():
+            name, line = links[0]
+            more = f" and {len(links) - 1} more links" if len(links) > 1 else ""
+            self._found.notes.append(
+                f"link '{f'{model} {name}'.strip()}' (line {line}){more}: visuals only, {taken}"
+            )
         for (tag, name), places in self._missing.items():
             more = len(places) - NOTED_PLACES
             where = ", ".join(places[:NOTED_PLACES]) + (f" and {more} more" if more > 0 else "")

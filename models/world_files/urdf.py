@@ -20,7 +20,10 @@ from wayproof.models.world_files.xml_tree import Element, read_xml
 
 MAX_LINKS = 5000
 
-LENGTHS = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
+LENGTHS = {
+    "box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
+    "sphere": ("radius",),
+}  # fmt: skip
 """Attributes with the lengths of a geometry, by element."""
 
 
@@ -59,7 +62,7 @@ def read_links(path: Path, root: Element, shapes: Shapes) -> Iterator[tuple[Part
     for link in links:
         name = link.attributes.get("name", "")
         at = _placed(path, name, joints, known)
-        for collision in link.all("collision"):
+        for collision in shapes.solid_in(link, ""):
             geometry = collision.first("geometry")
             if geometry is None or len(geometry.children) != 1:
                 raise WorldFileError(path, "<collision>: expected one geometry", collision.line)

@@ -25,6 +25,7 @@ class Element:
         line: Line at which it begins.
         text: Text between its tags and its children's.
         children: Children in order.
+        file: Its file, where that is another one than its parent's.
     """
 
     tag: str
@@ -32,6 +33,7 @@ class Element:
     line: int
     text: str = ""
     children: list[Element] = field(default_factory=list)
+    file: Path | None = None
 
     def all(self, tag: str) -> Iterator[Element]:
         """Yield children of that name."""

@@ -72,7 +72,7 @@ HOSTILE = {
     "list.ply": (
         (PLY.format("element vertex 3\n") + "element face 1\nproperty list uint int "
          "vertex_indices\nend_header\n").encode() + TRIANGLE + b"\xff" * 4,
-        "no mesh",
+        "a list of its face elements of no length",
     ),
     "doubled.dae": (doubled(30), "more than 20000 nodes"),
     "entity.urdf": ("<!DOCTYPE a [<!ENTITY a 'x'>]><robot name='&a;'/>", "document type"),

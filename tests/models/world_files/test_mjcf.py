@@ -31,7 +31,8 @@ def test_includes_and_assets_are_inlined(tmp_path):
     assert world.solid_names == ("structure_0", "post_0")
     np.testing.assert_allclose(world.solids[1].high, (2.3, 0.1, 1.0), atol=1e-12)
     assert notes == ["1 geoms that nothing collides with: left out",
-                     "1 joints: everything stands still here"]  # fmt: skip
+                     "1 joints: everything stands still here",
+                     "3 geoms of another friction: 0.8 here (post_7)"]  # fmt: skip
     scene = tmp_path / "alone"
     scene.mkdir()
     again = read_world_file(write(scene, "top.xml", world.text))

@@ -143,12 +143,14 @@ def test_grey_levels_beyond_the_largest_are_refused(tmp_path, head, level):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (MAP.format(yaw=0, negate=0.5), r":4: negate: got '0.5', expected 0, 1, false, true"),
+        (MAP.format(yaw=0, negate=0.5), r":4: negate: got '0.5', expected 0, false, no,"),
         ("image: m.pgm\n", "no resolution, origin"),
         (MAP.format(yaw=0, negate=0).replace("0.65", "2"), r":5: occupied_thresh: got '2'"),
         (MAP.format(yaw=0, negate=0).replace("m.pgm", "../m.pgm"), "lies outside"),
         (MAP.format(yaw=0, negate=0).replace("[1.0", "[1.0, 2"), r":3: origin: got"),
-        ("a: b\n  - c\n", r":2: got '- c'"),
+        ("a: [b\n", r":2: no YAML"),
+        ("a: b\na: c\n", ":2: a: given twice"),
+        ("- a\n", "expected a mapping"),
         (MAP.format(yaw=0, negate=0) + "mode: row\n", r":7: mode: got 'row', expected trinary, sc"),
     ],
 )
