@@ -43,6 +43,9 @@ Point = tuple[float, float, float]
 GLASS_RGBA = [0.8, 0.9, 1.0, 0.0]
 """Colour of glass, which no beam hits: its alpha is 0."""
 
+LEVEL = 0.15
+"""Height of a start or goal above a floor at which it is still that floor's, m."""
+
 
 @dataclass(frozen=True)
 class Scenario:
@@ -257,6 +260,12 @@ def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config:
                 f"{name}: altitude {point[2]:g} m, expected {window[0]:g} to {window[1]:g} m"
             )
     if spec.motion == "ground":
+        floor = world.ground_height(point)
+        if not floor - LEVEL <= point[2] <= floor + spec.rest_height + LEVEL:
+            raise InputError(
+                f"{name}: got ({text}), on another level than the floor there at {floor:g} m, which "
+                f"'{spec.name}' walks on; expected z {floor + spec.rest_height:g}, or none"
+            )
         ground = point[2] - spec.rest_height
         band = (ground + spec.step_height, ground + spec.height)
         obstacle = world.obstacle_in_band(np.array(point), spec.radius, band)

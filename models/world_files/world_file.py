@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.world_files.ground import FLOOR_KIND
 from wayproof.models.world_files.mjcf_scenes import (
     CUSTOM_PREFIX,
@@ -29,6 +30,7 @@ from wayproof.models.world_files.movers import mover_text
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.parts import UPRIGHT, Part
 from wayproof.models.world_files.reading import WorldFileError, read_text
+from wayproof.models.world_files.slopes import SlopedFloor, sloped_floors
 from wayproof.models.world_files.solids import solid_of
 from wayproof.models.world_files.xml_tree import Element, read_xml
 from wayproof.models.worlds.materials import class_of, colour_of
@@ -77,12 +79,12 @@ class FileWorld(World):
     Attributes:
         text: The file's own.
         source: Name of the imported file.
-        terrain: Height fields that may be stepped on.
+        terrain: Floors that are not level: height fields, tilted boxes and planes, ramps of meshes.
     """
 
     text: str = field(default="", repr=False)
     source: str = ""
-    terrain: tuple[HeightField, ...] = field(default=(), repr=False)
+    terrain: tuple[HeightField | SlopedFloor, ...] = field(default=(), repr=False)
 
     @property
     def identity(self) -> str:
@@ -142,6 +144,11 @@ def world_of(text: str, path: Path | str = "world") -> FileWorld:
         model = mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
         raise WorldFileError(path, _line(error)) from None
+    hidden = [model.geom(n).name or f"number {n}"
+              for n in np.flatnonzero(model.geom_group == ROBOT_GROUP)]  # fmt: skip
+    if hidden:
+        what = f"geom '{hidden[0]}' of group {ROBOT_GROUP}, which is a robot's own: no beam and no "
+        raise WorldFileError(path, what + "collision would meet it; expected another group")
     return _world_in(model, text, path, robot=None)
 
 
@@ -182,8 +189,8 @@ def _world_in(model: mujoco.MjModel, text: str, path: Path | str, robot: int | N
             start=ends.start, start_heading=ends.start_heading, goal=ends.goal,
             floor=None if found.plane or not slabs else slabs, route_length=found.route_length,
             text=text, source=found.source, movers=tuple(found.movers),
-            terrain=tuple(solid for part, solid in solids
-                          if part.kind == FLOOR_KIND and isinstance(solid, HeightField)),
+            terrain=(*(one for one in floors if isinstance(one, HeightField)),
+                     *sloped_floors(found.planes, floors)),
         )  # fmt: skip
     except ValueError as error:
         raise WorldFileError(path, str(error)) from None
