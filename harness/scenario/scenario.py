@@ -263,8 +263,8 @@ def _check_point(name: str, point: Point, world: World, spec: RobotSpec, config:
         floor = world.ground_height(point)
         if not floor - LEVEL <= point[2] <= floor + spec.rest_height + LEVEL:
             raise InputError(
-                f"{name}: got ({text}), on another level than the floor there at {floor:g} m, which "
-                f"'{spec.name}' walks on; expected z {floor + spec.rest_height:g}, or none"
+                f"{name}: got ({text}), not on the floor there, at {floor:g} m, where "
+                f"'{spec.name}' walks; expected z {floor + spec.rest_height:g}, or none"
             )
         ground = point[2] - spec.rest_height
         band = (ground + spec.step_height, ground + spec.height)

@@ -1,8 +1,8 @@
 """Includes of SDF: a scope with the models that it includes written out in their place.
 
 Written out, a model is a frame of its scope and holds its own frames, as any other model. Sources:
-sdformat's `parser.cc` (what an include overrides) and its proposal "Model Composition": by `merge` the
-elements of a model become its parent's, relative to a hidden frame.
+sdformat's `parser.cc` (what an include overrides) and its proposal "Model Composition": by `merge`
+the elements of a model become its parent's, relative to a hidden frame.
 """
 
 from __future__ import annotations

@@ -93,3 +93,13 @@ def test_a_goal_keeps_away_from_the_borders_that_the_area_goes_on_beyond():
 def test_an_edge_too_short_for_sensors_and_stops_is_refused():
     with pytest.raises(Exception, match=r"costmap.window: got 10, expected 0 or 24 to 10000 m"):
         config_of("costmap.window=10")
+
+
+@pytest.mark.parametrize("beyond", [0.0, 0.03, 0.05, 0.07, 0.1])
+def test_a_goal_at_the_border_is_in_the_last_window_whatever_the_extent(beyond):
+    wide = replace(MISSION, low=(-beyond, 0.0, -0.5), high=(100.0 + beyond, 20.0, 3.0))
+    window = RollingWindow(config_of(), wide)
+    assert along_x(window.inner) == pytest.approx([-beyond, EDGE - INSET], abs=0.2)
+    assert window.inner[0][0] == -beyond
+    moved_to(window, 99.0)
+    assert window.inner[1][0] == 100.0 + beyond
