@@ -136,7 +136,7 @@ VERB = Verb(
             choices=("occupied", "free"),
         ),
         arg("--skip-missing", "leave out models and meshes that are not found"),
-        arg("--visuals", "make links solid that have visuals only"),
+        arg("--visuals", "make solid what has visuals only, and collisions without contact"),
         arg(
             "--model-path DIR",
             "folder with models that a Gazebo world includes (repeatable)",

@@ -149,8 +149,8 @@ def _left_out_notes(found: Found) -> str:
         names = ", ".join(dict.fromkeys(found.missing))
         count = len(found.missing)
         return f": {count} models or files are not there, expected --model-path to {names[:300]}"
-    if any("--visuals" in note for note in found.notes):
-        return ": its links have visuals only, expected --visuals to make them solid"
+    if without := [note for note in found.notes if "--visuals" in note]:
+        return f": {'; '.join(without)[:300]}"
     return ", expected a model with a collision, or a plane as the floor"
 
 

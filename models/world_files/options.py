@@ -28,7 +28,8 @@ class ImportOptions:
         unknown: Treatment of unknown cells of a flat map.
         skip_missing: Whether models and meshes that a file names and that are not there are left
             out.
-        visuals: Whether links that have visuals only are made solid.
+        visuals: Whether links that have visuals only, and collisions that no body meets, are made
+            solid.
         model_paths: Folders with models that a file includes, searched before the usual ones.
         floor: Height of the floor in the file, m; None to find it.
         kinds: Kind of the parts of a model, by a pattern of its name, such as `ground*`.

@@ -7,7 +7,7 @@ binary element to be as long as its first.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ LISTS = {"face": ("vertex_indices", "vertex_index"), "tristrips": ("vertex_indic
 
 class _Element(NamedTuple):
     name: str
-    count: int
+    number: int
     properties: list[tuple[str, str, str]]
     """Name, type of a value, and type of the length of a list, empty of a single value."""
 
@@ -130,16 +130,16 @@ def _read(
 ) -> tuple[dict[str, list[NDArray[np.float64]]], int]:
     """Return each property's values, an array an entry or one of all, and where they end."""
     lists = any(length for _, _, length in element.properties)
-    if not element.count or not element.properties:
+    if not element.number or not element.properties:
         return {}, at
     if not lists:
         kinds = np.dtype([(name, order + kind) for name, kind, _ in element.properties])
         if order:
-            rows = _taken(path, element, data, kinds, element.count, at)
+            rows = _taken(path, element, data, kinds, element.number, at)
             return {name: [rows[name]] for name, _, _ in element.properties}, at + rows.nbytes
         width = len(element.properties)
-        table = words[at : at + element.count * width]
-        if len(table) < element.count * width:
+        table = words[at : at + element.number * width]
+        if len(table) < element.number * width:
             raise WorldFileError(path, f"ends within its {element.name} elements")
         rows = table.reshape(-1, width)
         columns = {
@@ -147,7 +147,7 @@ def _read(
         }
         return columns, at + len(table)
     found: dict[str, list[NDArray[np.float64]]] = {name: [] for name, _, _ in element.properties}
-    for _ in range(element.count):
+    for _ in range(element.number):
         for name, kind, length in element.properties:
             count = 1
             if length:
@@ -179,8 +179,8 @@ def _length(
 
 
 def _taken(
-    path: Path, element: _Element, data: bytes, kind: np.dtype, count: int, at: int
-) -> NDArray[np.float64]:
+    path: Path, element: _Element, data: bytes, kind: np.dtype[Any], count: int, at: int
+) -> NDArray[Any]:
     if len(data) - at < count * kind.itemsize:
         raise WorldFileError(path, f"ends within its {element.name} elements")
     return np.frombuffer(data, kind, count, at)

@@ -79,7 +79,8 @@ class Shapes:
             raise WorldFileError(path, f"<{shape.tag}>: expected one geometry", shape.line)
         if shape.tag == "collision" and (why := _untouchable(shape)):
             self._untouched[why] += 1
-            return
+            if not self._options.visuals:
+                return
         if _have_holes(path, outlines):
             yield from _polyline_with_holes(path, outlines, scale)
             return
@@ -139,12 +140,12 @@ class Shapes:
                 f"link '{f'{model} {name}'.strip()}' (line {line}){more}: visuals only, {taken}"
             )
         for (tag, name), places in self._missing.items():
-            more = len(places) - NOTED_PLACES
-            where = ", ".join(places[:NOTED_PLACES]) + (f" and {more} more" if more > 0 else "")
+            rest = len(places) - NOTED_PLACES
+            where = ", ".join(places[:NOTED_PLACES]) + (f" and {rest} more" if rest > 0 else "")
             self._found.notes.append(f"<{tag}> '{name}' ({where}): not there, left out")
             self._found.missing.append(name)
         for why, count in self._untouched.items():
-            self._found.notes.append(f"{count} collisions with {why}: left out")
+            self._found.notes.append(f"{count} collisions with {why}: {taken}")
 
     def _plane(self, path: Path, shape: Element, placed: Placement, model: str) -> None:
         element = shape.first("normal")

@@ -183,3 +183,37 @@ def test_what_a_walker_steps_on_does_not_block_its_start(tmp_path):
     build(Config(saved(tmp_path, world), "quadruped", 0))
     with pytest.raises(InputError, match=r"start: .* is within the body's radius .* of 'post_0'"):
         build(Config(saved(tmp_path, world), "quadruped", 0, start=(6.0, 2.6)))
+
+
+TILTED = """<mujoco><worldbody><geom name="floor_0" type="box" size="7 4 .1" pos="4 0 {z}"
+  euler="0 {angle} 0"/><geom type="box" size=".1 .1 1" pos="3 3 1"/></worldbody></mujoco>"""
+
+
+def world_with(folder, geoms):
+    (folder / "a.xml").write_text(geoms)
+    ends = (0.0, 0.0, 0.0), (7.0, 0.0, 0.0)
+    return saved(folder, import_world(folder / "a.xml", ImportOptions(floor=0.0), *ends)[0])
+
+
+def test_a_tilted_floor_of_any_kind_is_refused_with_the_setting_that_maps_it(tmp_path):
+    angle = 3.0
+    z = 4.0 * np.tan(np.radians(angle)) - 0.1 / np.cos(np.radians(angle))
+    file = world_with(tmp_path, TILTED.format(angle=-angle, z=z))
+    with pytest.raises(InputError, match=r"no level ground .* costmap\.max_slope=0\.15$"):
+        build(Config(file, "quadruped", 0))
+    scenario = build(override(Config(file, "quadruped", 0), ["costmap.max_slope=0.15"]))
+    assert scenario.world.ground_height((7.0, 0.0)) == pytest.approx(7.0 * np.tan(np.radians(3.0)))
+    level = world_with(tmp_path, TILTED.format(angle=0.0, z=-0.1))
+    assert build(Config(level, "quadruped", 0)).world.terrain == ()
+
+
+def test_a_goal_on_another_level_is_refused_to_what_walks(tmp_path):
+    geoms = """<mujoco><worldbody><geom type="plane" size="9 9 1"/><geom name="deck" type="box"
+      size="1 2 .05" pos="7 0 .75"/><geom type="box" size=".1 .1 1" pos="3 3 1"/></worldbody>
+      </mujoco>"""
+    file = world_with(tmp_path, geoms)
+    for goal in ((7.0, 0.0, 1.1), (7.0, 0.0, 0.8), (2.0, 0.0, -0.3)):
+        with pytest.raises(InputError, match="not on the floor there, at 0 m"):
+            build(replace(Config(file, "quadruped", 0), goal=goal))
+    rest = build(Config(file, "quadruped", 0)).mission.goal
+    assert build(replace(Config(file, "quadruped", 0), goal=rest)).mission.goal == rest

@@ -86,6 +86,17 @@ def test_the_highest_version_that_can_be_read_counts(tmp_path, versions, x):
     np.testing.assert_allclose(found, [(x, 1.0)], atol=1e-12)
 
 
+def test_a_world_of_which_nothing_is_left_says_why_and_how_it_comes_in(tmp_path):
+    surface = "<surface><contact><collide_without_contact>1</collide_without_contact></contact>"
+    path = write(tmp_path, "w.sdf", world(box(pose="<pose>2 1 .5 0 0 0</pose>",
+                                              surface=f"{surface}</surface>")))  # fmt: skip
+    said = "nothing solid in it: 1 collisions with collide_without_contact: left out; --visuals"
+    with pytest.raises(WorldFileError, match=said):
+        centres(path)
+    found, _ = centres(path, visuals=True)
+    assert found == [(2.0, 1.0)]
+
+
 def test_an_included_actor_walks(tmp_path):
     write(tmp_path, "a.sdf", "<sdf version='1.6'><actor name='x'><pose>0 0 1 0 0 0</pose></actor>"
           "</sdf>")  # fmt: skip

@@ -190,7 +190,7 @@ def test_what_nothing_collides_with_is_left_out(tmp_path, surface, said):
     ghost = box("ghost", surface=f"<surface><contact>{surface}</contact></surface>")
     found, notes = read(write(tmp_path / "a.world", world(ground(), box(), ghost)))
     assert [solid.kind for solid in found.solids] == ["box"]
-    assert notes == [f"1 collisions with {said}: left out"]
+    assert notes == [f"1 collisions with {said}: left out; --visuals makes them solid"]
 
 
 def test_visuals_are_solid_only_where_they_are_to_be(tmp_path):
