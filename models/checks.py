@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models.rays.geometry import opaque
 from wayproof.models.sensors.beams import directions
 from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.sensors.devices import Mount
@@ -85,7 +86,7 @@ class _View:
         self.origin = data.site_xpos[site]
         self.R_world_sensor = data.site_xmat[site].reshape(3, 3)
         if mount.device.by_mujoco:  # past its own body, in any group
-            visible = _opaque(model) & (model.geom_bodyid != model.site_bodyid[site])
+            visible = opaque(model) & (model.geom_bodyid != model.site_bodyid[site])
         else:
             visible = _visible(model)
         self.visible = np.flatnonzero(visible)
@@ -183,19 +184,10 @@ def _near_clip(model: mujoco.MjModel, mounts: Sequence[Mount]) -> Iterator[Findi
         )
 
 
-def _opaque(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return geoms (g,) that rays meet at all; a material's alpha replaces the geom's own."""
-    alpha = model.geom_rgba[:, 3].copy()
-    has_material = model.geom_matid >= 0
-    alpha[has_material] = model.mat_rgba[model.geom_matid[has_material], 3]
-    opaque: NDArray[np.bool_] = alpha != 0.0
-    return opaque
-
-
 def _visible(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Return geoms (g,) that the beams of a sweep meet."""
     others: NDArray[np.bool_] = model.geom_group != ROBOT_GROUP
-    return _opaque(model) & others
+    return opaque(model) & others
 
 
 def _is_below(model: mujoco.MjModel, base: int) -> NDArray[np.bool_]:

@@ -77,18 +77,22 @@ class Geometry:
 def visible(model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> NDArray[np.int32]:
     """Return the ids of the geoms that `mj_ray` would consider.
 
-    Groups outside 0..5 count as the nearest of these, and a material's alpha replaces the geom's
-    own: both as MuJoCo does, which the tests hold.
+    Groups outside 0..5 count as the nearest of these, as in MuJoCo, which the tests hold.
     """
     if np.shape(group_mask) != (mujoco.mjNGROUP,):
         raise ValueError(
             f"group_mask: got shape {np.shape(group_mask)}, expected ({mujoco.mjNGROUP},)"
         )
+    group = np.clip(model.geom_group, 0, mujoco.mjNGROUP - 1)
+    return np.flatnonzero(opaque(model) & (group_mask[group] != 0)).astype(np.int32)
+
+
+def opaque(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return geoms (g,) that rays meet at all; a material's alpha replaces the geom's own."""
     alpha = model.geom_rgba[:, 3].copy()
     has_material = model.geom_matid >= 0
     alpha[has_material] = model.mat_rgba[model.geom_matid[has_material], 3]
-    group = np.clip(model.geom_group, 0, mujoco.mjNGROUP - 1)
-    return np.flatnonzero((alpha != 0.0) & (group_mask[group] != 0)).astype(np.int32)
+    return np.asarray(alpha != 0.0)
 
 
 def shape_name(model: mujoco.MjModel, geom: int) -> str:

@@ -158,20 +158,15 @@ def check_size(spec: SpecFile, points: Array, flying: bool) -> None:
     Raises:
         RobotSpecError: Saying what it reaches.
     """
-    wrong = size_findings(spec, points, flying)
-    if wrong:
-        raise RobotSpecError("; ".join(wrong))
-
-
-def size_findings(spec: SpecFile, points: Array, flying: bool) -> list[str]:
-    """Return the bounds that the body (n, 3) exceeds: radius, height; z up from the ground."""
     reach = float(np.linalg.norm(points[:, : 3 if flying else 2], axis=1).max())
     top = float(np.ptp(points[:, 2]) if flying else points[:, 2].max())
-    return [
+    wrong = [
         f"{name}: got {given:g} m, but the body reaches {found:.3f} m"
         for name, given, found in (("radius", spec.radius, reach), ("height", spec.height, top))
         if given < found
     ]
+    if wrong:
+        raise RobotSpecError("; ".join(wrong))
 
 
 def surface(model: mujoco.MjModel, data: mujoco.MjData) -> Array:  # (n, 3)
