@@ -7,6 +7,12 @@ from typing import Annotated
 
 from wayproof.maps.bounds import Bounds, check_fields
 
+MIN_ADVANCE = 0.3
+"""Shortest committed part worth leaving rest for, m; chosen: two to three cells."""
+
+MAX_CORNER_ANGLE = 0.9
+"""Sharpest corner taken without a stop, rad; chosen: a little more than half a right angle."""
+
 
 @dataclass(frozen=True)
 class BehaviourConfig:
@@ -16,12 +22,9 @@ class BehaviourConfig:
         wait_timeout: Time at rest before the robot explores, s.
         max_recoveries: Frontiers it explores before the action is `abort`.
         tracking_tolerance: Distance from its trajectory beyond which the robot has left it, m.
-        min_advance: Shortest committed part worth leaving rest for, m.
         rotate_in_place_angle: Heading error beyond which a ground robot at rest turns in place,
             rad.
-        max_corner_angle: Sharpest corner taken without a stop, rad.
         blend_length: Longest stretch on each side of a corner over which it is rounded, m.
-        replan_period: Time between searches for a cheaper global path, s.
         unknown_speed_fraction: Fraction of the speed while unknown space is entered under
             `penalize`.
         unknown_cost: Cost of unknown space to a global path; that of a cell at the edge of the
@@ -31,7 +34,6 @@ class BehaviourConfig:
             nearest free place, m.
         goal_wait_timeout: Time that the robot waits there for the goal to become free, s.
         max_backtracks: Times it goes back along its own trail before the action is `abort`.
-        backtrack_length: Length of one backtrack, m.
         reverse_speed_fraction: Fraction of the speed at which an elongated body moves tail first.
         narrow_speed_fraction: Fraction of the speed of an elongated body that is planned for at its
             heading, between obstacles that come to light late.
@@ -51,17 +53,13 @@ class BehaviourConfig:
     wait_timeout: Annotated[float, Bounds(1e-9, 1e6, "s")] = 1.0
     max_recoveries: Annotated[int, Bounds(1, 1e6)] = 12
     tracking_tolerance: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.8
-    min_advance: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.3
     rotate_in_place_angle: Annotated[float, Bounds(1e-9, 1e6, "rad")] = 0.6
-    max_corner_angle: Annotated[float, Bounds(1e-9, 1e6, "rad")] = 0.9
     blend_length: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.6
-    replan_period: Annotated[float, Bounds(1e-9, 1e6, "s")] = 1.0
     unknown_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.4
     unknown_cost: Annotated[float, Bounds(1e-9, 1e6)] = 4.0
     goal_search_radius: Annotated[float, Bounds(1e-9, 1e6, "m")] = 1.0
     goal_wait_timeout: Annotated[float, Bounds(1e-9, 1e6, "s")] = 5.0
     max_backtracks: Annotated[int, Bounds(1, 1e6)] = 2
-    backtrack_length: Annotated[float, Bounds(1e-9, 1e6, "m")] = 1.0
     reverse_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.4
     narrow_speed_fraction: Annotated[float, Bounds(1e-9, 1.0)] = 0.7
     uncertain_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.1

@@ -6,8 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from wayproof.harness.behaviour_config import MIN_ADVANCE
 from wayproof.harness.stack.types import Array, PlannerInput, PlannerState, arc_length, distance
 from wayproof.planners import TrajectorySample, truncate
+
+BACKTRACK_LENGTH = 1.0
+"""Length of one backtrack, m; chosen: out of reach of what blocked the robot."""
 
 BREADCRUMB_SPACING = 0.1
 """Minimum distance between breadcrumbs, m."""
@@ -21,7 +25,7 @@ def record_breadcrumb(state: PlannerState, input: PlannerInput) -> PlannerState:
     crumbs = state.breadcrumbs
     if len(crumbs) and distance(crumbs[-1], input.position) < BREADCRUMB_SPACING:
         return state
-    kept = int(input.behaviour.backtrack_length / BREADCRUMB_SPACING) + SPARE_BREADCRUMBS
+    kept = int(BACKTRACK_LENGTH / BREADCRUMB_SPACING) + SPARE_BREADCRUMBS
     return replace(state, breadcrumbs=np.vstack([crumbs, input.position])[-kept:])
 
 
@@ -44,7 +48,5 @@ def backtrack_path(
         return None
     path = np.vstack([start.position, crumbs[away[0] :]])
     path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]
-    length = min(
-        input.traversable.free_length(path), input.behaviour.backtrack_length, arc_length(path)
-    )
-    return None if length < input.behaviour.min_advance else truncate(path, length)
+    length = min(input.traversable.free_length(path), BACKTRACK_LENGTH, arc_length(path))
+    return None if length < MIN_ADVANCE else truncate(path, length)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
+from wayproof.harness.behaviour_config import MAX_CORNER_ANGLE
 from wayproof.harness.stack.diagnosis import diagnose_driving
 from wayproof.harness.stack.early_bends import bends_early
 from wayproof.harness.stack.footprint_checks import MIN_PATH, first_misfit, truncate_where_turnable
@@ -62,7 +63,7 @@ def drivable_part(input: PlannerInput, path: Array, start: TrajectorySample) -> 
     corner = whole
     rounds_corners = bends_early(input) or (input.sideways_speed and input.turns_in_place)
     if not rounds_corners:
-        corner = first_stop(path, 0.0, input.behaviour.max_corner_angle)
+        corner = first_stop(path, 0.0, MAX_CORNER_ANGLE)
     braking = stopping_distance(start.speed, start.acceleration, input.limits)
     overrun = CORNER_OVERRUN if input.traversable.discs else 0.0
     if corner < braking - overrun:  # too late to stop there: the profile slows down for it

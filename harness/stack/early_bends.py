@@ -16,6 +16,9 @@ SHARES = (0.5, 0.05)
 """Shares of the way to a stop after which a new path may leave the present one, besides all of it:
 the later ones leave more of the way ahead to be seen, the earlier ones bend less."""
 
+REPLAN_PERIOD = 1.0
+"""Time between searches for a cheaper global path, s; Nav2's behaviour tree replans at 1 Hz."""
+
 REPLAN_LENGTH = 1.2
 """Distance at full speed after which a path is searched anew at the latest, m."""
 
@@ -33,8 +36,9 @@ def bends_early(input: PlannerInput) -> bool:
 
 def replan_period(input: PlannerInput) -> float:
     """Return the time between searches for a better path, s."""
-    period = input.behaviour.replan_period
-    return min(period, REPLAN_LENGTH / input.limits.speed) if bends_early(input) else period
+    if not bends_early(input):
+        return REPLAN_PERIOD
+    return min(REPLAN_PERIOD, REPLAN_LENGTH / input.limits.speed)
 
 
 def blend_length(input: PlannerInput) -> float:

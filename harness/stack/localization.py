@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wayproof.harness.behaviour_config import MIN_ADVANCE
 from wayproof.harness.decision import Action
 from wayproof.harness.stack.global_path import ARRIVED
 from wayproof.harness.stack.maneuvers import brake
@@ -95,7 +96,7 @@ def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectoryS
     path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]
     free = input.traversable.free_length(path) if len(path) > 1 else 0.0
     done = state.returns >= input.behaviour.max_returns
-    if done or free < max(arc_length(path) - LENGTH_ROUNDING, input.behaviour.min_advance):
+    if done or free < max(arc_length(path) - LENGTH_ROUNDING, MIN_ADVANCE):
         return _stand(input, state, start, kind="pose_lost", action="abort")
     state = replace(
         state,

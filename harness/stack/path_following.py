@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wayproof.harness.behaviour_config import MIN_ADVANCE
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.course_keeping import keep_admitted_trajectory, keep_course
@@ -44,7 +45,7 @@ def follow_global_path(
     if part.too_short:
         kept = keep_admitted_trajectory(input, state, start, previous)
         return kept or brake_on_path(input, state, start, part)
-    if is_stationary(start) and part.blocked and part.length < input.behaviour.min_advance:
+    if is_stationary(start) and part.blocked and part.length < MIN_ADVANCE:
         stepped = step_aside(input, state, start) or step_to_pose(input, state, start)
         return stepped or wait_on_path(input, state, start, part)
     if is_stationary(start) and input.traversable.discs:
@@ -82,5 +83,5 @@ def wait_on_path(
 ) -> Decided:
     """Wait at rest: something blocks the global path before an advance that is worth it."""
     found = obstruction.on_path(input, state.path, part.length, input.unknown_blocks)
-    reason, label = way_ahead_reason(WAITS, found, limit_m=input.behaviour.min_advance)
+    reason, label = way_ahead_reason(WAITS, found, limit_m=MIN_ADVANCE)
     return wait(input, state, start, label, reason)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wayproof.harness.behaviour_config import MAX_CORNER_ANGLE
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.log.paths import arc_at, length
 from wayproof.harness.replay.reasons.along import (
@@ -85,7 +86,7 @@ def path_to_corner(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]
         begins = [nearest(way, scene.path[0], scene)[0] for way in ways]
         ends = [begin + reason.free_m for begin in begins]
     turn = max(turn_at(way, scene.path, end) for way, end in zip(ways, ends, strict=True))
-    if turn < scene.config.behaviour.max_corner_angle - TURNED:
+    if turn < MAX_CORNER_ANGLE - TURNED:
         yield f"the path turns by {turn:.2f} rad at {reason.free_m:.2f} m, which is no corner"
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wayproof.harness.behaviour_config import MIN_ADVANCE
 from wayproof.harness.log.paths import length
 from wayproof.harness.replay.reasons.along import NEAR, same
 from wayproof.harness.replay.reasons.overlap import (
@@ -24,7 +25,7 @@ def waiting_ahead(scene: Scene, past: Past, reason: pb.Reason) -> Iterator[str]:
     """Check that the robot rests before a cell that leaves too little of the way to set out."""
     way = scene.global_path if len(scene.global_path) > 1 else past.way
     yield from obstructed(scene, reason, way, scene.unknown_blocks)
-    yield from same("limit_m", reason.limit_m, scene.config.behaviour.min_advance)
+    yield from same("limit_m", reason.limit_m, MIN_ADVANCE)
     if reason.free_m > reason.limit_m:  # both are rounded: equal ones may have differed
         yield f"{reason.free_m:.2f} m are free"
     yield from _waited(scene, past, reason)

@@ -5,6 +5,7 @@ import pytest
 
 from tests.harness.stack.make_input import at_rest, make_input, make_states, place
 from wayproof.harness.stack.backtrack import (
+    BACKTRACK_LENGTH,
     backtrack_path,
     record_breadcrumb,
 )
@@ -33,7 +34,7 @@ def test_the_path_back_is_the_breadcrumbs_reversed_for_the_backtrack_length():
     path = path_back()
     np.testing.assert_array_equal(path[0], place(*END))
     assert (np.diff(path[:, 0]) < 0.0).all()
-    assert path[-1, 0] == pytest.approx(END[0] - BehaviourConfig().backtrack_length)
+    assert path[-1, 0] == pytest.approx(END[0] - BACKTRACK_LENGTH)
     np.testing.assert_allclose(path[:, 1], 2.05)
 
 

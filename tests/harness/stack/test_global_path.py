@@ -20,12 +20,13 @@ from tests.harness.stack.make_input import (
     place,
 )
 from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.early_bends import REPLAN_PERIOD
 from wayproof.harness.stack.global_path import (
     ARRIVED,
     keep_or_replan,
     project_goal_to_free,
 )
-from wayproof.harness.stack.types import BehaviourConfig, Exploration, arc_length
+from wayproof.harness.stack.types import Exploration, arc_length
 from wayproof.maps import OCCUPIED
 from wayproof.planners import arc_lengths
 
@@ -40,7 +41,7 @@ def replanned(input, state):
 
 
 def test_a_valid_path_is_kept_until_the_replan_period_has_passed():
-    period = round(BehaviourConfig().replan_period * 1e9) // PERIOD_NS
+    period = round(REPLAN_PERIOD * 1e9) // PERIOD_NS
     state = at_rest(global_path=STRAIGHT)
     planned = replanned(make_input(sequence=period - 1), state)
     assert planned.search is None
@@ -178,7 +179,7 @@ def test_a_path_through_what_only_a_prior_map_holds_is_kept_until_there_is_a_bet
     input = guided_by(WALL)
     kept = replanned(input, at_rest(global_path=STRAIGHT))
     np.testing.assert_array_equal(kept.state.global_path, STRAIGHT)
-    due = round(BehaviourConfig().replan_period * 1e9) // PERIOD_NS
+    due = round(REPLAN_PERIOD * 1e9) // PERIOD_NS
     later = replace(input, time_ns=due * PERIOD_NS, effect_ns=(due + 1) * PERIOD_NS, sequence=due)
     assert replanned(later, at_rest(global_path=STRAIGHT)).state.global_path[:, 1].max() > 3.2
 

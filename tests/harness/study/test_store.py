@@ -38,7 +38,7 @@ def axes(count, *names):
 FOUR = (
     "costmap.localization_margin",
     "costmap.cost_range",
-    "behaviour.min_advance",
+    "behaviour.blend_length",
     "motion.altitude_low",
 )
 

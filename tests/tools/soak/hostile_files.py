@@ -30,7 +30,7 @@ STUDY = 'name = "hostile"\nworlds = ["empty"]\nrobots = ["drone"]\n'
 AXES = (
     "costmap.localization_margin",
     "costmap.cost_range",
-    "behaviour.min_advance",
+    "behaviour.blend_length",
     "motion.altitude_low",
 )
 SDF = "<sdf version='1.6'><world name='w'>{}</world></sdf>"
