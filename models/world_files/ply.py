@@ -81,7 +81,11 @@ def read_ply(path: Path) -> Ply:
                 raise WorldFileError(path, "vertices without x, y and z")
             vertices = np.column_stack([np.concatenate(columns[axis]) for axis in "xyz"])
         for name in LISTS.get(element.name, ()):
-            lists[element.name] += [one.astype(np.int64) for one in columns.get(name, [])]
+            given = columns.get(name, [])
+            if isinstance(given, np.ndarray):
+                lists[element.name] += list(given.astype(np.int64))
+            else:
+                lists[element.name] += [one.astype(np.int64) for one in given]
     strips = [piece for strip in lists["tristrips"] for piece in _cut(strip)]
     polygons = [one for one in lists["face"] if len(one) > 2]
     return Ply(np.asarray(vertices, np.float64), polygons, strips)
@@ -127,7 +131,7 @@ def _numbers(path: Path, text: bytes) -> NDArray[np.float64]:
 
 def _read(
     path: Path, element: _Element, order: str, words: NDArray[np.float64], data: bytes, at: int
-) -> tuple[dict[str, list[NDArray[np.float64]]], int]:
+) -> tuple[dict[str, list[NDArray[Any]] | NDArray[Any]], int]:
     """Return each property's values, an array an entry or one of all, and where they end."""
     lists = any(length for _, _, length in element.properties)
     if not element.number or not element.properties:
@@ -142,11 +146,12 @@ def _read(
         if len(table) < element.number * width:
             raise WorldFileError(path, f"ends within its {element.name} elements")
         rows = table.reshape(-1, width)
-        columns = {
+        return {
             name: [rows[:, n].astype(kind)] for n, (name, kind, _) in enumerate(element.properties)
-        }
-        return columns, at + len(table)
-    found: dict[str, list[NDArray[np.float64]]] = {name: [] for name, _, _ in element.properties}
+        }, at + len(table)
+    if order and (alike := _alike(element, order, data, at)) is not None:
+        return {name: alike[name] for name, _, _ in element.properties}, at + alike.nbytes
+    found: dict[str, list[NDArray[Any]]] = {name: [] for name, _, _ in element.properties}
     for _ in range(element.number):
         for name, kind, length in element.properties:
             count = 1
@@ -161,7 +166,33 @@ def _read(
                 if len(values) < count:
                     raise WorldFileError(path, f"ends within its {element.name} elements")
             found[name].append(values)
-    return found, at
+    return {**found}, at
+
+
+def _alike(element: _Element, order: str, data: bytes, at: int) -> NDArray[Any] | None:
+    """Return the rows of a binary element whose lists are all as long as its first row's."""
+    fields: list[tuple[Any, ...]] = []
+    place = at
+    for name, kind, length in element.properties:
+        size = np.dtype(order + (length or kind)).itemsize
+        if len(data) < place + size:
+            return None
+        if length:
+            count = int(np.frombuffer(data, order + length, 1, place)[0])
+            fields += [(f"count of {name}", order + length), (name, order + kind, (count,))]
+            place += size + count * np.dtype(kind).itemsize
+        else:
+            fields.append((name, order + kind))
+            place += size
+        if not at < place <= len(data):
+            return None
+    row = np.dtype(fields)
+    if len(data) - at < element.number * row.itemsize:
+        return None
+    rows = np.frombuffer(data, row, element.number, at)
+    lists = [name for name, _, length in element.properties if length]
+    alike = all((rows[f"count of {one}"] == rows[one].shape[1]).all() for one in lists)
+    return rows if alike else None
 
 
 def _length(
