@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -24,10 +23,6 @@ class DepthDropout(Perturbation, frozen=True, tag="depth_dropout"):
     changes: ClassVar[Changes] = "ranges"
     measured_in: ClassVar[str] = "share"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.01, 0.03, 0.1, 0.3, 0.6)
-
-    def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """Return all sensors."""
-        return tuple(sensors)
 
     def report(self, report: Report) -> Ranges:
         """Return the sweep without the echoes that are lost."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -17,10 +16,6 @@ class DepthNoise(Perturbation, frozen=True, tag="depth_noise"):
     changes: ClassVar[Changes] = "ranges"
     measured_in: ClassVar[str] = "m"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.01, 0.03, 0.06, 0.12, 0.24)
-
-    def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """Return all sensors."""
-        return tuple(sensors)
 
     def report(self, report: Report) -> Ranges:
         """Add the error to the sweep, clipped to the device's range so that no echo is lost."""

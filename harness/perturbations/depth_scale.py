@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -17,10 +16,6 @@ class DepthScale(Perturbation, frozen=True, tag="depth_scale"):
     changes: ClassVar[Changes] = "ranges"
     measured_in: ClassVar[str] = "share"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.005, 0.01, 0.02, 0.05, 0.1)
-
-    def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """Return all sensors."""
-        return tuple(sensors)
 
     def report(self, report: Report) -> Ranges:
         """Return the sweep with longer ranges; echoes then beyond the device's range are lost."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -29,10 +28,6 @@ class FalseReturns(Perturbation, frozen=True, tag="false_returns"):
     changes: ClassVar[Changes] = "ranges"
     measured_in: ClassVar[str] = "share"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.001, 0.003, 0.01, 0.03, 0.1)
-
-    def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """Return all sensors."""
-        return tuple(sensors)
 
     def report(self, report: Report) -> Ranges:
         """Return the sweep with the false returns that come before a beam's own."""

@@ -235,9 +235,8 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return Misplacement()
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """Return the sensors whose sweeps it changes, in the order given."""
-        del sensors
-        return ()
+        """Return the sensors whose sweeps it changes, in the order given: all, or none."""
+        return tuple(sensors) if self.changes in ("ranges", "arrivals") else ()
 
     def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
         """Return names of the input streams that it changes; see `harness.log.streams`."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import ClassVar
 
 from wayproof.harness.perturbations.perturbation import Changes, Perturbation
@@ -19,10 +18,6 @@ class Rate(Perturbation, frozen=True, tag="rate"):
     measured_in: ClassVar[str] = "divisor"
     values: ClassVar[tuple[float, float, float, float, float]] = (2.0, 3.0, 5.0, 10.0, 20.0)
     nothing: ClassVar[float] = 1.0
-
-    def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """Return all sensors."""
-        return tuple(sensors)
 
     def delivers(self, sequence: int) -> bool:
         """Return whether the sweeps of this decision are among those that arrive."""
