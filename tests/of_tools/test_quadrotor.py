@@ -57,7 +57,7 @@ def test_hover_power_by_hand():
 )
 def test_flights_stay_near_their_course(draw, wind, limit):
     flown = flights.fly(ROBOT, draw(rng(2)), 8.0, wind, None, rng(2))
-    assert not flown.crashed
+    assert not flown.fallen
     assert flown.error < limit
     assert 2.5 < flown.top_speed < 3.3
 
@@ -65,7 +65,7 @@ def test_flights_stay_near_their_course(draw, wind, limit):
 def test_a_noisy_estimate_in_gusts_is_flown_with():
     course = flights.point_to_point(rng(3), 6.0)
     flown = flights.fly(ROBOT, course, 6.0, 6.0, EstimateNoise(), rng(3))
-    assert not flown.crashed
+    assert not flown.fallen
     assert flown.error < 0.12
 
 
@@ -77,7 +77,7 @@ def test_what_navigation_may_ask_is_flown_while_it_turns_about_in_gusts(name):
     for seed in range(4):
         course = flights.turning_about(rng(seed), 8.0, asked.yaw_rate, limits)
         flown = flights.fly(robot, course, 8.0, 6.0, EstimateNoise(), rng(seed))
-        assert not flown.crashed
+        assert not flown.fallen
         assert flown.error < 0.1
 
 
@@ -87,7 +87,7 @@ def test_paths_of_navigation_are_flown_at_its_limits(name):
     for seed in range(8):
         course = flights.winding(rng(seed), flights.motion_limits(robot))
         flown = flights.fly(robot, course, 8.0, 6.0, EstimateNoise(), rng(seed))
-        assert not flown.crashed
+        assert not flown.fallen
         assert flown.error < 0.1
 
 
@@ -112,7 +112,7 @@ def test_turns_are_at_the_rate_asked_for_or_none():
 
 def test_touching_the_floor_is_a_crash():
     flown = flights.fly(ROBOT, lambda t: (0.0, 0.0, 0.5 - 0.5 * t, 0.0), 4.0, 0.0, None, rng(4))
-    assert flown.crashed
+    assert flown.fallen
     assert flown.seconds < 3.0
 
 

@@ -2,15 +2,16 @@ import math
 
 import pytest
 
-from tests.tools.trials.robots import CASES, Case, Run, run_cases, run_once, summarise
+from tests.tools.trials.robots import CASES, Case, run_cases, run_once, summarise
+from tests.tools.trials.run import Run
 
 
 def test_a_row_by_hand():
     case = Case("quadruped", "hops", 1, lambda rng: Run(False))
     runs = [
-        Run(False, True, (0.3, 0.0, 0.1), 0.03, 0.5, 0.001, 10.0),
-        Run(False, False, (0.4, 0.0, 0.1), 0.04, 0.7, 0.003, 20.0),
-        Run(True, False, (9.0, 9.0, 9.0), 9.0, 9.0, 9.0, 9.0),
+        Run(False, 1.0, True, (0.3, 0.0, 0.1), 0.03, 0.5, 0.001, None, 10.0),
+        Run(False, 1.0, False, (0.4, 0.0, 0.1), 0.04, 0.7, 0.003, None, 20.0),
+        Run(True, 1.0, False, (9.0, 9.0, 9.0), 9.0, 9.0, 9.0, None, 9.0),
     ]
     row = summarise(case, runs)
     assert (row["runs"], row["falls"], row["crossed"]) == (3, 1, 1)

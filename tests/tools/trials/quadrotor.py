@@ -12,6 +12,7 @@ import numpy as np
 import ruckig
 
 from tests.tools.trials.estimate import Estimate, EstimateNoise
+from tests.tools.trials.run import Run
 from tests.tools.trials.wind import dryden_gusts
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadrotor.parameters import AIR_DENSITY, Airframe
@@ -47,16 +48,6 @@ class Limits(NamedTuple):
     jerk: float = 20.0
 
 
-class Flown(NamedTuple):
-    """Result of one flight."""
-
-    crashed: bool
-    error: float
-    top_speed: float
-    energy: float
-    seconds: float
-
-
 def rotor_power(airframe: Airframe, thrusts: Array) -> float:
     """Return the power of rotors with thrusts (4,), W: by momentum theory and figure of merit.
 
@@ -74,7 +65,7 @@ def fly(
     wind_speed: float,
     noise: EstimateNoise | None,
     rng: np.random.Generator,
-) -> Flown:
+) -> Run:
     """Fly a course from hovering at its begin."""
     ticks = round(seconds / TIMESTEP)
     model = _compile(robot)
@@ -111,7 +102,7 @@ def fly(
     error = _rms_distance(actual[lag:tick] - desired[: tick - lag], round(SETTLE / TIMESTEP))
     steps = np.diff(actual[:tick], axis=0)
     top = float(np.linalg.norm(steps, axis=1).max()) / TIMESTEP
-    return Flown(crashed, error, top, energy, seconds=tick * TIMESTEP)
+    return Run(crashed, tick * TIMESTEP, error=error, top_speed=top, energy=energy)
 
 
 _NO_VELOCITY = 0.0, 0.0, 0.0

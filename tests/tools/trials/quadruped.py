@@ -6,7 +6,6 @@ Nothing here controls: commands go in at one end, what the body truly did comes 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -14,6 +13,7 @@ from scipy.spatial import KDTree
 
 from tests.tools.trials.estimate import EstimateNoise
 from tests.tools.trials.quadruped_sim import TIMESTEP, Conditions, TrialSim
+from tests.tools.trials.run import Run
 from tests.tools.trials.terrain import COURSE_END, TERRAINS
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import LEGS
@@ -29,28 +29,6 @@ SPEEDS = (1.5, 0.4, 1.0)
 """Largest commands drawn: forward, m/s (backward a third), left, m/s, and yaw rate, rad/s."""
 
 
-class Walked(NamedTuple):
-    """One run, with the figures that its trial has.
-
-    Attributes:
-        fallen: Whether it fell.
-        seconds: Simulated time, s.
-        errors: RMS errors of velocity: forward and left, m/s, and yaw rate, rad/s.
-        arrived: Whether it crossed the course.
-        distance: Distance of a stop, m.
-        creep: Greatest way of a foot on which it stood, m.
-        error: RMS distance from the path, m.
-    """
-
-    fallen: bool
-    seconds: float
-    errors: tuple[float, float, float] | None = None
-    arrived: bool | None = None
-    distance: float | None = None
-    creep: float | None = None
-    error: float | None = None
-
-
 def follow_commands(
     robot: Quadruped,
     conditions: Conditions,
@@ -59,7 +37,7 @@ def follow_commands(
     seconds: float = 20.0,
     speeds: Velocity = SPEEDS,
     kick: float = 0.0,
-) -> Walked:
+) -> Run:
     """Walk by random commands, each for 1.5 to 4 s, of which a tenth is standing still."""
     sim = TrialSim(robot, conditions, noise, seconds, rng)
     ticks = round(seconds / TIMESTEP)
@@ -77,7 +55,7 @@ def follow_commands(
         moved[sim.tick - 1] = body_velocity(sim.data)
         commanded[sim.tick - 1] = sim.controller.memory.command
     errors = stride_rms(moved - commanded, sim.tick)
-    return Walked(sim.fallen, sim.tick * TIMESTEP, errors)
+    return Run(sim.fallen, sim.tick * TIMESTEP, errors=errors)
 
 
 def draw_command(rng: np.random.Generator, speeds: Velocity) -> Array:
@@ -118,7 +96,7 @@ def cross_terrain(
     rng: np.random.Generator,
     terrain: str,
     speed: float = 0.5,
-) -> Walked:
+) -> Run:
     """Walk along +x over a course drawn anew, steered by heading and offset alone: blind.
 
     It has twice the time that the commanded speed would take.
@@ -136,7 +114,7 @@ def cross_terrain(
         steer = np.clip([-y, -2.0 * heading], [-0.2, -0.5], [0.2, 0.5])
         sim.walk(np.array([speed, *steer]))
     arrived = bool(sim.data.qpos[0] > COURSE_END)
-    return Walked(sim.fallen, sim.tick * TIMESTEP, arrived=arrived)
+    return Run(sim.fallen, sim.tick * TIMESTEP, arrived=arrived)
 
 
 def stop_from(
@@ -145,7 +123,7 @@ def stop_from(
     rng: np.random.Generator,
     speed: float = 1.5,
     jerk: float = 15.0,
-) -> Walked:
+) -> Run:
     """Run for 2 to 3 s, then brake as hard as the gait does, the deceleration limited in jerk."""
     deceleration = robot.parameters.gait.linear_acceleration
     sim = TrialSim(robot, Conditions(), noise, seconds=6.0, rng=rng)
@@ -161,12 +139,12 @@ def stop_from(
         command = max(command - rate * TIMESTEP, 0.0)
         sim.walk(np.array([command, 0.0, 0.0]))
     distance = float(np.hypot(*(sim.data.qpos[:2] - start)))
-    return Walked(sim.fallen, sim.tick * TIMESTEP, distance=distance)
+    return Run(sim.fallen, sim.tick * TIMESTEP, distance=distance)
 
 
 def stand(
     robot: Quadruped, noise: EstimateNoise | None, rng: np.random.Generator, seconds: float = 60.0
-) -> Walked:
+) -> Run:
     """Measure a body that stands without a command."""
     sim = TrialSim(robot, Conditions(), noise, seconds, rng)
     feet = [sim.model.geom(f"{ROBOT_PREFIX}{leg}_foot").id for leg in LEGS]
@@ -176,7 +154,7 @@ def stand(
         if sim.tick % 500 == 0:
             places.append(sim.data.geom_xpos[feet, :2].copy())
     moved = np.linalg.norm(np.array(places) - places[0], axis=2)
-    return Walked(sim.fallen, sim.tick * TIMESTEP, creep=float(moved.max()))
+    return Run(sim.fallen, sim.tick * TIMESTEP, creep=float(moved.max()))
 
 
 def follow_path(
@@ -186,7 +164,7 @@ def follow_path(
     length: float = 20.0,
     speed: float = 1.0,
     acceleration: float = 1.0,
-) -> Walked:
+) -> Run:
     """Return setpoints along straight lines and arcs in turn, from rest, facing along the path."""
     course = draw_course(rng, length)
     ticks = round((length / speed + 0.5 * speed / acceleration) / TIMESTEP)
@@ -203,7 +181,7 @@ def follow_path(
         actual[sim.tick - 1] = sim.data.qpos[:2]
     distances, _ = KDTree(desired[: sim.tick]).query(actual[: sim.tick])
     error = math.sqrt(float((distances**2).mean()))
-    return Walked(sim.fallen, sim.tick * TIMESTEP, error=error)
+    return Run(sim.fallen, sim.tick * TIMESTEP, error=error)
 
 
 Course = list[tuple[float, float]]

@@ -22,6 +22,7 @@ from tests.tools.trials import quadrotor as flights
 from tests.tools.trials import quadruped as walks
 from tests.tools.trials.estimate import EstimateNoise
 from tests.tools.trials.quadruped_sim import Conditions
+from tests.tools.trials.run import Run
 from wayproof.harness.bench.table import Progress, Row, print_rows
 from wayproof.harness.worker_pool import WorkerPool
 from wayproof.models.robots.quadrotor import Quadrotor
@@ -34,18 +35,6 @@ from wayproof.models.robots.quadruped import warm_up as warm_up_quadruped
 NOISE = EstimateNoise()
 GUSTS = 6.0  # m/s, mean
 FLIGHT_TIME = 20.0  # s
-
-
-class Run(NamedTuple):
-    """One run: fallen or crashed, and the figures that its case has."""
-
-    fallen: bool
-    arrived: bool | None = None
-    errors: tuple[float, float, float] | None = None
-    distance_error: float | None = None
-    stop: float | None = None
-    creep: float | None = None
-    energy: float | None = None
 
 
 class Case(NamedTuple):
@@ -103,9 +92,9 @@ def summarise(case: Case, runs: list[Run]) -> Row:
     if errors := of("errors", up):
         mean = np.sqrt(np.mean(np.square(errors), axis=0)).tolist()
         row |= dict(zip(("vx", "vy", "wz"), mean, strict=True))
-    if distances := of("distance_error", up):
+    if distances := of("error", up):
         row["rmse_m"] = math.sqrt(np.mean(np.square(distances)))
-    if stops := of("stop", up):
+    if stops := of("distance", up):
         row["stop_m"] = max(stops)
     if creeps := of("creep", up):
         row["creep_mm"] = 1e3 * max(creeps)
@@ -126,18 +115,13 @@ def _commands(
     """Walk by random commands; friction and the payload's place on the back are drawn."""
     place = rng.uniform([-0.05, -0.03, 0.12], [0.05, 0.03, 0.14])
     conditions = Conditions(rng.uniform(*friction), payload, tuple(place.tolist()), delay)
-    trial = walks.follow_commands
-    return _run_of(trial(Quadruped(), conditions, noise, rng, speeds=speeds, kick=kick))
+    return walks.follow_commands(Quadruped(), conditions, noise, rng, speeds=speeds, kick=kick)
 
 
-def _walk(rng: np.random.Generator, trial: Callable[..., walks.Walked], **options: Any) -> Run:
+def _walk(rng: np.random.Generator, trial: Callable[..., Run], **options: Any) -> Run:
     """Walk a trial, with a noisy estimate unless the options say otherwise."""
     options = {"noise": NOISE, **options}
-    return _run_of(trial(Quadruped(), rng=rng, **options))
-
-
-def _run_of(one: walks.Walked) -> Run:
-    return Run(one.fallen, one.arrived, one.errors, one.error, one.distance, one.creep)
+    return trial(Quadruped(), rng=rng, **options)
 
 
 _terrain = partial(_walk, trial=walks.cross_terrain, conditions=Conditions())
@@ -152,10 +136,9 @@ def _flight(
     robot: Quadrotor | None = None,
 ) -> Run:
     course = draw_course(rng)
-    result = flights.fly(
+    return flights.fly(
         robot or Quadrotor(), course, seconds=FLIGHT_TIME, wind_speed=wind, noise=noise, rng=rng
     )
-    return Run(result.crashed, distance_error=result.error, energy=result.energy)
 
 
 def _random_flight(rng: np.random.Generator) -> Run:
