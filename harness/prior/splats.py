@@ -301,7 +301,8 @@ def _vote(
 def _values() -> NDArray[np.int64]:
     """Return exp(-m^2 / 2) in 65536ths, by the squared distance m^2 in steps."""
     squares = np.arange(DEVIATIONS * DEVIATIONS * STEPS_OF_SQUARE + 1.0) / STEPS_OF_SQUARE
-    return np.rint(65536.0 * exponentials(-0.5 * squares)).astype(np.int64)
+    values: NDArray[np.int64] = np.rint(65536.0 * exponentials(-0.5 * squares)).astype(np.int64)
+    return values
 
 
 def _chunks(chosen: NDArray[np.int64], counts: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
