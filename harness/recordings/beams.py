@@ -147,7 +147,7 @@ def scan_beams(
     ranges, known = measured(written, limits, faults)
     places = np.flatnonzero(known).astype(np.int32)
     times_ns = None
-    if time_increment_s > 0.0:
+    if time_increment_s != 0.0:
         times_ns = np.rint(places * (time_increment_s * 1e9)).astype(np.int64)
     return Beams(
         directions=scan_directions(*angles, len(written))[places],

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.recordings.beams import FARTHEST, Beams, Limits, Silent, point_beams
 from wayproof.harness.recordings.recording import Faults
+
+NO_DEPTH = 65535
+"""Value of a pixel of 16 bits without a measurement, beside 0 (7-Scenes, OAK cameras)."""
 
 Intrinsics = tuple[float, float, float, float]
 """fx, fy, cx, cy, pixels."""
@@ -45,6 +49,12 @@ def depth_beams(
         faults=faults,
         silent=Silent(_unit(slopes[measured & silent])),
     )
+
+
+def depths_of(pixels: NDArray[Any], units_per_metre: float) -> NDArray[np.float64]:
+    """Return the depths of pixels, m: 0 where an integer is a code for no measurement."""
+    depths: NDArray[np.float64] = pixels.astype(np.float64) / units_per_metre
+    return np.where(pixels == NO_DEPTH, 0.0, depths) if pixels.dtype.kind in "iu" else depths
 
 
 def usable(intrinsics: Intrinsics) -> bool:

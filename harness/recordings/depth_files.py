@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.recordings.beams import Beams, Limits
-from wayproof.harness.recordings.depth import Intrinsics, depth_beams
+from wayproof.harness.recordings.depth import Intrinsics, depth_beams, depths_of
 from wayproof.harness.recordings.folders import Unreadable
 from wayproof.harness.recordings.recording import Faults
 
 MOST_PIXELS = 2**24
-NO_DEPTH = 65535
-"""Value of a pixel of 16 bits without a measurement, beside 0 (7-Scenes)."""
 
 
 class DepthFiles:
@@ -30,12 +28,11 @@ class DepthFiles:
         Raises:
             Unreadable: It is no image of one channel of 16 bits.
         """
-        pixels = read_pixels(path)
-        depths = np.where(pixels == NO_DEPTH, 0.0, pixels / self._scale)
+        depths = depths_of(read_pixels(path), self._scale)
         return depth_beams(depths, self._intrinsics, self._stride, limits, faults)
 
 
-def read_pixels(path: Path) -> NDArray[np.float64]:  # (rows, columns)
+def read_pixels(path: Path) -> NDArray[np.int64]:  # (rows, columns)
     """Return the pixels of a grey image of 16 bits.
 
     Raises:
@@ -49,7 +46,7 @@ def read_pixels(path: Path) -> NDArray[np.float64]:  # (rows, columns)
                 raise Unreadable(f"{path}: {image.width} x {image.height} pixels")
             if not image.mode.startswith("I"):
                 raise Unreadable(f"{path}: mode {image.mode}, expected 16 bits of grey")
-            return np.asarray(image, np.float64)
+            return np.asarray(image, np.int64)
     except Unreadable:
         raise
     except Exception as error:  # the decoders of Pillow fail in many ways

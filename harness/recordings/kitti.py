@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.harness.recordings.beams import Beams, Limits, point_beams
 from wayproof.harness.recordings.folders import (
@@ -39,6 +40,9 @@ POINT_BYTES = 16
 """Bytes of a point: x, y, z, m, and intensity, float32."""
 
 MOST_CLOUD = 2**28
+
+WIDTHS = (3, 4, 5, 6, 7)
+"""Numbers of a point that are told apart: nuScenes and Boreas write 5 and 6."""
 
 
 def looks_like(path: Path) -> bool:
@@ -103,11 +107,26 @@ def read_cloud(path: Path, limits: Limits, faults: Faults) -> Beams:
     size = path.stat().st_size
     if size % POINT_BYTES or size > MOST_CLOUD:
         raise Unreadable(f"{path}: {size} bytes, expected {POINT_BYTES} for a point")
-    rows_ = np.fromfile(path, "<f4").reshape(-1, POINT_BYTES // 4)
+    numbers = np.fromfile(path, "<f4")
+    width = _width(numbers)
+    if width != POINT_BYTES // 4:
+        raise Unreadable(f"{path}: {width} numbers a point, expected 4: x, y, z, intensity")
+    rows_ = numbers.reshape(-1, POINT_BYTES // 4)
     points = np.ascontiguousarray(rows_[:, :3])
     finite = np.isfinite(points).all(axis=1)
     faults["point: not finite"] += int((~finite).sum())
     return point_beams(points[finite], None, limits, faults)
+
+
+def _width(numbers: NDArray[np.float32]) -> int:
+    """Return how many numbers a point has: the distance at which numbers are most alike."""
+    usual = POINT_BYTES // 4
+    some = numbers[: 2**16].astype(np.float64)
+    if len(some) < 64 * usual or not np.isfinite(some).all():
+        return usual
+    apart = {width: float(np.median(np.abs(some[width:] - some[:-width]))) for width in WIDTHS}
+    best = min(apart, key=lambda width: apart[width])
+    return best if apart[best] < 0.7 * apart[usual] else usual
 
 
 def _poses_file(path: Path) -> Path:

@@ -34,6 +34,10 @@ def nearly_sorted(
         yield first, bytes_, popped
 
 
+SET_BACK_NS = 10**9
+"""Least step back of the stamps that is a clock set back, ns."""
+
+
 class Order(NamedTuple):
     """The order in which messages of a topic are to be read.
 
@@ -55,6 +59,18 @@ def order_of(stamps: NDArray[np.int64], sizes: NDArray[np.int64]) -> Order:
     kept = np.zeros(len(stamps), bool)
     kept[places[in_order(stamps[places])]] = True
     return Order(False, kept)
+
+
+def set_back(stamps: NDArray[np.int64]) -> int:
+    """Return by how much a clock was set back between stamps (n,) in the order of the file, ns.
+
+    0 where it never was by a second or more: a few stamps far off are no other clock.
+    """
+    for k in (np.flatnonzero(np.diff(stamps) < -SET_BACK_NS) + 1).tolist():
+        before, after = stamps[max(k - 5, 0) : k], stamps[k : k + 5]
+        if min(len(before), len(after)) >= 3 and np.median(after) < np.median(before):
+            return int(stamps[k - 1] - stamps[k])
+    return 0
 
 
 def in_order(stamps: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -49,7 +49,7 @@ from wayproof.harness.recordings.beams import (
     from_first_beam,
 )
 from wayproof.harness.recordings.digest import digest_of
-from wayproof.harness.recordings.order import Order, nearly_sorted
+from wayproof.harness.recordings.order import Order, nearly_sorted, set_back
 from wayproof.harness.recordings.poses import track_of
 from wayproof.harness.recordings.recording import Faults, Recording, RecordingOptions
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
@@ -78,7 +78,8 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
     found = survey(files, faults)
     names = choose_sensors(path, found, options)
     names.sort(key=lambda name: order_in_task(name, found))
-    found.tree = tree_for(path, found.transforms, names, faults)
+    found.tree = tree_for(path, found.transforms, names, faults, options.pose)
+    _refuse_set_back(path, found, names)
     topics = [_topic(path, name, found, options) for name in names]
     motion = choose_motion(path, found, topics, options)
     poses, task = motion.poses, found.task
@@ -250,11 +251,42 @@ def _topic(path: Path, name: str, found: Survey, options: RecordingOptions) -> T
     assert first is not None
     if info is not None:
         return measured_by(info)
+    if len(found.sensors[name].frames) > 1:
+        listed = ", ".join(sorted(found.sensors[name].frames)[:20])
+        raise InputError(
+            f"recording '{path}': '{name}' has messages of several frames: {listed}; expected one"
+            " sensor a topic: split it by frame_id"
+        )
     camera = choose_camera(path, name, found, options) if first.type == IMAGE else None
     try:
-        return first_of(first, camera, found.limits.get(name + LIMITS, (0.0, np.inf)))
+        limits = found.limits.get(name + LIMITS, (0.0, np.inf))
+        topic = first_of(first, camera, limits, found.sensors[name].period_ns)
     except Broken as error:
         raise InputError(f"recording '{path}': '{name}' cannot be read ({error})") from None
+    maxima = found.sensors[name].maxima
+    if not maxima:
+        return topic
+    varies = found.sensors[name].maximum_varies
+    return topic._replace(range_max=max(maxima), maximum_varies=varies)
+
+
+def _refuse_set_back(path: Path, found: Survey, names: Sequence[str]) -> None:
+    """Refuse a bag whose clock was set back: one time of it has two poses, or two sweeps.
+
+    Raises:
+        InputError: The stamps of a sensor, of transforms or of poses begin again.
+    """
+    streams = {name: found.sensors[name].stamps for name in names}
+    streams |= {name: topic.samples.stamps for name, topic in found.poses.items()}
+    for one in found.transforms.values():
+        streams |= {f"{a} -> {b}": samples.stamps for (a, b), samples in one.moving.items()}
+    for name, stamps in streams.items():
+        back = set_back(np.array(stamps, np.int64))
+        if back:
+            raise InputError(
+                f"recording '{path}': the stamps of {name} go back by {back / 1e9:.1f} s (a"
+                " simulator was reset, or a clock set), expected one run: split it there"
+            )
 
 
 def _reader(

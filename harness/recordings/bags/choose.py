@@ -131,14 +131,30 @@ def choose_camera(path: Path, topic: str, found: Survey, options: RecordingOptio
         return Camera(0, 0, options.intrinsics, False)
     beside = topic.rsplit("/", 1)[0] + "/camera_info"
     if beside in found.cameras:
-        return found.cameras[beside]
+        return _of_image(path, topic, found.cameras[beside])
     if len(found.cameras) == 1:
-        return next(iter(found.cameras.values()))
+        return _of_image(path, topic, next(iter(found.cameras.values())))
     listed = ", ".join(sorted(found.cameras)) or "none"
     raise InputError(
         f"recording '{path}': no '{beside}' for '{topic}' (CameraInfo: {listed}),"
         " expected intrinsics fx,fy,cx,cy"
     )
+
+
+def _of_image(path: Path, topic: str, camera: Camera) -> Camera:
+    """Return the camera of an image: a pinhole.
+
+    Raises:
+        InputError: The image is not rectified, and the lens has a distortion.
+    """
+    if "rect" in topic.rsplit("/", 2)[-1] or "rect" in topic.rsplit("/", 2)[-2]:
+        return camera._replace(intrinsics=camera.rectified or camera.intrinsics, distorted=False)
+    if camera.distorted:
+        raise InputError(
+            f"recording '{path}': the lens of '{topic}' distorts (D of its CameraInfo), expected"
+            " rectified images (image_rect), or intrinsics fx,fy,cx,cy to take it for a pinhole"
+        )
+    return camera
 
 
 def choose_motion(
@@ -161,6 +177,10 @@ def choose_motion(
         raise unknown_name("poses of the recording", options.pose, [*found.poses, *roots])
     body = _body(found, frame, options)
     chain = _moving_chain(found, body)
+    for edge in chain:
+        if edge.child in found.tree.rivals:
+            listed = ", ".join(f"frame {name}" for name in found.tree.rivals[edge.child])
+            raise InputError(f"recording '{path}': poses from several sources, choose: {listed}")
     if chain:
         rivals = [name for name, one in found.poses.items() if _is_rival(one, chain)]
         if not rivals:
@@ -199,6 +219,12 @@ def choose_mount(
             " expected a frame on the body: clouds registered in a world are no sweeps"
         )
     between = found.tree.between(body, topic.frame)
+    for edge in () if between is None else (*between.up, *between.down):
+        if edge.child in found.tree.rivals:
+            raise InputError(
+                f"recording '{path}': frame '{edge.child}' has several parents:"
+                f" {', '.join(found.tree.rivals[edge.child])}, expected a mount"
+            )
     if between is None:
         frames = ", ".join(found.tree.frames[:20]) or "none"
         raise InputError(
@@ -243,6 +269,10 @@ def _body(found: Survey, frame: str, options: RecordingOptions) -> str:
     for usual in BODIES:
         if usual in names:
             return usual
+    if not chain:  # the sensor's own transform is missing; a body may be known
+        for usual in BODIES:
+            if usual in found.tree.frames:
+                return usual
     moving = [edge.child for edge in chain if edge.moving is not None]
     if moving:
         return moving[-1]

@@ -21,13 +21,22 @@ OWN_TIME = "t"
 """Field of a point's time in written clouds: as of Ouster, nanoseconds from the stamp, 32 bits."""
 
 LONGEST_SWEEP_NS = 10 * 10**9
-"""Greatest distance of a point's time from the stamp, ns; others are no times."""
+"""Greatest length of a sweep where the time between stamps is not known, ns."""
 
 
 SHORTEST_SWEEP_NS = 10**6
 """Time that a sweep of points with times takes at least, ns."""
 
-UNITS = {1e9: "s", 1e3: "us", 1.0: "ns"}
+UNITS = {1e9: "s", 1e6: "ms", 1e3: "us", 1.0: "ns"}
+
+FEW = (0.02, 0.98)
+"""Shares of the times between which the length of a sweep is measured: a few may be wrong."""
+
+LONGEST_SHARE = 1.2
+"""Greatest length of a sweep, as a share of the time between stamps."""
+
+MOST_LATENCY_NS = 5e8
+"""Time from a stamp within which the points are of the same clock, at least, ns."""
 
 
 class PointTime(NamedTuple):
@@ -37,16 +46,18 @@ class PointTime(NamedTuple):
         name: Name of the field.
         unit_ns: Its unit, ns.
         absolute: Whether it counts as the stamps do; else from the sweep's stamp.
+        period_ns: Time between stamps, ns; None where it is not known.
     """
 
     name: str
     unit_ns: float
     absolute: bool
+    period_ns: float | None = None
 
     @property
     def text(self) -> str:
         """Name and unit in words."""
-        unit = UNITS[self.unit_ns]
+        unit = UNITS.get(self.unit_ns, "share of the period")
         since = "the epoch" if self.absolute else "the stamp"
         return f"'{self.name}', {unit} since {since}"
 
@@ -100,31 +111,68 @@ def finite(cloud: Cloud, faults: Faults) -> Cloud:
     return cloud._replace(points=cloud.points[good], times=times)
 
 
-def point_time(cloud: Cloud) -> PointTime | None:
+def point_time(cloud: Cloud, period_ns: float | None = None) -> PointTime | None:
     """Determine the unit and the origin of the times of a cloud's points.
 
-    An integer is in nanoseconds (Ouster's `t`, Livox's `offset_time`), or in microseconds if a
-    sweep would else take less than a millisecond (Velodyne's packets), a floating-point number in
-    seconds (Velodyne's `time`, Hesai's `timestamp`), or in nanoseconds if the points would else be
-    more than 10 s apart (Livox's `timestamp`). It counts from the stamp, or as stamps do, whichever
-    is nearer to the stamp.
+    A sweep takes about the time between stamps: the unit is the usual one of the driver if the
+    points then lie 0.5 to 1.2 periods apart, else another one in which they do; times from 0 to 1
+    may be shares of the period. A recording may have left out sweeps, so the usual unit may also
+    make a shorter sweep. The usual one is the only guide without a period.
+
+    Raises:
+        Broken: In every unit the points lie further apart than the stamps.
     """
     if cloud.times is None or len(cloud.times) == 0:
         return None
     times = cloud.times[np.isfinite(cloud.times)].astype(np.float64)
     if len(times) == 0:
         return None
-    spread = float(times.max() - times.min())
-    in_seconds = cloud.times.dtype.kind == "f" and spread * 1e9 <= LONGEST_SWEEP_NS
-    is_short = cloud.times.dtype.kind in "iu" and 1e3 <= spread < SHORTEST_SWEEP_NS
-    unit = 1e9 if in_seconds else 1e3 if is_short else 1.0
+    low, high = np.quantile(times, FEW) if len(times) > 100 else (times.min(), times.max())
+    spread = float(high - low)
+    unit = _usual_unit(cloud.times.dtype, spread)
+    share = False
+    if period_ns is not None and spread > 0.0:
+        units = [unit, *(one for one in UNITS if one != unit)]
+        fits = [one for one in units if 0.5 <= spread * one / period_ns <= LONGEST_SHARE]
+        is_share = 0.5 <= spread <= 1.001 and low > -0.001 and high <= 1.001
+        shorter = [one for one in units if 0.02 <= spread * one / period_ns <= LONGEST_SHARE]
+        if fits:
+            unit = fits[0]
+        elif is_share and cloud.times.dtype.kind == "f":
+            unit, share = period_ns, True
+        elif shorter:
+            unit = shorter[0]
+        elif spread * unit > LONGEST_SHARE * period_ns:
+            raise Broken(
+                f"times '{cloud.time_field}' of points {spread:g} apart, in no unit a sweep of"
+                f" {period_ns / 1e9:g} s"
+            )
     middle = float(np.median(times)) * unit
-    absolute = abs(middle - cloud.stamp_ns) < abs(middle)
-    return PointTime(cloud.time_field, unit, absolute)
+    absolute = not share and abs(middle - cloud.stamp_ns) < abs(middle)
+    return PointTime(cloud.time_field, unit, absolute, period_ns)
 
 
-def offsets_ns(cloud: Cloud, time: PointTime, faults: Faults) -> NDArray[np.int64] | None:
-    """Return times of the points (n,) after the stamp, ns, or None if they are not near it."""
+def _usual_unit(kind: np.dtype[Any], spread: float) -> float:
+    """Return the unit that drivers give to times of a type, ns.
+
+    An integer is in nanoseconds (Ouster's `t`, Livox's `offset_time`), or in microseconds if a
+    sweep would else take less than a millisecond (Velodyne's packets), a floating-point number in
+    seconds (Velodyne's `time`, Hesai's `timestamp`), or in nanoseconds if the points would else be
+    more than 10 s apart (Livox's `timestamp`).
+    """
+    if kind.kind == "f":
+        return 1e9 if spread * 1e9 <= LONGEST_SWEEP_NS else 1.0
+    return 1e3 if 1e3 <= spread < SHORTEST_SWEEP_NS else 1.0
+
+
+def offsets_ns(
+    cloud: Cloud, time: PointTime, faults: Faults
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]] | None:
+    """Return times of points after the stamp, ns, and which points (n,) have them.
+
+    Points far from the others in time are left out. Times of another clock than the stamp's are
+    counted from the first point. None if many are far from each other.
+    """
     assert cloud.times is not None
     times = cloud.times
     if times.dtype.kind in "iu" and time.unit_ns == 1.0 and time.absolute:
@@ -134,11 +182,18 @@ def offsets_ns(cloud: Cloud, time: PointTime, faults: Faults) -> NDArray[np.int6
             offsets = times.astype(np.float64) * time.unit_ns
         if time.absolute:
             offsets -= float(cloud.stamp_ns)
-    near = np.abs(offsets) <= LONGEST_SWEEP_NS  # false for NaN
-    if not near.all():
-        faults["point: time far from the stamp"] += int((~near).sum())
+    period = LONGEST_SWEEP_NS if time.period_ns is None else time.period_ns
+    finite_ones = offsets[np.isfinite(offsets)]
+    middle = float(np.median(finite_ones)) if len(finite_ones) else 0.0
+    near = np.abs(offsets - middle) <= LONGEST_SHARE * period  # false for NaN
+    faults["point: time far from the others"] += int((~near).sum())
+    if near.sum() < 0.9 * len(near):
         return None
-    return np.rint(offsets).astype(np.int64)
+    offsets = offsets[near]
+    if abs(middle) > max(3.0 * period, MOST_LATENCY_NS):
+        faults["sweep: times of another clock, from its first point"] += 1
+        offsets = offsets - offsets.min()
+    return np.rint(offsets).astype(np.int64), near
 
 
 def _rows(message: Any) -> NDArray[np.uint8]:  # (n, point_step)

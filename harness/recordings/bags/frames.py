@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import NamedTuple
@@ -77,12 +77,17 @@ class FrameTree:
         fixed: dict[tuple[str, str], Samples],
         moving: dict[tuple[str, str], Samples],
         faults: Faults,
+        preferred: str | None = None,
     ) -> None:
         """Build the tree of transforms by (parent, child).
 
         A transform that never changes is fixed, as ROS 1 publishes those, unless none would move
-        then. Of several parents of a frame the one with more samples is kept.
+        then. Of several parents of a frame the preferred one is kept, or one that is below it;
+        without such a parent the one with most samples, and `rivals` names all of them.
         """
+        self.rivals: dict[str, list[str]] = {}
+        links = {*fixed, *moving}
+        above = {name: _ancestors(name, links) for name, _ in links}
         self._edges: dict[str, Edge] = {}
         held: dict[str, int] = {}
         still = []
@@ -91,10 +96,19 @@ class FrameTree:
                 poses = sound(one.poses(), faults, "transform")
                 if len(poses.stamps_ns) == 0 or parent == child:
                     continue
-                if child in self._edges:
+                if child in self._edges and self._edges[child].parent != parent:
                     faults["transform: frame of several parents"] += 1
-                    if held[child] >= len(poses.stamps_ns):
+                    other = self._edges[child].parent
+                    wanted = [name for name in (other, parent) if preferred in above[name]]
+                    if wanted == [other]:
                         continue
+                    if wanted == [parent]:
+                        self.rivals.pop(child, None)
+                    else:
+                        names = {*self.rivals.get(child, [other]), parent}
+                        self.rivals[child] = sorted(names)
+                        if held[child] >= len(poses.stamps_ns):
+                            continue
                 held[child] = len(poses.stamps_ns)
                 edge = _edge(parent, child, poses, is_fixed, faults)
                 if edge.moving is not None and _never_changes(edge.moving):
@@ -171,13 +185,25 @@ class FramePath(NamedTuple):
         return reduce(compose, parts), known
 
 
+def _ancestors(name: str, links: Collection[tuple[str, str]]) -> set[str]:
+    """Return a frame and all frames above it."""
+    found: set[str] = set()
+    queue = [name]
+    while queue:
+        one = queue.pop()
+        if one not in found:
+            found.add(one)
+            queue += [parent for parent, child in links if child == one]
+    return found
+
+
 def _edge(parent: str, child: str, poses: StampedPoses, is_fixed: bool, faults: Faults) -> Edge:
     if is_fixed:
-        first = Transform(poses.positions[0], poses.quaternions[0])
-        same = (poses.positions == first.position).all()
-        if not (same and (poses.quaternions == first.quaternion).all()):
-            faults["transform: static one that changes"] += 1
-        return Edge(parent, child, first, None)
+        last = Transform(poses.positions[-1], poses.quaternions[-1])  # as tf2 does
+        same = (poses.positions == last.position).all()
+        if not (same and (poses.quaternions == last.quaternion).all()):
+            faults["transform: static one that changes, the last counts"] += 1
+        return Edge(parent, child, last, None)
     track = RecordedTrack(
         poses.stamps_ns,
         poses.positions,

@@ -69,6 +69,7 @@ class Camera(NamedTuple):
         width: Columns.
         height: Rows.
         intrinsics: fx, fy, cx, cy.
+        rectified: fx, fy, cx, cy of its rectified images; None where they are not stated.
         distorted: Whether its lens has a distortion.
     """
 
@@ -76,6 +77,7 @@ class Camera(NamedTuple):
     height: int
     intrinsics: tuple[float, float, float, float]
     distorted: bool
+    rectified: tuple[float, float, float, float] | None = None
 
 
 @lru_cache(maxsize=2)
@@ -131,6 +133,15 @@ def header_stamp(raw: RawMessage) -> int:
     return int(seconds) * 10**9 + int(fraction)
 
 
+def frame_of(raw: RawMessage) -> str:
+    """Return the frame of a message that begins with a header, without decoding it."""
+    data = bytes(raw.data[:512])
+    order = "<" if raw.encoding == "ros1" or (len(data) > 1 and data[1] & 1) else ">"
+    size = int(np.frombuffer(data, f"{order}u4", 1, 12)[0]) if len(data) >= 16 else 0
+    text = data[16 : 16 + size].rstrip(b"\0")
+    return frame_name(str(text, "utf-8", "replace"))
+
+
 def stamp_of(header: Any) -> int:  # of a class of rosbags
     """Return the stamp of a header, ns."""
     return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
@@ -181,11 +192,32 @@ def camera_of(raw: RawMessage) -> Camera:
     message = decode(raw)
     matrix: NDArray[np.float64] = message.K if raw.encoding == "ros1" else message.k
     distortion: NDArray[np.float64] = message.D if raw.encoding == "ros1" else message.d
-    fx, _, cx, _, fy, cy = (float(value) for value in matrix[:6])
-    if not usable((fx, fy, cx, cy)):
-        raise Broken("a camera without intrinsics")
-    distorted = bool((distortion != 0.0).any())
-    return Camera(int(message.width), int(message.height), (fx, fy, cx, cy), distorted)
+    projection: NDArray[np.float64] = message.P if raw.encoding == "ros1" else message.p
+    raw_image, rectified = _scaled(matrix[[0, 4, 2, 5]], message), None
+    if usable(_scaled(projection[[0, 5, 2, 6]], message)):
+        rectified = _scaled(projection[[0, 5, 2, 6]], message)
+    if not usable(raw_image):  # drivers of rectified images fill P alone
+        if rectified is None:
+            raise Broken("a camera without intrinsics")
+        return Camera(*_size(message), rectified, False, rectified)
+    return Camera(*_size(message), raw_image, bool((distortion != 0.0).any()), rectified)
+
+
+def _size(message: Any) -> tuple[int, int]:
+    """Return the columns and rows of the images of a CameraInfo: of its region, binned."""
+    across, down = max(int(message.binning_x), 1), max(int(message.binning_y), 1)
+    width = int(message.roi.width) or int(message.width)
+    height = int(message.roi.height) or int(message.height)
+    return width // across, height // down
+
+
+def _scaled(numbers: NDArray[np.float64], message: Any) -> tuple[float, float, float, float]:
+    """Return fx, fy, cx, cy of the images from those of the whole sensor, without binning."""
+    fx, fy, cx, cy = (float(value) for value in numbers)
+    across, down = max(int(message.binning_x), 1), max(int(message.binning_y), 1)
+    cx, cy = cx - int(message.roi.x_offset), cy - int(message.roi.y_offset)
+    # The centre of the first pixel is 0: of the first two, binned, it is 0.5 of the old pixels.
+    return fx / across, fy / down, (cx + 0.5) / across - 0.5, (cy + 0.5) / down - 0.5
 
 
 def _numbers(p: Any, q: Any) -> tuple[float, float, float, float, float, float, float]:

@@ -27,7 +27,7 @@ from wayproof.harness.recordings.beams import (
     point_beams,
     scan_beams,
 )
-from wayproof.harness.recordings.depth import depth_beams
+from wayproof.harness.recordings.depth import depth_beams, depths_of
 from wayproof.harness.recordings.recording import Faults, RecordingOptions
 from wayproof.harness.recordings.types import SensorKind
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -58,6 +58,7 @@ class Topic(NamedTuple):
         range_max: Maximum range, m; inf where it is not stated.
         time: Field with the time of a point.
         camera: Geometry of the images.
+        maximum_varies: Whether its maximum range is another one from message to message.
         declared: Declaration of a sensor whose ranges are recorded as it measured them.
     """
 
@@ -67,6 +68,7 @@ class Topic(NamedTuple):
     range_max: float
     time: PointTime | None = None
     camera: Camera | None = None
+    maximum_varies: bool = False
     declared: pb.SensorInfo | None = None
 
 
@@ -102,7 +104,10 @@ def measured_by(info: pb.SensorInfo) -> Topic:
 
 
 def first_of(
-    raw: RawMessage, camera: Camera | None, limits: tuple[float, float] = (0.0, np.inf)
+    raw: RawMessage,
+    camera: Camera | None,
+    limits: tuple[float, float] = (0.0, np.inf),
+    period_ns: float | None = None,
 ) -> Topic:
     """Read a sensor's properties from the first message of its topic.
 
@@ -110,6 +115,7 @@ def first_of(
         raw: The message.
         camera: Geometry of the images.
         limits: Limits of points or depths, m, which their messages do not state.
+        period_ns: Time from one message to the next, ns.
 
     Raises:
         Broken: It cannot be read.
@@ -120,9 +126,8 @@ def first_of(
         return Topic("laser", frame_name(scan.header.frame_id), low, high)
     if raw.type == CLOUD:
         cloud = read_cloud(decode(raw))
-        return Topic(
-            "points", frame_name(cloud.frame), *limits, point_time(finite(cloud, Counter()))
-        )
+        time = point_time(finite(cloud, Counter()), period_ns)
+        return Topic("points", frame_name(cloud.frame), *limits, time)
     frame = frame_name(decode(raw).header.frame_id)
     return Topic("depth", frame, *limits, camera=camera)
 
@@ -156,21 +161,20 @@ def beams_of(raw: RawMessage, reading: Reading, silent: Silent | None, faults: F
 def _of_scan(message: Any, reading: Reading, faults: Faults) -> Beams:
     topic = reading.topic
     limits = scan_limits(message.range_min, message.range_max)
-    if limits != (topic.range_min, topic.range_max):
-        raise Broken("a scan of other limits than the first")
     angles = float(message.angle_min), float(message.angle_increment)
     count = len(message.ranges)
     if not all(abs(angle) < MOST_ANGLE for angle in (*angles, angles[1] * count)):
         raise Broken(f"a scan of {count} beams from {angles[0]:g} by {angles[1]:g} rad")
     step = float(message.time_increment)
-    if not 0.0 <= step * count * 1e9 <= LONGEST_SCAN_NS:
+    if not abs(step) * count * 1e9 <= LONGEST_SCAN_NS:
         raise Broken(f"a scan of {count} beams, {step:g} s apart")
     ranges = np.asarray(message.ranges)
     # Older drivers write the maximum where nothing came back; laser_geometry drops it, too.
-    ranges = np.where(ranges == np.float32(topic.range_max), np.float32(np.inf), ranges)
-    return scan_beams(
-        angles, written=ranges, limits=reading.limits, faults=faults, time_increment_s=step
-    )
+    # Some write the largest reading of each scan as its maximum, which is then a return.
+    if not topic.maximum_varies:
+        ranges = np.where(ranges == np.float32(limits[1]), np.float32(np.inf), ranges)
+    own = reading.limits._replace(range_min=limits[0], range_max=min(limits[1], FARTHEST))
+    return scan_beams(angles, written=ranges, limits=own, faults=faults, time_increment_s=step)
 
 
 def _of_cloud(message: Any, reading: Reading, silent: Silent | None, faults: Faults) -> Beams:
@@ -179,9 +183,11 @@ def _of_cloud(message: Any, reading: Reading, silent: Silent | None, faults: Fau
     if reading.topic.time is not None and len(cloud.points):
         if cloud.time_field != reading.topic.time.name:
             raise Broken("a cloud without the time of its points")
-        times = offsets_ns(cloud, reading.topic.time, faults)
-        if times is None:
+        found = offsets_ns(cloud, reading.topic.time, faults)
+        if found is None:
             raise Broken("a cloud of points of other times")
+        times, kept = found
+        cloud = cloud._replace(points=cloud.points[kept])
     return point_beams(cloud.points, times, reading.limits, faults, silent)
 
 
@@ -231,8 +237,17 @@ def _of_image(message: Any, reading: Reading, faults: Faults) -> Beams:
     lines = np.asarray(message.data)[: rows * step].reshape(rows, step)
     pixels = np.ascontiguousarray(lines[:, : columns * kind.itemsize]).view(kind)
     scale = (options.depth_scale or MILLIMETRES) if kind.kind == "u" else 1.0
-    depths = pixels.astype(np.float64) / scale
+    depths = depths_of(pixels, scale)
     return depth_beams(depths, camera.intrinsics, options.pixel_stride, reading.limits, faults)
+
+
+def scan_maximum(raw: RawMessage) -> float:
+    """Return the maximum range that a scan states, m; inf of one that cannot be read."""
+    try:
+        message = decode(raw)
+    except Broken:
+        return np.inf
+    return scan_limits(message.range_min, message.range_max)[1]
 
 
 def scan_limits(low: float, high: float) -> tuple[float, float]:

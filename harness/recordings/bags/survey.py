@@ -25,17 +25,24 @@ from wayproof.harness.recordings.bags.messages import (
     CLOUD,
     POSES,
     RANGE,
+    SCAN,
     SENSORS,
     TEXT,
     TRANSFORMS,
     Camera,
     camera_of,
     decode,
+    frame_of,
     header_stamp,
     pose_of,
     transforms_of,
 )
-from wayproof.harness.recordings.bags.sensors import finite_points, is_sensor, scan_limits
+from wayproof.harness.recordings.bags.sensors import (
+    finite_points,
+    is_sensor,
+    scan_limits,
+    scan_maximum,
+)
 from wayproof.harness.recordings.bags.transforms import Transforms, namespace_of
 from wayproof.harness.recordings.order import Order, order_of
 from wayproof.harness.recordings.recording import Faults
@@ -75,6 +82,8 @@ class SensorTopic:
         stamps: Stamps of the headers, ns.
         logged: Times at which they were recorded, ns.
         sizes: Bytes of the messages.
+        frames: Frames of the messages.
+        maxima: Maximum ranges of scans, m, with the number of scans of each.
     """
 
     first: RawMessage | None = None
@@ -82,6 +91,20 @@ class SensorTopic:
     stamps: array[int] = field(default_factory=lambda: array("q"))
     logged: array[int] = field(default_factory=lambda: array("q"))
     sizes: array[int] = field(default_factory=lambda: array("q"))
+    frames: set[str] = field(default_factory=set)
+    maxima: Counter[float] = field(default_factory=Counter)
+
+    @property
+    def maximum_varies(self) -> bool:
+        """Whether the maximum range is another one from scan to scan, so the greatest reading."""
+        return len(self.maxima) > 3
+
+    @property
+    def period_ns(self) -> float | None:
+        """Median time between messages, ns; None of fewer than three."""
+        stamps = self.stamps if self.is_stamped else self.logged
+        steps = np.diff(np.unique(np.array(stamps, np.int64)))
+        return float(np.median(steps)) if len(steps) > 1 else None
 
     @property
     def is_stamped(self) -> bool:
@@ -238,6 +261,10 @@ class _Walk:
         topic.stamps.append(stamp)
         topic.logged.append(min(raw.logged_ns, 2**62))
         topic.sizes.append(len(raw.data))
+        if len(topic.frames) < MOST_FRAMES:
+            topic.frames.add(frame_of(raw))
+        if raw.type == SCAN:
+            topic.maxima[scan_maximum(raw)] += 1
         if topic.first is None and not is_sensor(raw):
             del self.sensors[raw.topic]
             self.others[raw.topic] = raw.type

@@ -41,7 +41,11 @@ def namespace_of(topic: str) -> str:
 
 
 def tree_for(
-    path: Path, found: Mapping[str, Transforms], sensors: Sequence[str], faults: Faults
+    path: Path,
+    found: Mapping[str, Transforms],
+    sensors: Sequence[str],
+    faults: Faults,
+    preferred: str | None = None,
 ) -> FrameTree:
     """Build the tree of the robot that bears the sensors.
 
@@ -54,6 +58,7 @@ def tree_for(
         found: Transforms by namespace.
         sensors: Topics of the sensors.
         faults: Counted up.
+        preferred: Frame above the body that is taken where a frame has several parents.
 
     Raises:
         InputError: No single namespace is nearest.
@@ -79,7 +84,7 @@ def tree_for(
     for name, one in found.items():
         fixed |= _without(one.fixed, left_out[name])
         moving |= _without(one.moving, left_out[name])
-    return FrameTree(fixed, moving, faults)
+    return FrameTree(fixed, moving, faults, preferred)
 
 
 def _nearest(namespaces: Sequence[str], sensors: Iterable[str]) -> str | None:

@@ -135,4 +135,7 @@ def test_times_far_from_the_stamp_are_counted(tmp_path):
     over = columns(time=np.array([0, 1, 30], np.float32))
     found, recording = sweeps(tmp_path, (good, {}), (late, {}), (over, {}))
     assert len(found) == 1
-    assert recording.faults == {"message: cannot be read": 1, "sweep: no pose at its time": 1}
+    assert recording.faults == {
+        "message: cannot be read": 2,
+        "point: time far from the others": 2,
+    }
