@@ -137,5 +137,5 @@ def test_times_far_from_the_stamp_are_counted(tmp_path):
     assert len(found) == 1
     assert recording.faults == {
         "message: cannot be read": 2,
-        "point: time far from the others": 2,
+        "point: time far from the others": 1,
     }
