@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Literal
 
 import numpy as np
@@ -74,9 +74,18 @@ class Result:
 
     def to_metadata(self) -> dict[str, str]:
         """Return the result for the log, without the fields of this run alone."""
-        apart = ("log", "log_mb_per_min", "wall_time_s", "traceback")
-        fields = {k: v for k, v in asdict(self).items() if k not in apart}
-        return {name: str(value) for name, value in fields.items()}
+        return {name: str(value) for name, value in asdict(self).items() if name in RESULT_FIELDS}
+
+
+RESULT_FIELDS = {field.name for field in fields(Result)} - {
+    *("log", "log_mb_per_min", "wall_time_s", "traceback")
+}
+"""Fields of the result in the log of an episode."""
+
+RECORDED_FIELDS = {"outcome", "reason"} | {
+    *("decisions", "sim_time_s", "path_length_m", "deadline_misses", "chain")
+}
+"""Fields of the result in the log of a recording, see `recorded_figures`."""
 
 
 def is_recovered(result: Mapping[str, str]) -> bool:

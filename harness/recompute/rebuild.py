@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import xml.etree.ElementTree as ElementTree
 from dataclasses import asdict, replace
 
 import mujoco
@@ -15,7 +16,7 @@ from wayproof.harness.log.reader import Log
 from wayproof.harness.recompute.segments import Segment
 from wayproof.harness.recompute.side_by_side import changed_mission
 from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
-from wayproof.harness.scenario.robots import find_logged_robot
+from wayproof.harness.scenario.robots import built_in, find_logged_robot
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.scenario.worlds import (
@@ -25,7 +26,8 @@ from wayproof.harness.scenario.worlds import (
     generate,
 )
 from wayproof.models.robots import ROBOTS
-from wayproof.models.scene import bind, resolve
+from wayproof.models.robots.robot import ROBOT_PREFIX
+from wayproof.models.scene import bind, compose, resolve
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED, movers_in
 from wayproof.models.worlds import WORLDS, World
 
@@ -75,14 +77,14 @@ def is_made_from_seed(log: Log) -> bool:
 def made_otherwise(log: Log) -> list[Difference]:
     """Return the parts that this version generates differently: scene, mission or config.
 
-    Nothing is compared if the world or the robot is a file, see `is_made_from_seed`.
+    If the world or the robot is a file, only the other's part of the scene is compared.
     """
     from wayproof.harness.scenario.scenario import build
 
     log = log.as_of(-1)
-    if not is_made_from_seed(log):
-        return []
     forget_worlds()  # that of the recording may be this process's
+    if not is_made_from_seed(log):
+        return _part_made_otherwise(log)
     try:
         built = build(log.config)
     except InputError as error:
@@ -93,6 +95,47 @@ def made_otherwise(log: Log) -> list[Difference]:
     for name, made in asdict(built.mission).items():
         if made != getattr(log.mission, name):
             found.append(Difference(f"mission.{name}", str(getattr(log.mission, name)), str(made)))
+    return found
+
+
+def _part_made_otherwise(log: Log) -> list[Difference]:
+    """Compare the part of the scene that is no file's, beside any other world or robot."""
+    config = log.config
+    seeded, ours = config.world in WORLDS, config.robot in ROBOTS
+    if not seeded and not ours:
+        return []
+    name = config.robot if ours else next(iter(ROBOTS))
+    robot = built_in(config)[name]
+    if seeded:
+        world = apply_world_perturbation(generate(config), config)
+    else:
+        world = generate(Config("empty", name, seed=0))
+    made = _parts(compose(world, robot).mjcf, of_robot=ours)
+    pairs = itertools.zip_longest(_parts(log.scene, of_robot=ours), made, fillvalue="nothing")
+    which = f"robot {config.robot}" if ours else f"world {config.world}"
+    found = next(((old, new) for old, new in pairs if old != new), None)
+    return (
+        [] if found is None else [Difference(f"scene.xml, {which}", found[0][:120], found[1][:120])]
+    )
+
+
+def _parts(mjcf: str, of_robot: bool) -> list[str]:
+    """Return the elements of a scene that name a part of the robot, or the others, as texts.
+
+    Sizes and statistics of the whole, and the settings of physics, are left out: a robot may set
+    them.
+    """
+    found = []
+    ahead = [(element, False) for element in reversed(ElementTree.fromstring(mjcf))]
+    while ahead:
+        element, inside = ahead.pop()
+        if element.tag in ("compiler", "option", "size", "statistic", "visual", "keyframe"):
+            continue
+        inside = inside or any(text.startswith(ROBOT_PREFIX) for text in element.attrib.values())
+        if inside == of_robot and element.attrib:
+            fields = " ".join(f'{name}="{text}"' for name, text in element.attrib.items())
+            found.append(f"<{element.tag} {fields}>")
+        ahead += [(one, inside) for one in reversed(element)]
     return found
 
 

@@ -26,7 +26,7 @@ from wayproof.harness.recompute.rebuild import is_made_from_seed, made_otherwise
 from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.replay.answers import RecordedAnswers, RecordedPredictions
 from wayproof.harness.replay.fork import fork_with
-from wayproof.harness.result import ends_in_error
+from wayproof.harness.result import ends_in_error, is_recovered
 from wayproof.harness.runner import run_episode
 from wayproof.harness.schema import wayproof_pb2 as pb
 
@@ -147,7 +147,7 @@ def simulate_again(
         again = open_log(target, allow_plugins=True)
         compared = _compare(log, again)
     made = made_otherwise(log)
-    result = () if ends_in_error(log.result) else tuple(_result_differences(log, again))
+    result = tuple(_result_differences(log, again))
     return ClosedLoop(
         log=str(path),
         identical=compared.alike and not result and not made,
@@ -329,13 +329,22 @@ def _number_of(message: Message) -> int:
 
 def _result_differences(log: Log, again: Log) -> Iterator[Difference]:
     """Yield the fields of the recorded result that differ."""
-    for name, now in again.result.items():
-        then = log.result.get(name)
-        # The digest covers measured times, which no simulation reproduces.
-        if name in ("record", CONTENT):
-            continue
-        if then is not None and not _same(then, now):
+    if ends_in_error(log.result):
+        if not is_recovered(log.result) and _ends_alike(log, again):
+            yield Difference("result.outcome", log.result["outcome"], again.result["outcome"])
+        return
+    # The digest covers measured times, which no simulation reproduces.
+    for name in sorted({*log.result, *again.result} - {"record", CONTENT}):
+        then, now = log.result.get(name, "none"), again.result.get(name, "none")
+        if not _same(then, now):
             yield Difference(f"result.{name}", then, now)
+
+
+def _ends_alike(log: Log, again: Log) -> bool:
+    """Return whether an episode that ended in an error ends by itself at the same decision."""
+    return again.result["outcome"] != "error" and (
+        again.result["decisions"] == log.result.get("decisions")
+    )
 
 
 def _same(then: str, now: str) -> bool:

@@ -7,14 +7,17 @@ from dataclasses import dataclass, field, replace
 
 from google.protobuf.message import Message
 
+from wayproof.harness.decision import Difference
 from wayproof.harness.errors import InputError
 from wayproof.harness.input_messages import inputs_digest, serialized
-from wayproof.harness.log.codec.container import Packet, walk
+from wayproof.harness.log.codec.container import Attachment, Item, Metadata, Packet, walk
 from wayproof.harness.log.codec.messages import decode, is_ours
-from wayproof.harness.log.copy import topic_of
-from wayproof.harness.log.digest import ContentDigest
-from wayproof.harness.log.reader import Log
+from wayproof.harness.log.copy import time_of, topic_of
+from wayproof.harness.log.digest import RESULT, ContentDigest
+from wayproof.harness.log.head import ATTACHMENTS
+from wayproof.harness.log.reader import CHECK, Log, before, fork_note
 from wayproof.harness.log.streams import PRIOR, StreamHashes, own_streams
+from wayproof.harness.log.writer import PACKED_SCENE, PLUGINS, PREDICTOR_STDERR, STDERR, TRACEBACK
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.schema import wayproof_pb2 as pb
 
@@ -51,6 +54,8 @@ class Content:
         goals: Goals of the decisions of a recording, or of a mission with several.
         motions: Motion of a recording's robot.
         inputs: Hashes of the inputs of each decision; empty if the sweeps were not read.
+        strange: Records that no log has, or not there: of another name, topic, type or time, or of
+            a name that another one has.
         digest: Digest of the whole file; empty if it was not computed.
     """
 
@@ -63,6 +68,7 @@ class Content:
     goals: list[pb.Goal] = field(default_factory=list)
     motions: list[pb.RecordedMotion] = field(default_factory=list)
     inputs: list[InputRecord] = field(default_factory=list)
+    strange: list[Difference] = field(default_factory=list)
     digest: str = ""
 
     def add(self, message: Message) -> None:
@@ -93,11 +99,14 @@ def read_content(log: Log) -> Content:
     """
     content, digest = Content(), ContentDigest()
     running = None if log.record == "decisions" else _Running(log)
+    names = _Names(log)
     for item in walk(log.path):
         digest.add(item)
-        if not (isinstance(item, Packet) and is_ours(item)):
+        message = decode(item, log.path) if isinstance(item, Packet) and is_ours(item) else None
+        strange = names.fault_of(item) if message is None else _misplaced(item, message, log)
+        content.strange.extend([] if strange is None else [strange])
+        if message is None:
             continue
-        message = decode(item, log.path)
         content.add(message)
         if running is None:
             continue
@@ -105,6 +114,40 @@ def read_content(log: Log) -> Content:
         if isinstance(message, pb.Decision):
             content.inputs.append(running.close())
     return replace(content, digest=digest.text())
+
+
+class _Names:
+    """Names of the attachments and the metadata of a log, each to be there once at most."""
+
+    def __init__(self, log: Log) -> None:
+        forks = (fork_note(number) for number in range(1, len(log.forks) + 1))
+        texts = (STDERR, PREDICTOR_STDERR, TRACEBACK)
+        self._left = {
+            Attachment: {*ATTACHMENTS, PACKED_SCENE, *texts},
+            Metadata: {"run", RESULT, CHECK, PLUGINS, *forks},
+        }
+
+    def fault_of(self, item: Item) -> Difference | None:
+        """Return what is wrong with an item that is no message of ours."""
+        if isinstance(item, Packet):
+            return Difference(f"a message on {item.topic[:80]}", item.schema[:80], "one of ours")
+        left = self._left[type(item)]
+        if item.name in left:
+            left.remove(item.name)
+            return None
+        kind = type(item).__name__.lower()
+        return Difference(f"{kind} '{item.name[:80]}'", "in the file", "none, or not twice")
+
+
+def _misplaced(item: Item, message: Message, log: Log) -> Difference | None:
+    """Return where a message should be, if it is on another topic or of another time."""
+    assert isinstance(item, Packet)
+    topic = topic_of(message)
+    forks = range(1, len(log.forks) + 1) if isinstance(message, pb.SensorInfo) else ()
+    if item.topic in [f"{before(number)}{message.name}" for number in forks]:  # type: ignore[attr-defined]
+        return None
+    at, now = f"{item.topic[:80]} at {item.time_ns} ns", f"{topic} at {time_of(message)} ns"
+    return None if at == now else Difference(f"{type(message).__name__.lower()}", at, now)
 
 
 class _Running:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from wayproof.harness.config import HASH_SEPARATOR
+from wayproof.harness.config import BUILTIN, HASH_SEPARATOR
 from wayproof.harness.ending import BETWEEN_DECISIONS
 from wayproof.harness.log.reader import Log
 from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.result import ends_in_error, is_recovered
 from wayproof.harness.stack.keyframe import has_keyframes
+from wayproof.models.robots import ROBOTS
+from wayproof.models.worlds import WORLDS
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,13 @@ def scope_of(log: Log, with_cause: bool) -> Scope:
         (physics if between else result).extend(["outcome", "reason", "goal distance"])
     if log.result.get("cause"):
         (result if with_cause else physics).append("cause")
-    inputs = ["poses", "streams world and control", "scene, mission and config from the seed"]
+    inputs = ["poses", "streams world and control"]
+    if log.config.world in WORLDS and log.config.robot in ROBOTS:
+        inputs.append("scene, mission and config from the seed")
+    elif log.config.world in WORLDS:
+        inputs.append("world from the seed")
+    elif log.config.robot in ROBOTS:
+        inputs.append("model of the robot")
     perturbed = any(run.config.perturbation for run in segments_of(log))
     if perturbed:
         result.append("perturbation's kind, amount and delay")
@@ -90,6 +98,8 @@ def _claims(log: Log) -> tuple[str, ...]:
         claims.append("that its end is missing")
     elif ends_in_error(log.result):
         claims.append("the error that ended it")
+    if log.config.stack.name != BUILTIN:
+        claims.append(f"answers of a stack named '{log.config.stack.name}'")
     if log.check:
         claims.append("verdict of its counterfactual check")
     if log.plugins:

@@ -27,6 +27,7 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.scope import Scope, scope_of
 from wayproof.harness.replay.signature import fault_of_signature, fingerprint, signature_path
 from wayproof.harness.result import ends_in_error, is_recovered
+from wayproof.harness.user_code import plugins_of
 
 Step = Literal["signature", "content", "replay", "simulation"]
 
@@ -139,7 +140,8 @@ class _Trial:
     def run(self) -> tuple[Step | None, list[Difference]]:
         """Run the steps until one finds a difference; return it and the differences."""
         for step, do in self._plan():
-            self.steps.append(step)
+            if step not in self.steps:
+                self.steps.append(step)
             try:
                 findings = do()
             except InputError as error:  # readable, but it cannot be recomputed
@@ -162,15 +164,26 @@ class _Trial:
         if self._log.record == "full":
             yield "replay", self._replay
         if self._broke_off_in_code():
-            return  # code that ended one process may end this one
+            yield "content", self._check_recomputed  # code that ended a process may end this one
+            return
         if self._log.config.recording is not None:
-            return  # there is nothing to simulate
+            yield "content", self._check_recomputed  # there is nothing to simulate
+            return
         if self._simulate or self._log.record == "decisions":
             yield "simulation", self._simulate_again
 
     def _broke_off_in_code(self) -> bool:
         result = self._log.result
-        return ends_in_error(result) and not is_recovered(result)
+        named = plugins_of(self._log.config)
+        return bool(named) and ends_in_error(result) and not is_recovered(result)
+
+    def _check_recomputed(self) -> list[Difference]:
+        """Check that something was: a log without its sweeps is verified by a simulation alone."""
+        if "replay" in self.steps:
+            return []
+        return [
+            Difference("sweeps", MISSING_SWEEPS, "in it: nothing else shows what it decided on")
+        ]
 
     def _check_signature(self) -> list[Difference]:
         assert self._key is not None

@@ -3,6 +3,9 @@
 A log is untrusted input, and a disk may have lost bytes of it. Every size is compared with its
 bound before anything of that size is made, and every checksum of the format is recomputed, except
 those of attachments, which the checksum of all data covers. No name in a file becomes a path.
+
+Other programs read an MCAP file by its index. So the index has to list what the file holds, chunk
+by chunk and message by message, and nothing else, or they would read another story than we do.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
@@ -199,8 +203,11 @@ class _Walk:
         self._chunks = self._unpacked = self._records = self._data = 0
         self._most_records = LEAST_RECORDS + size // LEAST_BYTES
         self._most_data = LEAST_DATA + GREATEST_DATA_RATIO * size
-        self._schemas: dict[int, str] = {}
-        self._channels: dict[int, tuple[str, str]] = {}  # schema's name, topic
+        self._schemas: dict[int, records.Schema] = {}
+        self._channels: dict[int, records.Channel] = {}
+        self._counts: Counter[int] = Counter()  # messages by channel
+        self._places: list[tuple[object, ...]] = []  # what the index has to list
+        self._entries: dict[int, list[tuple[int, int]]] = {}  # of the last chunk, by channel
 
     def items(self) -> Iterator[Item]:
         reader = StreamReader(
@@ -217,6 +224,7 @@ class _Walk:
                     self._check_summary()
                     return
                 yield from self._parse(one)
+                self._keep_place(one, offset)
                 offset, name = self._bytes.count, "record"
             raise ValueError("no end of data")
         except EndOfFile as error:
@@ -239,7 +247,9 @@ class _Walk:
         elif isinstance(one, records.Metadata):
             yield Metadata(one.name, one.metadata)
         elif isinstance(one, records.Message):
-            yield self._packet(one.channel_id, one.log_time, one.data)
+            raise ValueError("a message outside a chunk")
+        elif isinstance(one, records.MessageIndex):
+            self._check_entries(one)
         else:
             self._declare(one)
 
@@ -257,31 +267,69 @@ class _Walk:
             if declared not in (-1, size):
                 raise ValueError(f"unpacks to {declared} bytes, expected {size}")
         stream, length = get_chunk_data_stream(chunk, validate_crc=True)
-        data, place = stream.read(length), 0
+        self._check_no_entry_left()
+        data, place, first_ns, last_ns = stream.read(length), 0, 2**64, -1
         while place < length:
             opcode, count = HEAD.unpack_from(data, place)
-            place += HEAD.size
+            begin, place = place, place + HEAD.size
             self._records += 1
             if self._records > self._most_records:
                 raise ValueError(f"over {self._most_records} records in chunks")
             if opcode == Opcode.MESSAGE:
-                number, _, time_ns, _ = MESSAGE.unpack_from(data, place)
+                number, _, time_ns, published_ns = MESSAGE.unpack_from(data, place)
+                if time_ns != published_ns:
+                    raise ValueError(f"a message of {time_ns} ns published at {published_ns} ns")
+                first_ns, last_ns = min(first_ns, time_ns), max(last_ns, time_ns)
+                self._entries.setdefault(number, []).append((time_ns, begin))
                 yield self._packet(number, time_ns, data[place + MESSAGE.size : place + count])
             elif opcode in DECLARATIONS:
                 body = ReadDataStream(BytesIO(data[place : place + count]))
                 self._declare(DECLARATIONS[opcode].read(body))
             place += count
+        if last_ns >= 0 and (first_ns, last_ns) != (
+            chunk.message_start_time,
+            chunk.message_end_time,
+        ):
+            raise ValueError(f"messages of {first_ns} to {last_ns} ns")
 
     def _declare(self, one: records.McapRecord) -> None:
+        same: object = one
         if isinstance(one, records.Schema):
-            self._schemas[one.id] = one.name
+            same = self._schemas.setdefault(one.id, one)
         elif isinstance(one, records.Channel):
-            self._channels[one.id] = self._schemas.get(one.schema_id, ""), one.topic
+            same = self._channels.setdefault(one.id, one)
+        if same != one:
+            raise ValueError(f"{_name(one)} declared in two ways")
+
+    def _keep_place(self, one: records.McapRecord, offset: int) -> None:
+        """Keep what the index has to say of a record that was read at an offset."""
+        length = self._bytes.count - offset
+        if isinstance(one, records.Chunk):
+            times = one.message_start_time, one.message_end_time
+            sizes = len(one.data), one.uncompressed_size
+            self._places.append(("chunk", offset, length, *times, *sizes))
+        elif isinstance(one, (records.Attachment, records.Metadata)):
+            self._places.append((_name(one), offset, length, one.name))
+
+    def _check_entries(self, index: records.MessageIndex) -> None:
+        """Check that the index of a chunk lists its messages on a channel."""
+        if self._head_only and self._chunks > 1:
+            return  # they were not read
+        if self._entries.pop(index.channel_id, []) != index.records:
+            raise ValueError(f"it does not list the messages on channel {index.channel_id}")
+
+    def _check_no_entry_left(self) -> None:
+        """Check that each message of the last chunk was in an index behind it."""
+        if self._entries:
+            raise ValueError(f"no index of the messages on channel {min(self._entries)}, before")
 
     def _packet(self, channel: int, time_ns: int, data: bytes) -> Packet:
         if channel not in self._channels:
             raise ValueError(f"a message on channel {channel}, which was never declared")
-        schema, topic = self._channels[channel]
+        declared = self._channels[channel]
+        known = self._schemas.get(declared.schema_id)
+        schema, topic = "" if known is None else known.name, declared.topic
+        self._counts[channel] += 1
         if schema not in SWEEPS:
             self._data += len(data)
             if self._data > self._most_data:
@@ -289,7 +337,8 @@ class _Walk:
         return Packet(schema, topic, time_ns, data)
 
     def _check_summary(self) -> None:
-        """Check index, footer and final magic, of which only the checksums are used."""
+        """Check that the index lists what the file holds, and all checksums behind the data."""
+        self._check_no_entry_left()
         tail = self._source.read(GREATEST_RECORD + 1)
         footer = HEAD.size + 20
         if len(tail) < footer + len(MAGIC) or not tail.endswith(MAGIC):
@@ -298,6 +347,31 @@ class _Walk:
         expected = int.from_bytes(tail[-len(MAGIC) - 4 : -len(MAGIC)], "little")
         if expected not in (0, zlib.crc32(signed)):
             raise ValueError("checksum of the index does not hold, after")
+        source = BytesIO(tail)
+        index = StreamReader(source, True, emit_chunks=True, record_size_limit=GREATEST_RECORD)
+        listed = [self._listed(one) for one in index.records]
+        if source.tell() != len(tail):
+            raise ValueError("bytes behind the footer, after")
+        places = [one for one in listed if one is not None]
+        if sorted(places, key=repr) != sorted(self._places, key=repr):
+            raise ValueError("the index does not list what the file holds, after")
+
+    def _listed(self, one: records.McapRecord) -> tuple[object, ...] | None:
+        """Return what a record of the index says of one of the data; None if it lists none."""
+        if isinstance(one, records.ChunkIndex):
+            times = one.message_start_time, one.message_end_time
+            sizes = one.compressed_size, one.uncompressed_size
+            return "chunk", one.chunk_start_offset, one.chunk_length, *times, *sizes
+        if isinstance(one, (records.AttachmentIndex, records.MetadataIndex)):
+            return _name(one).removesuffix("index"), one.offset, one.length, one.name
+        if isinstance(one, (records.Schema, records.Channel)):
+            self._declare(one)
+        elif isinstance(one, records.Statistics) and not self._head_only:
+            if one.channel_message_counts != self._counts:
+                raise ValueError("the statistics count other messages, after")
+        elif not isinstance(one, (records.Statistics, records.SummaryOffset, records.Footer)):
+            raise ValueError(f"{_name(one)} in the index, after")
+        return None
 
     def _damaged(self, what: str) -> InputError:
         return InputError(f"log '{self._path}': damaged ({what})")

@@ -11,6 +11,7 @@ from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.replay.consistency.messages import (
     check_chain,
     check_digest,
+    check_fields,
     check_hashes,
     check_inputs,
     check_numbering,
@@ -76,7 +77,7 @@ def contradictions(log: Log, content: Content | None = None) -> list[Difference]
         InputError: The file breaks off or is damaged, or holds no decision.
     """
     content = content or read_content(log)
-    altered = list(check_digest(log, content))
+    altered = [*check_fields(log), *content.strange, *check_digest(log, content)]
     if not content.decisions:
         if ends_in_error(log.result):
             return altered  # a stack may fail before its first decision
@@ -86,7 +87,7 @@ def contradictions(log: Log, content: Content | None = None) -> list[Difference]
     if not found:  # the checks index the messages by number
         checks = CHECKS if log.config.recording is None else CHECKS_OF_RECORDING
         found = [one for check in checks for one in check(subject)]
-    return found + altered  # the digest names no place, so it comes last
+    return found + altered  # least of all it says where, so the digest comes last
 
 
 def refuse_contradictions(log: Log, content: Content | None = None, hint: str = "") -> None:

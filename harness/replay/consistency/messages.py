@@ -14,6 +14,7 @@ from wayproof.harness.log.reader import Log
 from wayproof.harness.log.streams import own_streams
 from wayproof.harness.replay.consistency.subject import HALF_STEP_S, Subject
 from wayproof.harness.replay.content import Content
+from wayproof.harness.result import RECORDED_FIELDS, RESULT_FIELDS, is_recovered
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 NUMBERED = ("poses", "latencies", "truths", "streams")
@@ -34,6 +35,17 @@ def check_digest(log: Log, content: Content) -> Iterator[Difference]:
     recorded = log.result.get(CONTENT)
     if content.digest and recorded != content.digest:
         yield Difference("content digest", recorded or "none", content.digest)
+
+
+def check_fields(log: Log) -> Iterator[Difference]:
+    """Check that the result has the fields that the log of its kind has, and no other."""
+    if is_recovered(log.result):
+        return
+    fields = RECORDED_FIELDS if log.config.recording is not None else RESULT_FIELDS
+    expected = {*fields, "record", CONTENT}
+    for name in sorted(expected ^ log.result.keys()):
+        pair = (log.result[name][:80], "no such field") if name in log.result else ("none", "one")
+        yield Difference(f"result.{name[:80]}", *pair)
 
 
 def check_numbering(subject: Subject) -> Iterator[Difference]:
