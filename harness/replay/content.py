@@ -17,7 +17,14 @@ from wayproof.harness.log.digest import RESULT, ContentDigest
 from wayproof.harness.log.head import ATTACHMENTS
 from wayproof.harness.log.reader import CHECK, Log, before, fork_note
 from wayproof.harness.log.streams import PRIOR, StreamHashes, own_streams
-from wayproof.harness.log.writer import PACKED_SCENE, PLUGINS, PREDICTOR_STDERR, STDERR, TRACEBACK
+from wayproof.harness.log.writer import (
+    ASKED,
+    PACKED_SCENE,
+    PLUGINS,
+    PREDICTOR_STDERR,
+    STDERR,
+    TRACEBACK,
+)
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.schema import wayproof_pb2 as pb
 
@@ -124,7 +131,7 @@ class _Names:
         texts = (STDERR, PREDICTOR_STDERR, TRACEBACK)
         self._left = {
             Attachment: {*ATTACHMENTS, PACKED_SCENE, *texts},
-            Metadata: {"run", RESULT, CHECK, PLUGINS, *forks},
+            Metadata: {"run", RESULT, ASKED, CHECK, PLUGINS, *forks},
         }
 
     def fault_of(self, item: Item) -> Difference | None:
