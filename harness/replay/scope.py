@@ -10,8 +10,14 @@ from wayproof.harness.log.reader import Log
 from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.result import ends_in_error, is_recovered
 from wayproof.harness.stack.keyframe import has_keyframes
-from wayproof.models.robots import ROBOTS
-from wayproof.models.worlds import WORLDS
+
+MADE_AGAIN = {
+    (False, False): ("scene, mission and config from the seed",),
+    (False, True): ("world from the seed",),
+    (True, False): ("model of the robot",),
+    (True, True): (),
+}
+"""Parts that a new simulation makes, by whether the world and the robot are files."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +52,8 @@ def scope_of(log: Log, with_cause: bool) -> Scope:
     if log.result.get("cause"):
         (result if with_cause else physics).append("cause")
     inputs = ["poses", "streams world and control"]
-    if log.config.world in WORLDS and log.config.robot in ROBOTS:
-        inputs.append("scene, mission and config from the seed")
-    elif log.config.world in WORLDS:
-        inputs.append("world from the seed")
-    elif log.config.robot in ROBOTS:
-        inputs.append("model of the robot")
+    files = HASH_SEPARATOR in log.config.world, HASH_SEPARATOR in log.config.robot
+    inputs.extend(MADE_AGAIN[files])
     perturbed = any(run.config.perturbation for run in segments_of(log))
     if perturbed:
         result.append("perturbation's kind, amount and delay")
