@@ -55,7 +55,7 @@ def test_an_image_is_refused_by_its_header(name, tmp_path):
 
 def test_models_that_include_the_next_one_twice_are_refused(tmp_path):
     path = made("SDF: 18 models that include the next one twice", tmp_path)
-    with pytest.raises(WorldFileError, match="<include>: more than 2000"):
+    with pytest.raises(WorldFileError, match="<include>: more than 20 deep, or 2000"):
         read_sdf(path, ImportOptions())
 
 

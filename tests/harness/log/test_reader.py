@@ -19,7 +19,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 def write_items(items, target):
     """A log of these items, whose checksums hold."""
     with target.open("wb") as file:
-        writer = Writer(file, use_chunking=False)
+        writer = Writer(file)
         writer.start(profile="wayproof")
         channels = {}
         for item in items:

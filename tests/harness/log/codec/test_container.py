@@ -99,7 +99,7 @@ def bare_chunk(data, size, compression="zstd"):
         (bare_chunk(bytes(2**22), 2**22), "over 4096 times"),
         (bare_chunk(b"", 0, "lz4"), "compression 'lz4', expected 'zstd' or none"),
         (MAGIC + HEAD.pack(12, 4) + b"\xff\xff\xff\xff", "a field of 4294967295 bytes"),
-        (MAGIC + HEAD.pack(5, 22) + bytes(22), "channel 0, which was never declared"),
+        (MAGIC + HEAD.pack(5, 22) + bytes(22), "a message outside a chunk"),
     ],
 )
 def test_sizes_are_checked_before_anything_of_that_size_is_made(tmp_path, data, said):
@@ -113,10 +113,10 @@ def test_sizes_are_checked_before_anything_of_that_size_is_made(tmp_path, data, 
     ("data", "said"),
     [
         (record(0x7F, b"") * 100_000, "records in chunks"),
-        (declared(1, "a", "b") * 50_000, "records in chunks"),
-        (declared(1, "a", "b") + message(1, b"") * 100_000, "records in chunks"),
+        (declared(99, "a", "b") * 50_000, "records in chunks"),
+        (declared(99, "a", "b") + message(99, b"") * 100_000, "records in chunks"),
         (
-            declared(1, "wayproof.Decision", "/decision") + message(1, bytes(5 * 2**20)),
+            declared(99, "wayproof.Decision", "/decision") + message(99, bytes(5 * 2**20)),
             "bytes of messages other than sweeps",
         ),
     ],
