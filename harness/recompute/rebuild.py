@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 import mujoco
 
 from wayproof.harness.config import Config
+from wayproof.harness.config_document import as_asked
 from wayproof.harness.decision import Difference
 from wayproof.harness.errors import InputError
 from wayproof.harness.input_messages import beams_from_info
@@ -86,7 +87,7 @@ def made_otherwise(log: Log) -> list[Difference]:
     if not is_made_from_seed(log):
         return _part_made_otherwise(log)
     try:
-        built = build(log.config)
+        built = build(as_asked(log.config, log.asked) if log.asked else log.config)
     except InputError as error:
         return [Difference("scene.xml", "as logged", f"none can be made: {error}")]
     found = [] if built.scene.mjcf == log.scene else [_scene_difference(log.scene, built)]

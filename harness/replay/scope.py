@@ -102,6 +102,8 @@ def _claims(log: Log) -> tuple[str, ...]:
         claims.append("the error that ended it")
     if log.config.stack.name != BUILTIN:
         claims.append(f"answers of a stack named '{log.config.stack.name}'")
+    if log.asked and any(HASH_SEPARATOR in name for name in (log.config.world, log.config.robot)):
+        claims.append("settings as they were asked for")
     if log.check:
         claims.append("verdict of its counterfactual check")
     if log.plugins:

@@ -207,6 +207,7 @@ class _Walk:
         self._channels: dict[int, records.Channel] = {}
         self._counts: Counter[int] = Counter()  # messages by channel
         self._places: list[tuple[object, ...]] = []  # what the index has to list
+        self._indexes: dict[int, int] = {}  # place of that of each channel, behind the last chunk
         self._entries: dict[int, list[tuple[int, int]]] = {}  # of the last chunk, by channel
 
     def items(self) -> Iterator[Item]:
@@ -307,7 +308,10 @@ class _Walk:
         if isinstance(one, records.Chunk):
             times = one.message_start_time, one.message_end_time
             sizes = len(one.data), one.uncompressed_size
-            self._places.append(("chunk", offset, length, *times, *sizes))
+            self._indexes = {}
+            self._places.append(("chunk", offset, length, *times, *sizes, self._indexes))
+        elif isinstance(one, records.MessageIndex):
+            self._indexes[one.channel_id] = offset
         elif isinstance(one, (records.Attachment, records.Metadata)):
             self._places.append((_name(one), offset, length, one.name))
 
@@ -339,6 +343,7 @@ class _Walk:
     def _check_summary(self) -> None:
         """Check that the index lists what the file holds, and all checksums behind the data."""
         self._check_no_entry_left()
+        begin = self._bytes.count
         tail = self._source.read(GREATEST_RECORD + 1)
         footer = HEAD.size + 20
         if len(tail) < footer + len(MAGIC) or not tail.endswith(MAGIC):
@@ -349,11 +354,22 @@ class _Walk:
             raise ValueError("checksum of the index does not hold, after")
         source = BytesIO(tail)
         index = StreamReader(source, True, emit_chunks=True, record_size_limit=GREATEST_RECORD)
-        listed = [self._listed(one) for one in index.records]
+        places, groups, place = [], [], begin
+        for one in index.records:
+            listed = self._listed(one)
+            places.extend([] if listed is None else [listed])
+            if isinstance(one, records.SummaryOffset):
+                groups.append(place)
+                if not begin <= one.group_start <= place - one.group_length:
+                    raise ValueError("a group of the index lies outside it, after")
+            elif isinstance(one, records.Footer):
+                starts = one.summary_start, one.summary_offset_start
+                if starts[0] != begin or starts[1] not in (0, *groups[:1]):
+                    raise ValueError("the footer places the index elsewhere, after")
+            place = begin + source.tell()
         if source.tell() != len(tail):
             raise ValueError("bytes behind the footer, after")
-        places = [one for one in listed if one is not None]
-        if sorted(places, key=repr) != sorted(self._places, key=repr):
+        if sorted(map(_in_order, places)) != sorted(map(_in_order, self._places)):
             raise ValueError("the index does not list what the file holds, after")
 
     def _listed(self, one: records.McapRecord) -> tuple[object, ...] | None:
@@ -361,7 +377,8 @@ class _Walk:
         if isinstance(one, records.ChunkIndex):
             times = one.message_start_time, one.message_end_time
             sizes = one.compressed_size, one.uncompressed_size
-            return "chunk", one.chunk_start_offset, one.chunk_length, *times, *sizes
+            place = one.chunk_start_offset, one.chunk_length
+            return "chunk", *place, *times, *sizes, one.message_index_offsets
         if isinstance(one, (records.AttachmentIndex, records.MetadataIndex)):
             return _name(one).removesuffix("index"), one.offset, one.length, one.name
         if isinstance(one, (records.Schema, records.Channel)):
@@ -375,6 +392,11 @@ class _Walk:
 
     def _damaged(self, what: str) -> InputError:
         return InputError(f"log '{self._path}': damaged ({what})")
+
+
+def _in_order(place: tuple[object, ...]) -> str:
+    """Return a place as a text, whatever the order of a chunk's channels."""
+    return repr([sorted(one.items()) if isinstance(one, dict) else one for one in place])
 
 
 DECLARATIONS: dict[int, Any] = {Opcode.SCHEMA: records.Schema, Opcode.CHANNEL: records.Channel}

@@ -60,7 +60,7 @@ class Content:
 
 
 def write(items: list[Item], path: Path) -> Path:
-    """Write a log with the mcap package's writer, the digest of its content made anew."""
+    """Write a log with the mcap package's writer, with the digest of its content."""
     digest = ContentDigest()
     for item in items:
         digest.add(item)
@@ -96,6 +96,11 @@ def _in_another_schema(content: Content) -> None:
         else:
             items.append(item)
     content.items = items
+
+
+def _asked_for_elsewhere(content: Content) -> None:
+    asked = next(i.fields for i in content.items if isinstance(i, Metadata) and i.name == "asked")
+    asked["goal"] = "[3.0, 1.0]"
 
 
 def _with_two_results(content: Content) -> None:
@@ -140,6 +145,14 @@ def test_a_forged_container_is_not_verified(source, tmp_path, name):
     found = verify(write(content.items, tmp_path / "forged.mcap"), simulate=False)
     assert not found.verified
     assert place in " ".join(one.field for one in found.findings)
+
+
+def test_settings_that_were_not_asked_for_are_found(source, tmp_path):
+    assert made_otherwise(open_log(source)) == []
+    content = Content(list(walk(source)))
+    _asked_for_elsewhere(content)
+    found = made_otherwise(open_log(write(content.items, tmp_path / "forged.mcap")))
+    assert "config" in [one.field for one in found]
 
 
 def test_other_names_of_a_stack_are_claims(recorded):
@@ -196,7 +209,24 @@ def _rename(index: list[records.McapRecord]) -> None:
     next(one for one in index if isinstance(one, records.Channel)).topic = "/elsewhere"
 
 
-@pytest.mark.parametrize("change", [_point_elsewhere, _hide, _count_otherwise, _rename])
+def _misplace_the_messages(index: list[records.McapRecord]) -> None:
+    chunk = next(one for one in index if isinstance(one, records.ChunkIndex))
+    chunk.message_index_offsets[next(iter(chunk.message_index_offsets))] += 1
+
+
+def _place_it_in_the_data(index: list[records.McapRecord]) -> None:
+    """Name another index: whatever stands in the bytes of an attachment."""
+    footer = next(one for one in index if isinstance(one, records.Footer))
+    footer.summary_start -= 100
+
+
+INDEXES = [
+    *(_point_elsewhere, _hide, _count_otherwise, _rename),
+    *(_misplace_the_messages, _place_it_in_the_data),
+]
+
+
+@pytest.mark.parametrize("change", INDEXES)
 def test_an_index_that_lists_something_else_is_damage(source, tmp_path, change):
     many = write(list(walk(source)), tmp_path / "many.mcap")
     same = tmp_path / "same.mcap"
