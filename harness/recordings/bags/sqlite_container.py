@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from shutil import copyfile
 from tempfile import TemporaryDirectory
@@ -27,18 +27,19 @@ TOPICS = "SELECT id, name, type, serialization_format FROM topics ORDER BY id LI
 MESSAGES = "SELECT topic_id, timestamp, data FROM messages ORDER BY rowid"
 
 
-def _opened(path: Path) -> sqlite3.Connection:
-    """Open a file, or a copy in memory with what a killed recorder left in its `-wal`."""
+@contextmanager
+def _opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """Open a file, or where a killed recorder left a `-wal`, a copy on disk that both make up."""
     log = path.with_name(f"{path.name}-wal")
     if not log.is_file() or log.stat().st_size == 0:
-        return sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)
-    base = sqlite3.connect(":memory:")
+        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)) as base:
+            yield base
+        return
     with TemporaryDirectory() as folder:
         for one in (path, log):
             copyfile(one, Path(folder, one.name))
-        with closing(sqlite3.connect(Path(folder, path.name))) as whole:
-            whole.backup(base)
-    return base
+        with closing(sqlite3.connect(Path(folder, path.name))) as base:
+            yield base
 
 
 def messages(path: Path, faults: Faults) -> Iterator[RawMessage]:
@@ -47,7 +48,7 @@ def messages(path: Path, faults: Faults) -> Iterator[RawMessage]:
     The file is opened for reading alone, and only its tables are, never a view that it defines.
     """
     try:
-        with closing(_opened(path)) as base:
+        with _opened(path) as base:
             base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, GREATEST_RECORD)
             base.execute("PRAGMA trusted_schema = OFF")
             if base.execute(TABLES).fetchone() != (2,):
