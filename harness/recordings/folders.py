@@ -104,7 +104,7 @@ def open_folder(
     paths = [*contents.others, *(one.path for one in contents.files)]
     more = f"; {contents.chosen}" if contents.chosen else ""
     return Recording(
-        name=path.name,
+        name=path.resolve().name,
         format=contents.format,
         sha256=digest_of([one for one in paths if one.is_file()]),
         start_ns=start,
@@ -139,6 +139,12 @@ class _Sweeps:
     window: Window
 
     def __call__(self, faults: Faults) -> Iterator[RecordedSweep]:
+        """Yield the sweeps; count what is left out.
+
+        Raises:
+            InputError: No file can be read, with the reason of the first.
+        """
+        reasons, is_one_read = [], False
         limits = Limits(0.0, FARTHEST, self.sensor.range_max, beyond_is_none=False)
         files = self.contents.files
         kept = set(in_order(np.array([one.stamp_ns for one in files], np.int64)).tolist())
@@ -150,9 +156,11 @@ class _Sweeps:
             elif self.window.has_pose(stamp, None, faults):
                 try:
                     beams = self.contents.read(path, limits, faults)
-                except (Unreadable, OSError):
+                except (Unreadable, OSError) as error:
                     faults[UNREADABLE] += 1
+                    reasons.append(str(error))
                     continue
+                is_one_read = True
                 if not len(beams.ranges):
                     faults[NO_BEAM] += 1
                     continue
@@ -165,6 +173,8 @@ class _Sweeps:
                     T_body_sensor=self.contents.mount,
                     points=beams.points,
                 )
+        if reasons and not is_one_read:
+            raise InputError(f"none of {len(reasons)} files can be read: {reasons[0]}")
 
 
 def new_faults() -> Faults:

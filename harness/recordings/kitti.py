@@ -42,7 +42,7 @@ POINT_BYTES = 16
 MOST_CLOUD = 2**28
 
 WIDTHS = (3, 4, 5, 6, 7)
-"""Numbers of a point that are told apart: nuScenes and Boreas write 5 and 6."""
+"""Numbers of a point that are distinguished: nuScenes and Boreas write 5 and 6."""
 
 
 def looks_like(path: Path) -> bool:

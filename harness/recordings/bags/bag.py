@@ -97,7 +97,7 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
         if not reader.is_stamped:
             faults[STAMPLESS] += len(reader.order.kept)
     return Recording(
-        name=path.name,
+        name=path.resolve().name,
         format="bag",
         sha256=digest_of(files),
         start_ns=start,

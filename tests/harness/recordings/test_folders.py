@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.formats import open_recording
 from wayproof.harness.recordings.poses import compose, mount_of, rotate
@@ -236,3 +237,18 @@ def test_the_hash_is_of_all_files(tmp_path):
     assert first == open_recording(tmp_path).sha256
     depth_image(tmp_path / "depth/0.60.png", [[1, 2], [3, 4]])
     assert first != open_recording(tmp_path).sha256
+
+
+def test_clouds_of_five_numbers_a_point_are_refused_with_their_width(tmp_path, capsys):
+    folder = kitti(tmp_path)
+    rows = np.zeros((400, 5), "<f4")
+    angles = np.linspace(0.0, 2.0 * np.pi, len(rows))
+    rows[:, :2] = np.column_stack([np.cos(angles), np.sin(angles)]) * 8.0
+    rows[:, 2:] = 1.0, 40.0, 3.0
+    for path in (folder / "velodyne").iterdir():
+        path.write_bytes(rows.tobytes())
+    assert main(["shadow", str(folder), "--robot", "drone", "--log", str(tmp_path / "a.mcap")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "none of 2 files can be read: " in said
+    assert "5 numbers a point, expected 4: x, y, z, intensity" in said
