@@ -55,11 +55,11 @@ class Pass:
 
     def in_words(self) -> str:
         """Describe the result in a line."""
-        told = zip(COLUMNS[2:], self.cells()[2:], strict=True)
+        cells = zip(COLUMNS[2:], self.cells()[2:], strict=True)
         return f"seed {self.seed}: " + (
             f"error: {self.error}"
             if self.error
-            else "; ".join(f"{head} {text}" for head, text in told if text)
+            else "; ".join(f"{head} {text}" for head, text in cells if text)
         )
 
     def cells(self) -> tuple[str, ...]:
