@@ -39,6 +39,7 @@ LAYERS = {
     "interface": ("interface",),
     "user code": ("user_code",),
     "log": ("log",),
+    "judge": ("judge",),
     "sources": ("recordings", "scenario", "tables", "trace"),
     "simulation": ("metrics", "recompute", "sim", "warm_up"),
     "loop": ("attribution", "episode"),

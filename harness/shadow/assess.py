@@ -16,6 +16,7 @@ import numpy as np
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Inputs, WorldSweep
 from wayproof.harness.interface.referee import is_free
+from wayproof.harness.judge.body import Body
 from wayproof.harness.log.paths import Array
 from wayproof.harness.log.reader import Log, Record, open_log
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
@@ -23,7 +24,7 @@ from wayproof.harness.recompute.side_by_side import as_input_error
 from wayproof.harness.result import way_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.legs import Leg, Piece, legs_of
-from wayproof.harness.shadow.overlap import Found, Terms, clearance, find_cause, overlaps_occupied
+from wayproof.harness.shadow.overlap import Found, clearance, find_cause, overlaps_occupied
 from wayproof.harness.shadow.way import LEAST_STEP
 from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.pipeline import Navigator
@@ -118,7 +119,7 @@ def assess(
 
 
 def _with_hindsight(leg: Leg, judging: _Judging) -> Leg:
-    cells = overlaps_occupied(judging.terms, leg.poses, judging.memory)
+    cells = overlaps_occupied(judging.body, leg.poses, judging.memory)
     return replace(leg, hindsight_cells=cells)
 
 
@@ -132,7 +133,7 @@ class _Judging:
         self._times = [motion.timestamp.ToNanoseconds() for motion in motions]
         assert log.config.recording is not None
         self._horizon_ns = round(log.config.recording.horizon * 1e9)
-        self.terms = Terms(log.config, log.mission)
+        self.body = Body(log.config, log.mission, log.config.costmap.unknown_policy)
         self.map = self.memory = self._stack.navigator.map
         if log.config.map.half_life > 0.0:
             settings = replace(log.config.map, half_life=0.0)
@@ -162,7 +163,7 @@ class _Judging:
             self.greatest_bytes = max(self.greatest_bytes, self.map.memory_bytes())
         pose = np.append(inputs.pose.position, inputs.pose.heading)
         shift = pose[:3] - self._ways[number][-1, :3]
-        near = clearance(self.terms, pose, self.map)
+        near = clearance(self.body.standing_at(inputs.pose), pose, self.map)
         planned = navigator.planner_inputs(inputs)
         ahead = self._next_second_admitted(navigator, planned, number, shift)
         piece = None
@@ -180,7 +181,7 @@ class _Judging:
         )
 
     def _clear_footprint(self, inputs: Inputs) -> None:
-        clear_footprint(self.memory, self.terms.mission, inputs.pose, inputs.time_ns)
+        clear_footprint(self.memory, self.body.mission, inputs.pose, inputs.time_ns)
 
     def _piece(
         self,
@@ -195,7 +196,9 @@ class _Judging:
         admitted, found = self._admits(navigator, planned, poses), Found("margin", ())
         if not admitted:
             margin = navigator.costmap.margin
-            found = find_cause(self.terms, poses, margin, navigator.map, self.memory)
+            found = find_cause(
+                self.body.standing_at(inputs.pose), poses, margin, navigator.map, self.memory
+            )
         return Piece(
             sequence=number,
             begin_ns=inputs.time_ns,

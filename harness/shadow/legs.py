@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayproof.harness.geometry import polyline_length
+from wayproof.harness.judge.body import track_of
 from wayproof.harness.log.paths import Array
-from wayproof.harness.replay.audit.body import track_of
 from wayproof.harness.shadow.overlap import Cell
 from wayproof.harness.shadow.way import LEAST_STEP, knots
 

@@ -8,18 +8,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.config import Config
+from wayproof.harness.judge.body import Body, track_of
+from wayproof.harness.judge.cells import OUTSIDE, SPACING, Cells, Integers, Mask
+from wayproof.harness.judge.volumes import box_distances
 from wayproof.harness.log.paths import Array, densely
-from wayproof.harness.mission import Mission
-from wayproof.harness.replay.audit.body import Discs, track_of
-from wayproof.harness.replay.cells import (
-    OUTSIDE,
-    SPACING,
-    Cells,
-    Integers,
-    Mask,
-    cells_around,
-)
 from wayproof.maps import OCCUPIED, UNKNOWN, Representation
 
 Why = Literal["unknown", "stale", "occupied", "margin", "outside"]
@@ -62,48 +54,19 @@ class Found:
     cells: tuple[Cell, ...]
 
 
-@dataclass(frozen=True)
-class Terms:
-    """Settings and body by which a way is judged.
-
-    Attributes:
-        config: Settings.
-        mission: Mission with the body.
-    """
-
-    config: Config
-    mission: Mission
-
-    @property
-    def discs(self) -> Discs:
-        """Discs of the body, without margin: offset and radius, m."""
-        return self.mission.body_discs
-
-    @property
-    def radius(self) -> float:
-        """Circumscribed radius, m."""
-        return max(abs(offset) + radius for offset, radius in self.discs)
-
-    def cells(self, a_map: Representation, poses: Array, reach: float) -> Cells:
-        """Return cells of a map within a reach, m, of poses (n, 4)."""
-        return cells_around(
-            a_map, path=poses[:, :3], reach=reach, config=self.config, mission=self.mission
-        )
-
-
 def find_cause(
-    terms: Terms,
+    body: Body,
     poses: Array,  # (n, 4) x, y, z, m, and heading, rad
     margin: float,  # m
     a_map: Representation,
     memory: Representation,  # the same without decay
 ) -> Found:
     """Find the cells in the way of a piece that was not admitted."""
-    reach = terms.radius + margin + 2.0 * a_map.resolution
-    cells = terms.cells(a_map, poses, reach)
-    wrong = cells.wrong(terms.config.costmap.unknown_policy == "forbid")
-    gaps = _gaps(terms, cells, poses, wrong)
-    remembered = terms.cells(memory, poses, reach).states
+    reach = body.radius + margin + 2.0 * a_map.resolution
+    cells = body.cells(a_map, poses[:, :3], reach)
+    wrong = body.wrong(cells)
+    gaps = _gaps(body, cells, poses, wrong)
+    remembered = body.cells(memory, poses[:, :3], reach).states
     found = [
         Cell(_centre(cells, index), _state(cells, remembered, index), float(gap))
         for index, gap in zip(np.argwhere(wrong), gaps, strict=True)
@@ -117,35 +80,32 @@ def find_cause(
     return Found("margin", tuple(found[:1]))
 
 
-def clearance(terms: Terms, pose: Array, a_map: Representation) -> float:
+def clearance(body: Body, pose: Array, a_map: Representation) -> float:
     """Return the distance between the bare body at a pose (4,) and the nearest occupied cell, m.
 
     At most `CLEARANCE_REACH`; below 0 where they overlap.
     """
     poses = pose[None]
-    cells = terms.cells(a_map, poses, terms.radius + CLEARANCE_REACH)
-    gaps = _gaps(terms, cells, poses, cells.states == OCCUPIED)
+    cells = body.cells(a_map, poses[:, :3], body.radius + CLEARANCE_REACH)
+    gaps = _gaps(body, cells, poses, cells.states == OCCUPIED)
     return float(min(gaps.min(initial=CLEARANCE_REACH), CLEARANCE_REACH))
 
 
-def overlaps_occupied(terms: Terms, poses: Array, a_map: Representation) -> int:
+def overlaps_occupied(body: Body, poses: Array, a_map: Representation) -> int:
     """Count the occupied cells that the bare body overlaps at or between poses (n, 4)."""
-    cells = terms.cells(a_map, poses, terms.radius)
-    gaps = _gaps(terms, cells, poses, cells.states == OCCUPIED)
+    cells = body.cells(a_map, poses[:, :3], body.radius)
+    gaps = _gaps(body, cells, poses, cells.states == OCCUPIED)
     return int((gaps < 0.0).sum())
 
 
-def _gaps(terms: Terms, cells: Cells, poses: Array, chosen: Mask) -> Array:
+def _gaps(body: Body, cells: Cells, poses: Array, chosen: Mask) -> Array:
     """Return the distance of the bare body from each chosen cell, (k,) m, as `argwhere` orders."""
-    low = cells.corner[: cells.axes] + np.argwhere(chosen) * cells.size
+    low = cells.corner + np.argwhere(chosen) * cells.size
     gaps = np.full(len(low), np.inf)
-    if len(low) == 0:
-        return gaps
-    for offset, radius in terms.discs:
+    for offset, radius in body.discs:
         track = densely(track_of(poses, offset), SPACING * cells.size)[:, : cells.axes]
         for place in track:
-            beyond = np.maximum(np.maximum(low - place, place - low - cells.size), 0.0)
-            gaps = np.minimum(gaps, np.sqrt(np.square(beyond).sum(axis=1)) - radius)
+            gaps = np.minimum(gaps, box_distances(place, low, low + cells.size) - radius)
     return gaps
 
 

@@ -11,7 +11,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from wayproof.harness.replay.cells import Cells, cells_around
+from wayproof.harness.judge.cells import Cells, cells_around
 from wayproof.harness.shadow.assess import Assessed
 from wayproof.harness.shadow.summary import Summary
 

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
+from wayproof.harness.judge.body import track_of
+from wayproof.harness.judge.cells import SPACING, Cells, reach_to
 from wayproof.harness.log.paths import Array, densely, length
 from wayproof.harness.prior.cells import PriorCells, logged_cells
-from wayproof.harness.replay.audit.body import track_of
 from wayproof.harness.replay.audit.moment import Moment, Violation
-from wayproof.harness.replay.cells import SPACING, Cells, reach_to
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Representation
 from wayproof.maps.columns import WORD_BITS, ColumnMap, pack, unpack
@@ -118,12 +118,12 @@ def rests_of(moment: Moment) -> Rests:
     body, size = moment.body, moment.measured.resolution
     offsets = body.discs
     if moment.mission.discs:
-        ((_, radius),) = body.about
-        if body.first_overlap(moment.map, moment.poses[:, :3], radius + moment.margin) is None:
+        around = body.radius + moment.margin
+        if body.first_overlap(moment.map, moment.poses[:, :3], around) is None:
             offsets = body.about
     for offset, radius in offsets:
         track = track_of(moment.poses, offset)
-        reach = (radius + moment.margin) / size + body.half_diagonal
+        reach = body.reach(radius + moment.margin)
         cells = body.cells(moment.measured, track, reach * size)
         touched = _well_within(cells, densely(track, SPACING * size), moment.body.slack)
         unmeasured += len(cells.near(touched, cells.not_free, reach))

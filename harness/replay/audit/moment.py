@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,11 +9,12 @@ import numpy as np
 
 from wayproof.harness.config import Config
 from wayproof.harness.decision import path_of
-from wayproof.harness.inputs import Inputs, Pose
+from wayproof.harness.inputs import Inputs
+from wayproof.harness.judge.body import Body
+from wayproof.harness.judge.margin import believed_of
 from wayproof.harness.log.paths import Array
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.audit.body import Body
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import Representation
@@ -22,15 +22,6 @@ from wayproof.maps.columns import ColumnMap
 
 SAME = 2.0**-20
 """Grain of logged samples, m and rad: values that differ by no more are equal."""
-
-SIGMAS = 2.0
-"""Standard deviations of the estimated position that the margin covers."""
-
-DIFFERS = 0.02
-"""Difference of the margins of two axes from which they differ, m."""
-
-MOST_CELLS, MOST_MORE = 100, 400
-"""Greatest margin for a stated covariance, and what may lack along one axis, cells."""
 
 HEADING_ERROR = 0.05
 """Heading error that the margin of a body of discs covers at each disc, rad."""
@@ -134,30 +125,6 @@ class Moment:
     def broken(self, rule: str, text: str) -> Violation:
         """Return a violation by this decision."""
         return Violation(self.decision.sequence, rule, text)
-
-
-def believed_of(pose: Pose, size: float, flat: bool) -> tuple[float, tuple[int, ...]]:
-    """Return the margin for the stated error of a pose, m, and the cells more along x and y.
-
-    Of an estimator that states a covariance and is less sure along x or y: the standard deviations
-    of the other axes, and what lacks along that one in whole cells.
-
-    Args:
-        pose: Pose that the decision was made on.
-        size: Edge of a cell, m.
-        flat: Whether the body moves in the plane.
-    """
-    if pose.covariance is None:
-        return SIGMAS * pose.position_sigma, ()
-    along = SIGMAS * np.sqrt(np.diagonal(pose.covariance))
-    worse = 0 if along[0] > along[1] else 1
-    others = [float(along[1 - worse])] if flat else [float(along[1 - worse]), float(along[2])]
-    more = float(along[worse]) - max(others)
-    if more <= DIFFERS:
-        return min(SIGMAS * pose.position_sigma, MOST_CELLS * size), ()
-    cells = [0, 0]
-    cells[worse] = min(math.ceil(more / size), MOST_MORE)
-    return min(max(others), MOST_CELLS * size), tuple(cells)
 
 
 def standing_at_start(mission: Mission) -> pb.Trajectory:

@@ -8,8 +8,9 @@ import numpy as np
 
 from wayproof.harness.decision import SAMPLE_PERIOD
 from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.judge.margin import MOST_MORE
 from wayproof.harness.log.paths import SAME_PLACE, heading_at, length, place_at, speed_at
-from wayproof.harness.replay.audit.moment import MOST_MORE, Moment, Violation, apart
+from wayproof.harness.replay.audit.moment import Moment, Violation, apart
 
 LIMIT_SLACK = 1.05
 """Tolerance factor of speed and acceleration, read from samples 0.1 s apart."""

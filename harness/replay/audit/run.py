@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.goals import mission_towards
-from wayproof.harness.inputs import Pose
+from wayproof.harness.judge.body import Body
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.prior.cells import PriorCells
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
-from wayproof.harness.replay.audit.body import Body
 from wayproof.harness.replay.audit.evidence import (
     AdmittedMap,
     Rests,
@@ -25,7 +24,6 @@ from wayproof.harness.replay.audit.evidence import (
 from wayproof.harness.replay.audit.moment import (
     Moment,
     Violation,
-    believed_of,
     resting,
     standing_at_start,
 )
@@ -202,7 +200,7 @@ def moments(
             map=_admitted(navigator.map, priors[run.begin]),
             measured=navigator.map,
             version=combined_version(navigator.map.version(), navigator.labels),
-            body=_placed(bodies[run.begin], record.inputs.pose),
+            body=bodies[run.begin].placed(record.inputs.pose),
             before=before,
         )
         yield moment
@@ -212,13 +210,3 @@ def moments(
 
 def _admitted(measured: Representation, prior: PriorCells | None) -> ColumnMap:
     return measured if prior is None else AdmittedMap(measured, prior)
-
-
-def _placed(body: Body, pose: Pose) -> Body:
-    """Return the body among cells widened as the pose requires, with its feet if it climbs."""
-    size = body.config.map.resolution
-    _, widening = believed_of(pose, size, flat=body.flat)
-    if not widening and body.config.costmap.max_slope == 0.0:
-        return body
-    height, (x, y, z) = body.mission.rest_height, pose.position.tolist()
-    return replace(body, widening=widening, feet=(x, y, z - height) if height > 0.0 else None)

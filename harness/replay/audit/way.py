@@ -8,8 +8,8 @@ import numpy as np
 
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.decision import path_of
+from wayproof.harness.judge.body import Discs, track_of
 from wayproof.harness.log.paths import Array, arc_lengths, length, rest_of, runs_along, speed_at
-from wayproof.harness.replay.audit.body import Discs, track_of
 from wayproof.harness.replay.audit.moment import Moment, Violation
 from wayproof.harness.stack.global_path import STOP_SLACK
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from wayproof.harness.config import Config
 from wayproof.harness.decision import path_of
+from wayproof.harness.judge.cells import NAMES, Cells, cells_around
 from wayproof.harness.log.paths import Array, refined
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.cells import NAMES, Cells, cells_around
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps.columns import ColumnMap
 

@@ -10,14 +10,14 @@ import pytest
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import Inputs, Pose
+from wayproof.harness.judge.body import Body
+from wayproof.harness.judge.volumes import segment_from_boxes
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.audit.body import Body
 from wayproof.harness.replay.audit.moment import Moment, standing_at_start
 from wayproof.harness.replay.audit.volumes import (
     Volumes,
     measure,
-    segment_from_boxes,
     shortfall,
     together,
 )

@@ -6,9 +6,9 @@ import numpy as np
 
 from wayproof.harness.config import Config, StackConfig
 from wayproof.harness.inputs import Inputs, Pose
+from wayproof.harness.judge.body import Body
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.audit.body import Body
 from wayproof.harness.replay.audit.moment import Moment
 from wayproof.harness.replay.audit.way import judge_way
 from wayproof.harness.schema import wayproof_pb2 as pb

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from wayproof.harness.config import Config
+from wayproof.harness.judge.cells import ball, cells_around, columns, reach_to
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.cells import ball, cells_around, columns, reach_to
 from wayproof.maps import MapConfig, VoxelMap
 from wayproof.maps.grid import cells_at
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,10 +12,12 @@ import numpy as np
 
 from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.decision import path_of
+from wayproof.harness.inputs import Pose
+from wayproof.harness.judge.cells import SPACING, Cells, Mask, cells_around
+from wayproof.harness.judge.margin import believed_of
+from wayproof.harness.judge.slopes import sloping_columns
 from wayproof.harness.log.paths import SAME_PLACE, Array, arc_lengths, densely, length
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.cells import SPACING, Cells, cells_around
-from wayproof.harness.replay.slopes import sloping_columns
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps import UnknownPolicy
 from wayproof.maps.columns import ColumnMap
@@ -54,6 +56,17 @@ class Body:
     widening: tuple[int, ...] = ()
     feet: tuple[float, ...] | None = None
 
+    def placed(self, pose: Pose) -> Body:
+        """Return the body at a pose, among cells widened as the pose asks for."""
+        _, widening = believed_of(pose, self.config.map.resolution, flat=self.flat)
+        return replace(self.standing_at(pose), widening=widening)
+
+    def standing_at(self, pose: Pose) -> Body:
+        """Return the body with its feet, if it climbs."""
+        height, (x, y, z) = self.mission.rest_height, pose.position.tolist()
+        climbs = self.config.costmap.max_slope > 0.0 and height > 0.0
+        return replace(self, feet=(x, y, z - height) if climbs else None)
+
     @property
     def flat(self) -> bool:
         """Whether the body moves in the plane."""
@@ -70,9 +83,25 @@ class Body:
         return self.mission.body_discs
 
     @property
+    def radius(self) -> float:
+        """Radius of the circumscribed disc or ball, m."""
+        return max(abs(offset) + radius for offset, radius in self.discs)
+
+    @property
     def about(self) -> Discs:
         """Circumscribed disc or ball, which covers the body at any heading."""
-        return ((0.0, max(abs(offset) + radius for offset, radius in self.discs)),)
+        return ((0.0, self.radius),)
+
+    def reach(self, radius: float) -> float:
+        """Return the distance, cells, up to which a cell is in collision with a disc or ball.
+
+        A surface lies anywhere in its cell, so half a diagonal is added to the radius, m.
+        """
+        return radius / self.config.map.resolution + self.half_diagonal
+
+    def wrong(self, cells: Cells) -> Mask:
+        """Return the mask of the cells that the body may not overlap by its policy."""
+        return cells.wrong(unknown_blocks=self.policy == "forbid")
 
     @property
     def slack(self) -> float:
@@ -154,8 +183,8 @@ class Body:
             Position (3,), m, and the state of the cell in collision; None without a collision.
         """
         if self.mission.discs:
-            ((_, radius),) = self.about
-            if self.first_overlap(voxel_map, poses[:, :3], radius + margin, ROUNDING) is None:
+            around = self.radius + margin
+            if self.first_overlap(voxel_map, poses[:, :3], around, ROUNDING) is None:
                 return None
         for offset, radius in self.discs:
             track = track_of(poses, offset)
@@ -171,11 +200,10 @@ class Body:
 
         With a slack, m, it must be in collision that far to both sides as well.
         """
-        # A surface lies anywhere in its cell, so half a diagonal is added.
-        reach = radius / voxel_map.resolution + self.half_diagonal  # cells
+        reach = self.reach(radius)
         cells = self.cells(voxel_map, path, reach * voxel_map.resolution)
         places = densely(path, SPACING * cells.size)
-        wrong = cells.not_free if self.policy == "forbid" else cells.occupied
+        wrong = self.wrong(cells)
         sides = np.zeros((2**cells.axes, 3))
         sides[:, : cells.axes] = list(itertools.product((-slack, slack), repeat=cells.axes))
         met: dict[tuple[int, ...], bool] = {}

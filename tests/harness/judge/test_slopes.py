@@ -6,8 +6,8 @@ import pytest
 from tests.maps.costmap.test_terrain import HIGH, LOW, SIZE, rough
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
+from wayproof.harness.judge.slopes import sloping_columns
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.slopes import sloping_columns
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap
 
 

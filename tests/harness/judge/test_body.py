@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from wayproof.harness.config import Config
+from wayproof.harness.judge.body import BESIDE, ROUNDING, Body
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.audit.body import BESIDE, ROUNDING, Body
 from wayproof.harness.replay.audit.run import moments
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps import VoxelMap
@@ -20,7 +20,7 @@ MISSION = Mission(
     discs=((-0.1, 0.2), (0.1, 0.2)),
 )  # fmt: skip
 CONFIG = Config("empty", "quadruped", 1)
-LOGS = Path(__file__).parents[2] / "logs"
+LOGS = Path(__file__).parents[1] / "logs"
 
 
 def test_the_discs_of_a_long_body_have_slack_and_a_round_one_that_of_rounding():

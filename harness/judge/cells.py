@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
+from wayproof.harness.judge.slopes import SlopingColumns
 from wayproof.harness.log.paths import Array, densely
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.slopes import SlopingColumns
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, states_in
 from wayproof.maps.columns import ColumnMap
 
