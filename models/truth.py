@@ -21,31 +21,47 @@ CLEARANCE_REACH = 2.0
 REST_WINDOW = 0.2
 """Time over which the speed at rest is averaged, s."""
 
+LIFT_OFF = 0.05
+"""Height above the floor, or above its start on it, at which a robot that flies has left it, m."""
+
 
 class Truth:
-    """Contacts and clearance between one robot and everything but the floor.
+    """Contacts and clearance between one robot and everything that it must not touch.
+
+    A robot that walks may touch the floor. One that flies may not, but for the floor that it starts
+    on, until it has taken off.
 
     Attributes:
-        collisions: Number of times that the robot, in motion, started to touch something but the
-            floor; or, at rest, something that does not move.
+        collisions: Number of times that the robot, in motion, started to touch an obstacle; or, at
+            rest, one that does not move.
         hits_by_movers: Number of times that a mover started to touch the robot at rest.
-        touched: Name of the mover last touched; empty for another geom.
+        touched: What was last touched, in words: a mover by its name.
         is_robot: (geoms,) whether a geom is the robot's.
-        is_obstacle: (geoms,) whether a geom is neither the robot's nor the floor.
+        is_obstacle: (geoms,) whether the robot must not touch a geom now.
         places: (k, 3) latest positions of the base, a ring buffer: step n is row n modulo k.
         steps: Physics steps so far.
     """
 
-    def __init__(self, model: mujoco.MjModel, base: int, floor: Sequence[int]) -> None:
-        """Sort the geoms into the robot's, the floor (ids, to be stepped on), and the rest."""
+    def __init__(
+        self, model: mujoco.MjModel, base: int, floor: Sequence[int], flies: bool = False
+    ) -> None:
+        """Sort the geoms into the robot's, the floor, and the rest.
+
+        Args:
+            model: Model of the scene.
+            base: Body of the robot's base.
+            floor: Geoms of the floor.
+            flies: Whether the robot flies, so that the floor is an obstacle.
+        """
         self._model = model
         self._base = base
         self.is_robot = model.geom_group == ROBOT_GROUP
         self.is_obstacle = ~self.is_robot
-        self.is_obstacle[list(floor)] = False
+        self._floor = np.array(floor, np.int64)
+        self._flies, self._takes_off_from = flies, -np.inf
         self._robot = np.flatnonzero(self.is_robot)
-        self._obstacles = np.flatnonzero(self.is_obstacle)
         self._fromto = np.zeros(6)
+        self._set_standing(not flies)
         self._is_mover = model.body_mocapid[model.geom_bodyid] >= 0
         window = round(REST_WINDOW / float(model.opt.timestep)) + 1
         self.places, self.steps = np.zeros((window, 3)), 0
@@ -54,12 +70,28 @@ class Truth:
         self.hits_by_movers = 0
         self.touched = ""
 
+    def place(self, data: mujoco.MjData) -> None:
+        """Note whether a robot that flies starts on the floor, and at which height."""
+        if self._flies:
+            gaps = [self._distance(data, int(one), self._floor, LIFT_OFF) for one in self._robot]
+            self._set_standing(min(gaps, default=LIFT_OFF) < LIFT_OFF)
+            self._takes_off_from = float(data.xpos[self._base, 2])
+
+    def _set_standing(self, standing: bool) -> None:
+        """Let the robot touch the floor, or no longer."""
+        self._standing = standing
+        self.is_obstacle[self._floor] = not standing
+        self._obstacles = np.flatnonzero(self.is_obstacle)
+
     def end_step(self, obstacle: int) -> None:
         """End a physics step; a collision counts whenever the robot starts to touch something.
 
         Args:
             obstacle: Geom id of what it touches, -1 if nothing; its place is in `places` already.
         """
+        height = self.places[self.steps % len(self.places), 2]
+        if self._flies and self._standing and height > self._takes_off_from + LIFT_OFF:
+            self._set_standing(False)
         self.steps += 1
         if obstacle >= 0 and not self._touching:
             self._count_contact(obstacle)
@@ -68,7 +100,9 @@ class Truth:
     def _count_contact(self, obstacle: int) -> None:
         """Count a new contact: a mover may hit a robot at rest, which is then no collision."""
         by_mover = bool(self._is_mover[obstacle])
-        self.touched = self._model.body(self._model.geom_bodyid[obstacle]).name if by_mover else ""
+        self.touched = "the floor" if obstacle in self._floor else "an obstacle"
+        if by_mover:
+            self.touched = self._model.body(self._model.geom_bodyid[obstacle]).name
         if by_mover and self._speed() < REST_SPEED:
             self.hits_by_movers += 1
         else:
@@ -90,11 +124,10 @@ class Truth:
         return np.concatenate((self.places[oldest:], self.places[:oldest]))
 
     def clearance(self, data: mujoco.MjData, limit: float = CLEARANCE_REACH) -> float:
-        """Return the least distance from robot geoms to all geoms but the floor, m, up to `limit`.
+        """Return the least distance from robot geoms to what they must not touch, m, up to `limit`.
 
         Bounding spheres rule out the far pairs; `mj_geomDistance` measures the rest.
         """
-        model = self._model
         least = limit
         gap = self._sphere_gaps(data)  # (robot geoms, obstacles)
         near = np.argwhere(gap < limit)
@@ -102,15 +135,25 @@ class Truth:
             i, j = near[k]
             if gap[i, j] >= least:
                 break
-            pair = int(self._robot[i]), int(self._obstacles[j])
-            distance = mujoco.mj_geomDistance(model, data, *pair, least, self._fromto)
-            least = min(least, float(distance))
+            least = self._distance(data, int(self._robot[i]), self._obstacles[j : j + 1], least)
         return least
+
+    def _distance(
+        self, data: mujoco.MjData, mine: int, others: NDArray[np.int64], limit: float
+    ) -> float:
+        """Return the least distance of one of the robot's geoms to others, m, up to `limit`."""
+        for other in others:
+            distance = mujoco.mj_geomDistance(
+                self._model, data, mine, int(other), limit, self._fromto
+            )
+            limit = min(limit, float(distance))
+        return limit
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return the state between steps."""
         return {
             "touching": np.array(self._touching, np.int64),
+            "standing": np.array(self._standing, np.int64),
             "collisions": np.array(self.collisions, np.int64),
             "struck": np.array(self.hits_by_movers, np.int64),
             "places": self._recent_places(),
@@ -123,6 +166,7 @@ class Truth:
             ValueError: The places are none, or more than are kept.
         """
         self._touching = bool(state["touching"])
+        self._set_standing(bool(state["standing"]))
         self.collisions = int(state["collisions"])
         self.hits_by_movers = int(state["struck"])
         places = state["places"]

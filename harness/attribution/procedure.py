@@ -75,7 +75,7 @@ def nearest_contact(case: Case, moment: Moment) -> Contact:
     """Return a contact with what was nearest to the robot at a moment."""
     case.space.place_movers(moment.truth)
     case.space.place_robot(moment.true_position, np.array(moment.truth.quaternion))
-    place, name = case.space.body_contact()
+    place, name = case.space.body_contact(flies=not case.mission.planar)
     x, y, z = place.tolist()
     return Contact(name, (x, y, z))
 

@@ -47,7 +47,9 @@ class Simulation:
         self.data = mujoco.MjData(scene.model)
         start, heading = np.array(mission.start), mission.start_heading
         scene.controller.reset(self.data, start, heading)
-        self.truth = Truth(scene.model, scene.base, scene.floor)
+        mujoco.mj_kinematics(scene.model, self.data)
+        self.truth = Truth(scene.model, scene.base, scene.floor, flies=not mission.planar)
+        self.truth.place(self.data)
         self.physics = PhysicsState(scene.model, self.data)
         movers, radius = scenario.world.movers, scenario.spec.radius
         self.traffic = Traffic(scene.model, movers, scene.base, radius) if movers else None

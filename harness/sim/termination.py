@@ -15,7 +15,6 @@ from wayproof.harness.result import Contact, Outcome
 from wayproof.harness.scenario.scenario import Scenario, decision_period
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.scene import Scene
-from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.truth import Truth
 
 FALLEN_SHARE = 0.5
@@ -54,7 +53,7 @@ class TerminationMonitor:
         """Return the verdict of a physics step; called outside `safe_limits` or after a contact."""
         mission, truth = self._scenario.mission, self._truth
         if truth.collisions:
-            return "collision", f"touched {truth.touched or 'an obstacle'} at {self._place()}"
+            return "collision", f"touched {truth.touched} at {self._place()}"
         if truth.hits_by_movers:
             return "collision", f"was hit by {truth.touched} while at rest at {self._place()}"
         if not self._rotation[8] > self._min_uprightness:  # z axis along the world's
@@ -89,15 +88,15 @@ def safe_limits(scenario: Scenario) -> NDArray[np.float64]:
     return np.array([x, y, z, *scenario.mission.high, math.cos(spec.max_tilt)])
 
 
-def first_contact(scene: Scene, data: mujoco.MjData) -> Contact | None:
-    """Return the robot's first contact other than with the floor; a mover by its body's name."""
+def first_contact(scene: Scene, truth: Truth, data: mujoco.MjData) -> Contact | None:
+    """Return the robot's first contact with what it must not touch; a mover by its body's name."""
     model = scene.model
     for pair, position in zip(data.contact.geom, data.contact.pos, strict=True):
-        mine = [int(model.geom_group[geom]) == ROBOT_GROUP for geom in pair]
+        mine = truth.is_robot[pair]
         if mine[0] == mine[1]:
             continue
         other = int(pair[1] if mine[0] else pair[0])
-        if other in scene.floor:
+        if not truth.is_obstacle[other]:
             continue
         x, y, z = position.tolist()
         body = int(model.geom_bodyid[other])

@@ -114,7 +114,7 @@ def test_a_contact_is_named_with_its_position(scenario, simulation, monitor):
     outcome, reason = monitor.check_physics()
     assert outcome == "collision"
     assert reason.startswith("touched an obstacle at (")
-    contact = first_contact(scenario.scene, simulation.data)
+    contact = first_contact(scenario.scene, simulation.truth, simulation.data)
     assert contact.name == scenario.scene.model.geom(obstacle).name
     distance = np.linalg.norm(np.array(contact.position) - simulation.position)
     assert distance < 2.0 * scenario.spec.radius + 1.0
