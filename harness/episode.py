@@ -17,7 +17,7 @@ from wayproof.harness.errors import NeverReturned
 from wayproof.harness.goals import goal_message, goals_claimed
 from wayproof.harness.input_messages import inputs_from_messages, serialized
 from wayproof.harness.inputs import Inputs
-from wayproof.harness.interface.errors import OutsideError
+from wayproof.harness.interface.errors import PLUGIN_FAILED, OutsideError
 from wayproof.harness.log.writer import TRACEBACK, LogWriter
 from wayproof.harness.result import Outcome, Result
 from wayproof.harness.scenario.scenario import Scenario
@@ -308,7 +308,7 @@ class Episode:
         if isinstance(error, OutsideError):
             result = replace(
                 result,
-                cause=error.cause,
+                cause=PLUGIN_FAILED,
                 cause_evidence=failure.reason,
                 cause_decision=newest,
             )
@@ -316,7 +316,9 @@ class Episode:
 
     def _result(self, outcome: Outcome, reason: str) -> Result:
         contact = (
-            first_contact(self._scene, self._simulation.data) if outcome == "collision" else None
+            first_contact(self._scene, self._simulation.truth, self._simulation.data)
+            if outcome == "collision"
+            else None
         )
         figures = self._recorder.figures()
         return Result(

@@ -184,7 +184,7 @@ TESTS: tuple[tuple[str, Callable[[ContactFacts], str | None]], ...] = (
     ("unseen_obstacle", went_into_the_unknown),
     ("localization", localization),
     ("perception", perception),
-    ("stack_late", stack_late),
+    ("plugin_failed", stack_late),
     ("latency", latency),
     ("moved_obstacle", moved_obstacle),
     ("tracking", tracking),

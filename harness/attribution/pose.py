@@ -21,6 +21,7 @@ class PoseFacts:
 
     Attributes:
         error: Position error where it exceeds the covered error most, m.
+        height: Height error there, m: that of a body in the air is part of the position error.
         turn: Heading error there, rad.
         covered: Covered error there, m: a usual margin, see `usual_margin`, plus two stated
             standard deviations of the heading at the distance of the place.
@@ -31,6 +32,7 @@ class PoseFacts:
     """
 
     error: float = 0.0
+    height: float = 0.0
     turn: float = 0.0
     covered: float = 0.1
     first: int = -1
@@ -40,6 +42,8 @@ class PoseFacts:
     def __str__(self) -> str:
         """Return the error in words."""
         turned = f" and {abs(self.turn):.2f} rad" if abs(self.turn) > 0.02 else ""
+        if self.height > self.covered:
+            turned += f", and its height {self.height:.2f} m"
         return (
             f"the pose was {self.error:.2f} m{turned} off, and the margin covers "
             f"{self.covered:.2f} m"
@@ -55,6 +59,7 @@ def pose_facts(case: Case, numbers: Sequence[int], place: np.ndarray | None = No
     )
     return PoseFacts(
         error=error_of(case, worst),
+        height=_height_error(case, worst),
         turn=worst.turn,
         covered=usual_margin(case, worst)
         + MARGIN_SIGMAS * worst.pose.heading_sigma * _reach(case, worst, place),
@@ -81,7 +86,16 @@ def error_of(case: Case, moment: Moment) -> float:
 def _excess_error(case: Case, moment: Moment, place: np.ndarray | None) -> float:
     reach = _reach(case, moment, place)
     doubt = max(abs(moment.turn) - MARGIN_SIGMAS * moment.pose.heading_sigma, 0.0)
-    return _within_margin(case, moment) + doubt * reach - usual_margin(case, moment)
+    error = max(_within_margin(case, moment) + doubt * reach, _height_error(case, moment))
+    return error - usual_margin(case, moment)
+
+
+def _height_error(case: Case, moment: Moment) -> float:
+    """Return the height error of a body that walks, m; 0 in the air, where motion has three axes.
+
+    It puts the floor among what stands on it, or takes that for floor.
+    """
+    return abs(float(moment.error[2])) if case.axes == 2 else 0.0
 
 
 def _within_margin(case: Case, moment: Moment) -> float:

@@ -336,9 +336,9 @@ def unexplained(facts: StandstillFacts) -> str:
 
 
 TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
-    ("stack_broken", claimed_elsewhere),
+    ("plugin_failed", claimed_elsewhere),
     ("impossible", impossible),
-    ("stack_late", stack_late),
+    ("plugin_failed", stack_late),
     ("latency", latency),
     ("localization", localization),
     ("latency", late_setpoints),

@@ -68,6 +68,7 @@ def _wait(child: int) -> int:
 
 def _finish(log: Path, code: int, stacks: str) -> int:
     """Make a whole log of the child's partial one, and print so; exit code 1."""
+    from wayproof.harness.interface.errors import PLUGIN_FAILED
     from wayproof.harness.log.recover import finish_partial
 
     how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
@@ -75,8 +76,7 @@ def _finish(log: Path, code: int, stacks: str) -> int:
         how = "did not return, and could not be interrupted (plugins.wall_s)"
     partial = log.with_name(f"{log.name}.partial")
     try:
-        cause = "stack_hung" if stacks else "stack_died"
-        reason, _ = finish_partial(partial, log, how, stacks, cause)
+        reason, _ = finish_partial(partial, log, how, stacks, PLUGIN_FAILED)
     except InputError as error:
         print(f"wayproof: a user's code: the process {how}; {error}", file=sys.stderr)
         return 1

@@ -235,7 +235,7 @@ REMEDIES: dict[str, tuple[Remedy, tuple[str, ...]]] = {
     "larger_margin": (larger_margin, ("margin_too_small",)),
     "no_movers": (no_movers, ("moved_obstacle",)),
     "perfect_tracking": (perfect_tracking, ("tracking",)),
-    "no_delay": (no_delay, ("latency", "stack_late")),
+    "no_delay": (no_delay, ("latency", "plugin_failed")),
     "more_search": (more_search, ("planner",)),
     "no_margin": (no_margin, ("impossible",)),
     "more_time": (more_time, ("impossible",)),

@@ -4,45 +4,33 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from typing import ClassVar, Literal
 
-from wayproof.harness.errors import InputError, NeverReturned
+from wayproof.harness.errors import InputError
 from wayproof.plugin import UserCodeError, user_code
 
-Way = Literal["died", "hung", "broken"]
-"""Way in which code from outside fails: it ended; gave no answer in time; or no valid one."""
-
-StackCause = Literal["stack_died", "stack_hung", "stack_broken"]
-PredictorCause = Literal["predictor_died", "predictor_hung", "predictor_broken"]
+PLUGIN_FAILED = "plugin_failed"
+"""Cause of what code from outside ends: it died, hung, or gave no valid answer, or none in time."""
 
 
 class OutsideError(UserCodeError):
     """Code from outside that cannot go on.
 
     Attributes:
-        cause: Cause of the episode's end.
         traceback: Traceback of that code, as another process sent it; empty without one.
     """
 
-    role: ClassVar[Literal["stack", "predictor"]]
-
-    def __init__(self, who: str, what: str, way: Way = "broken", traceback: str = "") -> None:
+    def __init__(self, who: str, what: str, traceback: str = "") -> None:
         """Name the code and say what it did, in one line."""
         super().__init__(who, what)
-        self.cause: StackCause | PredictorCause = f"{self.role}_{way}"  # type: ignore[assignment]
         self.traceback = traceback
 
 
 class StackError(OutsideError):
     """A stack on trial that cannot go on."""
 
-    role = "stack"
-
 
 class PredictorError(OutsideError):
     """A predictor from outside that cannot go on."""
-
-    role = "predictor"
 
 
 class NotStarted(InputError):
@@ -74,6 +62,4 @@ def code_from_outside(who: str, kind: type[OutsideError]) -> Iterator[None]:
         with user_code(who):
             yield
     except UserCodeError as error:
-        raised = error.__cause__
-        way: Way = "hung" if isinstance(raised, NeverReturned) else "broken"
-        raise kind(who, str(error).removeprefix(f"{who} "), way) from raised
+        raise kind(who, str(error).removeprefix(f"{who} ")) from error.__cause__

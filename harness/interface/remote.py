@@ -13,7 +13,7 @@ from wayproof.harness.errors import InputError, printable
 from wayproof.harness.interface.box_messages import Answer, box_message, read_answer
 from wayproof.harness.interface.command_messages import CommandError, check_command
 from wayproof.harness.interface.connection import CLOSING_S, Connection, Ended, TooLate
-from wayproof.harness.interface.errors import OutsideError, PredictorError, StackError, Way
+from wayproof.harness.interface.errors import OutsideError, PredictorError, StackError
 from wayproof.harness.interface.observation_messages import (
     hello,
     observation_message,
@@ -78,9 +78,9 @@ class Peer:
         self.name = printable(answer.hello.name)[:MOST_NAME]
         self._announced = answer.hello.announced
 
-    def failed(self, what: str, way: Way = "broken", traceback: str = "") -> OutsideError:
+    def failed(self, what: str, traceback: str = "") -> OutsideError:
         """Return an error that says in one line what the other side did."""
-        return self.error(self._who, what, way, traceback)
+        return self.error(self._who, what, traceback)
 
     def close(self) -> None:
         """Send the end, and end the process if it goes on."""
@@ -100,7 +100,7 @@ class Peer:
             self._connection.send(struct.pack("<I", len(data)) + data, until)
         except TooLate:
             raise self.failed(
-                f"had not read its input after {wall_s:g} s (plugins.wall_s)", "hung"
+                f"had not read its input after {wall_s:g} s (plugins.wall_s)"
             ) from None
         except Ended:
             raise self._ended() from None
@@ -121,9 +121,7 @@ class Peer:
                 )
             message = sb.FromStack.FromString(self._connection.receive(length, until))
         except TooLate:
-            raise self.failed(
-                f"had not answered after {wall_s:g} s (plugins.wall_s)", "hung"
-            ) from None
+            raise self.failed(f"had not answered after {wall_s:g} s (plugins.wall_s)") from None
         except Ended:
             raise self._ended() from None
         except DecodeError:
@@ -144,7 +142,7 @@ class Peer:
         lines = [line for line in self.stderr().splitlines() if line.strip()]
         last = f"; its last line on stderr: {printable(lines[-1])[:200]}" if lines else ""
         how = ending or "connection closed"
-        return self.failed(f"ended ({how}){last}", "died")
+        return self.failed(f"ended ({how}){last}")
 
 
 class RemoteStack(Peer):

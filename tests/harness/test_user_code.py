@@ -303,7 +303,7 @@ def test_a_stack_that_is_killed_leaves_a_whole_log_with_that_cause(tmp_path):
     (tmp_path / "stack.py").write_text(KILLED_STACK)
     said = "the process was ended by SIGKILL after 3 decisions"
     log = whole_log(tmp_path, "stack.py:Killed", said, setting="stack.name")
-    assert (log.result["cause"], log.result["cause_decision"]) == ("stack_died", "3")
+    assert (log.result["cause"], log.result["cause_decision"]) == ("plugin_failed", "3")
     assert said in log.result["cause_evidence"]
 
 

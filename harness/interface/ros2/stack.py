@@ -272,20 +272,20 @@ class Ros2Stack:
                 was = "two publishers" if self._source in present else "a node that was restarted"
                 raise StackError(self._who, f"sent {topic} from {was}, expected one and the same")
         if not commands and self._source is not None and self._source not in present:
-            raise StackError(self._who, f"ended: the publisher of {topic} is gone", "died")
+            raise StackError(self._who, f"ended: the publisher of {topic} is gone")
 
     def _give_up_after(self, began: float, what: str) -> None:
         if wrong := self._mismatch():
             raise StackError(self._who, f"cannot be reached: {wrong}")
         if not self._inputs.publishers:
             topic = self._inputs.topic
-            raise StackError(self._who, f"ended: the publisher of {topic} is gone", "died")
+            raise StackError(self._who, f"ended: the publisher of {topic} is gone")
         if time.monotonic() - began > self._wall_s:
             raise self._hung(what)
 
     def _hung(self, what: str) -> StackError:
         line = f"{what} after {self._wall_s:g} s (plugins.wall_s)"
-        return StackError(self._who, line, "hung")
+        return StackError(self._who, line)
 
     def _mismatch(self) -> str:
         publishers = [] if self._outputs is None else self._outputs.publishers.values()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import get_args
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from wayproof.harness.config import BUILTIN
 from wayproof.harness.decision import Difference
 from wayproof.harness.ending import BETWEEN_DECISIONS, Limits
 from wayproof.harness.goals import distance_left, goals_before_last
-from wayproof.harness.interface.errors import PredictorCause, StackCause
+from wayproof.harness.interface.errors import PLUGIN_FAILED
 from wayproof.harness.replay.consistency.subject import (
     HALF_STEP_S,
     SAME,
@@ -109,10 +108,7 @@ def check_cause(subject: Subject) -> Iterator[Difference]:
     cause, outcome = subject.log.result.get("cause", ""), subject.log.result["outcome"]
     on_trial = subject.log.config.stack.name != BUILTIN
     predicts = subject.log.config.runs_predictor
-    if outcome == "error" and (
-        (on_trial and cause in get_args(StackCause))
-        or (predicts and cause in get_args(PredictorCause))
-    ):
+    if outcome == "error" and cause == PLUGIN_FAILED and (on_trial or predicts):
         return
     if cause and outcome in ("success", "error"):
         yield Difference("result.cause", cause, "none")

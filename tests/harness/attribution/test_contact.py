@@ -49,7 +49,7 @@ UNKNOWN = replace(BLOCKED, verdict="unknown", in_the_way=0, blocked=0)
         ({"ranges.blind": 4.0, "own": 0}, "perception"),
         ({"ranges.blind": 4.0, "own": 0, "unknown": 9}, "unseen_obstacle"),
         ({"ranges.withheld": 0.9}, "latency"),
-        ({"late": (40, 0.6, 0.25), "late_answer": 0.59}, "stack_late"),
+        ({"late": (40, 0.6, 0.25), "late_answer": 0.59}, "plugin_failed"),
         ({"late": (40, 0.6, 0.25), "late_answer": 0.05}, "latency"),
         ({"commanded": BLOCKED}, "disregarded_obstacle"),
         ({"commanded": BLOCKED, "pose": LIED}, "disregarded_obstacle"),

@@ -85,9 +85,9 @@ IN_VAIN = {"map.in_vain": 0.4, "map.not_found": 0.8}
         ({**NARROW, **IN_VAIN, "map.roomy": 0.8}, "planner"),
         ({"discarded": 0.6}, "latency"),
         ({"discarded": 0.6, "truth.exists": False}, "impossible"),
-        ({"discarded": 0.6, "answered_late": 0.6}, "stack_late"),
+        ({"discarded": 0.6, "answered_late": 0.6}, "plugin_failed"),
         ({"discarded": 0.6, "answered_late": 0.2}, "latency"),
-        ({"claimed": True, "claimed_at": 2.0}, "stack_broken"),
+        ({"claimed": True, "claimed_at": 2.0}, "plugin_failed"),
         ({"outcome": "out_of_bounds", "beyond_area": 12}, "disregarded_obstacle"),
         ({"outcome": "out_of_bounds"}, "tracking"),
         ({"ranges.withheld": 0.9}, "latency"),
@@ -134,7 +134,7 @@ def test_a_standstill_has_the_cause_that_its_facts_leave(change, cause):
 
 
 def test_nothing_that_moves_is_blamed_where_nothing_moves(recorded):
-    """The body has landed, nearer to the floor than its margin."""
+    """The body has flown into the floor."""
     stack = "stack.name=tests.harness.interface.stacks_on_trial:Lands"
     log = open_log(Path(recorded("empty", "drone", 1, stack).log), allow_plugins=True)
     case = read_case(log)

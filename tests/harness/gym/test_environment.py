@@ -172,7 +172,7 @@ def test_an_action_that_is_not_finite_is_a_broken_stack(make, tmp_path):
     env.step(np.zeros(env.action_space.shape, np.float32))
     _, reward, terminated, _, info = env.step(np.full(env.action_space.shape, np.nan))
     assert terminated
-    assert (info["outcome"], info["cause"]) == ("error", "stack_broken")
+    assert (info["outcome"], info["cause"]) == ("error", "plugin_failed")
     assert "expected finite" in info["reason"]
     assert reward < -9.0
     assert replay(tmp_path / "a.mcap").identical

@@ -105,5 +105,5 @@ def test_an_exception_of_the_client_is_the_reason_of_the_end(tmp_path, environme
     result = trial(
         tmp_path / "a.mcap", command.replace(str(CLIENT), str(mine)), "empty", "drone", 60
     )
-    assert (result.outcome, result.cause) == ("error", "stack_broken")
+    assert (result.outcome, result.cause) == ("error", "plugin_failed")
     assert "failed: ZeroDivisionError: division by zero" in result.reason

@@ -62,7 +62,7 @@ def test_a_policy_whose_action_is_not_finite_is_broken(tmp_path, value):
     made = policies.saved(tmp_path / "a.onnx", policies.constant((value, 0.0, 0.0, 0.0)))
     result = run(f"policy:{made}", tmp_path / "a.mcap", "drone")
     if np.isnan(value):
-        assert (result.outcome, result.cause) == ("error", "stack_broken")
+        assert (result.outcome, result.cause) == ("error", "plugin_failed")
         assert "velocity: got (nan, 0.0, 0.0, 0.0), expected finite numbers" in result.reason
         assert "at decision 0" in result.reason
     else:  # beyond the body's limit, as any number above 1

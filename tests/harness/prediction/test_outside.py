@@ -183,7 +183,7 @@ def test_a_broken_predictor_ends_the_episode_in_one_line(tmp_path, kind, remote,
 )
 def test_an_answer_that_is_none_is_named(tmp_path, kind, text):
     result = run(tmp_path, raw(tmp_path, kind), world="empty")
-    assert (result.outcome, result.cause) == ("error", "predictor_broken")
+    assert (result.outcome, result.cause) == ("error", "plugin_failed")
     assert text in result.reason
 
 

@@ -278,7 +278,7 @@ def test_a_stack_that_fails_in_its_start_has_failed_in_each_episode(tmp_path):
     assert [dict(one.outcomes) for one in result.arms] == [{"error": 2}, {"error": 2}]
     for one in episodes:
         ended = open_log(store.log(one.key), allow_plugins=True).result
-        assert (ended["outcome"], ended["cause"]) == ("error", "stack_broken")
+        assert (ended["outcome"], ended["cause"]) == ("error", "plugin_failed")
         assert "KeyError: 'weights'" in ended["reason"]
         assert ended["reason"].endswith("at decision 0")
 

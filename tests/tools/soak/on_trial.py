@@ -77,15 +77,15 @@ KINDS = {
         "WrongFrame", CONTACT, ("disregarded_obstacle", "unseen_obstacle"), worlds=ROOMS
     ),
     "answers_late": Kind(
-        "AnswersLate", STOOD, ("stack_late",),
+        "AnswersLate", STOOD, ("plugin_failed",),
         settings=("latency.mode=measured", "latency.deadline=0.2"),
     ),
-    "dies": Kind("Dies", ("error",), ("stack_died",), remote=True),
-    "hangs": Kind("Hangs", ("error",), ("stack_hung",), remote=True),
-    "not_a_number": Kind("NotANumber", ("error",), ("stack_broken",)),
-    "starts_elsewhere": Kind("StartsElsewhere", ("error",), ("stack_broken",)),
-    "floods_stderr": Kind("FloodsStderr", ("error",), ("stack_died",), remote=True),
-    "garbage": Kind("", ("error",), ("stack_broken",), remote=True),
+    "dies": Kind("Dies", ("error",), ("plugin_failed",), remote=True),
+    "hangs": Kind("Hangs", ("error",), ("plugin_failed",), remote=True),
+    "not_a_number": Kind("NotANumber", ("error",), ("plugin_failed",)),
+    "starts_elsewhere": Kind("StartsElsewhere", ("error",), ("plugin_failed",)),
+    "floods_stderr": Kind("FloodsStderr", ("error",), ("plugin_failed",), remote=True),
+    "garbage": Kind("", ("error",), ("plugin_failed",), remote=True),
 }  # fmt: skip
 """Kinds of faults. A stack in the wrong frame goes anywhere, so what is right of it is what an
 audit of its last second says: through occupied space, or through unknown."""
