@@ -91,7 +91,7 @@ def collisions(trace: Trace) -> float:
 
 
 def least_clearance(trace: Trace) -> float:
-    """Least true distance from the body to anything but the floor, at decision times, m.
+    """Least true distance from the body to what it must not touch, at decision times, m.
 
     Nothing is measured beyond 2 m: 2 means that or more.
     """

@@ -35,8 +35,8 @@ class Result:
         sim_time_s: Simulated time.
         wall_time_s: Wall time without compilation.
         decisions: Number of decisions.
-        collisions: Number of times that the robot began to touch what it must not: the floor, too, if it
-            flies.
+        collisions: Number of times that the robot began to touch what it must not: also the
+            floor, if it flies.
         struck: Number of times that a mover ran into the robot at rest.
         min_clearance_m: Least true distance to what it must not touch, at decision times.
         path_length_m: Distance travelled.

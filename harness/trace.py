@@ -53,7 +53,7 @@ class Trace:
         times: (n,) s.
         positions: (n, 3) true, of the base, m.
         velocities: (n, 3) true, m/s.
-        clearances: (n,) least true distance to anything but the floor, m.
+        clearances: (n,) least true distance to what the body must not touch, m.
         actions: (n,) names.
         latencies: (n,) wall time of a decision's stages together, ms.
         predicting: (k,) wall time until each prediction from outside came, ms; none without any.

@@ -256,7 +256,7 @@ TRUTH = (
         "clearance_m",
         NUMBER,
         "m",
-        "distance from the body to anything but the floor; 2 is 2 or more",
+        "distance from the body to what it must not touch; 2 is 2 or more",
     ),
     Column("collisions", INTEGER, "", "times that it began to touch something"),
     Column("hit_by_mover", INTEGER, "", "times that a mover ran into it at rest"),
