@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -14,11 +14,13 @@ from google.protobuf.message import Message
 from wayproof.harness.config import LatencyConfig
 from wayproof.harness.ending import Verdict
 from wayproof.harness.errors import NeverReturned
-from wayproof.harness.goals import goal_message, goals_claimed
+from wayproof.harness.goals import goal_message, goals_claimed, mission_towards
 from wayproof.harness.input_messages import inputs_from_messages, serialized
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.errors import PLUGIN_FAILED, OutsideError
+from wayproof.harness.log.reader import Record
 from wayproof.harness.log.writer import TRACEBACK, LogWriter
+from wayproof.harness.recompute.moments import Moment, Observer
 from wayproof.harness.result import Outcome, Result
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -34,8 +36,6 @@ from wayproof.harness.stack.prediction import Predicted
 from wayproof.harness.supervision import bound_memory
 from wayproof.harness.user_code import PASSED_ON, Watchdog, failure_of
 from wayproof.planners import Trajectory
-
-Observer = Callable[[pb.Decision, pb.Truth], None]
 
 
 class Sensed(NamedTuple):
@@ -249,12 +249,24 @@ class Episode:
             messages.append((answer, serialized(answer)))
         truth = self._recorder.record(messages, decision, time_ns)
         if self._observe is not None:
-            self._observe(decision, truth)
+            self._observe(self._moment(latency, decision, truth))
         self._sequence += 1
         self.decision = decision
         self._chain, self._following = decision.chain, True
         if self._watchdog.names:  # whatever the user's code does next, this decision is kept
             self._log.flush()
+
+    def _moment(self, latency: pb.Latency, decision: pb.Decision, truth: pb.Truth) -> Moment:
+        """Return the decision with what it was made on, for the observer."""
+        config, mission = self._scenario.config, self._scenario.mission
+        return Moment(
+            record=Record(self.inputs, latency, decision, answer=self._navigator.answer),
+            config=config,
+            mission=mission_towards(mission, self.inputs.goal),
+            navigator=self._navigator,
+            recomputed=decision,
+            truth=truth,
+        )
 
     def _write_keyframe(self, decision: pb.Decision, is_last: bool) -> None:
         """Log the state of the stack where it is due; a counterfactual's follows from no log."""

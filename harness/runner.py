@@ -9,7 +9,7 @@ from pathlib import Path
 
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import left_open, to_json
-from wayproof.harness.episode import Episode, Observer
+from wayproof.harness.episode import Episode
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.inputs import Beams
 from wayproof.harness.interface.build import live_navigator
@@ -26,6 +26,7 @@ from wayproof.harness.log.writer import (
 )
 from wayproof.harness.mission import Mission
 from wayproof.harness.outputs import Draft
+from wayproof.harness.recompute.moments import Observer
 from wayproof.harness.result import Result
 from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
 from wayproof.harness.scenario.scenario import Scenario, sensor_info
@@ -54,7 +55,7 @@ def run_episode(
     Args:
         scenario: Scenario of the episode.
         log_path: Final name of the log, or a draft that holds it; a log of that name is replaced.
-        observe: Called after each decision, for display.
+        observe: Called with each decision after it was made.
         delays: Delays of each decision, s, to live through those of a log instead of measured ones.
         record: Extent of the log in place of the config's `record`.
         stack: Stack in place of the built-in one.

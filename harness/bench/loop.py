@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from wayproof.harness.bench.table import Progress, Row
 from wayproof.harness.config_document import from_document, override
 from wayproof.harness.episode import arrival_ns
+from wayproof.harness.recompute.moments import Moment
 from wayproof.harness.result import Result
 from wayproof.harness.runner import open_episode
 from wayproof.harness.scenario.scenario import Scenario, build
-from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.simulation import Simulation
 from wayproof.harness.warm_up import warm_up
 from wayproof.models.robots import Setpoint
@@ -78,7 +78,8 @@ def _measure(scenario: Scenario) -> Measured:
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "episode.mcap"
 
-        def note(decision: pb.Decision, _: pb.Truth) -> None:
+        def note(moment: Moment) -> None:
+            decision = moment.decision
             stages.append([getattr(decision.stages, f"{stage}_ms") for stage in STAGES])
             if not decision.deadline_missed:
                 trajectory = opened.navigator.trajectory

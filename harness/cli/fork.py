@@ -43,7 +43,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     line = LiveLine(console, config.robot)
     try:
         with restarting as restarted, line:
-            result = fork(path, at, options.set, target, options.allow_plugins, line, restarted)
+            result = fork(
+                path, at, options.set, target, options.allow_plugins, line.observe, restarted
+            )
     except KeyboardInterrupt:
         raise interrupted(target, line.decisions) from None
     if restarted is not None:

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from wayproof.harness.recompute.moments import Moment
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 ACTION_STYLES = {
@@ -64,6 +65,11 @@ class LiveLine:
                 overflow="ellipsis",
             )
         )
+
+    def observe(self, moment: Moment) -> None:
+        """Show a decision of an episode."""
+        assert moment.truth is not None
+        self(moment.decision, moment.truth)
 
     def __enter__(self) -> LiveLine:
         """Return the line; it appears with the first decision."""

@@ -168,7 +168,7 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
                 with console.status(COMPILING):
                     warm_up(config)
             with _viewed(draft, view, console), line:
-                return run_episode(scenario, draft, line)
+                return run_episode(scenario, draft, line.observe)
         except KeyboardInterrupt:
             raise interrupted(path, line.decisions) from None
         except OSError as error:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Verify one or more logs, and sign those that are verified; or make a key."""
-    from wayproof.harness.forked import cores
     from wayproof.harness.replay.signature import read_private_key, read_public_key, signature_path
     from wayproof.harness.replay.verify import verify
 
@@ -35,7 +34,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     private = None if options.sign is None else read_private_key(options.sign)
     verified, documents = [], []
     for path in options.log:
-        one = verify(path, options.allow_plugins, options.simulation, key, jobs=cores())
+        one = verify(path, options.allow_plugins, options.simulation, key)
         print_verification(console, one)
         if key is None and private is None and signature_path(path).exists():
             console.print("  it has a signature, which was not checked: --key FILE checks it")

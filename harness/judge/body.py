@@ -206,19 +206,8 @@ class Body:
         wrong = self.wrong(cells)
         sides = np.zeros((2**cells.axes, 3))
         sides[:, : cells.axes] = list(itertools.product((-slack, slack), repeat=cells.axes))
-        met: dict[tuple[int, ...], bool] = {}
-
-        def overlaps(points: Array) -> bool:
-            for cell in cells.of(points):
-                key = tuple(cell.tolist())
-                if key not in met:
-                    met[key] = bool(cells.within(cell[None], wrong, reach)[0])
-                if not met[key]:
-                    return False
-            return True
-
-        for place in places:
-            if overlaps(place[None]) and (slack == 0.0 or overlaps(place + sides)):
+        for place in places[cells.within(cells.of(places), wrong, reach)]:
+            if slack == 0.0 or cells.within(cells.of(place + sides), wrong, reach).all():
                 occupied = cells.within(cells.of(place[None]), cells.occupied, reach)[0]
                 return place[: cells.axes], "occupied" if occupied else "unknown"
         return None

@@ -106,9 +106,11 @@ class Cells:
     def within(self, cells: Integers, wrong: Mask, reach: float) -> Mask:
         """Return whether a wrong cell is within a reach, cells, of each cell, (n,)."""
         offsets, _ = ball(self.axes, reach)
-        flat = wrong.ravel()
-        near = [flat[self._indices(cell[None], offsets)].any() for cell in cells]
-        return np.array(near, np.bool_)
+        flat, none = wrong.ravel(), np.zeros((1, self.axes), np.int64)
+        found, places = np.unique(self._indices(cells, none)[:, 0], return_inverse=True)
+        around = self._indices(offsets, none)[:, 0]
+        near = [flat[index + around].any() for index in found]
+        return np.array(near, np.bool_)[places]
 
     def least_distance(self, cells: Integers, wrong: Mask, reach: float) -> float:
         """Return the least distance of some cells to wrong ones, cells, at most the reach."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -96,7 +97,13 @@ def heading_at(trajectory: pb.Trajectory, time_ns: int) -> float:
 
 
 def speed_at(trajectory: pb.Trajectory, time_ns: int) -> float:
-    """Return the mean speed over the sample period after a simulated time, m/s."""
+    """Return the speed at a simulated time by the even acceleration through the samples, m/s.
+
+    From the first period of the samples, from before the time where there are any.
+    """
     period_ns = round(trajectory.sample_period_s * 1e9)
-    after, before = arc_at(trajectory, time_ns + period_ns), arc_at(trajectory, time_ns)
-    return (after - before) / trajectory.sample_period_s
+    first_ns = max(time_ns - period_ns, trajectory.start.ToNanoseconds())
+    arcs = [arc_at(trajectory, first_ns + k * period_ns) for k in range(3)]
+    speeds = [(b - a) / trajectory.sample_period_s for a, b in itertools.pairwise(arcs)]
+    share = (time_ns - first_ns) / period_ns  # periods from the first sample
+    return max(speeds[0] + (share - 0.5) * (speeds[1] - speeds[0]), 0.0)

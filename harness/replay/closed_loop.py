@@ -22,6 +22,7 @@ from wayproof.harness.log.machine import other_than_here
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.writer import is_regenerated
 from wayproof.harness.prediction_config import is_outside
+from wayproof.harness.recompute.moments import Moment, Observer
 from wayproof.harness.recompute.rebuild import is_made_from_seed, made_otherwise, rebuild
 from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.replay.answers import RecordedAnswers, RecordedPredictions
@@ -125,7 +126,10 @@ class ClosedLoop:
 
 
 def simulate_again(
-    path: Path, allow_plugins: bool = False, written: Path | None = None
+    path: Path,
+    allow_plugins: bool = False,
+    written: Path | None = None,
+    observe: Observer | None = None,
 ) -> ClosedLoop:
     """Simulate the episode of a log again from its seed, config and scene, fork by fork.
 
@@ -133,6 +137,7 @@ def simulate_again(
         path: The log.
         allow_plugins: Whether code that its config names may be imported.
         written: Path to keep the new log at, in full.
+        observe: Called with each decision after it was made.
 
     Raises:
         InputError: There is no such log, or it cannot be simulated.
@@ -143,7 +148,7 @@ def simulate_again(
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         target = written or Path(folder) / "again.mcap"
-        _simulate(log, target, Path(folder))
+        _simulate(log, target, Path(folder), observe)
         again = open_log(target, allow_plugins=True)
         compared = _compare(log, again)
     made = made_otherwise(log)
@@ -170,7 +175,7 @@ def simulate_again(
     )
 
 
-def _simulate(log: Log, target: Path, folder: Path) -> None:
+def _simulate(log: Log, target: Path, folder: Path, observe: Observer | None) -> None:
     """Write the episode again: the first segment from the start, then each fork.
 
     Each but the last stops at the decision at which the next begins: its own end is not in the log.
@@ -184,6 +189,7 @@ def _simulate(log: Log, target: Path, folder: Path) -> None:
     run_episode(
         scenario,
         steps[0],
+        _before(ends[0], observe),
         delays=delays,
         record="full",
         session=_answers(log, ends[0]),
@@ -197,12 +203,25 @@ def _simulate(log: Log, target: Path, folder: Path) -> None:
             run.begin,
             run.config,
             after,
+            _before(end, observe),
             delays=delays,
             record="full",
             session=_answers(log, end),
             predictions=predictions,
             until=end,
         )
+
+
+def _before(end: int | None, observe: Observer | None) -> Observer | None:
+    """Return an observer of the decisions of a segment: the last one made is the next segment's."""
+    if observe is None or end is None:
+        return observe
+
+    def observe_own(moment: Moment) -> None:
+        if moment.decision.sequence < end:
+            observe(moment)
+
+    return observe_own
 
 
 def _answers(log: Log, end: int | None) -> RecordedAnswers | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override, to_json
-from wayproof.harness.episode import Episode, Observer, arrival_ns
+from wayproof.harness.episode import Episode, arrival_ns
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.connect import Session
@@ -21,6 +21,7 @@ from wayproof.harness.log.copy import time_of, topic_of
 from wayproof.harness.log.head import read_head
 from wayproof.harness.log.reader import Log, before, fork_note, open_log
 from wayproof.harness.log.writer import PLUGINS, STDERR, LogWriter, hold_log
+from wayproof.harness.recompute.moments import Observer
 from wayproof.harness.recompute.rebuild import rebuild, segment_of
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.answers import RestartedStack
@@ -86,7 +87,7 @@ def fork(
         settings: Changes as `section.field=value`; with none, the episode ends as recorded.
         target: Name of the new log.
         allow_plugins: Whether code that its config names may be imported.
-        observe: Called after each decision, for display.
+        observe: Called with each decision from there on after it was made.
         restarted: The stack that goes on, where one was on trial, from `restarted_stack`: it is
             queried on all decisions before.
 
@@ -125,7 +126,7 @@ def fork_with(
         at: Number of the first decision with the new config.
         config: New config.
         target: Name of the new log.
-        observe: Called after each decision, for display.
+        observe: Called with each decision from there on after it was made.
         delays: Delay by decision, s, instead of measured ones.
         record: Extent of the new log; by default the config's `record`.
         restarted: The stack that goes on, where one was on trial.

@@ -15,6 +15,7 @@ from wayproof.harness.forked import ForkFailed, beside
 from wayproof.harness.log.machine import Program, other_program
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.recompute.keyframes import WHOLE, Piece, pieces_of, stack_at, startable
+from wayproof.harness.recompute.moments import Observer, moments
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.replay.scope import Scope, scope_of
@@ -156,16 +157,22 @@ def _recomputed(log: Log, jobs: int) -> tuple[Recomputed, list[Difference]]:
             whole = functools.reduce(Recomputed.then, rest, first)
             if not whole.keyframe_differences:
                 return whole, others
-    return recompute_piece(log, keyframes, WHOLE), contradictions(log)
+    return recompute_piece(log, keyframes), contradictions(log)
 
 
-def recompute_piece(log: Log, keyframes: Sequence[pb.Keyframe], piece: Piece) -> Recomputed:
+def recompute_piece(
+    log: Log,
+    keyframes: Sequence[pb.Keyframe],
+    piece: Piece = WHOLE,
+    observe: Observer | None = None,
+) -> Recomputed:
     """Recompute the decisions of one piece, and compare them and the keyframes after them.
 
     Args:
         log: The log.
         keyframes: All of it.
         piece: The piece.
+        observe: Called with each decision after it was made again.
 
     Raises:
         InputError: The log is damaged, or cannot be recomputed, or a keyframe that the piece starts
@@ -180,12 +187,15 @@ def recompute_piece(log: Log, keyframes: Sequence[pb.Keyframe], piece: Piece) ->
     decisions = differing = 0
     held = {one.sequence: one for one in keyframes if piece.holds(one.sequence)}
     others: list[Difference] = []
-    for record in log.records(start):
-        recomputed = stack.step(record)
-        found = differences(record.decision, recomputed)
+    for moment in moments(log, decide=True, stack=stack, after=start):
+        recomputed = moment.recomputed
+        assert recomputed is not None
+        found = differences(moment.decision, recomputed)
         if found:
             differing += 1
-            first = first or (record.decision.sequence, found)
+            first = first or (moment.decision.sequence, found)
+        if observe is not None:
+            observe(moment)
         decisions += 1
         if keyframe := held.pop(recomputed.sequence, None):
             others += _keyframe_difference(keyframe, stack, recomputed)

@@ -1,16 +1,17 @@
 """Verification of a log: does its content follow from its inputs, config and seed?
 
-Everything that can be recomputed is: the consistency of the log, the decisions from the inputs, and
-the whole episode from the seed. Each step costs more than the one before, and the first that finds
-a difference ends the verification. The rest is listed as claims of the author.
+Everything that can be recomputed is: the consistency of the log, and the whole episode from the
+seed, its inputs and the decisions on them. Where nothing can or shall be simulated, the decisions
+are made again from the logged inputs. Either way the map is built once, and the audit observes it.
+The first step that finds a difference ends the verification. The rest is listed as claims of the
+author.
 """
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -20,10 +21,10 @@ from wayproof.harness.decision import Difference
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.machine import CODE, this_machine
 from wayproof.harness.log.reader import Log, open_log
-from wayproof.harness.replay.audit import audit
+from wayproof.harness.replay.audit import Auditor
 from wayproof.harness.replay.closed_loop import ClosedLoop, simulate_again
 from wayproof.harness.replay.consistency import contradictions
-from wayproof.harness.replay.replay import replay
+from wayproof.harness.replay.replay import cause_differences, recompute_piece
 from wayproof.harness.replay.scope import Scope, scope_of
 from wayproof.harness.replay.signature import fault_of_signature, fingerprint, signature_path
 from wayproof.harness.result import ends_in_error, is_recovered
@@ -78,7 +79,6 @@ def verify(
     allow_plugins: bool = False,
     simulate: bool = True,
     key: Ed25519PublicKey | None = None,
-    jobs: int = 1,
 ) -> Verification:
     """Recompute everything in a log that can be recomputed.
 
@@ -87,7 +87,6 @@ def verify(
         allow_plugins: Whether code that its config names may be imported.
         simulate: Whether to simulate the episode again; without it truth and outcome may be claims.
         key: Key that must have signed the log.
-        jobs: Maximum number of processes that replay it.
 
     Raises:
         InputError: The file is no finished log, is damaged, or holds no decision.
@@ -96,7 +95,7 @@ def verify(
     log = open_log(path, allow_plugins)
     if next(log.decisions(), None) is None:
         raise InputError(f"log '{path}': no decisions in it")
-    trial = _Trial(log, allow_plugins, simulate, key, jobs)
+    trial = _Trial(log, allow_plugins, simulate, key)
     failed, findings = trial.run()
     return Verification(
         log=str(path),
@@ -125,13 +124,11 @@ class _Trial:
         allow_plugins: bool,
         simulate: bool,
         key: Ed25519PublicKey | None,
-        jobs: int,
     ) -> None:
         self._log = log
         self._plugins = allow_plugins
         self._simulate = simulate
         self._key = key
-        self._jobs = jobs
         self.steps: list[Step] = []
         self.elsewhere: tuple[Difference, ...] = ()
         self.violations: int | None = None
@@ -140,15 +137,21 @@ class _Trial:
     def run(self) -> tuple[Step | None, list[Difference]]:
         """Run the steps until one finds a difference; return it and the differences."""
         for step, do in self._plan():
-            if step not in self.steps:
-                self.steps.append(step)
-            try:
-                findings = do()
-            except InputError as error:  # readable, but it cannot be recomputed
-                findings = [Difference(step, "recorded", str(error))]
-            if findings:
+            if findings := self._do(step, do):
+                if step == "simulation" and self._log.record == "full":
+                    # A decision that its own inputs do not give says more than the simulation.
+                    if replayed := self._do("replay", self._replay):
+                        return "replay", replayed
                 return step, findings
         return None, []
+
+    def _do(self, step: Step, do: Callable[[], list[Difference]]) -> list[Difference]:
+        if step not in self.steps:
+            self.steps.append(step)
+        try:
+            return do()
+        except InputError as error:  # readable, but it cannot be recomputed
+            return [Difference(step, "recorded", str(error))]
 
     def scope(self) -> Scope:
         """Return the scope of the verdict."""
@@ -161,15 +164,13 @@ class _Trial:
         if self._key is not None:
             yield "signature", self._check_signature
         yield "content", self._check_content
-        if self._log.record == "full":
+        # Code that ended a process may end this one, and nothing can simulate a recording.
+        alone = self._broke_off_in_code() or self._log.config.recording is not None
+        if self._log.record == "full" and (alone or not self._simulate):
             yield "replay", self._replay
-        if self._broke_off_in_code():
-            yield "content", self._check_recomputed  # code that ended a process may end this one
-            return
-        if self._log.config.recording is not None:
-            yield "content", self._check_recomputed  # there is nothing to simulate
-            return
-        if self._simulate or self._log.record == "decisions":
+        if alone:
+            yield "content", self._check_recomputed
+        elif self._simulate or self._log.record == "decisions":
             yield "simulation", self._simulate_again
 
     def _broke_off_in_code(self) -> bool:
@@ -195,38 +196,35 @@ class _Trial:
         return [*_code_and_version(self._log), *contradictions(self._log)]
 
     def _replay(self) -> list[Difference]:
-        # A new simulation attributes the cause again, too.
-        with_cause = not self._simulate
-        replayed = replay(self._log.path, self._plugins, with_cause=with_cause, jobs=self._jobs)
-        self._with_cause = "cause" in replayed.scope.recomputed
-        number = replayed.first_difference
+        """Make every decision again from its inputs, and audit it on the same map."""
+        log, auditor = self._log, Auditor()
+        again = recompute_piece(log, log.keyframes(), observe=auditor)
         found = [
-            Difference(f"/decision[{number}].{one.field}", one.recorded, one.recomputed)
-            for one in replayed.differences
+            replace(one, field=f"/decision[{again.first_difference}].{one.field}")
+            for one in again.differences
         ]
-        if not found and not replayed.contradictions and not replayed.identical:
-            found = [Difference("result.chain", self._log.result["chain"], replayed.chain)]
-        found += replayed.contradictions
+        if not found and again.chain != log.result["chain"]:
+            found = [Difference("result.chain", log.result["chain"], again.chain)]
+        found += again.keyframe_differences
+        if not found and not self._simulate:  # a new simulation attributes the cause again, too
+            cause = cause_differences(log)
+            self._with_cause = cause is not None
+            found += cause or []
         if not found:
-            self._audit(self._log.path)
+            self.violations = len(auditor.violations)
         return found
 
     def _simulate_again(self) -> list[Difference]:
+        """Make the inputs again from the seed, and the decisions on them, and audit those."""
         if not self._simulate:
             return [Difference("sweeps", MISSING_SWEEPS, "only a simulation gives them again")]
-        with tempfile.TemporaryDirectory() as folder:
-            target = Path(folder) / "again.mcap"
-            again = simulate_again(self._log.path, self._plugins, target)
-            self.elsewhere = again.elsewhere
-            if not again.identical:
-                return _findings_of(again)
-            if again.regenerated:
-                self._audit(target)
+        auditor = Auditor()
+        again = simulate_again(self._log.path, self._plugins, observe=auditor)
+        self.elsewhere = again.elsewhere
+        if not again.identical:
+            return _findings_of(again)
+        self.violations = len(auditor.violations)
         return []
-
-    def _audit(self, path: Path) -> None:
-        """Count the violations that the audit finds: the log may be true and the robot unsafe."""
-        self.violations = len(audit(path, allow_plugins=self._plugins).violations)
 
 
 def _findings_of(again: ClosedLoop) -> list[Difference]:

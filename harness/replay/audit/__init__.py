@@ -6,8 +6,8 @@ the body is swept along the committed path, cell by cell of that map, and the tr
 the body can follow it, and it ends at rest.
 """
 
-from wayproof.harness.replay.audit.moment import Moment, Violation
-from wayproof.harness.replay.audit.run import CHECKS, Audit, audit
+from wayproof.harness.replay.audit.committed import Violation
+from wayproof.harness.replay.audit.run import CHECKS, Audit, Auditor, audit
 from wayproof.harness.replay.audit.volumes import Volumes, together
 
-__all__ = ["CHECKS", "Audit", "Moment", "Violation", "Volumes", "audit", "together"]
+__all__ = ["CHECKS", "Audit", "Auditor", "Violation", "Volumes", "audit", "together"]

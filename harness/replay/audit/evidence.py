@@ -19,7 +19,7 @@ from wayproof.harness.judge.body import track_of
 from wayproof.harness.judge.cells import SPACING, Cells, reach_to
 from wayproof.harness.log.paths import Array, densely, length
 from wayproof.harness.prior.cells import PriorCells, logged_cells
-from wayproof.harness.replay.audit.moment import Moment, Violation
+from wayproof.harness.replay.audit.committed import Committed, Violation
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Representation
 from wayproof.maps.columns import WORD_BITS, ColumnMap, pack, unpack
@@ -109,23 +109,23 @@ def prior_of(config: Config) -> PriorCells | None:
     return cells
 
 
-def rests_of(moment: Moment) -> Rests:
+def rests_of(committed: Committed) -> Rests:
     """Count the cells that the path of a decision needs, and the unmeasured ones among them.
 
     The policy is `forbid`: the others admit unmeasured cells by themselves.
     """
     count = unmeasured = 0
-    body, size = moment.body, moment.measured.resolution
+    body, size = committed.body, committed.measured.resolution
     offsets = body.discs
-    if moment.mission.discs:
-        around = body.radius + moment.margin
-        if body.first_overlap(moment.map, moment.poses[:, :3], around) is None:
+    if committed.mission.discs:
+        around = body.radius + committed.margin
+        if body.first_overlap(committed.map, committed.poses[:, :3], around) is None:
             offsets = body.about
     for offset, radius in offsets:
-        track = track_of(moment.poses, offset)
-        reach = body.reach(radius + moment.margin)
-        cells = body.cells(moment.measured, track, reach * size)
-        touched = _well_within(cells, densely(track, SPACING * size), moment.body.slack)
+        track = track_of(committed.poses, offset)
+        reach = body.reach(radius + committed.margin)
+        cells = body.cells(committed.measured, track, reach * size)
+        touched = _well_within(cells, densely(track, SPACING * size), committed.body.slack)
         unmeasured += len(cells.near(touched, cells.not_free, reach))
         count += len(cells.near(touched, np.ones_like(cells.not_free), reach))
     return Rests(count, unmeasured)
@@ -140,54 +140,58 @@ def _well_within(cells: Cells, places: Array, slack: float) -> NDArray[np.int64]
     return np.unique(found[inside], axis=0)
 
 
-def check_evidence(moment: Moment) -> list[Violation]:
+def check_evidence(committed: Committed) -> list[Violation]:
     """Check the lengths by provenance that a decision states, by the measured map and the prior."""
-    decision, config = moment.decision, moment.config
+    decision, config = committed.decision, committed.config
     layered = config.has_layers
     stated = {
         name: getattr(decision, name)
         for name in ("committed_evidence", "global_evidence")
         if decision.HasField(name)
     }
-    if not layered or moment.late:
+    if not layered or committed.late:
         return [
-            moment.broken("evidence", f"{name}: stated where nothing but measurements counts")
+            committed.broken("evidence", f"{name}: stated where nothing but measurements counts")
             for name in stated
         ]
     if len(stated) < 2:
-        return [moment.broken("evidence", "no lengths by provenance, expected those of both paths")]
-    committed = decision.committed_evidence
-    found = _differences(moment, "committed_evidence", committed, moment.path)
-    unmeasured = committed.prior_m + committed.predicted_m
-    strict = config.prior.policy == "guide" and moment.body.policy == "forbid"
+        return [
+            committed.broken("evidence", "no lengths by provenance, expected those of both paths")
+        ]
+    stated_evidence = decision.committed_evidence
+    found = _differences(committed, "committed_evidence", stated_evidence, committed.path)
+    unmeasured = stated_evidence.prior_m + stated_evidence.predicted_m
+    strict = config.prior.policy == "guide" and committed.body.policy == "forbid"
     if strict and decision.action in SETS_OUT and unmeasured > 0.0:
         text = f"{unmeasured:.2f} m of the committed path rest on what was not measured"
-        found.append(moment.broken("evidence", text))
+        found.append(committed.broken("evidence", text))
     return found
 
 
-def _differences(moment: Moment, name: str, stated: pb.Evidence, path: Array) -> list[Violation]:
+def _differences(
+    committed: Committed, name: str, stated: pb.Evidence, path: Array
+) -> list[Violation]:
     """Compare the stated lengths of a path (n, 3) with those by the cells around it."""
     total = length(path)
     lengths = stated.measured_m, stated.prior_m, stated.predicted_m, stated.unproven_m
-    slack = SHIFT_CELLS * moment.config.map.resolution + SHIFT_SHARE * total
+    slack = SHIFT_CELLS * committed.config.map.resolution + SHIFT_SHARE * total
     if not abs(math.fsum(lengths) - total) <= slack or min(lengths) < 0.0:
         text = f"{name}: {math.fsum(lengths):.2f} m in all, the path has {total:.2f} m"
-        return [moment.broken("evidence", text)]
+        return [committed.broken("evidence", text)]
     if total == 0.0:
         return []
-    measured = _free_length(moment, path, total)
+    measured = _free_length(committed, path, total)
     if abs(stated.measured_m - measured) <= slack:
         return []
     text = f"{name}: {stated.measured_m:.2f} m measured, by the map {measured:.2f} m"
-    return [moment.broken("evidence", text)]
+    return [committed.broken("evidence", text)]
 
 
-def _free_length(moment: Moment, path: Array, total: float) -> float:
+def _free_length(committed: Committed, path: Array, total: float) -> float:
     """Return the length of a path at which the disc or ball of the decision is measured free, m."""
-    size = moment.measured.resolution
-    reach = reach_to(moment.decision.collision_distance_sq)
-    cells = moment.body.cells(moment.measured, path, reach * size)
+    size = committed.measured.resolution
+    reach = reach_to(committed.decision.collision_distance_sq)
+    cells = committed.body.cells(committed.measured, path, reach * size)
     points = densely(path, 0.5 * size)
     middles = 0.5 * (points[1:] + points[:-1])
     steps = np.sqrt(np.square(points[1:] - points[:-1]).sum(axis=1))

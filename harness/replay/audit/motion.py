@@ -10,7 +10,7 @@ from wayproof.harness.decision import SAMPLE_PERIOD
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.judge.margin import MOST_MORE
 from wayproof.harness.log.paths import SAME_PLACE, heading_at, length, place_at, speed_at
-from wayproof.harness.replay.audit.moment import Moment, Violation, apart
+from wayproof.harness.replay.audit.committed import Committed, Violation, apart
 
 LIMIT_SLACK = 1.05
 """Tolerance factor of speed and acceleration, read from samples 0.1 s apart."""
@@ -31,13 +31,13 @@ LONGEST = 1000.0
 """Greatest length of a path, m."""
 
 
-def is_malformed(moment: Moment) -> str:
+def is_malformed(committed: Committed) -> str:
     """Return why a trajectory is malformed, so that no other check applies; empty if it is not."""
-    trajectory, mission = moment.decision.trajectory, moment.mission
+    trajectory, mission = committed.decision.trajectory, committed.mission
     arcs, headings = np.array(trajectory.arc_length), np.array(trajectory.heading)
-    if min(len(moment.path), len(arcs)) == 0 or len(arcs) != len(headings):
+    if min(len(committed.path), len(arcs)) == 0 or len(arcs) != len(headings):
         return (
-            f"a path of {len(moment.path)} points, {len(arcs)} samples of the way and "
+            f"a path of {len(committed.path)} points, {len(arcs)} samples of the way and "
             f"{len(headings)} of the heading; expected one or more, and as many of both"
         )
     period = trajectory.sample_period_s
@@ -46,18 +46,20 @@ def is_malformed(moment: Moment) -> str:
         return f"samples that are not finite, or {period:g} s apart, expected {SAMPLE_PERIOD:g} s"
     if arcs[0] < -FALL or (np.maximum.accumulate(arcs) - arcs).max() > FALL:
         return "an arc length that does not rise from 0 on"
-    widening = moment.decision.widening
+    widening = committed.decision.widening
     if len(widening) not in (0, 2) or max(widening, default=0) > MOST_MORE:
         return f"a widening by {tuple(widening)} cells, expected two of at most {MOST_MORE}"
-    away = np.maximum(np.array(mission.low) - moment.path, moment.path - np.array(mission.high))
-    if not (away <= FARTHEST).all() or length(moment.path) > LONGEST:
+    away = np.maximum(
+        np.array(mission.low) - committed.path, committed.path - np.array(mission.high)
+    )
+    if not (away <= FARTHEST).all() or length(committed.path) > LONGEST:
         return f"a path that leaves the operating area by more than {FARTHEST:g} m, or has no end"
     return ""
 
 
-def check_limits(moment: Moment) -> list[Violation]:
+def check_limits(committed: Committed) -> list[Violation]:
     """Check that the samples keep the limits of the body and end at rest."""
-    trajectory, mission = moment.decision.trajectory, moment.mission
+    trajectory, mission = committed.decision.trajectory, committed.mission
     arcs, period = np.array(trajectory.arc_length), trajectory.sample_period_s
     found: list[Violation] = []
     if len(arcs) < 2:
@@ -68,78 +70,81 @@ def check_limits(moment: Moment) -> list[Violation]:
     remaining = arcs[-1] - arcs[-2]
     stop = math.sqrt(2.0 * max(remaining, 0.0) * mission.max_acceleration)
     if speeds[-1] > max(REST, stop * LIMIT_SLACK):
-        found.append(moment.broken("rest", f"moves at {speeds[-1]:.2f} m/s when it ends"))
-    if arcs[-1] > length(moment.path) + SAME_PLACE:
-        found.append(moment.broken("rest", "runs on beyond the end of its path"))
+        found.append(committed.broken("rest", f"moves at {speeds[-1]:.2f} m/s when it ends"))
+    if arcs[-1] > length(committed.path) + SAME_PLACE:
+        found.append(committed.broken("rest", "runs on beyond the end of its path"))
     if speeds.max() > mission.max_speed * LIMIT_SLACK:
         text = f"{speeds.max():.2f} m/s, {mission.max_speed:g} allowed"
-        found.append(moment.broken("limits", text))
+        found.append(committed.broken("limits", text))
     rate = float(np.abs(np.diff(trajectory.heading)).max()) / period
     if rate > mission.max_yaw_rate * LIMIT_SLACK + REST:
         text = f"turns at {rate:.2f} rad/s, {mission.max_yaw_rate:g} allowed"
-        found.append(moment.broken("limits", text))
+        found.append(committed.broken("limits", text))
     hardest = np.abs(accelerations).max() if len(accelerations) else 0.0
     if hardest > mission.max_acceleration * LIMIT_SLACK:
         text = f"{hardest:.2f} m/s^2, {mission.max_acceleration:g} allowed"
-        found.append(moment.broken("limits", text))
+        found.append(committed.broken("limits", text))
     return found
 
 
-def check_joint(moment: Moment) -> list[Violation]:
+def check_joint(committed: Committed) -> list[Violation]:
     """Check that the trajectory starts at the position, speed and heading of the one before.
 
     The heading is that of a body on the ground: what it is in the air sweeps no other space.
     """
-    trajectory, before = moment.decision.trajectory, moment.before[-1]
+    trajectory, before = committed.decision.trajectory, committed.before[-1]
     start_ns = trajectory.start.ToNanoseconds()
-    if moment.late:
+    if committed.late:
         return []
     if start_ns < before.start.ToNanoseconds():
-        return [moment.broken("joined", "starts before the trajectory before it")]
-    off = apart(moment, place_at(trajectory, start_ns), place_at(before, start_ns))
+        return [committed.broken("joined", "starts before the trajectory before it")]
+    off = apart(committed, place_at(trajectory, start_ns), place_at(before, start_ns))
     # Between samples 0.1 s apart the body is off the chord by a t^2 / 8 at most.
     if off > 2.0 * SAME_PLACE:
         text = f"starts {off:.2f} m from where the trajectory before it is then"
-        return [moment.broken("joined", text)]
+        return [committed.broken("joined", text)]
     speeds = speed_at(trajectory, start_ns), speed_at(before, start_ns)
     # Each mean differs from the speed at the joint by at most a times the sample period.
-    allowed = moment.mission.max_acceleration * trajectory.sample_period_s * LIMIT_SLACK + REST
+    allowed = committed.mission.max_acceleration * trajectory.sample_period_s * LIMIT_SLACK + REST
     if abs(speeds[0] - speeds[1]) > allowed:
         text = f"starts at {speeds[0]:.2f} m/s, the trajectory before it is at {speeds[1]:.2f} then"
-        return [moment.broken("joined", text)]
+        return [committed.broken("joined", text)]
     turn = abs(wrap_angle(heading_at(trajectory, start_ns) - heading_at(before, start_ns)))
-    if moment.mission.planar and turn > moment.mission.max_yaw_rate * SAMPLE_PERIOD * LIMIT_SLACK:
+    if (
+        committed.mission.planar
+        and turn > committed.mission.max_yaw_rate * SAMPLE_PERIOD * LIMIT_SLACK
+    ):
         text = f"starts at a heading {turn:.2f} rad off that of the trajectory before it"
-        return [moment.broken("joined", text)]
+        return [committed.broken("joined", text)]
     return []
 
 
-def check_rest(moment: Moment) -> list[Violation]:
+def check_rest(committed: Committed) -> list[Violation]:
     """Check that a robot that has arrived or gives up stays in place."""
-    decision = moment.decision
-    if decision.action not in ("goal", "abort") or moment.late:
+    decision = committed.decision
+    if decision.action not in ("goal", "abort") or committed.late:
         return []
-    moved = length(moment.path)
+    moved = length(committed.path)
     if moved < SAME_PLACE:
         return []
-    return [moment.broken("rest", f"action {decision.action}: leads on by {moved:.2f} m")]
+    return [committed.broken("rest", f"action {decision.action}: leads on by {moved:.2f} m")]
 
 
-def check_deadline(moment: Moment) -> list[Violation]:
+def check_deadline(committed: Committed) -> list[Violation]:
     """Check that a late decision is marked as such and keeps the trajectory before."""
-    decision, found = moment.decision, []
-    if decision.deadline_missed != moment.late:
+    decision, found = committed.decision, []
+    if decision.deadline_missed != committed.late:
         words = {True: "missed", False: "kept"}
-        delay, deadline = moment.record.latency.delay_s, moment.config.latency.deadline
+        delay, deadline = committed.record.latency.delay_s, committed.config.latency.deadline
         text = (
             f"says that its deadline was {words[decision.deadline_missed]}, "
             f"took {delay:g} s of {deadline:g} s"
         )
-        found.append(moment.broken("deadline", text))
-    if not moment.late:
+        found.append(committed.broken("deadline", text))
+    if not committed.late:
         return found
     if decision.action not in ("stop_and_wait", "follow"):  # the reason decides which
-        found.append(moment.broken("deadline", f"late, but its action is {decision.action}"))
-    if not moment.keeps_trajectory:
-        found.append(moment.broken("deadline", "late, but another trajectory than the last one"))
+        found.append(committed.broken("deadline", f"late, but its action is {decision.action}"))
+    if not committed.keeps_trajectory:
+        found.append(committed.broken("deadline", "late, but another trajectory than the last one"))
     return found

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
-from wayproof.harness.goals import mission_towards
 from wayproof.harness.judge.body import Body
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.prior.cells import PriorCells
-from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.recompute.moments import Moment, moments
+from wayproof.harness.replay.audit.committed import (
+    Committed,
+    Violation,
+    resting,
+    standing_at_start,
+)
 from wayproof.harness.replay.audit.evidence import (
     AdmittedMap,
     Rests,
@@ -20,12 +26,6 @@ from wayproof.harness.replay.audit.evidence import (
     check_evidence,
     prior_of,
     rests_of,
-)
-from wayproof.harness.replay.audit.moment import (
-    Moment,
-    Violation,
-    resting,
-    standing_at_start,
 )
 from wayproof.harness.replay.audit.motion import (
     check_deadline,
@@ -45,11 +45,10 @@ from wayproof.harness.replay.audit.volumes import Volumes, measure, together
 from wayproof.harness.replay.audit.way import judge_way
 from wayproof.harness.replay.reasons import ReasonCheck
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.labels import combined_version
 from wayproof.maps import Representation, UnknownPolicy
 from wayproof.maps.columns import ColumnMap
 
-CHECKS: tuple[Callable[[Moment], list[Violation]], ...] = (
+CHECKS: tuple[Callable[[Committed], list[Violation]], ...] = (
     check_version,
     check_inputs,
     check_settings,
@@ -110,102 +109,135 @@ def audit(
 
     Args:
         path: The log.
-        policy: Unknown policy to check paths against; by default that of the log.
+        policy: As of `Auditor`.
         allow_plugins: Whether code that its config names may be imported.
-        volumes: Whether to measure the distances of paths from the volumes of cells, too.
-        measured_only: Whether paths are checked against what was measured alone, also where the
-            prior map of the log admits.
+        volumes: As of `Auditor`.
+        measured_only: As of `Auditor`.
 
     Raises:
         InputError: The file is no finished log, or holds no decision.
     """
     log = open_log(path, allow_plugins)
-    violations: list[Violation] = []
-    counts: Counter[str] = Counter()
-    measured: list[Volumes] = []
-    reasons = ReasonCheck()
-    cells: list[Rests] = []
-    for moment in moments(log, policy, measured_only):
-        kind, found = judge(moment)
-        found += _check_reason(moment, reasons)
-        violations += found
-        counts[kind] += 1
-        if moment.config.has_layers and kind == "swept" and moment.body.policy == "forbid":
-            cells.append(rests_of(moment))
-        if volumes and kind == "swept" and not any(one.rule == "swept" for one in found):
-            measured.append(measure(moment))
-            if measured[-1].greatest_m > measured[-1].bound_m:
-                text = f"{measured[-1].greatest_m:.3f} m nearer than radius and margin"
-                violations.append(moment.broken("volume", text))
-    decisions = counts.total()
-    if decisions == 0:
-        raise InputError(f"log '{path}': no decisions in it")
-    return Audit(
-        log=str(path),
-        policy=policy or log.config.costmap.unknown_policy,
-        decisions=decisions,
-        swept=counts["swept"],
-        stops=counts["stop"],
-        recoveries=counts["recovery"],
-        late=counts["late"],
-        violations=tuple(violations),
-        rules=dict(Counter(violation.rule for violation in violations)),
-        reasons=reasons.checked,
-        volumes=together(measured) if volumes else None,
-        rests=all_rests(cells) if cells else None,
-    )
+    auditor = Auditor(policy, volumes=volumes, measured_only=measured_only)
+    for moment in moments(log):
+        auditor(moment)
+    return auditor.audit(log)
 
 
-def judge(moment: Moment) -> tuple[str, list[Violation]]:
-    """Return the kind of the path of a decision, see `Way`, and its violations."""
-    if text := is_malformed(moment):
-        return "", [moment.broken("form", text)]
-    way = judge_way(moment)
-    found = [violation for check in CHECKS for violation in check(moment)]
-    return way.kind, [*found, *way.violations]
+class Auditor:
+    """Observer of the decisions of a log that checks each in order.
 
-
-def _check_reason(moment: Moment, reasons: ReasonCheck) -> list[Violation]:
-    if is_malformed(moment):
-        return []
-    found = reasons.check(moment.decision, moment.map, moment.config, moment.mission)
-    return [moment.broken("reason", text) for text in found]
-
-
-def moments(
-    log: Log, policy: UnknownPolicy | None = None, measured_only: bool = False
-) -> Iterator[Moment]:
-    """Yield every decision of a log with its map, without deciding again.
-
-    Raises:
-        InputError: The log is damaged.
+    Attributes:
+        violations: Violations so far.
     """
-    runs = segments_of(log)
-    priors = {run.begin: None if measured_only else prior_of(run.config) for run in runs}
-    stack = SegmentedStack(runs)
-    bodies = {
-        run.begin: Body(run.config, run.mission, policy or run.config.costmap.unknown_policy)
-        for run in runs
-    }
-    before: tuple[pb.Trajectory, ...] = (standing_at_start(runs[0].mission),)
-    for record in log.records():
-        navigator = stack.watch(record.inputs)
-        run = stack.segment
-        if run.config.recording is not None:  # nothing follows the trajectories
-            before = (resting(navigator, record.inputs),)
-        moment = Moment(
+
+    def __init__(
+        self,
+        policy: UnknownPolicy | None = None,
+        *,
+        volumes: bool = False,
+        measured_only: bool = False,
+    ) -> None:
+        """Start before the first decision.
+
+        Args:
+            policy: Unknown policy to check paths against; by default that of the log.
+            volumes: Whether to measure the distances of paths from the volumes of cells, too.
+            measured_only: Whether paths are checked against what was measured alone, also where
+                the prior map of the log admits.
+        """
+        self._policy, self._measured_only = policy, measured_only
+        self._config: Config | None = None
+        self._prior: PriorCells | None = None
+        self._before: tuple[pb.Trajectory, ...] = ()
+        self._kinds: Counter[str] = Counter()
+        self._reasons = ReasonCheck()
+        self._cells: list[Rests] = []
+        self._volumes: list[Volumes] | None = [] if volumes else None
+        self.violations: list[Violation] = []
+
+    def __call__(self, moment: Moment) -> None:
+        """Check the next decision."""
+        committed = self.committed(moment)
+        kind, found = judge(committed)
+        if not is_malformed(committed):
+            found += self._check_reason(committed)
+        self.follow(committed)
+        self.violations += found
+        self._kinds[kind] += 1
+        if kind != "swept":
+            return
+        if committed.config.has_layers and committed.body.policy == "forbid":
+            self._cells.append(rests_of(committed))
+        if self._volumes is not None and not any(one.rule == "swept" for one in found):
+            self._volumes.append(measure(committed))
+            if self._volumes[-1].greatest_m > self._volumes[-1].bound_m:
+                text = f"{self._volumes[-1].greatest_m:.3f} m nearer than radius and margin"
+                self.violations.append(committed.broken("volume", text))
+
+    def committed(self, moment: Moment) -> Committed:
+        """Return what the next decision committed to, with the body and the map to check it by."""
+        record, config, navigator = moment.record, moment.config, moment.navigator
+        if config is not self._config:
+            self._config = config
+            self._prior = None if self._measured_only else prior_of(config)
+        if config.recording is not None:  # nothing follows the trajectories
+            self._before = (resting(navigator, record.inputs),)
+        policy = self._policy or config.costmap.unknown_policy
+        return Committed(
             record=record,
-            config=run.config,
-            mission=mission_towards(run.mission, record.inputs.goal),
-            map=_admitted(navigator.map, priors[run.begin]),
+            config=config,
+            mission=moment.mission,
+            map=_admitted(navigator.map, self._prior),
             measured=navigator.map,
-            version=combined_version(navigator.map.version(), navigator.labels),
-            body=bodies[run.begin].placed(record.inputs.pose),
-            before=before,
+            version=navigator.mapper.version(),
+            body=Body(config, moment.mission, policy).placed(record.inputs.pose),
+            before=self._before or (standing_at_start(moment.mission),),
         )
-        yield moment
-        if not is_malformed(moment):
-            before = (*before[-1:], record.decision.trajectory)
+
+    def follow(self, committed: Committed) -> None:
+        """Let the next decision begin on the trajectory of this one, if it is one."""
+        if not is_malformed(committed):
+            self._before = (*committed.before[-1:], committed.decision.trajectory)
+
+    def audit(self, log: Log) -> Audit:
+        """Return the result for a log whose decisions were all checked.
+
+        Raises:
+            InputError: There was none.
+        """
+        decisions = self._kinds.total()
+        if decisions == 0:
+            raise InputError(f"log '{log.path}': no decisions in it")
+        return Audit(
+            log=str(log.path),
+            policy=self._policy or log.config.costmap.unknown_policy,
+            decisions=decisions,
+            swept=self._kinds["swept"],
+            stops=self._kinds["stop"],
+            recoveries=self._kinds["recovery"],
+            late=self._kinds["late"],
+            violations=tuple(self.violations),
+            rules=dict(Counter(violation.rule for violation in self.violations)),
+            reasons=self._reasons.checked,
+            volumes=None if self._volumes is None else together(self._volumes),
+            rests=all_rests(self._cells) if self._cells else None,
+        )
+
+    def _check_reason(self, committed: Committed) -> list[Violation]:
+        found = self._reasons.check(
+            committed.decision, committed.map, committed.config, committed.mission
+        )
+        return [committed.broken("reason", text) for text in found]
+
+
+def judge(committed: Committed) -> tuple[str, list[Violation]]:
+    """Return the kind of the path of a decision, see `Way`, and its violations."""
+    if text := is_malformed(committed):
+        return "", [committed.broken("form", text)]
+    way = judge_way(committed)
+    found = [violation for check in CHECKS for violation in check(committed)]
+    return way.kind, [*found, *way.violations]
 
 
 def _admitted(measured: Representation, prior: PriorCells | None) -> ColumnMap:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from wayproof.harness.judge.body import BESIDE, Discs, track_of
 from wayproof.harness.judge.volumes import distance_from_boxes
-from wayproof.harness.replay.audit.moment import Moment
+from wayproof.harness.replay.audit.committed import Committed
 
 
 @dataclass(frozen=True)
@@ -47,45 +47,49 @@ def together(parts: Iterable[Volumes]) -> Volumes:
     )
 
 
-def measure(moment: Moment) -> Volumes:
+def measure(committed: Committed) -> Volumes:
     """Measure one path."""
-    body, size = moment.body, moment.map.resolution
-    discs, slack = swept_as(moment)
-    missing = max(shortfall(moment, discs), 0.0)
+    body, size = committed.body, committed.map.resolution
+    discs, slack = swept_as(committed)
+    missing = max(shortfall(committed, discs), 0.0)
     bound = body.half_diagonal * size + slack
     return Volumes(
         paths=1,
         short=int(missing > 0.0),
         greatest_m=missing,
         bound_m=bound,
-        bare=int(missing > moment.margin),
+        bare=int(missing > committed.margin),
     )
 
 
-def swept_as(moment: Moment) -> tuple[Discs, float]:
+def swept_as(committed: Committed) -> tuple[Discs, float]:
     """Return the circumscribed disc where it has room, else the discs, and their slack, m."""
-    body = moment.body
-    if not moment.mission.discs:
+    body = committed.body
+    if not committed.mission.discs:
         return body.discs, 0.0
-    if body.first_overlap(moment.map, moment.poses[:, :3], body.radius + moment.margin) is None:
+    if (
+        body.first_overlap(committed.map, committed.poses[:, :3], body.radius + committed.margin)
+        is None
+    ):
         return body.about, 0.0
     return body.discs, math.sqrt(2.0) * BESIDE
 
 
-def shortfall(moment: Moment, discs: Discs) -> float:
+def shortfall(committed: Committed, discs: Discs) -> float:
     """Return by how much some discs come nearer to forbidden cells than radius and margin, m.
 
     Negative if they keep a greater distance; minus infinity if nothing is near.
     """
-    size, found = moment.map.resolution, -math.inf
+    size, found = committed.map.resolution, -math.inf
     for offset, radius in discs:
-        track, kept = track_of(moment.poses, offset), radius + moment.margin
+        track, kept = track_of(committed.poses, offset), radius + committed.margin
         # A point is at most half a diagonal from the centre of its cell, in both cells; between two
         # sampled points a path may cut a corner of a cell.
-        reach = kept / size + 2.0 * moment.body.half_diagonal + 1.0
-        cells = moment.body.cells(moment.map, track, reach * size)
+        reach = kept / size + 2.0 * committed.body.half_diagonal + 1.0
+        cells = committed.body.cells(committed.map, track, reach * size)
         low = (
-            cells.near(cells.touched(track), moment.body.wrong(cells), reach) * size + cells.corner
+            cells.near(cells.touched(track), committed.body.wrong(cells), reach) * size
+            + cells.corner
         )
         found = max(found, kept - distance_from_boxes(track[:, : cells.axes], low, low + size))
     return found

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.harness.replay.episodes import committed_of
 from wayproof.harness.config import Config
 from wayproof.harness.judge.body import BESIDE, ROUNDING, Body
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.audit.run import moments
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps import VoxelMap
 
@@ -58,7 +58,7 @@ def test_only_a_trajectory_that_goes_on_is_checked_from_where_the_decision_takes
     decision, before = pb.Decision(trajectory=trajectory()), trajectory()
     decision.timestamp.FromMilliseconds(150)  # decisions take effect after 50 ms
     before.path[1].x += shifted
-    real = next(moments(open_log(LOGS / "small.mcap")))
+    real = next(committed_of(open_log(LOGS / "small.mcap")))
     body = Body(CONFIG, MISSION, "forbid")
     record = replace(real.record, decision=decision)
     moment = replace(

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.harness.replay.episodes import committed_of
 from wayproof.harness.config import StackConfig
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.replay.audit.run import moments
 from wayproof.harness.replay.reasons import PREDICATES, ReasonCheck, figures_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.reason_sentences import MEANINGS, sentence
@@ -85,7 +85,7 @@ def texts_by_fault(log):
     checks = {name: ReasonCheck() for name in FALSE}
     found = {name: {} for name in FALSE}
     count = int(log.result["decisions"])
-    for moment in moments(log):
+    for moment in committed_of(log):
         sequence = moment.decision.sequence
         chosen = sequence % EVERY == 0 or sequence >= count - LAST
         for name, (falsify, _) in FALSE.items():
@@ -114,7 +114,7 @@ def test_a_false_figure_is_found(texts_by_fault, name):
 
 
 def test_words_that_its_figures_do_not_make_are_found(log):
-    check, moment = ReasonCheck(), next(moments(log))
+    check, moment = ReasonCheck(), next(committed_of(log))
     moment.decision.reason = "the way ahead is blocked"
     texts = check.check(moment.decision, moment.map, moment.config, moment.mission)
     assert texts == ["its sentence is not that of its figures"]
@@ -176,7 +176,7 @@ PLANTED = {
 
 def test_a_false_reason_of_each_kind_is_found(log):
     assert set(PLANTED) == set(MEANINGS) == set(PREDICATES)
-    *_, moment = itertools.islice(moments(log), 13)
+    *_, moment = itertools.islice(committed_of(log), 13)
     before = list(itertools.islice(log.decisions(), 12))
     for kind, figures in PLANTED.items():
         check = ReasonCheck()
@@ -215,7 +215,7 @@ BENDS_AT_ONCE = [[0.0, 0.0], [0.137, -0.034], [0.162, -0.073], [0.175, -0.123], 
     ],
 )
 def test_a_turn_leads_into_the_path_where_it_is_read(log, discs, turn, is_true):
-    moment = next(moments(log))
+    moment = next(committed_of(log))
     mission = replace(moment.mission, discs=discs)
     decision, reason = moment.decision, Reason("turning_into_path", turn_rad=turn)
     decision.predicate.CopyFrom(reason_message(reason))
@@ -247,7 +247,7 @@ def commanded_texts(moment, reason, verdict, path=None, turn=0.0):
 
 
 def test_a_command_without_proof_names_what_blocks_it_on_its_way(log):
-    *_, moment = itertools.islice(moments(log), 13)
+    *_, moment = itertools.islice(committed_of(log), 13)
     x, y, z = (getattr(moment.decision.trajectory.path[5], axis) for axis in "xyz")
     outside = {"cell": moment.mission.high, "cell_state": "unknown", "place": (x, y, z)}
     free = {"cell": (x, y, z), "cell_state": "occupied", "place": (x, y, z)}
@@ -264,7 +264,7 @@ def test_a_command_without_proof_names_what_blocks_it_on_its_way(log):
 
 
 def test_a_body_that_keeps_its_place_is_admitted_wherever_it_is(log):
-    moment = next(moments(log))
+    moment = next(committed_of(log))
     reason, unknown = Reason("commanded", free_m=0.0), [moment.mission.high]
     assert commanded_texts(moment, reason, "admitted", path=unknown) == []
     long = replace(moment, mission=replace(moment.mission, discs=((0.0, 0.3),)))
@@ -274,7 +274,7 @@ def test_a_body_that_keeps_its_place_is_admitted_wherever_it_is(log):
 
 @pytest.mark.parametrize(("left", "is_true"), [(0.25, True), (0.1, False), (0.5, False)])
 def test_what_is_left_of_a_step_under_way_is_what_its_trajectory_has_left(log, left, is_true):
-    moment = next(moments(log))
+    moment = next(committed_of(log))
     decision, reason = moment.decision, Reason("stepping_to_pose", distance_m=left, turn_rad=0.0)
     decision.predicate.CopyFrom(reason_message(reason))
     decision.reason, decision.action, decision.label = sentence(reason), "follow", "none"
@@ -294,7 +294,7 @@ def test_what_is_left_of_a_step_under_way_is_what_its_trajectory_has_left(log, l
 
 @pytest.mark.parametrize("more", [None, 0.0, 0.1])
 def test_a_robot_in_motion_brakes_before_a_blocked_goal(log, more):
-    *_, moment = itertools.islice(moments(log), 13)
+    *_, moment = itertools.islice(committed_of(log), 13)
     path = [(one.x, one.y, one.z) for one in moment.decision.trajectory.path]
     stop = sum(itertools.starmap(math.dist, itertools.pairwise(path)))
     stop_m = None if more is None else stop + more
@@ -321,7 +321,7 @@ LONG = ((-0.2, 0.2), (0.2, 0.2))
     ],
 )
 def test_a_stop_before_an_obstacle_is_one_that_was_needed(log, discs, spare, is_enough):
-    moment = next(moments(log))
+    moment = next(committed_of(log))
     mission = replace(moment.mission, discs=discs)
     if discs:  # the decision is of the discs
         decision, margin = moment.decision, moment.decision.localization_margin_m
@@ -345,7 +345,7 @@ def test_a_stop_before_an_obstacle_is_one_that_was_needed(log, discs, spare, is_
     [(LONG, 0.98, True), (LONG, 1.02, True), (LONG, 1.05, False), ((), 1.02, False)],
 )
 def test_a_long_body_may_take_a_little_more_than_leads_to_a_corner(log, discs, committed, is_true):
-    moment = next(moments(log))
+    moment = next(committed_of(log))
     decision, reason = moment.decision, Reason("path_to_corner", free_m=1.0, path_m=3.0)
     decision.predicate.CopyFrom(reason_message(reason))
     del decision.trajectory.path[:], decision.global_path[:]
@@ -360,7 +360,7 @@ def test_a_long_body_may_take_a_little_more_than_leads_to_a_corner(log, discs, c
 
 @pytest.mark.parametrize(("discs", "is_true"), [(LONG, True), ((), False)])
 def test_a_long_body_may_come_to_rest_before_the_unknown_on_its_way(log, discs, is_true):
-    *_, moment = itertools.islice(moments(log), 13)
+    *_, moment = itertools.islice(committed_of(log), 13)
     committed = len(moment.decision.trajectory.path) * 0.1 + 5.0
     spot = (1.0, 1.0, 1.0)
     reason = Reason(
@@ -388,7 +388,7 @@ def test_a_long_body_may_come_to_rest_before_the_unknown_on_its_way(log, discs, 
     ],
 )
 def test_a_body_is_slow_where_space_is_unknown(log, action, speeds, share, complaint):
-    *_, moment = itertools.islice(moments(log), 13)
+    *_, moment = itertools.islice(committed_of(log), 13)
     mission = replace(moment.mission, discs=LONG, max_speed=1.25, sideways_speed=1.0)
     behaviour = replace(moment.config.behaviour, unknown_speed_fraction=share)
     config = replace(moment.config, behaviour=behaviour)
@@ -410,7 +410,7 @@ def test_a_body_is_slow_where_space_is_unknown(log, action, speeds, share, compl
 
 def test_a_corner_that_the_thinned_path_leaves_out_is_where_the_committed_part_ends(log):
     """A kink to the right, of one step of 5 cm, of a path of which every fifth point is logged."""
-    moment = next(moments(log))
+    moment = next(committed_of(log))
     decision, reason = moment.decision, Reason("path_to_corner", free_m=0.72, path_m=0.85)
     decision.predicate.CopyFrom(reason_message(reason))
     del decision.trajectory.path[:], decision.global_path[:]
@@ -437,7 +437,7 @@ def test_a_corner_that_the_thinned_path_leaves_out_is_where_the_committed_part_e
 def test_figures_that_are_equal_as_rounded_may_have_been_in_order(
     log, kind, action, figures, complaint
 ):
-    moment, spot = next(moments(log)), (1.0, 1.0, 1.0)
+    moment, spot = next(committed_of(log)), (1.0, 1.0, 1.0)
     moment.decision.action = action
     found = []
     for values in ((0.3, 0.3), (0.3, 0.1), (0.1, 0.3)):
@@ -452,7 +452,7 @@ def test_figures_that_are_equal_as_rounded_may_have_been_in_order(
 
 
 def test_a_decision_without_figures_is_found(log):
-    moment = next(moments(log))
+    moment = next(committed_of(log))
     moment.decision.ClearField("predicate")
     given = moment.decision, moment.map, moment.config, moment.mission
     assert ReasonCheck().check(*given) == ["there is no reason with figures"]
@@ -460,7 +460,7 @@ def test_a_decision_without_figures_is_found(log):
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e300])
 def test_figures_that_no_decision_has_are_found_and_harm_nothing(log, value):
-    moment = next(moments(log))
+    moment = next(committed_of(log))
     for name in FIGURES:
         decision = pb.Decision()
         decision.CopyFrom(moment.decision)

@@ -63,7 +63,7 @@ def source(recorded):
 def test_an_untouched_log_is_verified(source, capsys):
     assert main(["verify", str(source)]) == 0
     shown = capsys.readouterr().out
-    assert shown.startswith("verified: timeout, 13 decisions replayed, simulated again; ")
+    assert shown.startswith("verified: timeout, 13 decisions simulated again; ")
     assert "claims: stage latencies, versions, machine" in shown
     assert "only 'replay simulate'" not in shown
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.harness.replay.episodes import committed_of
 from wayproof.harness.cli.main import main
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
@@ -14,7 +15,7 @@ from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.metrics import score
 from wayproof.harness.replay.audit import audit
-from wayproof.harness.replay.audit.run import judge, moments
+from wayproof.harness.replay.audit.run import judge
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.what_if import what_if
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -83,7 +84,7 @@ def test_an_episode_with_a_prior_is_verified_by_simulation(recorded):
 def moment(recorded):
     """A decision under a guide that sets out on a path."""
     log = open_log(Path(recorded("warehouse", "quadruped", 1, SHORT, TRUTH).log))
-    for one in moments(log):
+    for one in committed_of(log):
         if one.decision.action == "follow" and one.decision.committed_evidence.measured_m > 1.0:
             return one
     raise AssertionError("no decision sets out")
@@ -118,7 +119,7 @@ def test_a_policy_planted_in_a_log_that_admitted_is_found(recorded):
     log = open_log(Path(recorded("warehouse", "drone", 1, SHORT, TRUTH, "prior.policy=admit").log))
     guide = dataclasses.replace(log.config.prior, policy="guide")
     lied = dataclasses.replace(log, config=dataclasses.replace(log.config, prior=guide))
-    rules = {one.rule for each in moments(lied) for one in judge(each)[1]}
+    rules = {one.rule for each in committed_of(lied) for one in judge(each)[1]}
     assert {"swept", "evidence"} <= rules
 
 

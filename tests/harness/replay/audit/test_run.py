@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.harness.replay.episodes import committed_of
 from wayproof.harness.cli.main import main
 from wayproof.harness.decision import chain_hash
 from wayproof.harness.log.codec.container import walk
@@ -15,7 +16,7 @@ from wayproof.harness.log.copy import write_copy
 from wayproof.harness.log.head import read_head
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit import audit
-from wayproof.harness.replay.audit.run import judge, moments
+from wayproof.harness.replay.audit.run import judge
 from wayproof.harness.replay.audit.way import judge_way
 from wayproof.harness.schema import wayproof_pb2 as pb
 
@@ -55,7 +56,7 @@ def test_the_command_prints_the_broken_rules(recorded, capsys):
 def moment(recorded):
     """A decision of a real log on whose way the body moves at more than half a metre a second."""
     log = open_log(Path(recorded("warehouse", "quadruped", 1, SHORT).log))
-    for one in moments(log):
+    for one in committed_of(log):
         trajectory = one.decision.trajectory
         arcs = trajectory.arc_length
         half = len(arcs) // 2

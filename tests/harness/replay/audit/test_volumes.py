@@ -14,7 +14,7 @@ from wayproof.harness.judge.body import Body
 from wayproof.harness.judge.volumes import segment_from_boxes
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.audit.moment import Moment, standing_at_start
+from wayproof.harness.replay.audit.committed import Committed, standing_at_start
 from wayproof.harness.replay.audit.volumes import (
     Volumes,
     measure,
@@ -81,7 +81,7 @@ def on_its_way(motion, radius, free, way):
     record = Record(Inputs(0, 1, pose, (), ""), pb.Latency(), decision)
     body = Body(config, mission, "forbid")
     before = (standing_at_start(mission),)
-    return Moment(record, config, mission, voxel_map, voxel_map, "", body, before)
+    return Committed(record, config, mission, voxel_map, voxel_map, "", body, before)
 
 
 def test_past_a_wall_in_the_air():

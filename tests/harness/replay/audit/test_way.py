@@ -9,7 +9,7 @@ from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.judge.body import Body
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
-from wayproof.harness.replay.audit.moment import Moment
+from wayproof.harness.replay.audit.committed import Committed
 from wayproof.harness.replay.audit.way import judge_way
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps import VoxelMap
@@ -31,7 +31,7 @@ def in_the_air(way, arcs, action, before=None, mission=AIR):
     record = Record(Inputs(0, 1, pose, (), ""), pb.Latency(), decision)
     body = Body(config, mission, "forbid")
     before = before or trajectory(way, arcs)
-    return Moment(record, config, mission, voxel_map, voxel_map, "", body, (before,))
+    return Committed(record, config, mission, voxel_map, voxel_map, "", body, (before,))
 
 
 def trajectory(way, arcs):
@@ -100,7 +100,7 @@ def test_a_stop_on_a_way_that_has_closed_brakes_at_once():
     assert [one.rule for one in sped_up.violations] == ["stop"]
 
 
-def test_the_last_millimetre_of_a_stop_may_go_by_another_name():
+def test_the_last_centimetre_of_a_stop_may_go_by_another_name():
     """The body rests in what has become unknown, and ends the turn that it was in."""
     begin, end = (0.95, 0.0, 1.0), (0.9505, 0.0, 1.0)
     earlier = trajectory([(0.2, 0.0, 1.0), end], at_speed([(0.2, 0.0, 1.0), end], 0.1))
@@ -115,7 +115,7 @@ def test_the_last_millimetre_of_a_stop_may_go_by_another_name():
         return judge_way(dataclasses.replace(moment, config=on_trial)).kind
 
     assert kind([begin, end], 0.03) == "stop"
-    assert kind([begin, (0.96, 0.0, 1.0)], 0.03) == "swept"
+    assert kind([begin, (0.98, 0.0, 1.0)], 0.03) == "swept"
     assert kind([begin, end], 0.03, stack="dwa") == "swept"
 
 

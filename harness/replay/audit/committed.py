@@ -44,7 +44,7 @@ class Violation:
 
 
 @dataclass(frozen=True)
-class Moment:
+class Committed:
     """One decision with its inputs, settings and map.
 
     Attributes:
@@ -151,7 +151,7 @@ def resting(navigator: Navigator, inputs: Inputs) -> pb.Trajectory:
     return trajectory
 
 
-def apart(moment: Moment, a: Array, b: Array) -> float:
+def apart(committed: Committed, a: Array, b: Array) -> float:
     """Return the distance between two points (3,), m; in the plane for a body on the ground."""
-    axes = moment.mission.axes
+    axes = committed.mission.axes
     return float(np.sqrt(((a - b)[:axes] ** 2).sum()))
