@@ -17,7 +17,7 @@ from wayproof.harness.recordings.bags.choose import (
     UNSURE,
     Motion,
     body_height,
-    choose_camera,
+    choose_cameras,
     choose_motion,
     choose_mount,
     choose_sensors,
@@ -31,13 +31,13 @@ from wayproof.harness.recordings.bags.messages import IMAGE, decode, header_stam
 from wayproof.harness.recordings.bags.sensors import Reading, Topic, beams_of, first_of, measured_by
 from wayproof.harness.recordings.bags.survey import (
     STAMPLESS,
-    UNREADABLE,
     SensorTopic,
     Survey,
     container_of,
     files_of,
     messages_of,
     survey,
+    unreadable,
 )
 from wayproof.harness.recordings.bags.transforms import tree_for
 from wayproof.harness.recordings.beams import (
@@ -161,8 +161,8 @@ class _TopicReader:
                 continue
             try:
                 beams = beams_of(raw, self.reading, silent, faults)
-            except Broken:
-                faults[UNREADABLE] += 1
+            except Broken as error:
+                faults[unreadable(faults, error)] += 1
                 continue
             mount = fixed or self._mount_at(stamp, faults)
             # An episode's first sweep began before its first pose: the body stood there.
@@ -257,12 +257,13 @@ def _topic(path: Path, name: str, found: Survey, options: RecordingOptions) -> T
             f"recording '{path}': '{name}' has messages of several frames: {listed}; expected one"
             " sensor a topic: split it by frame_id"
         )
-    camera = choose_camera(path, name, found, options) if first.type == IMAGE else None
+    cameras = choose_cameras(path, name, found, options) if first.type == IMAGE else ()
     try:
         limits = found.limits.get(name + LIMITS, (0.0, np.inf))
-        topic = first_of(first, camera, limits, found.sensors[name].period_ns)
+        topic = first_of(first, cameras, limits, found.sensors[name].period_ns)
     except Broken as error:
         raise InputError(f"recording '{path}': '{name}' cannot be read ({error})") from None
+    topic = topic._replace(period_ns=found.sensors[name].period_ns)
     maxima = found.sensors[name].maxima
     if not maxima:
         return topic

@@ -121,19 +121,25 @@ def _described(name: str, topic: SensorTopic) -> str:
     return f"{name} ({topic.first.type.rsplit('/', 1)[-1]}, {len(topic.stamps)})"
 
 
-def choose_camera(path: Path, topic: str, found: Survey, options: RecordingOptions) -> Camera:
-    """Return the camera of a depth image: of its namespace, the only one, or of the options.
+def choose_cameras(
+    path: Path, topic: str, found: Survey, options: RecordingOptions
+) -> tuple[tuple[int, Camera], ...]:
+    """Return the cameras of depth images, from stamps on, ns, in order.
+
+    They are those of the images' namespace, of the only CameraInfo, or of the options.
 
     Raises:
         InputError: There is none, or there are several.
     """
     if options.intrinsics is not None:
-        return Camera(0, 0, options.intrinsics, False)
+        return ((0, Camera(0, 0, options.intrinsics, False)),)
     beside = topic.rsplit("/", 1)[0] + "/camera_info"
-    if beside in found.cameras:
-        return _of_image(path, topic, found.cameras[beside])
-    if len(found.cameras) == 1:
-        return _of_image(path, topic, next(iter(found.cameras.values())))
+    known = found.cameras.get(beside)
+    if known is None and len(found.cameras) == 1:
+        known = next(iter(found.cameras.values()))
+    if known is not None:
+        made = {one: _of_image(path, topic, one) for _, one in known}
+        return tuple(sorted((stamp, made[one]) for stamp, one in known))
     listed = ", ".join(sorted(found.cameras)) or "none"
     raise InputError(
         f"recording '{path}': no '{beside}' for '{topic}' (CameraInfo: {listed}),"

@@ -29,8 +29,12 @@ SHORTEST_SWEEP_NS = 10**6
 
 UNITS = {1e9: "s", 1e6: "ms", 1e3: "us", 1.0: "ns"}
 
-FEW = (0.02, 0.98)
-"""Shares of the times between which the length of a sweep is measured: a few may be wrong."""
+FEW = 0.05
+"""Share of the times at either end that the length of a sweep is measured without: a few may be
+wrong."""
+
+LEAST_POINTS = 20
+"""Number of points from which on some are left out of the length."""
 
 LONGEST_SHARE = 1.2
 """Greatest length of a sweep, as a share of the time between stamps."""
@@ -127,8 +131,13 @@ def point_time(cloud: Cloud, period_ns: float | None = None) -> PointTime | None
     times = cloud.times[np.isfinite(cloud.times)].astype(np.float64)
     if len(times) == 0:
         return None
-    low, high = np.quantile(times, FEW) if len(times) > 100 else (times.min(), times.max())
-    spread = float(high - low)
+    low, high = float(times.min()), float(times.max())
+    if len(times) >= LEAST_POINTS:
+        inner = np.quantile(times, (FEW, 1.0 - FEW))
+        spread = float(inner[1] - inner[0]) / (1.0 - 2.0 * FEW)
+        low, high = max(low, float(inner[0]) - spread), min(high, float(inner[1]) + spread)
+    else:
+        spread = high - low
     unit = _usual_unit(cloud.times.dtype, spread)
     share = False
     if period_ns is not None and spread > 0.0:

@@ -203,6 +203,17 @@ def camera_of(raw: RawMessage) -> Camera:
     return Camera(*_size(message), raw_image, bool((distortion != 0.0).any()), rectified)
 
 
+def add_camera(known: list[tuple[int, Camera]], raw: RawMessage) -> None:
+    """Add the camera of a CameraInfo and its stamp, ns.
+
+    Raises:
+        Broken: As of `camera_of`.
+    """
+    camera = camera_of(raw)
+    same = known and known[-1][1] == camera  # one object of many alike
+    known.append((header_stamp(raw), known[-1][1] if same else camera))
+
+
 def _size(message: Any) -> tuple[int, int]:
     """Return the columns and rows of the images of a CameraInfo: of its region, binned."""
     across, down = max(int(message.binning_x), 1), max(int(message.binning_y), 1)

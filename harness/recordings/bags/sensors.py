@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.recordings.bags.clouds import (
+    LONGEST_SHARE,
     PointTime,
     finite,
     offsets_ns,
@@ -18,7 +21,15 @@ from wayproof.harness.recordings.bags.clouds import (
     read_cloud,
 )
 from wayproof.harness.recordings.bags.container import Broken, RawMessage
-from wayproof.harness.recordings.bags.messages import CLOUD, IMAGE, SCAN, Camera, decode, frame_name
+from wayproof.harness.recordings.bags.messages import (
+    CLOUD,
+    IMAGE,
+    SCAN,
+    Camera,
+    decode,
+    frame_name,
+    stamp_of,
+)
 from wayproof.harness.recordings.beams import (
     FARTHEST,
     Beams,
@@ -45,6 +56,14 @@ DEPTH_ENCODINGS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 
 MILLIMETRES = 1000.0
 LONGEST_SCAN_NS = 10e9
+
+DEEPEST = 200.0
+"""Median depth of an image beyond which it is not in metres, m."""
+
+LEAST_SHARE = 0.02
+"""Share of the time of a scan that its beams take at least."""
+
+AT_ONCE = "sweep: beams without times in a scan that takes time"
 MOST_ANGLE = 100.0
 
 
@@ -57,9 +76,10 @@ class Topic(NamedTuple):
         range_min: Minimum range, m.
         range_max: Maximum range, m; inf where it is not stated.
         time: Field with the time of a point.
-        camera: Geometry of the images.
+        cameras: Geometry of the images from stamps on, ns, in order.
         maximum_varies: Whether its maximum range is another one from message to message.
         declared: Declaration of a sensor whose ranges are recorded as it measured them.
+        period_ns: Time from one message to the next, ns; None where it is not known.
     """
 
     kind: SensorKind
@@ -67,9 +87,10 @@ class Topic(NamedTuple):
     range_min: float
     range_max: float
     time: PointTime | None = None
-    camera: Camera | None = None
+    cameras: tuple[tuple[int, Camera], ...] = ()
     maximum_varies: bool = False
     declared: pb.SensorInfo | None = None
+    period_ns: float | None = None
 
 
 @dataclass(frozen=True)
@@ -105,7 +126,7 @@ def measured_by(info: pb.SensorInfo) -> Topic:
 
 def first_of(
     raw: RawMessage,
-    camera: Camera | None,
+    cameras: tuple[tuple[int, Camera], ...],
     limits: tuple[float, float] = (0.0, np.inf),
     period_ns: float | None = None,
 ) -> Topic:
@@ -113,7 +134,7 @@ def first_of(
 
     Args:
         raw: The message.
-        camera: Geometry of the images.
+        cameras: Geometry of the images from stamps on, ns.
         limits: Limits of points or depths, m, which their messages do not state.
         period_ns: Time from one message to the next, ns.
 
@@ -129,7 +150,7 @@ def first_of(
         time = point_time(finite(cloud, Counter()), period_ns)
         return Topic("points", frame_name(cloud.frame), *limits, time)
     frame = frame_name(decode(raw).header.frame_id)
-    return Topic("depth", frame, *limits, camera=camera)
+    return Topic("depth", frame, *limits, cameras=cameras)
 
 
 def finite_points(raw: RawMessage) -> int:
@@ -165,9 +186,17 @@ def _of_scan(message: Any, reading: Reading, faults: Faults) -> Beams:
     count = len(message.ranges)
     if not all(abs(angle) < MOST_ANGLE for angle in (*angles, angles[1] * count)):
         raise Broken(f"a scan of {count} beams from {angles[0]:g} by {angles[1]:g} rad")
+    last = float(message.angle_max) - angles[0] - angles[1] * (count - 1)
+    if abs(last) > 2.0 * abs(angles[1]) + 0.05 * abs(angles[1]) * count:
+        raise Broken(f"a scan of {count} beams by {angles[1]:g} rad to {message.angle_max:g} rad")
     step = float(message.time_increment)
-    if not abs(step) * count * 1e9 <= LONGEST_SCAN_NS:
-        raise Broken(f"a scan of {count} beams, {step:g} s apart")
+    period = float(message.scan_time) * 1e9
+    if not 0.0 < period <= LONGEST_SCAN_NS:
+        period = topic.period_ns or LONGEST_SCAN_NS / LONGEST_SHARE
+    if not abs(step) * count * 1e9 <= LONGEST_SHARE * period:
+        raise Broken(f"a scan of {count} beams {step:g} s apart in {period / 1e9:g} s")
+    if abs(step) * count * 1e9 < LEAST_SHARE * float(message.scan_time) * 1e9:
+        faults[AT_ONCE] += 1
     ranges = np.asarray(message.ranges)
     # Older drivers write the maximum where nothing came back; laser_geometry drops it, too.
     # Some write the largest reading of each scan as its maximum, which is then a return.
@@ -223,7 +252,10 @@ def _as_measured(message: Any, info: pb.SensorInfo, limits: Limits, faults: Faul
 
 
 def _of_image(message: Any, reading: Reading, faults: Faults) -> Beams:
-    camera, options = reading.topic.camera, reading.options
+    stamp, options = stamp_of(message.header), reading.options
+    cameras = reading.topic.cameras
+    place = bisect_right(cameras, stamp, key=itemgetter(0))
+    camera = cameras[max(place - 1, 0)][1] if cameras else None
     rows, columns, step = int(message.height), int(message.width), int(message.step)
     if message.encoding not in DEPTH_ENCODINGS or camera is None:
         raise Broken(f"an image of encoding '{message.encoding[:20]}'")
@@ -238,6 +270,9 @@ def _of_image(message: Any, reading: Reading, faults: Faults) -> Beams:
     pixels = np.ascontiguousarray(lines[:, : columns * kind.itemsize]).view(kind)
     scale = (options.depth_scale or MILLIMETRES) if kind.kind == "u" else 1.0
     depths = depths_of(pixels, scale)
+    known = depths[np.isfinite(depths) & (depths > 0.0)]
+    if len(known) and np.median(known) > DEEPEST:
+        raise Broken(f"an image of depths of {np.median(known):g} m, expected metres")
     return depth_beams(depths, camera.intrinsics, options.pixel_stride, reading.limits, faults)
 
 

@@ -30,7 +30,7 @@ from wayproof.harness.recordings.bags.messages import (
     TEXT,
     TRANSFORMS,
     Camera,
-    camera_of,
+    add_camera,
     decode,
     frame_of,
     header_stamp,
@@ -134,7 +134,7 @@ class Survey:
     Attributes:
         sensors: Topics with ranges, points or depths.
         poses: Topics with poses.
-        cameras: Geometry of cameras by the topic of their CameraInfo.
+        cameras: Geometry of cameras by the topic of their CameraInfo, from stamps on, ns.
         limits: Minimum and maximum range by the topic of a Range, m.
         others: Types of the topics that are not read.
         transforms: Transforms by the namespace of their topics.
@@ -144,7 +144,7 @@ class Survey:
 
     sensors: dict[str, SensorTopic]
     poses: dict[str, PoseTopic]
-    cameras: dict[str, Camera]
+    cameras: dict[str, list[tuple[int, Camera]]]
     limits: dict[str, tuple[float, float]]
     others: dict[str, str]
     transforms: dict[str, Transforms]
@@ -191,18 +191,24 @@ def messages_of(files: Sequence[Path], faults: Faults) -> Iterator[RawMessage]:
                 faults[DAMAGED] += 1
 
 
+def unreadable(faults: Faults, error: Broken) -> str:
+    """Return the kind of fault of messages that cannot be read, with the text of the first one."""
+    first = next((kind for kind in faults if kind.startswith(UNREADABLE)), None)
+    return first or f"{UNREADABLE}, the first: {error}"
+
+
 def survey(files: Sequence[Path], faults: Faults) -> Survey:
     """Read a bag once, and keep its poses and the first messages of its sensors."""
     walk = _Walk(faults)
     for raw in messages_of(files, faults):
         try:
             walk.take(raw)
-        except Broken:
-            faults[UNREADABLE] += 1
+        except Broken as error:
+            faults[unreadable(faults, error)] += 1
     return Survey(
         sensors=walk.sensors,
         poses=walk.poses,
-        cameras=walk.cameras,
+        cameras={name: known for name, known in walk.cameras.items() if known},
         limits=walk.limits,
         others=walk.others,
         transforms=walk.transforms,
@@ -218,7 +224,7 @@ class _Walk:
         self._faults = faults
         self.sensors: dict[str, SensorTopic] = {}
         self.poses: dict[str, PoseTopic] = {}
-        self.cameras: dict[str, Camera] = {}
+        self.cameras: dict[str, list[tuple[int, Camera]]] = {}
         self.limits: dict[str, tuple[float, float]] = {}
         self.others: dict[str, str] = {}
         self.transforms: dict[str, Transforms] = {}
@@ -235,8 +241,7 @@ class _Walk:
             topic = PoseTopic(pose.parent, pose.child, raw.type)
             self.poses.setdefault(raw.topic, topic).samples.add(pose)
         elif raw.type == CAMERA:
-            if raw.topic not in self.cameras:
-                self.cameras[raw.topic] = camera_of(raw)
+            add_camera(self.cameras.setdefault(raw.topic, []), raw)
         elif raw.type == RANGE:
             if raw.topic not in self.limits:
                 message = decode(raw)

@@ -44,7 +44,6 @@ class Bag:
         defaults = {
             "header": self.build.header(round(stamp * S), frame),
             "angle_min": -1.0,
-            "angle_max": 1.0,
             "angle_increment": 0.5,
             "time_increment": 0.0,
             "scan_time": 0.0,
@@ -53,7 +52,10 @@ class Bag:
             "ranges": np.array(ranges, np.float32),
             "intensities": np.empty(0, np.float32),
         }
-        message = self.build.make("sensor_msgs/LaserScan", **(defaults | fields))
+        message = defaults | fields
+        span = message["angle_increment"] * (len(ranges) - 1)
+        message = {"angle_max": message["angle_min"] + span} | message
+        message = self.build.make("sensor_msgs/LaserScan", **message)
         self.add(topic, "sensor_msgs/LaserScan", message, stamp)
 
     def cloud(self, stamp, columns, topic="/points", frame="lidar", **changed):

@@ -104,7 +104,9 @@ def test_a_sweep_without_pose_or_transform_is_left_out_and_counted(tmp_path):
     bag = simple()
     for stamp in (9.9, 10.0, 12.0, 12.1):
         bag.scan(stamp, [1.0])
-    bag.scan(11.9, [1.0] * 3, time_increment=0.1)  # its last beam is after the last pose
+    bag.scan(
+        11.9, [1.0] * 3, time_increment=0.1, scan_time=0.3
+    )  # its last beam is after the last pose
     recording = opened(bag.write(tmp_path / "bag"))
     assert [sweep.time_ns for sweep in recording.sweeps()] == [0, 2_000_000_000]
     assert recording.faults == {"sweep: no pose at its time": 3}
@@ -365,7 +367,10 @@ def test_messages_of_sizes_that_do_not_agree_are_counted(tmp_path):
     bag.scan(10.5, [])
     recording = opened(bag.write(tmp_path / "bag"))
     assert len(list(recording.sweeps())) == 2
-    assert recording.faults == {"message: cannot be read": 2, "sweep: nothing measured": 1}
+    assert recording.faults == {
+        "message: cannot be read, the first: a scan of 1 beams from -1 by nan rad": 2,
+        "sweep: nothing measured": 1,
+    }
 
 
 def test_bytes_of_another_type_are_counted(tmp_path):
