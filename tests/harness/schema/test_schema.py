@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.tools import field_numbers
 from tests.tools.small_log import COMMITTED
 from wayproof.harness.errors import InputError
 from wayproof.harness.log import writer as log
@@ -24,23 +23,6 @@ def test_the_generated_code_is_that_of_the_schema(tmp_path):
     for name in ("wayproof_pb2.py", "wayproof_pb2.pyi"):
         generated = (tmp_path / "harness/schema" / name).read_text()
         assert (ROOT / "harness/schema" / name).read_text() == generated, "run: make schema"
-
-
-def test_no_field_number_changed_its_meaning():
-    assert field_numbers.changed(field_numbers.committed(), field_numbers.current()) == []
-
-
-def test_every_field_number_is_in_the_table():
-    new = field_numbers.added(field_numbers.committed(), field_numbers.current())
-    assert new == [], "run: python -m tests.tools.field_numbers"
-
-
-def test_a_reused_number_is_found():
-    table = {"Point": {"1": "double x", "2": "double y"}}
-    again = {"Point": {"1": "double x", "2": "float y"}}
-    assert field_numbers.changed(table, again) == ["Point 2: was 'double y', is 'float y'"]
-    assert field_numbers.changed(table, {"Point": {"1": "double x"}}) == []
-    assert field_numbers.added(table, {"Point": {"3": "double z"}}) == ["Point 3: double z"]
 
 
 def test_the_committed_log_replays():
