@@ -67,8 +67,8 @@ def choose_sensors(path: Path, found: Survey, options: RecordingOptions) -> list
     if not main:
         others = ", ".join(f"{name} ({type_})" for name, type_ in sorted(found.others.items())[:20])
         raise InputError(
-            f"recording '{path}': no LaserScan, PointCloud2 or depth Image that can be read"
-            f" (topics: {others or 'none'})"
+            f"recording '{path}': no LaserScan, PointCloud2, CustomMsg or depth Image that can be"
+            f" read (topics: {others or 'none'})"
         )
     for name, given in zip(named, options.sensors, strict=True):
         if name not in main and name not in exact:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.recordings.bags.container import Broken
-from wayproof.harness.recordings.bags.messages import stamp_of
+from wayproof.harness.recordings.bags.messages import LIVOX, stamp_of
 from wayproof.harness.recordings.recording import Faults
 
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
@@ -84,12 +84,26 @@ class Cloud(NamedTuple):
     frame: str
 
 
-def read_cloud(message: Any) -> Cloud:  # a PointCloud2 of rosbags
-    """Return the points of a PointCloud2, and their times if it has some.
+def read_cloud(message: Any) -> Cloud:  # of rosbags
+    """Return the points of a PointCloud2 or a CustomMsg, with their times if it has some.
 
     Raises:
         Broken: Its sizes do not agree with each other, or it has no x, y, z.
     """
+    return (_of_livox if message.__msgtype__ in LIVOX else _of_fields)(message)
+
+
+def _of_livox(message: Any) -> Cloud:
+    rows = [(one.x, one.y, one.z) for one in message.points]
+    points = np.array(rows, np.float32).reshape(-1, 3)
+    # The driver sends a beam without return as a point at the sensor.
+    met = points.any(axis=1)
+    times = np.array([one.offset_time for one in message.points], np.uint32)[met]
+    stamp, frame = stamp_of(message.header), message.header.frame_id
+    return Cloud(points[met], times, time_field="offset_time", stamp_ns=stamp, frame=frame)
+
+
+def _of_fields(message: Any) -> Cloud:
     rows = _rows(message)
     fields = {field.name: field for field in message.fields[:256]}
     if not {"x", "y", "z"} <= fields.keys():

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 SCAN = "sensor_msgs/msg/LaserScan"
 CLOUD = "sensor_msgs/msg/PointCloud2"
+LIVOX = ("livox_ros_driver2/msg/CustomMsg", "livox_ros_driver/msg/CustomMsg")
 IMAGE = "sensor_msgs/msg/Image"
 RANGE = "sensor_msgs/msg/Range"
 CAMERA = "sensor_msgs/msg/CameraInfo"
@@ -27,8 +28,24 @@ POSE_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 TEXT = "std_msgs/msg/String"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
-SENSORS = (SCAN, CLOUD, IMAGE)
+CLOUDS = (CLOUD, *LIVOX)
+SENSORS = (SCAN, *CLOUDS, IMAGE)
 POSES = (ODOMETRY, POSE, POSE_COVARIANCE)
+
+LIVOX_DEFINITIONS = {
+    name.replace("Msg", "Point"): (
+        "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\n"
+        "uint8 reflectivity\nuint8 tag\nuint8 line\n"
+    )
+    for name in LIVOX
+} | {
+    name: (
+        "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\n"
+        "uint8[3] rsvd\nCustomPoint[] points\n"
+    )
+    for name in LIVOX
+}
+"""Definitions of the clouds of Livox's drivers, which `rosbags` does not have."""
 
 ROS1_DEFINITIONS = {name: "geometry_msgs/TransformStamped[] transforms\n" for name in TRANSFORMS}
 """Definitions of messages of ROS 1 that `rosbags` has for ROS 2 alone."""
@@ -95,7 +112,8 @@ def typestore(encoding: str) -> Typestore:
         ) from None
     ros1 = encoding == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
-    for name, definition in (ROS1_DEFINITIONS if ros1 else ROS2_DEFINITIONS).items():
+    definitions = LIVOX_DEFINITIONS | (ROS1_DEFINITIONS if ros1 else ROS2_DEFINITIONS)
+    for name, definition in definitions.items():
         store.register(get_types_from_msg(definition, name))
     return store
 

@@ -22,7 +22,7 @@ from wayproof.harness.recordings.bags.clouds import (
 )
 from wayproof.harness.recordings.bags.container import Broken, RawMessage
 from wayproof.harness.recordings.bags.messages import (
-    CLOUD,
+    CLOUDS,
     IMAGE,
     SCAN,
     Camera,
@@ -145,7 +145,7 @@ def first_of(
         scan = decode(raw)
         low, high = scan_limits(scan.range_min, scan.range_max)
         return Topic("laser", frame_name(scan.header.frame_id), low, high)
-    if raw.type == CLOUD:
+    if raw.type in CLOUDS:
         cloud = read_cloud(decode(raw))
         time = point_time(finite(cloud, Counter()), period_ns)
         return Topic("points", frame_name(cloud.frame), *limits, time)

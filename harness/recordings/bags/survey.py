@@ -22,7 +22,7 @@ from wayproof.harness.recordings.bags.container import (
 from wayproof.harness.recordings.bags.frames import MOST_FRAMES, FrameTree, Samples
 from wayproof.harness.recordings.bags.messages import (
     CAMERA,
-    CLOUD,
+    CLOUDS,
     POSES,
     RANGE,
     SCAN,
@@ -274,7 +274,7 @@ class _Walk:
             del self.sensors[raw.topic]
             self.others[raw.topic] = raw.type
         elif topic.first is None or len(topic.stamps) <= FIRST_CLOUDS:
-            points = finite_points(raw) if raw.type == CLOUD else 0
+            points = finite_points(raw) if raw.type in CLOUDS else 0
             if points > topic.points:
                 topic.first, topic.points = raw._replace(data=bytes(raw.data)), points
 

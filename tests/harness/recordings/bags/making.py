@@ -89,6 +89,24 @@ class Bag:
         message = self.build.make("sensor_msgs/PointCloud2", **(defaults | changed))
         self.add(topic, "sensor_msgs/PointCloud2", message, stamp)
 
+    def livox(self, stamp, points, offsets_ns, package="livox_ros_driver2"):
+        """Add a CustomMsg of points (n, 3), m, measured at offsets (n,) from the stamp."""
+        kind = f"{package}/CustomPoint"
+        made = [
+            self.build.make(kind, offset_time=int(t), x=x, y=y, z=z, reflectivity=9, tag=0, line=0)
+            for t, (x, y, z) in zip(offsets_ns, points, strict=True)
+        ]
+        message = self.build.make(
+            f"{package}/CustomMsg",
+            header=self.build.header(round(stamp * S), "lidar"),
+            timebase=round(stamp * S),
+            point_num=len(made),
+            lidar_id=0,
+            rsvd=np.zeros(3, np.uint8),
+            points=made,
+        )
+        self.add("/livox/lidar", f"{package}/CustomMsg", message, stamp)
+
     def image(self, stamp, pixels, encoding, topic="/depth/image_raw", **changed):
         defaults = {
             "header": self.build.header(round(stamp * S), "camera"),

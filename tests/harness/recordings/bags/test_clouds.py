@@ -45,6 +45,23 @@ def test_points_of_other_types_and_orders(tmp_path, kind):
     assert sweep.points.tolist() == POINTS.tolist()
 
 
+@pytest.mark.parametrize(
+    ("kind", "package"), [("mcap", "livox_ros_driver2"), ("ros1", "livox_ros_driver")]
+)
+def test_a_cloud_of_livox_has_the_times_of_its_points(tmp_path, kind, package):
+    bag = Bag(kind)
+    bag.tf("base_link", "lidar", 0.0, at(0.0, 0.0, 0.5), "/tf_static")
+    bag.drive([1000.0, 1001.0, 1002.0])
+    points = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
+    for stamp in (1000.1, 1000.2, 1000.3):
+        bag.livox(stamp, points, [0, 40_000_000, 90_000_000], package)
+    recording = open_recording(bag.write(tmp_path / ("bag.bag" if kind == "ros1" else "bag")))
+    found = list(recording.sweeps())
+    assert [sweep.ranges.tolist() for sweep in found] == [[1.0, 5.0]] * 3
+    assert found[0].beam_times_ns.tolist() == [0, 90_000_000]
+    assert recording.faults == {}
+
+
 def test_an_organised_cloud_with_holes_and_padded_rows(tmp_path):
     points = np.full((2, 3, 3), np.nan, np.float32)
     points[0, 1], points[1, 2] = [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]
