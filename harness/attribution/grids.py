@@ -216,10 +216,17 @@ def _graph(free: Cells, nodes: NDArray[np.int32], size: float) -> sparse.csr_mat
     return sparse.csr_matrix((weights, heads[there], ends), shape=(len(heads),) * 2)
 
 
-def true_occupancy(case: Case, navigator: Navigator, moving: bool = False) -> Cells:
+def true_occupancy(
+    case: Case, navigator: Navigator, moving: bool = False, steepest: float | None = None
+) -> Cells:
     """Return the true occupancy of the cells of a costmap, with the movers as placed.
 
-    With `moving` only the movers count.
+    Args:
+        case: The episode.
+        navigator: Stack with the costmap.
+        moving: Whether only movers count.
+        steepest: Slope up to which ramps of class `floor` are climbed, rad; by default they are
+            obstacles, and a field of heights is climbed as far as `CLIMBED`.
     """
     costmap, mission, size = navigator.costmap, case.mission, navigator.map.resolution
     if not mission.planar:
@@ -230,10 +237,10 @@ def true_occupancy(case: Case, navigator: Navigator, moving: bool = False) -> Ce
     nx, ny, _ = costmap.shape
     x, y = np.meshgrid(*(np.arange(n) + 0.5 for n in (nx, ny)), indexing="ij")
     spots = costmap.origin[:2] + size * np.stack([x, y], axis=-1).reshape(-1, 2)
-    ground = case.space.terrain(spots)
+    ground = case.space.terrain(spots, climbed=steepest is not None)
     if ground is not None:
         standing = _standing_on(
-            case, costmap.origin, ground=ground.reshape(nx, ny), size=size, moving=moving
+            case, costmap.origin, ground.reshape(nx, ny), size, moving=moving, steepest=steepest
         )
         return standing[:, :, None]
     layers = max(1, int(np.ceil((mission.height - mission.step_height) / size - 1e-6)))
@@ -250,7 +257,9 @@ CLIMBED = 0.35
 """Slope that a body which walks climbs whatever its settings, rad: as far as ends are chosen."""
 
 
-def _standing_on(case: Case, origin: Array, ground: Array, size: float, moving: bool) -> Cells:
+def _standing_on(
+    case: Case, origin: Array, ground: Array, size: float, *, moving: bool, steepest: float | None
+) -> Cells:
     """Return the columns (nx, ny) that are closed on terrain: by a thing, a slope, or no ground.
 
     Args:
@@ -259,13 +268,16 @@ def _standing_on(case: Case, origin: Array, ground: Array, size: float, moving: 
         ground: (nx, ny) height of the ground, m; -inf where none is.
         size: Side of a column, m.
         moving: Whether only movers count.
+        steepest: As of `true_occupancy`.
     """
     mission, there = case.mission, np.isfinite(ground)
     level = np.where(there, ground, 0.0)
     lowest = float(level.min()) + mission.step_height
     layers = max(1, int(np.ceil((float(level.max()) + mission.height - lowest) / size)))
     corner = np.array([*origin[:2], lowest])
-    layered = case.space.occupied(corner, (*ground.shape, layers), size, moving)
+    layered = case.space.occupied(
+        corner, (*ground.shape, layers), size, moving, climbed=steepest is not None
+    )
     first = np.floor((level + mission.step_height - lowest) / size + 1e-6).astype(int)
     end = np.ceil((level + mission.height - lowest) / size - 1e-6).astype(int)
     k = np.arange(layers)
@@ -273,7 +285,8 @@ def _standing_on(case: Case, origin: Array, ground: Array, size: float, moving: 
     standing = np.asarray((layered & within).any(axis=2))
     if moving:
         return standing
-    steepest = max(case.config.costmap.max_slope, CLIMBED)
+    if steepest is None:
+        steepest = max(case.config.costmap.max_slope, CLIMBED)
     along, across = (np.zeros(ground.shape) if n < 2 else np.gradient(level, size, axis=axis)
                      for axis, n in enumerate(ground.shape))  # fmt: skip
     return np.asarray(standing | ~there | (np.hypot(along, across) > np.tan(steepest)))

@@ -27,24 +27,54 @@ HALF = 0.5
 FEW = 0.1
 """Fraction of the last decisions that matters."""
 
+TURNED = 0.5
+"""Angle beyond which a body that stays in its place counts as turning on its way, rad."""
+
+JUMP = 0.3
+"""Movement of the pose against the body within a second that may throw it over, m."""
+
 DOUBT = 0.1
 """Growth of the margin with the uncertainty of the pose, from which on it may close a path, m."""
 
 
-def impossible(facts: StandstillFacts) -> str | None:
-    """No path exists for this body and margin, or the shortest takes longer than the limit."""
+def no_way(facts: StandstillFacts) -> str | None:
+    """No path exists for this body and margin, or none over floors that the settings climb."""
     truth = facts.truth
-    if not truth.exists and not facts.fell:
+    if truth.exists or facts.fell:
+        return None
+    if truth.over_ramps:
         return (
-            f"no way to the goal exists for a body of {truth.radius:.2f} m with its margin; the "
-            f"widest lets {truth.widest():.2f} m pass"
+            "a way to the goal exists over floor that rises or falls, which costmap.max_slope = "
+            f"{facts.max_slope:g} rad makes an obstacle, and none without"
         )
-    if truth.shortest_s > facts.limit_s:
+    return (
+        f"no way to the goal exists for a body of {truth.radius:.2f} m with its margin; the "
+        f"widest lets {truth.widest():.2f} m pass"
+    )
+
+
+def no_time(facts: StandstillFacts) -> str | None:
+    """The shortest path takes longer than the limit at the speed that the settings allow."""
+    least, limit = facts.truth.shortest_s, facts.limit_s
+    takes = f"the shortest way takes {least:.1f} s at {facts.speed_in_words}"
+    if least > limit:
+        return f"{takes}, the limit was {limit:.1f} s"
+    if least >= HALF * limit < limit < least + facts.explored_s:
         return (
-            f"the shortest way takes {truth.shortest_s:.1f} s at full speed, "
-            f"the limit was {facts.limit_s:.1f} s"
+            f"{takes}, {facts.explored_s:.1f} s more went into looking where nothing was known, "
+            f"and the limit was {limit:.1f} s"
         )
     return None
+
+
+def stuck_clock(facts: StandstillFacts) -> str | None:
+    """The robot turned on its way, and was taken for stuck."""
+    if facts.outcome != "stuck" or facts.turned < TURNED:
+        return None
+    return (
+        f"the robot was under way and had turned by {facts.turned:.1f} rad in place when "
+        f"episode.stuck_after = {facts.stuck_after:g} s ended it"
+    )
 
 
 def stack_late(facts: StandstillFacts) -> str | None:
@@ -99,8 +129,15 @@ def localization(facts: StandstillFacts) -> str | None:
             f"the stack gave up, as it did not know where it was: the pose had a standard "
             f"deviation of {facts.lost_sigma:.2f} m and was {pose.at_end:.2f} m off"
         )
+    if facts.outcome == "fall" and facts.jumped > JUMP:
+        return (
+            f"{facts.reason}: the pose moved by {facts.jumped:.2f} m against the body within a "
+            "second, and its setpoints with it"
+        )
     if pose.beyond > 0.0:
         return str(pose)
+    if facts.fell:
+        return None
     if facts.doubt > DOUBT and facts.map().passable < HALF <= facts.map().certain:
         return (
             f"the stated doubt of the pose widens the margin by {facts.doubt:.2f} m, "
@@ -280,16 +317,33 @@ def stack_held(facts: StandstillFacts) -> str | None:
     )
 
 
-def exploration(facts: StandstillFacts) -> str | None:
-    """A stack on trial did not look where a way was left: only unknown space lay before it."""
-    ways = facts.map()
-    if not facts.on_trial or facts.fell or ways.passable < HALF or ways.known >= HALF:
+def sees_too_little(facts: StandstillFacts) -> str | None:
+    """A way was left only through space that settings keep the sensors or the map from seeing."""
+    if not facts.hidden_by or not _only_unknown(facts):
         return None
+    return (
+        f"the map knew no way, as {facts.map().unknown:.0%} of it was unknown; what it may see is "
+        f"bounded by {facts.hidden_by}"
+    )
+
+
+def exploration(facts: StandstillFacts) -> str | None:
+    """The stack did not look where a way was left: only unknown space lay before it."""
+    ways = facts.map()
+    if not _only_unknown(facts):
+        return None
+    who = f"the stack on trial {facts.did} and" if facts.on_trial else "the stack"
     return (
         f"in {ways.passable:.0%} of the maps at the end a way led around all that was occupied, "
         f"through unknown space ({ways.unknown:.0%} was unknown), and none through known space "
-        "alone; the stack on trial did not go and look there"
+        f"alone; {who} did not go and look there: {facts.reason}"
     )
+
+
+def _only_unknown(facts: StandstillFacts) -> bool:
+    """Return whether half of the maps had a way, but none through known space."""
+    ways = facts.map()
+    return not facts.fell and ways.passable >= HALF > ways.known
 
 
 def too_narrow(facts: StandstillFacts) -> str | None:
@@ -308,7 +362,7 @@ def _too_slow(facts: StandstillFacts) -> str:
     truth = facts.truth
     searches = f"{facts.without_path:.0%} of all searches found no path, "
     return (
-        f"the shortest way takes {truth.shortest_s:.1f} s at full speed, the limit was "
+        f"the shortest way takes {truth.shortest_s:.1f} s at {facts.speed_in_words}, the limit was "
         f"{facts.limit_s:.1f} s, and {facts.map().passable:.0%} of the maps at the end had a way; "
         f"{truth.left_m:.1f} m were left, {'' if facts.on_trial else searches}"
         f"and {_effort(facts, 'one')}"
@@ -320,7 +374,7 @@ def _effort(facts: StandstillFacts, search: str = "search") -> str:
     if facts.cut:
         return f"the guard cut {facts.cut} of the last {facts.window} commands"
     if facts.on_trial:
-        return "the stack on trial did not take it"
+        return f"the stack on trial {facts.did}"
     if not facts.iterations:
         return "no search is in the log"
     return f"the last {search} spent {facts.iterations} iterations"
@@ -328,16 +382,16 @@ def _effort(facts: StandstillFacts, search: str = "search") -> str:
 
 def unexplained(facts: StandstillFacts) -> str:
     """State that no measured fact explains the failure."""
-    known = "a" if facts.map().known >= HALF else "no"
     return (
-        f"pose and ranges were right, a way exists, and the map knew {known} way to it "
-        f"({facts.map().unknown:.0%} was unknown)"
+        f"pose and ranges were right, a way exists, and the map knew none "
+        f"({facts.map().unknown:.0%} was unknown): what is occupied closes it"
     )
 
 
 TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
     ("plugin_failed", claimed_elsewhere),
-    ("impossible", impossible),
+    ("impossible", no_way),
+    ("impossible", no_time),
     ("plugin_failed", stack_late),
     ("latency", latency),
     ("localization", localization),
@@ -348,6 +402,7 @@ TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
     ("unseen_obstacle", over_an_unseen_edge),
     ("missed_obstacle", over_a_missed_edge),
     ("tracking", left_its_path),
+    ("impossible", stuck_clock),
     ("moved_obstacle", moved_obstacle),
     ("ghost_obstacle", ghost_obstacle),
     ("moved_obstacle", just_left),
@@ -355,6 +410,7 @@ TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
     ("impossible", too_narrow),
     ("stack_held", stack_held),
     ("planner", planner),
+    ("perception", sees_too_little),
     ("exploration", exploration),
     ("unexplained", unexplained),
 )
@@ -375,7 +431,6 @@ def cause_of_standstill(case: Case) -> Finding:
 
 
 def lacks_time(case: Case) -> bool:
-    """Return whether the shortest path that is wide enough takes longer than the time limit."""
+    """Return whether time ran out though a path is wide enough."""
     last = len(case.moments) - 1
-    truth = true_ways(case, case.empty_navigator_at(last), last)
-    return truth.exists and truth.shortest_s > case.config.episode.time_limit
+    return case.outcome == "timeout" and true_ways(case, case.empty_navigator_at(last), last).exists

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from wayproof.harness.attribution.case import Case, Moment, off_path
+from wayproof.harness.attribution.case import Case, Moment, off_path, yaw_of
 from wayproof.harness.attribution.commanded import answer_s, commands_to, on_trial
-from wayproof.harness.attribution.contact_facts import LATE
+from wayproof.harness.attribution.contact_facts import LATE, UNDER_WAY
 from wayproof.harness.attribution.floor_edge import FloorEdge, floor_edge
 from wayproof.harness.attribution.pose import PoseFacts, pose_facts
 from wayproof.harness.attribution.ranges import RangeFacts, range_facts
+from wayproof.harness.attribution.sight import settings_of_sight
 from wayproof.harness.attribution.ways import NO_PATH, MapWays, TrueWays, map_ways, true_ways
 from wayproof.harness.decision import path_of
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
@@ -23,6 +24,9 @@ STAYED = 0.3
 
 PROGRESS = 0.5
 """Path length covered over the last decisions that counts as progress, m."""
+
+LOOKS = ("explore", "recover")
+"""Actions that look for a way where nothing is known."""
 
 LOST = ("returning_to_held", "pose_lost", "goal_uncertain")
 """Kinds of reasons of a stack that knows that its pose is lost."""
@@ -66,6 +70,15 @@ class StandstillFacts:
         claimed_at: Distance of the estimated position from a goal that a stack on trial claimed
             from beyond the tolerance, m; 0 otherwise.
         edge: End of the floor that the robot walked over; None if it did not fall there.
+        jumped: Greatest movement of the pose estimate against the body within a second, from its
+            start on, at the end, m.
+        turned: Heading through which the body turned on its way in the window, rad.
+        explored_s: Time that went into looking where nothing was known, s.
+        hidden_by: Settings that keep the sensors or the map from seeing, in words; may be empty.
+        did: What a stack on trial did in the window, in words.
+        speed_fraction: `motion.speed_fraction`.
+        max_slope: `costmap.max_slope`, rad.
+        stuck_after: `episode.stuck_after`, s.
     """
 
     outcome: str
@@ -98,6 +111,24 @@ class StandstillFacts:
     beyond_area: int | None = None
     claimed_at: float = 0.0
     edge: FloorEdge | None = None
+    jumped: float = 0.0
+    turned: float = 0.0
+    explored_s: float = 0.0
+    hidden_by: str = ""
+    did: str = ""
+    speed_fraction: float = 1.0
+    max_slope: float = 0.0
+    stuck_after: float = 30.0
+
+    @property
+    def speed_in_words(self) -> str:
+        """The speed that the settings allow, with the setting where it is not the body's full."""
+        share = self.speed_fraction
+        return (
+            "full speed"
+            if share >= 1.0
+            else (f"{self.truth.speed:.2f} m/s (motion.speed_fraction = {share:g})")
+        )
 
     @property
     def on_its_way(self) -> bool:
@@ -139,6 +170,14 @@ def standstill_facts(case: Case) -> StandstillFacts:
         beyond_area=_beyond_area(case),
         claimed_at=_claimed_at(case),
         edge=floor_edge(case),
+        jumped=_jumped(case),
+        turned=_turned(recent),
+        explored_s=_explored_s(case),
+        speed_fraction=case.config.motion.speed_fraction,
+        max_slope=case.config.costmap.max_slope,
+        stuck_after=case.config.episode.stuck_after,
+        hidden_by=", ".join(settings_of_sight(case)),
+        did=_did(recent) if on_trial(case) else "",
         late=float(np.mean([_is_late(case, one) for one in case.moments[-10:]])),
         deadline=case.config.latency.deadline,
         delay=float(np.median([one.latency.delay_s for one in recent])),
@@ -158,6 +197,47 @@ def standstill_facts(case: Case) -> StandstillFacts:
         ranges=cache(lambda: range_facts(case, numbers[-1])),
         map=cache(lambda: map_ways(case, numbers[0])),
     )
+
+
+def _jumped(case: Case) -> float:
+    """Return how far the pose estimate moved against the body within the last second, m.
+
+    The body starts where it is; what the estimate is off at first, its controller has to follow.
+    """
+    end_ns = case.moments[-1].time_ns
+    errors = [one.error for one in case.moments if one.time_ns >= end_ns - 10**9]
+    if end_ns <= 10**9:
+        errors.insert(0, np.zeros(3))
+    return float(np.ptp(errors, axis=0).max())
+
+
+def _turned(recent: Sequence[Moment]) -> float:
+    """Return through which angle the body turned, under way in half of some decisions, rad."""
+    if np.mean([one.decision.action in UNDER_WAY for one in recent]) < 0.5:
+        return 0.0
+    return float(np.ptp(np.unwrap([yaw_of(one.truth.quaternion) for one in recent])))
+
+
+def _explored_s(case: Case) -> float:
+    """Return the time from decisions that looked where nothing was known to the next ones, s."""
+    pairs = zip(case.moments, case.moments[1:], strict=False)
+    return sum(
+        (after.time_ns - one.time_ns) * 1e-9 for one, after in pairs if one.decision.action in LOOKS
+    )
+
+
+def _did(recent: Sequence[Moment]) -> str:
+    """Say what a stack on trial did in some decisions."""
+    if recent[-1].decision.action == "abort":
+        return "gave up itself"
+    places = np.array([one.true_position for one in recent])
+    length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+    net = float(np.linalg.norm(places[-1] - places[0]))
+    if length < STAYED:
+        return "stood still"
+    if net < 0.5 * length:
+        return f"moved to and fro: {length:.1f} m, to {net:.1f} m from where it began"
+    return f"moved on by {net:.1f} m"
 
 
 def _lost_sigma(last: Moment) -> float | None:

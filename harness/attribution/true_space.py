@@ -66,6 +66,11 @@ class TrueSpace:
         self._fromto = np.zeros(6)
         mujoco.mj_kinematics(model, self._data)
 
+    @property
+    def has_ramps(self) -> bool:
+        """Whether things of class `floor` stand on the ground: ramps, steps, decks."""
+        return bool(np.isin(self._standing, self._floor).any())
+
     def place_movers(self, truth: pb.Truth, present: bool = True) -> None:
         """Place the movers as in a truth; with `present` False move all away."""
         for mover in truth.movers:
@@ -128,7 +133,12 @@ class TrueSpace:
         return distances
 
     def occupied(
-        self, origin: Array, shape: tuple[int, int, int], size: float, moving: bool = False
+        self,
+        origin: Array,
+        shape: tuple[int, int, int],
+        size: float,
+        moving: bool = False,
+        climbed: bool = False,
     ) -> NDArray[np.bool_]:
         """Return which cells of a grid hold a part of a thing that stands on the ground.
 
@@ -139,9 +149,10 @@ class TrueSpace:
             shape: (nx, ny, nz).
             size: Edge of a cell, m.
             moving: Whether only movers count.
+            climbed: Whether ramps and steps of class `floor` are ground, as of `terrain`.
         """
         grid = np.zeros(shape, np.bool_)
-        for geom in self._standing:
+        for geom in self._obstacles if climbed else self._standing:
             if moving and not self._moves[geom]:
                 continue
             window, centres = self._window(int(geom), origin, shape, size)

@@ -18,6 +18,7 @@ from wayproof.harness.attribution.ghosts import (
     without_movers,
 )
 from wayproof.harness.attribution.grids import (
+    CLIMBED,
     DETOUR,
     Array,
     Cells,
@@ -33,11 +34,11 @@ from wayproof.harness.attribution.grids import (
     unpacked,
     widest,
 )
-from wayproof.harness.mission import Mission
 from wayproof.harness.recompute.segments import SegmentedStack
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.harness.stack.planner_input import motion_limits
 from wayproof.maps.states import OCCUPIED, UNKNOWN
 
 NO_PATH = "no_path"
@@ -54,10 +55,12 @@ class TrueWays:
     Attributes:
         radius: Half the width that a path needs with a certain pose, m; a long body has to be able
             to turn in it too.
-        exists: Whether a path exists for this body and margin.
+        exists: Whether a path exists for this body and margin, over ramps that the settings allow.
+        over_ramps: Whether one exists over ramps that the settings make obstacles, if not.
         at_start: Distance from the start to the nearest obstacle, m.
         shortest_s: Least time along the shortest path from rest to rest, through all goals of the
-            mission, s; 0 unless time ran out.
+            mission, at the speed that the settings allow, s; 0 unless time ran out.
+        speed: That speed, m/s.
         left_m: Remaining path length when time ran out, m; inf without a path.
         gained_m: Path length covered over the last decisions, m.
         widest: Measures half the width of the widest path without movers, m, once, as that takes
@@ -68,8 +71,10 @@ class TrueWays:
 
     radius: float
     exists: bool
+    over_ramps: bool
     at_start: float
     shortest_s: float
+    speed: float
     left_m: float
     gained_m: float
     widest: Callable[[], float]
@@ -123,9 +128,22 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     start = cell_of(navigator, np.array(case.mission.start))
     here = cell_of(navigator, last.true_position)
     case.space.place_movers(last.truth, present=False)
-    still = true_clearances(true_occupancy(case, navigator), size)
     offsets = offsets_of(case)
-    exists = joined_for(offsets, size, free=still > radius, start=start, goal=goal, reach=reach)
+
+    def searched(steepest: float | None) -> tuple[Array, bool]:
+        """Return clearances, and whether a path leads over what is climbed."""
+        gaps = true_clearances(true_occupancy(case, navigator, steepest=steepest), size)
+        return gaps, joined_for(offsets, size, gaps > radius, start, goal=goal, reach=reach)
+
+    still, exists = searched(None)
+    over_ramps, steepest = False, None
+    if not exists and case.mission.planar and case.space.has_ramps:
+        allowed = case.config.costmap.max_slope
+        if allowed > 0.0 and searched(allowed)[1]:
+            steepest = allowed
+            still, exists = searched(steepest)
+        else:
+            over_ramps = searched(CLIMBED)[1]
 
     @cache
     def lengths_to(end: tuple[int, ...]) -> Array:
@@ -139,20 +157,23 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
         if not last.truth.movers or not joined_here(still > radius):  # nothing that moves closed it
             return True
         case.space.place_movers(last.truth)
-        gaps = clearances(true_occupancy(case, navigator), size)
+        gaps = clearances(true_occupancy(case, navigator, steepest=steepest), size)
         return joined_here(gaps > radius)
 
     shortest, left, before = 0.0, math.inf, math.inf
+    speed = motion_limits(case.config, case.mission).speed
     if exists and case.outcome == "timeout":  # time decides no other outcome
-        shortest = _least_time(case, navigator, lengths_to, reach)
+        shortest = _least_time(case, navigator, lengths_to, reach, speed)
         left = _nearby(lengths_to(goal), here, reach)
         then = cell_of(navigator, case.moments[since].true_position)
         before = _nearby(lengths_to(goal), then, reach)
     return TrueWays(
         radius=radius,
         exists=exists,
+        over_ramps=over_ramps,
         at_start=float(still[start]),
         shortest_s=shortest,
+        speed=speed,
         left_m=left,
         gained_m=before - left if math.isfinite(before) and math.isfinite(left) else 0.0,
         widest=cache(lambda: widest(still, start, goal, reach, offsets, size)),
@@ -161,16 +182,20 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
 
 
 def _least_time(
-    case: Case, navigator: Navigator, lengths_to: Callable[[tuple[int, ...]], Array], reach: int
+    case: Case,
+    navigator: Navigator,
+    lengths_to: Callable[[tuple[int, ...]], Array],
+    reach: int,
+    speed: float,
 ) -> float:
-    """Return the least time for the whole mission, s, by `rest_to_rest`.
+    """Return the least time for the whole mission at a speed, m/s, by `rest_to_rest`, s.
 
     `lengths_to` a cell gives the shortest way there from each cell, m.
     """
     mission = case.segments[-1].mission
     cells = [cell_of(navigator, np.array(place)) for place in (mission.start, *mission.goals)]
     return sum(
-        rest_to_rest(_nearby(lengths_to(end), begin, reach), mission)
+        rest_to_rest(_nearby(lengths_to(end), begin, reach), speed, mission.max_acceleration)
         for begin, end in pairwise(cells)
     )
 
@@ -298,13 +323,12 @@ USUAL_DOUBT = 0.05
 """Usual uncertainty of a localized pose, m; any beyond it widens the margin."""
 
 
-def rest_to_rest(length: float, mission: Mission) -> float:
-    """Return the least time for a path from rest to rest at maximum speed and acceleration, s.
+def rest_to_rest(length: float, v: float, a: float) -> float:
+    """Return the least time for a path from rest to rest at a speed v and an acceleration a, s.
 
     Jerk, turns and bends would add to it.
     L / v + v / a where the speed is reached, and 2 sqrt(L / a) where it is not.
     """
-    v, a = mission.max_speed, mission.max_acceleration
     if length <= 0.0 or not math.isfinite(length):
         return 0.0
     if length >= v * v / a:

@@ -18,8 +18,10 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 TRUTH = TrueWays(
     radius=0.5,
     exists=True,
+    over_ramps=False,
     at_start=0.7,
     shortest_s=5.0,
+    speed=1.0,
     left_m=3.0,
     gained_m=0.0,
     widest=lambda: 0.8,
@@ -54,7 +56,7 @@ IN_VAIN = {"map.in_vain": 0.4, "map.not_found": 0.8}
 @pytest.mark.parametrize(
     ("change", "cause"),
     [
-        ({}, "unexplained"),
+        ({}, "exploration"),
         ({"map.known": 0.8}, "planner"),
         ({"cut": 40}, "stack_held"),
         ({"cut": 40, "map.known": 0.8}, "stack_held"),
@@ -62,7 +64,7 @@ IN_VAIN = {"map.in_vain": 0.4, "map.not_found": 0.8}
         ({"cut": 40, "truth.open_at_end": False}, "moved_obstacle"),
         ({"cut": 10, "map.known": 0.8}, "planner"),
         ({"cut": 40, "map.passable": 0.0}, "unexplained"),
-        ({"cut": 10}, "unexplained"),
+        ({"cut": 10}, "exploration"),
         ({"on_trial": True}, "exploration"),
         ({"on_trial": True, "outcome": "timeout"}, "exploration"),
         ({"on_trial": True, "cut": 40}, "stack_held"),
@@ -76,9 +78,9 @@ IN_VAIN = {"map.in_vain": 0.4, "map.not_found": 0.8}
         ({"outcome": "fall", "edge": edge("unknown"), "pose": LIED}, "localization"),
         ({"outcome": "fall", "edge": edge("unknown"), "late": 0.6}, "latency"),
         ({"map.in_vain": 0.4, "map.not_found": 0.8}, "planner"),
-        ({"map.in_vain": 0.4, "map.not_found": 0.2}, "unexplained"),
+        ({"map.in_vain": 0.4, "map.not_found": 0.2}, "exploration"),
         ({**NARROW, **IN_VAIN}, "ghost_obstacle"),
-        ({**NARROW, "map.in_vain": 0.4, "map.not_found": 0.2}, "unexplained"),
+        ({**NARROW, "map.in_vain": 0.4, "map.not_found": 0.2}, "exploration"),
         ({**NARROW, "map.known": 0.8}, "planner"),
         ({**NARROW, **IN_VAIN, "map.roomy_without_ghosts": False}, "planner"),
         ({**NARROW, **IN_VAIN, "map.ghosts": 0}, "planner"),
@@ -94,12 +96,25 @@ IN_VAIN = {"map.in_vain": 0.4, "map.not_found": 0.8}
         ({"truth.exists": False}, "impossible"),
         ({"truth.shortest_s": 61.0}, "impossible"),
         ({"truth.shortest_s": 61.0, "pose": LIED}, "impossible"),
+        ({"truth.shortest_s": 55.0, "explored_s": 9.0}, "impossible"),
+        ({"truth.shortest_s": 55.0, "explored_s": 3.0}, "exploration"),
+        ({"truth.shortest_s": 20.0, "explored_s": 55.0}, "exploration"),
+        ({"truth.exists": False, "truth.over_ramps": True, "outcome": "fall"}, "tracking"),
+        ({"turned": 1.2}, "impossible"),
+        ({"turned": 1.2, "outcome": "timeout"}, "exploration"),
+        ({"turned": 1.2, "pose": LIED}, "localization"),
+        ({"hidden_by": "map.no_return = ignore"}, "perception"),
+        ({"hidden_by": "map.no_return = ignore", "map.known": 0.8}, "planner"),
+        ({"hidden_by": "map.no_return = ignore", "map.passable": 0.0}, "unexplained"),
+        ({"outcome": "fall", "jumped": 0.5}, "localization"),
+        ({"outcome": "fall", "jumped": 0.1}, "tracking"),
+        ({"outcome": "fall", "doubt": 0.5, "map.passable": 0.0}, "tracking"),
         ({"outcome": "timeout", "truth.shortest_s": 61.0, "truth.gained_m": 2.0}, "impossible"),
         ({"outcome": "timeout", "truth.shortest_s": 59.0, "truth.gained_m": 2.0}, "planner"),
         ({"outcome": "timeout", "truth.gained_m": 2.0, "without_path": 0.6}, "planner"),
         ({"outcome": "timeout", "truth.gained_m": 2.0, "map.passable": 0.2}, "unexplained"),
         ({"outcome": "timeout", "truth.gained_m": 2.0, "off_path": 0.7}, "tracking"),
-        ({"outcome": "timeout", "truth.gained_m": 0.1}, "unexplained"),
+        ({"outcome": "timeout", "truth.gained_m": 0.1}, "exploration"),
         ({"outcome": "timeout", "truth.gained_m": 0.1, "map.known": 1.0}, "planner"),
         ({"truth.open_at_end": False}, "moved_obstacle"),
         (CLOSED, "ghost_obstacle"),
@@ -149,3 +164,31 @@ def test_a_doubt_that_came_later_is_none_of_an_earlier_decision(recorded):
     sure, unsure = pb.Decision(position_sigma=0.02), pb.Decision(position_sigma=0.4)
     assert certain_radius(navigator, sure) == navigator.costmap.inflation_radius
     assert certain_radius(navigator, unsure) < navigator.costmap.inflation_radius - 0.7
+
+
+def evidence(change):
+    facts = changed(STILL, change)
+    return next(said for _, test in standstills.TESTS if (said := test(facts)) is not None)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (
+            {"truth.shortest_s": 61.0, "truth.speed": 0.2, "speed_fraction": 0.05},
+            "takes 61.0 s at 0.20 m/s (motion.speed_fraction = 0.05), the limit was 60.0 s",
+        ),
+        ({"truth.shortest_s": 61.0}, "takes 61.0 s at full speed, the limit was 60.0 s"),
+        (
+            {"truth.shortest_s": 55.0, "explored_s": 9.0},
+            "9.0 s more went into looking where nothing was known",
+        ),
+        ({"truth.exists": False, "truth.over_ramps": True}, "costmap.max_slope = 0 rad makes an"),
+        ({"turned": 1.2, "stuck_after": 2.0}, "episode.stuck_after = 2 s ended it"),
+        ({"hidden_by": "map.minimum_range = 4.0"}, "bounded by map.minimum_range = 4.0"),
+        ({"on_trial": True, "map.known": 1.0, "did": "stood still"}, "the stack on trial stood"),
+        ({"on_trial": True, "did": "gave up itself"}, "the stack on trial gave up itself and did"),
+    ],
+)
+def test_a_sentence_names_the_setting_or_what_a_stack_did(change, says):
+    assert says in evidence(change)

@@ -242,7 +242,9 @@ def _detour(sound: Scenario, rng: Rng) -> Broken:
 
 def _hurry(sound: Scenario, rng: Rng) -> Broken:
     """Grant less time than the shortest path takes from rest to rest."""
-    limit = rng.uniform(0.4, 0.8) * rest_to_rest(_way(sound), sound.mission)
+    limit = rng.uniform(0.4, 0.8) * rest_to_rest(
+        _way(sound), sound.mission.max_speed, sound.mission.max_acceleration
+    )
     return Broken((f"episode.time_limit={limit:.1f}",))
 
 
