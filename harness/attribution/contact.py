@@ -172,6 +172,8 @@ def missed_obstacle(facts: ContactFacts) -> str | None:
 
 def margin_too_small(facts: ContactFacts) -> str | None:
     """The obstacle was mapped, and the robot came nearer than the errors of the map allow."""
+    if not facts.own:
+        return None
     return (
         f"{facts.name} was mapped ({facts.own} cells, the nearest {facts.nearest_own:.2f} m from "
         f"the contact), the pose was {facts.pose_error:.2f} m off, and the margin was "
@@ -194,6 +196,15 @@ TESTS: tuple[tuple[str, Callable[[ContactFacts], str | None]], ...] = (
     ("margin_too_small", margin_too_small),
 )
 """Tests in their order, by cause."""
+
+
+def near_to_contact(facts: ContactFacts) -> frozenset[str]:
+    """Return the causes whose tests hold or are near to holding, whatever their order."""
+    near = {cause for cause, test in TESTS if test(facts) is not None}
+    near |= {"localization"} if facts.pose.nearly else set()
+    near |= {"perception"} if facts.ranges.nearly_lied else set()
+    near |= {"tracking"} if facts.off_path > 0.5 * facts.usual else set()
+    return frozenset(near)
 
 
 def cause_of_contact(case: Case, contact: Contact, time_s: float) -> Finding:

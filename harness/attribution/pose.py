@@ -39,6 +39,11 @@ class PoseFacts:
     beyond: float = -0.1
     at_end: float = 0.0
 
+    @property
+    def nearly(self) -> bool:
+        """Whether the error is more than half of what is covered."""
+        return self.beyond > -0.5 * self.covered
+
     def __str__(self) -> str:
         """Return the error in words."""
         turned = f" and {abs(self.turn):.2f} rad" if abs(self.turn) > 0.02 else ""

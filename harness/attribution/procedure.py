@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayproof.harness.attribution.case import Case, Moment, with_whole_area
-from wayproof.harness.attribution.contact import cause_of_contact
+from wayproof.harness.attribution.contact import cause_of_contact, near_to_contact
+from wayproof.harness.attribution.contact_facts import contact_facts
 from wayproof.harness.attribution.finding import Finding
-from wayproof.harness.attribution.standstill import cause_of_standstill
+from wayproof.harness.attribution.standstill import cause_of_standstill, near_to_standstill
+from wayproof.harness.attribution.standstill_facts import standstill_facts
 from wayproof.harness.result import Contact
 from wayproof.harness.stack.rolling_window import rolls
 
@@ -37,18 +39,36 @@ def find_cause(case: Case) -> Finding | None:
     """Return the cause of a failure; None for a success or an error."""
     if case.outcome in ("success", "error"):
         return None
-    contact = case.contact
-    if contact is None and case.outcome == "collision":
-        contact = nearest_contact(case, case.moments[-1])
+    contact = contact_of(case)
     if contact is not None:
         return cause_of_contact(case, contact, case.end_s)
-    if any(rolls(one.config, one.mission) for one in case.segments):
-        whole = with_whole_area(case)
-        if whole is None:
-            x, y, z = case.moments[-1].truth.position
-            return Finding("unexplained", TOO_LARGE, len(case.moments) - 1, (x, y, z))
-        case = whole
-    return cause_of_standstill(case)
+    whole = _whole(case)
+    if whole is None:
+        x, y, z = case.moments[-1].truth.position
+        return Finding("unexplained", TOO_LARGE, len(case.moments) - 1, (x, y, z))
+    return cause_of_standstill(whole)
+
+
+def _whole(case: Case) -> Case | None:
+    """Return the case with costmaps of the whole area; None if that takes too much memory."""
+    rolling = any(rolls(one.config, one.mission) for one in case.segments)
+    return with_whole_area(case) if rolling else case
+
+
+def contact_of(case: Case) -> Contact | None:
+    """Return the contact that ended an episode, or None."""
+    if case.contact is None and case.outcome == "collision":
+        return nearest_contact(case, case.moments[-1])
+    return case.contact
+
+
+def near_causes(case: Case) -> frozenset[str]:
+    """Return the causes of a failure whose own tests hold, or are near to holding."""
+    contact = contact_of(case)
+    if contact is not None:
+        return near_to_contact(contact_facts(case, contact, case.end_s))
+    whole = _whole(case)
+    return frozenset() if whole is None else near_to_standstill(standstill_facts(whole))
 
 
 def near_misses(case: Case, most: int = 5) -> list[NearMiss]:

@@ -81,6 +81,11 @@ class RangeFacts:
         """Whether more returns are lost or wrong than the errors of the device explain."""
         return self.lost > LOST or self.off > OFF or self.early > EARLY
 
+    @property
+    def nearly_lied(self) -> bool:
+        """Whether half as many as for `lied` are."""
+        return self.lost > 0.5 * LOST or self.off > 0.5 * OFF or self.early > 0.5 * EARLY
+
     def __str__(self) -> str:
         """Describe the errors in words."""
         parts = []

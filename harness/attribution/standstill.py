@@ -417,6 +417,15 @@ TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
 """Tests in their order, by cause."""
 
 
+def near_to_standstill(facts: StandstillFacts) -> frozenset[str]:
+    """Return the causes whose tests hold or are near to holding, whatever their order."""
+    near = {cause for cause, test in TESTS if test(facts) is not None}
+    near |= {"localization"} if facts.pose.nearly else set()
+    near |= {"perception"} if facts.ranges().nearly_lied else set()
+    near |= {"tracking"} if facts.off_path >= FEW else set()
+    return frozenset(near)
+
+
 def cause_of_standstill(case: Case) -> Finding:
     """Attribute a failure to reach the goal without a contact."""
     facts = standstill_facts(case)

@@ -44,7 +44,8 @@ def in_words(verdict: Verdict) -> str:
     note = f"; {verdict.note}" if verdict.note else ""
     if verdict.answer == "inconclusive":
         return f"inconclusive: {verdict.note}" if verdict.note else "inconclusive"
-    saving = [one.remedy.replace("_", " ") for one in verdict.checks if one.saves]
+    saved = [one for one in verdict.checks if one.saves and not one.again]
+    saving = [one.remedy.replace("_", " ") for one in saved]
     by = f"; {', '.join(saving)} would have saved it" if saving else "; nothing saves it"
     return f"{verdict.finding.cause} is {verdict.answer}{by}{note}"
 
@@ -54,5 +55,6 @@ def _print_checks(console: Console, checks: Sequence[Check]) -> None:
     for one in checks:
         saves = Text("yes", "bold green") if one.saves else "no"
         remedy, begin = one.remedy.replace("_", " "), str(one.begin)
+        remedy += ", other noise" if one.again else ""
         table.add_row(remedy, begin, one.outcome, f"{one.end_s:.1f}", saves)
     console.print(table)

@@ -3,15 +3,18 @@
 A control without a change must fail again, or the check is inconclusive. Then one remedy at a time
 is tried. A contact or a fall is simulated from one second before its last chance, and if nothing
 helps there, from the start; an episode that ran out of time or got stuck is simulated from the
-start. The answer of the check decides the cause.
+start. The answer of the check decides the cause: it names another one only where the remedy of that
+saves the robot on a second seed of the noise too, or where its own test was near to holding.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 
 from wayproof.harness.attribution.case import Case, read_case
 from wayproof.harness.attribution.finding import CAUSES, Finding
+from wayproof.harness.attribution.procedure import near_causes
 from wayproof.harness.attribution.standstill import lacks_time
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.counterfactual.guard import check_by_guard
@@ -40,8 +43,11 @@ BEFORE = 1.0
 SHOWN_BY_THEIR_OWN_TEST = ("impossible", "planner", "tracking", "stack_held", "exploration")
 """Causes that facts alone establish: what is missing may be impossible to put right."""
 
-HELPS_ALWAYS = "true_map"
-"""Remedy that helps after many causes: complete knowledge, which no sensor gives."""
+TRUE_MAP = "true_map"
+"""Remedy that helps after nearly every fault of sensing: complete knowledge, as no sensor gives."""
+
+SENSING = ("true_pose", "true_ranges")
+"""Remedies of faults of sensing: where one of them saves the robot, a true map shows nothing."""
 
 ONLY_CONFIRMS = ("guard", "no_guard")
 """Remedies that may save the robot from other causes as well, by stopping it or by daring more."""
@@ -85,73 +91,98 @@ def check(
     beside = LACKING[lacks_time(case)] if finding.cause == "impossible" else ""
     names = [name for name in names if name != beside]
     checks: list[Check] = []
-    simulated, note = 0.0, ""
+    simulated, note, near = 0.0, "", frozenset[str]()
     for begin in _begins(case, finding):
         for name in (CONTROL, *names):
             if simulated >= most_s:
                 break
             one, took, other = _try(log, case, finding, name, begin, stack)
             checks.append(one)
-            note = note or other
-            simulated += took
+            note, simulated = note or other, simulated + took
             if name == CONTROL and (one.saves or one.outcome != case.outcome):
                 break
-            if not thorough and one.saves and finding.cause in REMEDIES[name][1]:
+            if not thorough and settle(finding, checks, case.outcome)[1] == "confirmed":
                 break
         if any(one.saves for one in checks) or simulated >= most_s:
             break
+    if doubtful := _contradicting(finding, checks, case.outcome):
+        near = near_causes(case)
+        for one in doubtful:
+            if _led_to(one.remedy, checks) not in near and simulated < most_s:
+                again, took, _ = _try(log, case, finding, one.remedy, one.begin, stack, again=True)
+                checks.append(again)
+                simulated += took
+    settled, answer = settle(finding, checks, case.outcome, near)
+    if answer == "inconclusive":
+        why = why_inconclusive(finding, checks, case.outcome)
+        note = f"{why}; {note}" if note else why
     if simulated >= most_s and not any(one.saves for one in checks):  # the rest may save it
         spent = f"the bound of {most_s:g} s of simulated time left remedies untried"
-        note = f"{spent}; {note}" if note else spent
-        return Verdict(
-            finding, answer="inconclusive", checks=tuple(checks), simulated_s=simulated, note=note
-        )
-    settled, answer = settle(finding, checks, recorded=case.outcome)
-    if answer == "inconclusive":
-        why = why_inconclusive(finding, checks, recorded=case.outcome)
-        note = f"{why}; {note}" if note else why
+        settled, answer, note = finding, "inconclusive", f"{spent}; {note}" if note else spent
     return Verdict(settled, answer, checks=tuple(checks), simulated_s=simulated, note=note)
 
 
-def settle(finding: Finding, checks: Sequence[Check], recorded: str) -> tuple[Finding, str]:
+def settle(
+    finding: Finding, checks: Sequence[Check], recorded: str, near: Collection[str] = ()
+) -> tuple[Finding, str]:
     """Return the cause that the checks leave, and the answer.
 
     A control that ends otherwise than recorded shows nothing. If a remedy of the cause saves the
-    robot, the cause is confirmed. If only others do, it is replaced by the first of their causes in
-    the order of `CAUSES`, that of a true map last; the guard replaces none, as a robot that stands
-    is saved from much, nor does its absence. If none saves it, a cause that facts alone establish
-    stands, one of which a remedy was tried becomes `unexplained`, and of any other nothing is
-    shown.
+    robot, the cause is confirmed; a true map confirms only where neither a true pose nor true
+    ranges save it alone. If others do, and what they stand for was near to holding, or they save it
+    on a second seed as well, it is replaced by the first of their causes in the order of `CAUSES`.
+    If none does, a cause that facts alone establish stands, and of any other nothing is shown.
 
     Args:
         finding: Cause by the facts.
         checks: Outcomes of the control and the remedies.
         recorded: Outcome of the episode.
+        near: Causes whose own tests hold, or were near to holding.
     """
-    tried = [one for one in checks if one.remedy != CONTROL]
+    tried = {one.remedy for one in checks if one.remedy != CONTROL}
     if not tried or _other_control(checks, recorded) is not None:
         return finding, "inconclusive"
-    saving = [one.remedy for one in tried if one.saves and _bears_out(one.remedy, finding.cause)]
-    borne_out = [cause for name in saving for cause in REMEDIES[name][1]]
-    if finding.cause in borne_out:
+    saving = {one.remedy for one in checks if one.saves and not one.again}
+    again = {one.remedy for one in checks if one.saves and one.again}
+    if any(finding.cause in REMEDIES[name][1] for name in saving - {TRUE_MAP}):
         return finding, "confirmed"
-    if saving and all(name in ONLY_CONFIRMS for name in saving):
-        return finding, "inconclusive"
-    saving = [name for name in saving if name not in ONLY_CONFIRMS]
-    if saving:
-        saving = [name for name in saving if name != HELPS_ALWAYS] or saving
-        cause, by = min(
-            ((_led_to(name, checks), name) for name in saving), key=lambda one: CAUSES.index(one[0])
-        )
-        evidence = f"{by.replace('_', ' ')} alone saves the robot"
-    elif finding.cause in (*SHOWN_BY_THEIR_OWN_TEST, "unexplained"):
+    upheld = [
+        (_led_to(name, checks), name)
+        for name in saving
+        if name not in (*ONLY_CONFIRMS, *ONLY_SHOWN, TRUE_MAP)
+        and (name in again or _led_to(name, checks) in near)
+    ]
+    if upheld:
+        return _changed(finding, *min(upheld, key=lambda one: CAUSES.index(one[0])))
+    if TRUE_MAP in saving and finding.cause in REMEDIES[TRUE_MAP][1]:
         return finding, "confirmed"
-    elif not _is_tried(finding.cause, tried):
-        return finding, "inconclusive"
-    else:
-        cause, evidence = "unexplained", "no remedy saves the robot"
-    before = f"{evidence}; the facts alone gave {finding.cause}: {finding.evidence}"
-    return Finding(cause, before, finding.decision, finding.place), "changed"
+    if TRUE_MAP in saving and _led_to(TRUE_MAP, checks) in near:
+        return _changed(finding, _led_to(TRUE_MAP, checks), TRUE_MAP)
+    if finding.cause in (*SHOWN_BY_THEIR_OWN_TEST, "unexplained"):
+        return finding, "confirmed"
+    return finding, "inconclusive"
+
+
+def _changed(finding: Finding, cause: str, by: str) -> tuple[Finding, str]:
+    evidence = (
+        f"{by.replace('_', ' ')} alone saves the robot; the facts alone gave {finding.cause}: "
+        f"{finding.evidence}"
+    )
+    return Finding(cause, evidence, finding.decision, finding.place), "changed"
+
+
+def _contradicting(finding: Finding, checks: Sequence[Check], recorded: str) -> list[Check]:
+    """Return the checks that saved the robot and stand for another cause, if nothing confirms."""
+    if any(one.saves and one.remedy == CONTROL for one in checks):
+        return []
+    if any(
+        one.saves and one.remedy != TRUE_MAP and finding.cause in REMEDIES[one.remedy][1]
+        for one in checks
+        if one.remedy != CONTROL
+    ):
+        return []
+    beside = (CONTROL, TRUE_MAP, *ONLY_CONFIRMS, *ONLY_SHOWN)
+    return [one for one in checks if one.saves and one.remedy not in beside]
 
 
 def why_inconclusive(finding: Finding, checks: Sequence[Check], recorded: str) -> str:
@@ -162,9 +193,11 @@ def why_inconclusive(finding: Finding, checks: Sequence[Check], recorded: str) -
     tried = [one for one in checks if one.remedy != CONTROL]
     if not tried:
         return "no remedy was tried"
-    saving = [one.remedy.replace("_", " ") for one in tried if one.saves]
+    saving = [one.remedy.replace("_", " ") for one in tried if one.saves and not one.again]
     if saving:
         return f"{' and '.join(saving)} alone saves it, which says nothing about {finding.cause}"
+    if any(finding.cause in REMEDIES[one.remedy][1] for one in tried):
+        return f"no remedy for {finding.cause} saves it, and no other"
     return f"no remedy for {finding.cause} was tried, and no other saves it"
 
 
@@ -174,17 +207,23 @@ def _other_control(checks: Sequence[Check], recorded: str) -> Check | None:
     return next((one for one in controls if one.saves or one.outcome != recorded), None)
 
 
-def _is_tried(cause: str, tried: Sequence[Check]) -> bool:
-    return any(cause in REMEDIES[one.remedy][1] for one in tried)
-
-
 def _in_order(case: Case, cause: str) -> list[str]:
-    """Return the remedies that apply, those of a cause first and a true map last."""
+    """Return the remedies that apply: those of a cause, those of sensing, a true map last.
+
+    A true map comes before what stands for other causes, if it stands for this one.
+    """
     names = [name for name in REMEDIES if case.outcome in ONLY_AFTER.get(name, (case.outcome,))]
     on_trial = case.config.stack.name != BUILTIN
     names = [name for name in names if not on_trial or name in ON_TRIAL]
-    names = [name for name in names if _bears_out(name, cause) and _differs(name, case)]
-    return sorted(names, key=lambda name: (cause not in REMEDIES[name][1], name == HELPS_ALWAYS))
+    names = [name for name in names if name not in ONLY_SHOWN or cause in REMEDIES[name][1]]
+
+    def place(name: str) -> int:
+        own = cause in REMEDIES[name][1]
+        if name == TRUE_MAP:
+            return 2 if own else 4
+        return 0 if own else 1 if name in SENSING else 3
+
+    return sorted((name for name in names if _differs(name, case)), key=place)
 
 
 def _differs(remedy: str, case: Case) -> bool:
@@ -201,15 +240,10 @@ def _differs(remedy: str, case: Case) -> bool:
 
 def _led_to(remedy: str, checks: Sequence[Check]) -> str:
     """Return the cause that a remedy indicates."""
-    if remedy != HELPS_ALWAYS:
+    if remedy != TRUE_MAP:
         return REMEDIES[remedy][1][0]
     touched = any(one.remedy == CONTROL and one.outcome == "collision" for one in checks)
     return "missed_obstacle" if touched else "ghost_obstacle"
-
-
-def _bears_out(remedy: str, cause: str) -> bool:
-    """Return whether a remedy that saves the robot confirms a cause."""
-    return remedy not in ONLY_SHOWN or cause in REMEDIES[remedy][1]
 
 
 def _begins(case: Case, finding: Finding) -> Iterator[int]:
@@ -223,20 +257,28 @@ def _begins(case: Case, finding: Finding) -> Iterator[int]:
 
 
 def _try(
-    log: Log, case: Case, finding: Finding, name: str, begin: int, stack: str
+    log: Log,
+    case: Case,
+    finding: Finding,
+    name: str,
+    begin: int,
+    stack: str,
+    again: bool = False,
 ) -> tuple[Check, float, str]:
-    """Try one remedy from a decision on, or from the start.
+    """Try one remedy from a decision on, or from the start; again with another seed of the noise.
 
     Returns:
         The outcome, the simulated time, s, and a note on the answers of the stack before.
     """
     touched = case.outcome in TOUCHED
-    if name in FROM_THE_START:
+    if name in SENSING:  # wrong data before has shaped the map and the path
         begin = 0
     log, case_then = log.as_of(begin), case.as_of(begin)
     make = nothing if name == CONTROL else REMEDIES[name][0]
     limit_s = case.end_s + MORE_TIME if touched else log.config.episode.time_limit
     change = make(log, case_then)
+    if again:
+        change = replace(change, config=replace(change.config, seed=change.config.seed + 1))
     if not stack:
         result, note = go_on(log, case_then, change, at=begin, limit_s=limit_s), ""
     else:
@@ -247,11 +289,7 @@ def _try(
         note = note if differing else ""
     saves = result.outcome == "success" or (touched and result.outcome not in HARM)
     took = result.sim_time_s - case.moments[begin].time_ns * 1e-9
-    return Check(name, begin, result.outcome, result.sim_time_s, saves), took, note
-
-
-FROM_THE_START = ("true_pose", "true_ranges")
-"""Remedies that begin at the start: wrong data before has shaped the map and the path."""
+    return Check(name, begin, result.outcome, result.sim_time_s, saves, again), took, note
 
 
 def checkable(log: Log) -> bool:

@@ -64,11 +64,8 @@ def settle_by_guard(finding: Finding, checks: list[Check]) -> tuple[Finding, str
         does = "keeps the robot from it" if saves else "does not keep the robot from it"
         note = f"cutting decision {first} {does}, which says nothing about {finding.cause}"
         return finding, "inconclusive", note
-    evidence = (
-        f"the guard would have cut decision {first}, and that does not save the robot; the facts "
-        f"alone gave {finding.cause}: {finding.evidence}"
-    )
-    return Finding("unexplained", evidence, finding.decision, finding.place), "changed", ""
+    note = f"the guard would have cut decision {first}, and that does not save the robot"
+    return finding, "inconclusive", note
 
 
 def _undecided(log: Log, case: Case, commands: tuple[int, ...]) -> str:

@@ -102,7 +102,7 @@ def true_pose(log: Log, case: Case) -> Change:
 
 def true_ranges(log: Log, case: Case) -> Change:
     """Take sensors without errors and without a minimum range, whose returns all enter the map."""
-    config = replace(log.config, map=replace(log.config.map, minimum_range=0.0))
+    config = replace(log.config, map=replace(log.config.map, minimum_range=0.0, no_return="free"))
 
     def exact(scenario: Scenario) -> Scenario:
         scene, sensors = scenario.scene, scenario.config.sensors

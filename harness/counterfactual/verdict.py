@@ -29,6 +29,7 @@ class Check:
         outcome: Outcome of the episode with it.
         end_s: Simulated time of its end, s.
         saves: Whether the robot reached the goal or, after a contact or a fall, came to no harm.
+        again: Whether it was tried with another seed of the noise.
     """
 
     remedy: str
@@ -36,6 +37,7 @@ class Check:
     outcome: str
     end_s: float
     saves: bool
+    again: bool = False
 
 
 @dataclass(frozen=True)
