@@ -18,6 +18,7 @@ from wayproof.harness.attribution.grids import (
     offsets_of,
     true_occupancy,
 )
+from wayproof.harness.prior.cells import logged_cells
 from wayproof.harness.stack.footprint import body_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import OCCUPIED
@@ -40,12 +41,31 @@ def ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:
     gaps = clearances(occupied & ~cells, costmap.resolution)
     return {
         "ghosts": int(cells.sum()),
+        "of_prior": _of_prior(case, navigator, cells),
         "holes": int((cells & holes_in_floor(case, navigator)).sum()),
         "ghost": _nearest_cell(navigator, cells, believed),
         "without_ghosts": _leaves_path(case, navigator, gaps, last),
         "roomy_without_ghosts": _leaves_path(case, navigator, gaps, last, turning=True),
         "without_movers": without_movers(case, navigator, number),
     }
+
+
+def _of_prior(case: Case, navigator: Navigator, cells: Cells) -> int:
+    """Return how many cells of a costmap the prior map alone holds occupied."""
+    prior = logged_cells(case.config)
+    if prior is None or not cells.any():
+        return 0
+    costmap, size = navigator.costmap, navigator.costmap.resolution
+    centres = costmap.origin + (np.argwhere(cells) + 0.5) * size
+    heights = centres[:, 2:]
+    if case.mission.planar:
+        span = np.arange(case.mission.step_height + 0.5 * size, case.mission.height, size)
+        heights = np.tile(span, (len(centres), 1))
+    points = np.repeat(centres, heights.shape[1], axis=0)
+    points[:, 2] = heights.ravel()
+    held = prior.states_at(points).reshape(heights.shape) == OCCUPIED
+    measured = navigator.map.observed_ns_at(points).reshape(heights.shape) >= 0
+    return int((held & ~measured).any(axis=1).sum())
 
 
 def without_movers(case: Case, navigator: Navigator, number: int) -> bool:

@@ -255,7 +255,8 @@ def ghost_obstacle(facts: StandstillFacts) -> str | None:
         return None
     x, y, z = ways.ghost
     seen_through = f"{ways.holes} of them as beams went through their floor, " if ways.holes else ""
-    cells = f"{ways.ghosts} cells mapped occupied are truly free, {seen_through}"
+    of_prior = f"{ways.of_prior} of them held by the prior map alone, " if ways.of_prior else ""
+    cells = f"{ways.ghosts} cells mapped occupied are truly free, {of_prior}{seen_through}"
     such = f"such as ({x:.2f}, {y:.2f}, {z:.2f}), "
     if narrow:
         return (

@@ -93,6 +93,7 @@ class MapWays:
         roomy: Fraction with a path on which the body may turn as it likes.
         certain: Fraction with a path through space that is not occupied if the pose were certain.
         ghosts: Number of cells mapped occupied at the end that are truly free, recent movers apart.
+        of_prior: Number of these that only a prior map holds occupied.
         holes: Number of these that are columns forbidden because the map has a free cell below
             the floor.
         ghost: Centre of the ghost nearest to the robot, m.
@@ -111,6 +112,7 @@ class MapWays:
     roomy: float
     certain: float
     ghosts: int
+    of_prior: int
     holes: int
     ghost: tuple[float, float, float]
     without_ghosts: bool

@@ -11,7 +11,7 @@ from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.decision import path_of
 from wayproof.harness.log.paths import densely
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.maps.states import FREE, OCCUPIED
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ class BlockingCell:
     """Cell that blocks the path.
 
     Attributes:
-        state: `occupied` or `unknown`.
+        state: `occupied`, `unknown`, or `floor not seen`: the column is free above its floor.
         place: (x, y, z) of its centre, m; on the ground of its column.
         distance_m: Distance from the robot, m.
         age_s: Time since its last observation, s; None without one.
@@ -82,15 +82,21 @@ def _blocking(
 ) -> BlockingCell:
     """Describe one cell, whose centre is (3,) m, as seen from the body at `here` (3,), m."""
     occupied = navigator.costmap.state[cell] == OCCUPIED
-    column = centre[None]
+    column, state = centre[None], "occupied" if occupied else "unknown"
     if case.mission.planar:
         size = navigator.map.resolution
         heights = np.arange(0.5 * size, case.mission.height, size)
         column = np.column_stack([np.tile(centre[:2], (len(heights), 1)), heights])
+        floor = np.array([[*centre[:2], 0.0]])
+        unseen = navigator.map.state_at(floor)[0] == UNKNOWN
+        if not occupied and unseen and (navigator.map.state_at(column[1:]) == FREE).all():
+            column, centre, state = floor, floor[0], "floor not seen"
     observed = int(navigator.map.observed_ns_at(column).max())
+    if state == "floor not seen":
+        observed = -1  # the beams that passed above it looked at no floor
     x, y, z = centre.tolist()
     return BlockingCell(
-        state="occupied" if occupied else "unknown",
+        state=state,
         place=(x, y, z),
         distance_m=float(np.linalg.norm((centre - here)[: case.axes])),
         age_s=None if observed < 0 else (moment.time_ns - observed) * 1e-9,

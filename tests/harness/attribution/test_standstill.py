@@ -30,8 +30,8 @@ TRUTH = TrueWays(
 
 
 MAP = MapWays(
-    known=0.0, passable=1.0, roomy=1.0, certain=1.0, in_vain=0.0, not_found=0.0, ghosts=0, holes=0,
-    ghost=(0.0, 0.0, 0.0), without_ghosts=True, roomy_without_ghosts=True, without_movers=False,
+    known=0.0, passable=1.0, roomy=1.0, certain=1.0, in_vain=0.0, not_found=0.0, ghosts=0,
+    of_prior=0, holes=0, ghost=(0.0, 0.0, 0.0), without_ghosts=True, roomy_without_ghosts=True, without_movers=False,
     held_up=0.0, unknown=0.2,
 )  # fmt: skip
 
@@ -186,6 +186,10 @@ def evidence(change):
         ({"truth.exists": False, "truth.over_ramps": True}, "costmap.max_slope = 0 rad makes an"),
         ({"turned": 1.2, "stuck_after": 2.0}, "episode.stuck_after = 2 s ended it"),
         ({"hidden_by": "map.minimum_range = 4.0"}, "bounded by map.minimum_range = 4.0"),
+        (
+            {**CLOSED, "map.of_prior": 5},
+            "7 cells mapped occupied are truly free, 5 of them held by",
+        ),
         ({"on_trial": True, "map.known": 1.0, "did": "stood still"}, "the stack on trial stood"),
         ({"on_trial": True, "did": "gave up itself"}, "the stack on trial gave up itself and did"),
     ],
