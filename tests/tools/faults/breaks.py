@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from wayproof.harness.attribution.reckless import Reckless, Uninflated
+from tests.tools.faults.reckless import Reckless, Uninflated
 from wayproof.harness.attribution.ways import rest_to_rest
 from wayproof.harness.config_document import override
 from wayproof.harness.perturbations import perturbation_from

@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from wayproof.harness.attribution.reckless import Reckless
+from tests.tools.faults.reckless import Reckless
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import unknown_name
