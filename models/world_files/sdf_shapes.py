@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from wayproof.models.world_files.heights import height_part
 from wayproof.models.world_files.images import read_elevation
 from wayproof.models.world_files.locating import Locator
+from wayproof.models.world_files.mesh_files import EXTRA
 from wayproof.models.world_files.meshes import Cuts, mesh_parts
 from wayproof.models.world_files.options import Found, ImportOptions, Plane
 from wayproof.models.world_files.parts import Mesh, Part, axes_of
-from wayproof.models.world_files.polygons import holds, prisms, prisms_with_holes
+from wayproof.models.world_files.polygons import prisms
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.sdf_frames import Placement, numbers
 from wayproof.models.world_files.xml_tree import Element
@@ -81,8 +82,8 @@ class Shapes:
             self._untouched[why] += 1
             if not self._options.visuals:
                 return
-        if _have_holes(path, outlines):
-            yield from _polyline_with_holes(path, outlines, scale)
+        if outlines:
+            yield from _polylines(path, outlines, scale)
             return
         for child in children:
             yield from self.geometry(path, child, placed, model, scale)
@@ -105,7 +106,7 @@ class Shapes:
             elif shape.tag == "image":
                 self._found.notes.append(f"<image> (line {shape.line}): left out")
             else:
-                known = ", ".join([*SHAPES, "mesh", "heightmap", "plane", "empty"])
+                known = ", ".join([*SHAPES, "polyline", "mesh", "heightmap", "plane", "empty"])
                 what = f"<{shape.tag}>: cannot be taken over (available: {known})"
                 raise WorldFileError(path, what, shape.line)
         except WorldFileError:
@@ -218,16 +219,6 @@ class Shapes:
         yield height_part(file, heights[::-1], (x, y), centre)
 
 
-def _have_holes(path: Path, outlines: list[Element]) -> bool:
-    """Return whether an outline begins within another one: that is a hole, as Gazebo has it."""
-    rings = [_outline(path, outline) for outline in outlines]
-    return any(
-        len(ring) and other is not ring and holds(other, ring[0])
-        for ring in rings
-        for other in rings
-    )
-
-
 def _untouchable(shape: Element) -> str:
     """Return why no body meets a collision; empty if one does."""
     contact = shape.first("surface")
@@ -296,28 +287,21 @@ def _cone(path: Path, shape: Element, scale: NDArray[np.float64]) -> list[Part]:
     return [Part("mesh", (), (0.0, 0.0, 0.0), mesh=Mesh(vertices, faces))]
 
 
-def _polyline(path: Path, shape: Element, scale: NDArray[np.float64]) -> list[Part]:
-    """Return the prisms of outlines that rise from z = 0 to `<height>`."""
-    meshes = prisms(_outline(path, shape) * scale[:2], _rise(path, shape) * float(scale[2]))
-    return [Part("mesh", (), (0.0, 0.0, 0.0), mesh=mesh) for mesh in meshes]
-
-
-def _polyline_with_holes(
-    path: Path, shapes: Sequence[Element], scale: NDArray[np.float64]
-) -> list[Part]:
-    """Return the prisms of outlines of one geometry, of which some are holes."""
+def _polylines(path: Path, shapes: Sequence[Element], scale: NDArray[np.float64]) -> Iterator[Part]:
+    """Yield the prisms of outlines that rise from z = 0 to `<height>`; inner ones are holes."""
     rises = {_rise(path, shape) for shape in shapes}
     if len(rises) > 1:
-        what = (
-            f"<polyline>: outlines of {len(rises)} heights, expected one height where one is a hole"
-        )
+        what = f"<polyline>: outlines of {len(rises)} heights in one geometry, expected one"
         raise WorldFileError(path, what, shapes[0].line)
     outlines = [_outline(path, shape) * scale[:2] for shape in shapes]
     try:
-        meshes = prisms_with_holes(outlines, rises.pop() * float(scale[2]))
+        meshes = prisms(outlines, rises.pop() * float(scale[2]))
+    except ImportError:
+        what = f"<polyline>: needs shapely: {EXTRA}"
+        raise WorldFileError(path, what, shapes[0].line) from None
     except ValueError as error:
         raise WorldFileError(path, f"<polyline>: {error}", shapes[0].line) from None
-    return [Part("mesh", (), (0.0, 0.0, 0.0), mesh=mesh) for mesh in meshes]
+    yield from (Part("mesh", (), (0.0, 0.0, 0.0), mesh=mesh) for mesh in meshes)
 
 
 def _outline(path: Path, shape: Element) -> NDArray[np.float64]:  # (n, 2)
@@ -340,6 +324,5 @@ SHAPES: dict[str, Callable[[Path, Element, NDArray[np.float64]], list[Part]]] = 
     "sphere": _sphere,
     "ellipsoid": _ellipsoid,
     "cone": _cone,
-    "polyline": _polyline,
 }
 """Readers of a geometry as parts in its own frame, by element."""
