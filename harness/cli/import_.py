@@ -145,7 +145,11 @@ VERB = Verb(
             action="append",
             dest="model_paths",
         ),
-        arg("--floor Z", "height of the floor in the file, m (default: found, or 0)", float),
+        arg(
+            "--floor Z",
+            "height of the floor in the file, m (default: its plane or large level surface)",
+            float,
+        ),
         arg(
             "--as KIND=MODEL",
             "kind of the models of that name or pattern, such as floor=ground* (repeatable)",

@@ -1,4 +1,4 @@
-"""The floor of an imported scene: its height, its parts, and the boxes in place of planes.
+"""The floor of an imported scene: its height, its parts, and the boxes in place of other planes.
 
 A robot's floor is at height 0 where it starts. A scene whose floor is elsewhere is moved.
 """
@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayproof.models.classes import CLASSES
 from wayproof.models.world_files.options import Found, ImportOptions, Plane
@@ -27,7 +26,8 @@ LEVEL = 1e-9
 """Deviation of a plane's normal and height from a level one at 0, m."""
 
 LEAST_SHARE = 0.5
-"""Share of a scene's rectangle that a level surface covers to be its floor."""
+"""Share of a scene's rectangle that level surfaces of one height cover to be its floor; of a scan,
+whose floor is uneven and has gaps, half of that."""
 
 LEAST_FLOOR = 9.0
 """Area from which a level surface can be a floor, m^2."""
@@ -36,35 +36,16 @@ SAME_HEIGHT = 0.02
 """Difference in height of surfaces that are one floor, m: less than any robot's step."""
 
 HIGHEST_SLAB = 0.5
-"""Height of a slab above a plane up to which it, not the plane, is the floor, m."""
-
-HIDING_SHARE = 0.8
-"""Share of a floor's area from which a level surface just above it hides it, as the top of a slab
-that is drawn as two sheets does."""
-
-LOWEST_OTHERS = 0.3
-"""Depth below a floor down to which at least half of the other parts have to begin, m."""
-
-PLANE_THICKNESS = 0.5
-"""Thickness of the box in place of a plane that is not the floor, m."""
+"""Height of a surface above the lowest floor up to which it, too, could be meant, m."""
 
 SHEET_THICKNESS = 0.01
 """Thickness of the box in place of a plane of the size that it is drawn with, m."""
 
-LEAST_WALL = 0.5
-"""Horizontal part of a plane's unit normal from which it is a wall."""
-
-PLANE_BORDER = 1.0
-"""Border of an infinite plane around the other parts, m."""
+PLANE_BORDER = 2.0
+"""How much farther than the other parts the box in place of an infinite plane reaches, m."""
 
 EMPTY_EXTENT = 10.0
-"""Half the length and width of a scene of one infinite plane, m."""
-
-HEADROOM = 0.5
-"""Free height above a cell of a grid for it to count as floor, m."""
-
-UNEVEN_SHARE = 0.02
-"""Share of a scanned floor's columns that may rise above its height as obstacles."""
+"""Half the length and width of a scene of planes alone, m."""
 
 
 class Level(NamedTuple):
@@ -87,11 +68,12 @@ def settle_ground(path: Path, found: Found, options: ImportOptions) -> None:
     Changes `found`, and notes what it did.
 
     Raises:
-        WorldFileError: A pattern of `kinds` that no model's name matches.
+        WorldFileError: A pattern of `kinds` that no model's name matches, or no floor that is
+            meant beyond doubt.
     """
     _set_kinds(path, found, options)
     terrain = any(part.shape == "heights" and part.kind == FLOOR_KIND for part in found.parts)
-    height, why = _floor_height(found, options, terrain)
+    height = _floor_height(path, found, options, terrain)
     floors = [plane for plane in found.planes if _is_level(plane, height)]
     others = [plane for plane in found.planes if not _is_level(plane, height)]
     found.plane |= bool(floors) or (options.floor is not None and not terrain)
@@ -99,10 +81,11 @@ def settle_ground(path: Path, found: Found, options: ImportOptions) -> None:
     if found.grid:  # a foot on the floor would touch what ends there
         _lower_cells(found, height)
     if height:
-        found.notes.append(f"floor at {height:g} m{why}: the scene is moved by {-height:g} m in z")
+        found.notes.append(f"floor at {height:g} m: the scene is moved by {-height:g} m in z")
         raise_by(found, -height)
-    _note_drawn(found, floors)
-    if not found.parts and found.plane:
+    if found.parts:
+        _note_drawn(found, floors)
+    elif found.plane:
         _bound_empty(found, floors)
     found.planes = []
 
@@ -115,6 +98,7 @@ def raise_by(found: Found, rise: float) -> None:
 
     found.parts = [replace(part, position=up(part.position)) for part in found.parts]
     found.movers = [replace(one, route=tuple(map(up, one.route))) for one in found.movers]
+    found.extent = None if found.extent is None else (up(found.extent[0]), up(found.extent[1]))
     found.low = None if found.low is None else up(found.low)
     found.high = None if found.high is None else up(found.high)
 
@@ -143,62 +127,60 @@ def _set_kinds(path: Path, found: Found, options: ImportOptions) -> None:
         ]
 
 
-def _floor_height(found: Found, options: ImportOptions, terrain: bool) -> tuple[float, str]:
-    """Return the floor's height, m, and how it was found; marks the parts that are the floor."""
-    plane = max(
-        (float(p.point[2]) for p in _floors(found.planes)), default=None
-    )  # the highest: it hides what is below
-    named = [part for part in found.parts if part.kind == FLOOR_KIND and part.shape != "heights"]
+def _floor_height(path: Path, found: Found, options: ImportOptions, terrain: bool) -> float:
+    """Return the floor's height, m; marks the parts that are the floor.
+
+    It is what is given or named; else 0 where the format says so, or under terrain, which is moved
+    later; else the highest large plane; else the one large level surface; else 0.
+
+    Raises:
+        WorldFileError: Two heights could be meant.
+    """
     if options.floor is not None:
         _mark_floor(found, options.floor)
-        return options.floor, ", as given"
-    if found.grid:
-        return _grid_floor(found)
-    if found.plane:
-        return 0.0, ""  # the format says so
-    if terrain:
-        return 0.0, ""  # it is moved by the height at the start
+        return options.floor
+    if found.plane or terrain:
+        return 0.0
+    named = _levels([part for part in found.parts if part.kind == FLOOR_KIND])
+    plane = _plane_height(found.planes)
     if named and plane is None:
-        levels = [level for level in _levels(named) if level.area > 0.0]
-        if levels:
-            top = max(levels, key=lambda level: level.area).height
-            return (top, "") if abs(top) > LEVEL else (0.0, "")
-    slab = _slab_height(found, plane)
-    if slab is not None:
-        marked = _mark_floor(found, slab)
-        found.notes.append(f"floor by its size: {', '.join(marked)}")
-        return (slab, "") if abs(slab) > LEVEL else (0.0, "")
-    if plane is not None and abs(plane) > LEVEL:
-        return plane, " (a plane)"
-    return 0.0, ""
+        return _rounded(max(named, key=lambda level: level.area).height)
+    heights = _large_levels(found)
+    if plane is not None:
+        heights = [plane, *(height for height in heights if height > plane + LEVEL)]
+    meant = [height for height in heights if height <= heights[0] + HIGHEST_SLAB]
+    if len(meant) > 1:
+        known = ", ".join(f"{height:.4g}" for height in meant)
+        raise WorldFileError(path, f"its floor may be at {known} m: expected --floor with one")
+    if not meant and not any(part.kind == FLOOR_KIND for part in found.parts):
+        found.notes.append("no plane or large level surface: floor at 0 m, unless --floor is given")
+    if not meant:
+        return 0.0
+    if plane is None:
+        found.notes.append(f"floor by its size: {', '.join(_mark_floor(found, meant[0]))}")
+    return _rounded(meant[0])
 
 
-def _slab_height(found: Found, plane: float | None) -> float | None:
-    """Return the height of a level surface that is the scene's floor, m, if there is one."""
+def _rounded(height: float) -> float:
+    return height if abs(height) > LEVEL else 0.0
+
+
+def _large_levels(found: Found) -> list[float]:
+    """Return the heights at which level surfaces cover much of the scene, lowest first, m."""
     if not found.parts:
-        return None
+        return []
     low, high = bounds_of(found.parts)
-    rectangle = float(np.prod(high[:2] - low[:2]))
-    levels = sorted(_levels(found.parts))
-    bottoms = np.array([part.bounds[0, 2] for part in found.parts])
-    lowest: Level | None = None
-    for level in levels:
-        near = [one for one in levels if 0.0 <= one.height - level.height <= SAME_HEIGHT]
-        area = sum(one.area for one in near)
-        if area < max(LEAST_SHARE * rectangle, LEAST_FLOOR):
-            continue
-        height = max(one.height for one in near)
-        if plane is not None and not plane < height <= plane + HIGHEST_SLAB:
-            continue
-        if lowest is not None:
-            hidden = height <= lowest.height + HIGHEST_SLAB and area >= HIDING_SHARE * lowest.area
-            lowest = Level(height, area, 0) if hidden else lowest
-            continue
-        others = np.delete(bottoms, sorted({one.part for one in near}))
-        alone = not len(others) and height - bottoms.min() <= HIGHEST_SLAB
-        if alone or (len(others) and (others >= height - LOWEST_OTHERS).mean() >= 0.5):
-            lowest = Level(height, area, 0)
-    return None if lowest is None else lowest.height
+    share = LEAST_SHARE / 2.0 if found.grid else LEAST_SHARE
+    least = max(share * float(np.prod(high[:2] - low[:2])), LEAST_FLOOR)
+    heights: list[float] = []
+    near: list[Level] = []
+    for level in sorted(_levels(found.parts)):
+        near = [one for one in near if level.height - one.height <= SAME_HEIGHT] + [level]
+        if sum(one.area for one in near) >= least:
+            if heights and level.height - heights[-1] <= SAME_HEIGHT:
+                heights.pop()
+            heights.append(level.height)
+    return heights
 
 
 def _mark_floor(found: Found, height: float) -> list[str]:
@@ -207,11 +189,9 @@ def _mark_floor(found: Found, height: float) -> list[str]:
         level.part for level in _levels(found.parts)
         if -SAME_HEIGHT - LEVEL <= level.height - height <= LEVEL
     }  # fmt: skip
-    names = []
-    for n in sorted(chosen):
+    for n in chosen:
         found.parts[n] = replace(found.parts[n], kind=FLOOR_KIND)
-        names.append(found.parts[n].model or "a part")
-    return list(dict.fromkeys(names))
+    return list(dict.fromkeys(found.parts[n].model or "a part" for n in sorted(chosen)))
 
 
 def _levels(parts: list[Part]) -> list[Level]:
@@ -231,21 +211,16 @@ def _levels(parts: list[Part]) -> list[Level]:
             top = float(corners[:, 2].max())
             at_top = np.maximum(np.maximum(a[:, 2], b[:, 2]), c[:, 2]) >= top - SAME_HEIGHT
             level = normals[:, 2] > 0.999 * np.linalg.norm(normals, axis=1)
-            found.append(Level(top, float(normals[at_top & level, 2].sum()) / 2.0, n))
+            if area := float(normals[at_top & level, 2].sum()) / 2.0:
+                found.append(Level(top, area, n))
     return found
 
 
-def _floors(planes: list[Plane]) -> list[Plane]:
-    """Return the level planes that can be a floor: not a small one above another."""
+def _plane_height(planes: list[Plane]) -> float | None:
+    """Return the height of the highest level plane that is no sticker, m: it hides those below."""
     level = [plane for plane in planes if _is_up(plane)]
-    lowest = min((float(plane.point[2]) for plane in level), default=0.0)
-    return [plane for plane in level
-            if not _is_small(plane) or float(plane.point[2]) <= lowest + LEVEL]  # fmt: skip
-
-
-def _is_small(plane: Plane) -> bool:
-    half = plane.half_extents
-    return plane.axes is not None and half is not None and 4.0 * half[0] * half[1] < LEAST_FLOOR
+    large = [plane for plane in level if plane.axes is None or plane.area >= LEAST_FLOOR]
+    return max((float(plane.point[2]) for plane in large or level), default=None)
 
 
 def _is_up(plane: Plane) -> bool:
@@ -256,95 +231,17 @@ def _is_level(plane: Plane, height: float) -> bool:
     return _is_up(plane) and abs(float(plane.point[2]) - height) <= LEVEL
 
 
-def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
-    """Return planes that are not the floor as boxes behind their face, and note them."""
-    parts = []
-    if not planes:
-        return []
-    if found.parts:
-        low, high = bounds_of(found.parts)
-    else:
-        low, high = np.full(3, -EMPTY_EXTENT), np.full(3, EMPTY_EXTENT)
-    first, last = _front(found, planes, low, high, height)
-    for plane in planes:
-        name = plane.model or "a plane"
-        if _is_up(plane) and float(plane.point[2]) < height:
-            z = float(plane.point[2])
-            found.notes.append(f"plane of '{name}' at {z:g} m, below the floor: left out")
-            continue
-        R = axes_of(plane.normal)
-        centre = (low + high) / 2.0
-        middle = centre - ((centre - plane.point) @ plane.normal) * plane.normal
-        reach = float(np.linalg.norm(high - low)) / 2.0 + PLANE_BORDER
-        half, thickness = (reach, reach), PLANE_THICKNESS
-        axis = _axis_of(plane)
-        if axis is not None:  # no farther than to the walls beside it: there its back is solid
-            beside = 1 - axis
-            half = (last[beside] - first[beside]) / 2.0 + thickness, reach
-            middle[beside] = (first[beside] + last[beside]) / 2.0
-            middle[axis] = (first if plane.normal[axis] > 0.0 else last)[axis]
-            middle[2] = height
-            middle += reach * np.sign(R[2, 1]) * R[:, 1]  # from the floor on up the wall
-        if plane.half_extents is not None and plane.axes is not None:
-            half, thickness = plane.half_extents, SHEET_THICKNESS
-            R, middle = plane.axes, plane.point
-        at = middle - thickness / 2.0 * plane.normal
-        parts.append(
-            Part("box", (*half, thickness / 2.0), vector(at), quaternion_of(R), "wall",
-                 model=plane.model)
-        )  # fmt: skip
-        found.notes.append(
-            f"plane of '{name}': a box {2 * half[0]:.4g} x {2 * half[1]:.4g} x "
-            f"{thickness:g} m behind it"
-        )
-    return parts
-
-
-def _axis_of(plane: Plane) -> int | None:
-    """Return the axis, x or y, that an infinite wall faces along or up from; None of others."""
-    level = np.abs(plane.normal[:2])
-    is_wall = plane.axes is None and float(level.max()) > LEAST_WALL and plane.normal[2] > -LEVEL
-    return int(np.argmax(level)) if is_wall and float(level.min()) < LEVEL else None
-
-
-def _front(
-    found: Found, planes: list[Plane], low: NDArray[np.float64], high: NDArray[np.float64],
-    height: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """Return the corners (3,) of a scene, m, moved to the infinite walls that face along an axis.
-
-    Where walls stand on all four sides, they bound the area.
-    """
-    first, last = low.copy(), high.copy()
-    sides = set()
-    for plane in planes:
-        axis = _axis_of(plane)
-        if axis is not None:
-            rise = (height - plane.point[2]) * plane.normal[2] / plane.normal[axis]
-            inwards = bool(plane.normal[axis] > 0.0)
-            (first if inwards else last)[axis] = plane.point[axis] - rise
-            sides.add((axis, inwards))
-    if (first >= last).any():  # walls that face away from one another
-        return low, high
-    if len(sides) == 4:
-        found.walls = vector(first), vector(last)
-    return first, last
-
-
 def _note_drawn(found: Found, floors: list[Plane]) -> None:
     """Note a floor that is drawn smaller than the scene: contacts take it as infinite."""
-    if not found.parts:
-        return
     low, high = bounds_of(found.parts)
     for plane in floors:
-        half = plane.half_extents
-        if half is None or min(half) <= 0.0:
+        if plane.half_extents is None:
             continue
-        beyond = np.maximum(high - plane.point, plane.point - low)[:2] > half
+        beyond = np.maximum(high - plane.point, plane.point - low)[:2] > plane.half_extents
         if beyond.any():
-            size = f"{2 * half[0]:g} x {2 * half[1]:g} m"
+            x, y = (2.0 * half for half in plane.half_extents)
             found.notes.append(
-                f"plane of '{plane.model}', drawn {size}: infinite, as contacts take it"
+                f"plane of '{plane.model}', drawn {x:g} x {y:g} m: infinite, as contacts take it"
             )
 
 
@@ -356,27 +253,43 @@ def _bound_empty(found: Found, floors: list[Plane]) -> None:
     found.notes.append(f"nothing but a floor: an area of {2 * size:g} x {2 * size:g} m on it")
 
 
-def _grid_floor(found: Found) -> tuple[float, str]:
-    """Return the height of a scanned floor: where most columns end with free space above.
+def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
+    """Return planes that are not the floor as boxes behind their face, and note them.
 
-    The top of the lowest layer of cells in which at least `LEAST_SHARE` of all columns with such
-    a surface have it, raised until no more than `UNEVEN_SHARE` of them end within a step above it.
+    An infinite one is solid behind it as far as the scene reaches: to its parts and a point of each
+    infinite plane, which is the extent of the scene then.
     """
-    tops = np.array([part.position[2] + part.size[2] for part in found.parts])
-    areas = np.array([4.0 * part.size[0] * part.size[1] for part in found.parts])
-    heights, inverse = np.unique(np.round(tops, 6), return_inverse=True)
-    area = np.bincount(inverse, areas)
-    low, high = bounds_of(found.parts)
-    rectangle = float(np.prod(high[:2] - low[:2]))
-    if area.max() < max(LEAST_SHARE / 2.0 * rectangle, LEAST_FLOOR):
-        return 0.0, ""
-    first = int(np.argmax(area))
-    floor = first
-    for n in range(first + 1, len(heights)):
-        if heights[n] - heights[first] > HIGHEST_SLAB / 2.0 or area[n] < UNEVEN_SHARE * area[first]:
-            break
-        floor = n
-    return float(heights[floor]), " (where most cells end)"
+    infinite = [plane.point for plane in planes if plane.axes is None]
+    corners = np.array([*infinite, *(bounds_of(found.parts) if found.parts else ())])
+    if infinite:
+        if not found.parts:
+            around = np.full(3, EMPTY_EXTENT)
+            corners = np.concatenate([corners, [corners[0] - around, corners[0] + around]])
+        found.extent = vector(corners.min(axis=0)), vector(corners.max(axis=0))
+    parts = []
+    for plane in planes:
+        name, z = plane.model or "a plane", float(plane.point[2])
+        if _is_up(plane) and z < height:
+            found.notes.append(f"plane of '{name}' at {z:g} m, below the floor: left out")
+            continue
+        if plane.axes is not None and plane.half_extents is not None:
+            R, middle, half, thickness = (
+                plane.axes,
+                plane.point,
+                plane.half_extents,
+                SHEET_THICKNESS,
+            )
+            what = f"a box {2 * half[0]:.4g} x {2 * half[1]:.4g} x {thickness:g} m behind it"
+        else:
+            R, centre = axes_of(plane.normal), corners.mean(axis=0)
+            middle = centre - ((centre - plane.point) @ plane.normal) * plane.normal
+            thickness = float(np.linalg.norm(np.ptp(corners, axis=0))) + PLANE_BORDER
+            half, what = (thickness, thickness), "solid behind it"
+        at = middle - thickness / 2.0 * plane.normal
+        size = (*half, thickness / 2.0)
+        parts.append(Part("box", size, vector(at), quaternion_of(R), "wall", model=plane.model))
+        found.notes.append(f"plane of '{name}': {what}")
+    return parts
 
 
 def _lower_cells(found: Found, height: float) -> None:

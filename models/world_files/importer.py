@@ -238,14 +238,12 @@ def _bound_area(found: Found, border: float) -> None:
     """Set the operating area where the file gives none: about all that is solid, or its floor."""
     if found.low is not None and found.high is not None:
         return
-    low, high = bounds_of(found.parts)
+    low, high = bounds_of(found.parts) if found.extent is None else np.array(found.extent)
     floors = [part for part in found.parts if part.kind == FLOOR_KIND]
     bottom = 0.0
     if floors and not found.plane:
         (low[:2], high[:2]), border = bounds_of(floors)[:, :2], 0.0
         bottom = min(0.0, float(bounds_of(floors)[0, 2]))
-    if found.walls is not None:
-        (low[:2], high[:2]), border = (corner[:2] for corner in found.walls), 0.0
     for point in (found.start, found.goal):
         if point is not None:
             low[:2], high[:2] = np.minimum(low[:2], point[:2]), np.maximum(high[:2], point[:2])

@@ -31,7 +31,7 @@ class ImportOptions:
         visuals: Whether links that have visuals only, and collisions that no body meets, are made
             solid.
         model_paths: Folders with models that a file includes, searched before the usual ones.
-        floor: Height of the floor in the file, m; None to find it.
+        floor: Height of the floor in the file, m; None for its plane or one large level surface.
         kinds: Kind of the parts of a model, by a pattern of its name, such as `ground*`.
         robot_radius: Radius of the robot that will run, for start and goal, m.
         robot_height: Height of it, m.
@@ -105,6 +105,11 @@ class Plane(NamedTuple):
     model: str = ""
     axes: NDArray[np.float64] | None = None
 
+    @property
+    def area(self) -> float:
+        """Area that it is drawn with, m^2."""
+        return 4.0 * self.half_extents[0] * self.half_extents[1] if self.half_extents else np.inf
+
 
 @dataclass
 class Found:
@@ -115,7 +120,7 @@ class Found:
         plane: Whether there is a level plane at height 0: the floor.
         planes: Planes of the file, until the floor is settled.
         movers: Things that move, each with a body on the ground.
-        walls: Corners of what infinite walls enclose on all four sides, m; None without them.
+        extent: Corners of a scene with infinite walls, which are solid beyond, m; else None.
         missing: Names of models and files that are not there and were left out.
         closed: Whether nothing is known beyond the parts, as around a map.
         grid: Whether the parts are cells of a grid, of which the lowest may be the floor.
@@ -134,7 +139,7 @@ class Found:
     plane: bool = False
     planes: list[Plane] = field(default_factory=list)
     movers: list[Mover] = field(default_factory=list)
-    walls: tuple[Vector3, Vector3] | None = None
+    extent: tuple[Vector3, Vector3] | None = None
     missing: list[str] = field(default_factory=list)
     closed: bool = False
     grid: bool = False
