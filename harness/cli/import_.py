@@ -145,11 +145,7 @@ VERB = Verb(
             action="append",
             dest="model_paths",
         ),
-        arg(
-            "--floor Z",
-            "height of the floor in the file, m (default: its plane or large level surface)",
-            float,
-        ),
+        arg("--floor Z", "height of the floor in the file, m (default: found, or 0)", float),
         arg(
             "--as KIND=MODEL",
             "kind of the models of that name or pattern, such as floor=ground* (repeatable)",

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.world_files.images import png_size, read_image
+from wayproof.models.world_files.images import read_elevation
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Part
 from wayproof.models.world_files.reading import MAX_HEIGHTS, WorldFileError, check_file
@@ -31,13 +31,7 @@ def read_heights(path: Path, options: ImportOptions) -> Found:
     if path.suffix.lower() == ".npy":
         heights = _array(path)
     else:
-        size = png_size(path)
-        if size is not None and size[0] * size[1] > MAX_HEIGHTS:
-            what = f"{size[0]} x {size[1]} heights, expected at most {MAX_HEIGHTS}"
-            raise WorldFileError(path, what)
-        image = read_image(path)
-        scale = options.height / np.iinfo(image.dtype).max
-        heights = np.asarray(image[::-1] * scale, np.float64)
+        heights = read_elevation(path)[0][::-1] * options.height
     if min(heights.shape) < 2:
         raise WorldFileError(path, f"{heights.shape} heights, expected at least 2 x 2")
     x, y = ((n - 1) * options.resolution for n in heights.shape[::-1])

@@ -16,7 +16,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -45,13 +45,6 @@ SAVED_SHARE = 0.99
 """Share of those levels from which an image is a saver's."""
 
 
-class Entry(NamedTuple):
-    """An entry of a map's YAML: its words, one but for a list, and its line."""
-
-    words: tuple[str, ...]
-    line: int
-
-
 class OccupancyGrid(NamedTuple):
     """A flat map as its file holds it.
 
@@ -74,7 +67,7 @@ def read_occupancy_grid(path: Path) -> OccupancyGrid:
     """Read the states of an occupancy map.
 
     Raises:
-        WorldFileError: Naming the line or the entry.
+        WorldFileError: Naming the entry.
     """
     entries = _entries(path)
     origin = _numbers(path, entries, "origin", "[x, y, yaw]", 3)
@@ -83,9 +76,20 @@ def read_occupancy_grid(path: Path) -> OccupancyGrid:
     least = _number(path, entries, "free_thresh", 0.0, 1.0)
     negate = FLAGS[_word(path, entries, "negate", "0", FLAGS)]
     mode = _word(path, entries, "mode", MODES[0], MODES)
-    image = read_map_image(beside(path, "".join(entries["image"].words)))
-    occupancy = _occupancies(image.most, mode, negate)
-    occupied, free = _states(image, occupancy > most, occupancy < least, mode)  # NaN is neither
+    image = read_map_image(beside(path, str(entries["image"])))
+
+    def states(levels: NDArray[Any], white: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        occupancy = _occupancies(white, mode, negate)
+        return (occupancy > most)[levels], (occupancy < least)[levels]  # NaN is neither
+
+    occupied, free = states(image.grey, image.white)
+    if image.opacity is not None:
+        opaque = image.opacity == image.white // 3
+        if mode == "trinary":
+            blended = states(image.grey + image.opacity, image.white + image.white // 3)
+            occupied, free = blended[0], free & blended[1] & opaque
+        else:
+            occupied, free = occupied & opaque, free & opaque
     hidden = np.zeros_like(free)
     if mode == "trinary" and not negate:
         hidden = free & _saved_as_unknown(image)
@@ -98,7 +102,7 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
     """Read occupied cells, extruded from the floor to `options.height`.
 
     Raises:
-        WorldFileError: Naming the line or the entry.
+        WorldFileError: Naming the entry.
     """
     occupied, free, resolution, origin, hidden = read_occupancy_grid(path)
     unknown = ~(occupied | free)
@@ -116,29 +120,17 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
     return found
 
 
-def _states(
-    image: MapImage, is_occupied: NDArray[np.bool_], is_free: NDArray[np.bool_], mode: str
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return the occupied and the free pixels, given which levels are."""
-    occupied, free = is_occupied[image.grey], is_free[image.grey]
-    if image.blended is None or image.opaque is None:
-        return occupied, free
-    if mode == "trinary":
-        return is_occupied[image.blended], free & is_free[image.blended] & image.opaque
-    return occupied & image.opaque, free & image.opaque
-
-
 def _saved_as_unknown(image: MapImage) -> NDArray[np.bool_]:
     """Return the pixels that a map saver wrote as unknown; none in an image of other levels."""
     levels = image.grey.astype(np.int64) * 255
-    saved = np.isin(levels, [level * image.most for level in SAVED_LEVELS])
-    unknown = levels == SAVED_UNKNOWN * image.most
+    saved = np.isin(levels, [level * image.white for level in SAVED_LEVELS])
+    unknown = levels == SAVED_UNKNOWN * image.white
     return unknown if saved.mean() >= SAVED_SHARE else np.zeros_like(unknown)
 
 
-def _occupancies(most: int, mode: str, negate: bool) -> NDArray[np.float64]:
+def _occupancies(white: int, mode: str, negate: bool) -> NDArray[np.float64]:
     """Return the occupancy of each grey level up to the highest; NaN: unknown."""
-    grey = np.arange(most + 1) / most
+    grey = np.arange(white + 1) / white
     if mode == "raw":
         percent = np.rint(grey * 255.0)
         return np.where(percent <= 100.0, percent / 100.0, np.nan)
@@ -159,28 +151,17 @@ def _walls(
     ]
 
 
-def _entries(path: Path) -> dict[str, Entry]:
-    """Return the entries of the first document by name; what is nested deeper is not looked at.
+def _entries(path: Path) -> dict[str, Any]:
+    """Return the entries of the first document by name.
 
     Scalars keep their text: each is read as yaml-cpp reads it for what is wanted of it.
     """
     try:
-        root = next(yaml.compose_all(read_text(path, LARGEST_YAML), yaml.SafeLoader), None)
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else None
-        raise WorldFileError(path, f"no YAML ({error.problem})", line) from None
+        entries = next(yaml.load_all(read_text(path, LARGEST_YAML), yaml.BaseLoader), None)
     except (yaml.YAMLError, RecursionError) as error:
         raise WorldFileError(path, f"no YAML ({' '.join(str(error).split())[:100]})") from None
-    if not isinstance(root, yaml.MappingNode):
+    if not isinstance(entries, dict):
         raise WorldFileError(path, f"expected a mapping with {', '.join(NEEDED)}")
-    entries: dict[str, Entry] = {}
-    for key, value in root.value:
-        name, line = str(key.value), key.start_mark.line + 1
-        if name in entries:
-            raise WorldFileError(path, f"{name[:40]}: given twice", line)
-        inner = value.value if isinstance(value, yaml.SequenceNode) else [value]
-        words = [one.value if isinstance(one, yaml.ScalarNode) else "" for one in inner]
-        entries[name] = Entry(tuple(words), line)
     missing = [key for key in NEEDED if key not in entries]
     if missing:
         raise WorldFileError(path, f"no {', '.join(missing)}")
@@ -188,29 +169,27 @@ def _entries(path: Path) -> dict[str, Entry]:
 
 
 def _numbers(
-    path: Path, entries: dict[str, Entry], key: str, expected: str, count: int = 1,
+    path: Path, entries: dict[str, Any], key: str, expected: str, count: int = 1,
     low: float = -math.inf, high: float = math.inf,
 ) -> list[float]:  # fmt: skip
-    words, line = entries[key]
+    words = entries[key] if isinstance(entries[key], list) else [entries[key]]
     try:
         values = [float(word) for word in words]
-    except ValueError:
+    except (TypeError, ValueError):
         values = []
     if len(values) != count or not all(math.isfinite(v) and low <= v <= high for v in values):
-        raise WorldFileError(path, f"{key}: got '{', '.join(words)}', expected {expected}", line)
+        got = ", ".join(map(str, words))[:60]
+        raise WorldFileError(path, f"{key}: got '{got}', expected {expected}")
     return values
 
 
-def _number(path: Path, entries: dict[str, Entry], key: str, low: float, high: float) -> float:
+def _number(path: Path, entries: dict[str, Any], key: str, low: float, high: float) -> float:
     return _numbers(path, entries, key, f"{low:g} to {high:g}", 1, low, high)[0]
 
 
-def _word(
-    path: Path, entries: dict[str, Entry], key: str, default: str, known: Iterable[str]
-) -> str:
+def _word(path: Path, entries: dict[str, Any], key: str, default: str, known: Iterable[str]) -> str:
     """Return an entry in lower case, one of the known words."""
-    words, line = entries.get(key, Entry((default,), 0))
-    word = ", ".join(words).lower()
+    word = str(entries.get(key, default)).lower()
     if word not in known:
-        raise WorldFileError(path, f"{key}: got '{word}', expected {', '.join(known)}", line)
+        raise WorldFileError(path, f"{key}: got '{word[:60]}', expected {', '.join(known)}")
     return word
