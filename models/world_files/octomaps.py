@@ -1,15 +1,14 @@
 """OctoMaps (`.bt`, `.ot`): the occupied leaves as merged boxes.
 
 Both files hold a tree node by node, depth first, each before its children (Hornung et al. 2013,
-"OctoMap", Autonomous Robots 34). `.bt` has two bits for each of a node's children; `.ot` has a
-node's log-odds and a bit for each child. Read here and not by OctoMap's own library, which follows
-a broken file down until its stack ends.
+"OctoMap", Autonomous Robots 34). Read here and not by OctoMap's own library, which follows a broken
+file down until its stack ends.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -39,8 +38,9 @@ DEPTH = 16
 FREE, OCCUPIED, INNER = 1, 2, 3
 """Two bits of a child in a `.bt`; 0 is unknown."""
 
-VALUE_BYTES = {"OcTree": 4, "ColorOcTree": 7}
-"""Bytes of a node in an `.ot` before its children's bits: log-odds as float32, and a colour."""
+NODE_BYTES = {".bt": 2, "OcTree": 5, "ColorOcTree": 8}
+"""Bytes of a node: in a `.bt` two bits for each child; in an `.ot`, by the kind of tree, log-odds
+as float32, a colour, and a bit for each child."""
 
 
 class Leaf(NamedTuple):
@@ -129,9 +129,11 @@ def _read_leaves(path: Path, occupied_only: bool) -> tuple[float, list[Leaf], li
         raise WorldFileError(path, "its header has no 'res' of 0.0001 to 1000 m, or no 'data'")
     nodes = data[len(head) + len(separator) :].partition(b"\n")[2]
     kind = fields.get(b"id", b"OcTree").decode(errors="replace").strip()
+    if ending == ".ot" and kind not in NODE_BYTES:
+        raise WorldFileError(path, f"a tree of kind '{kind[:40]}' (available: OcTree, ColorOcTree)")
     leaves: list[Leaf] = []
     states: list[bool] = []
-    for leaf, occupied in READERS[ending](path, nodes, kind):
+    for leaf, occupied in _walk(path, nodes, NODE_BYTES[ending if ending == ".bt" else kind]):
         if occupied_only and not occupied:
             continue
         if len(leaves) == MOST_LEAVES:
@@ -151,52 +153,26 @@ def _number(text: bytes) -> float:
         return 0.0
 
 
-def _root() -> Leaf:
+def _walk(path: Path, nodes: bytes, size: int) -> Iterator[tuple[Leaf, bool]]:
+    """Yield the leaves of a tree whose nodes have a size, bytes, and whether each is occupied."""
     half = 1 << (DEPTH - 1)
-    return Leaf(-half, -half, -half, 2 * half)
-
-
-def _binary_leaves(path: Path, nodes: bytes, kind: str) -> Iterator[tuple[Leaf, bool]]:
-    """Yield the leaves of a `.bt` of any kind of tree, and whether each is occupied."""
-    waiting, place = [_root()], 0
+    waiting, place = [Leaf(-half, -half, -half, 2 * half)], 0
     while waiting:
-        node = waiting.pop()
-        _check_node(path, node, place + 2, len(nodes))
-        bits = nodes[place] | nodes[place + 1] << 8
-        place += 2
-        if node.side == 1:
+        node, head = waiting.pop(), nodes[place : place + size]
+        place += size
+        if len(head) < size:
+            raise WorldFileError(path, f"ends within its tree: {len(nodes)} bytes of nodes")
+        if size == NODE_BYTES[".bt"]:
+            bits = int.from_bytes(head, "little")
+            children = [bits >> (2 * number) & 3 for number in range(8)]
+        else:
+            children = [INNER * (head[-1] >> number & 1) for number in range(8)]
+            if not head[-1]:
+                yield node, struct.unpack_from("<f", head)[0] >= 0.0
+        if node.side == 1 and any(children):
             raise WorldFileError(path, f"deeper than {DEPTH} levels")
         for number in range(7, -1, -1):  # the first child ends up on top
-            child = bits >> (2 * number) & 3
-            if child == INNER:
+            if children[number] == INNER:
                 waiting.append(node.child(number))
-            elif child in (OCCUPIED, FREE):
-                yield node.child(number), child == OCCUPIED
-
-
-def _full_leaves(path: Path, nodes: bytes, kind: str) -> Iterator[tuple[Leaf, bool]]:
-    """Yield the leaves of an `.ot`, and whether each is at least as likely occupied as free."""
-    if kind not in VALUE_BYTES:
-        known = ", ".join(VALUE_BYTES)
-        raise WorldFileError(path, f"a tree of kind '{kind[:40]}' (available: {known})")
-    waiting, place, step = [_root()], 0, VALUE_BYTES[kind] + 1
-    while waiting:
-        node = waiting.pop()
-        _check_node(path, node, place + step, len(nodes))
-        children = nodes[place + step - 1]
-        if children and node.side == 1:
-            raise WorldFileError(path, f"deeper than {DEPTH} levels")
-        if not children:
-            yield node, struct.unpack_from("<f", nodes, place)[0] >= 0.0
-        place += step
-        waiting += [node.child(number) for number in range(7, -1, -1) if children >> number & 1]
-
-
-Reader = Callable[[Path, bytes, str], Iterator[tuple[Leaf, bool]]]
-
-READERS: dict[str, Reader] = {".bt": _binary_leaves, ".ot": _full_leaves}
-
-
-def _check_node(path: Path, node: Leaf, needed: int, there: int) -> None:
-    if needed > there:
-        raise WorldFileError(path, f"ends within its tree: {there} bytes of nodes")
+            elif children[number]:
+                yield node.child(number), children[number] == OCCUPIED
