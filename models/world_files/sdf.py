@@ -1,4 +1,4 @@
-"""Gazebo worlds (`.world`, `.sdf`): their collision shapes as one static scene.
+"""Gazebo worlds (`.world`, `.sdf`) and URDF: their collision shapes as one static scene.
 
 Source: the SDFormat specification, versions 1.4 to 1.12. A `<state>` is where Gazebo saved its
 models; it holds the poses that count.
@@ -15,13 +15,13 @@ from wayproof.models.world_files.ground import kind_of
 from wayproof.models.world_files.locating import Locator
 from wayproof.models.world_files.movers import check_movers
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.parts import Part, moved
+from wayproof.models.world_files.parts import moved
 from wayproof.models.world_files.reading import FARTHEST, MAX_SOLIDS, WorldFileError
 from wayproof.models.world_files.sdf_actors import read_actor
 from wayproof.models.world_files.sdf_frames import ORIGIN, Frames, Placement, numbers
 from wayproof.models.world_files.sdf_includes import SHOWN, Includes
 from wayproof.models.world_files.sdf_shapes import Shapes
-from wayproof.models.world_files.urdf import read_links
+from wayproof.models.world_files.urdf import as_model
 from wayproof.models.world_files.xml_tree import Element, read_xml
 
 LEFT_OUT = ("road", "population")
@@ -36,8 +36,11 @@ def read_sdf(path: Path, options: ImportOptions) -> Found:
     """
     root = read_xml(path)
     scopes = [child for child in root.children if child.tag in ("world", "model")]
-    if root.tag not in ("sdf", "gazebo") or not scopes:
-        raise WorldFileError(path, f"<{root.tag}>: expected <sdf> with one <world> or <model>", 1)
+    if root.tag == "robot":
+        scopes = [as_model(path, root)]
+    elif root.tag not in ("sdf", "gazebo") or not scopes:
+        what = f"<{root.tag}>: expected <sdf> with one <world> or <model>, or <robot>"
+        raise WorldFileError(path, what, 1)
     if len(scopes) > 1:
         what = f"{len(scopes)} worlds or models, expected one <world> or <model>"
         raise WorldFileError(path, what, scopes[1].line)
@@ -47,6 +50,8 @@ def read_sdf(path: Path, options: ImportOptions) -> Found:
         reading.take_model(path, scope, Frames(path, scope).placed(scope, ORIGIN, None), "")
     else:
         reading.take_world(path, scope)
+    if joints := sum(joint.attributes.get("type") != "fixed" for joint in root.all("joint")):
+        reading.found.notes.append(f"{joints} joints: everything stands still here")
     reading.finish()
     return reading.found
 
@@ -63,7 +68,7 @@ class _Reading:
         self._moving = 0
 
     def take_world(self, path: Path, world: Element) -> None:
-        frames, saved = Frames(path, world), _saved_state(path, world)
+        frames, saved = Frames(path, world), _Saved(path, world.first("state"))
         for child in [*world.children, *saved.inserted]:
             name, file = child.attributes.get("name", ""), child.file or path
             if child.tag in ("model", "ground") and name in saved.deleted:
@@ -128,18 +133,9 @@ class _Reading:
                 nested = placed @ frames.placed(child, ORIGIN, Frames(file, child))
                 within = None if state is None else state.models.get(inner)
                 self.take_model(file, child, nested, name or _shown(child), within)
-            elif child.tag == "robot":
-                for part, shape in read_links(file, child, self._shapes):
-                    part = moved(part, placed.position, placed.R)
-                    self._add(file, replace(part, model=name, kind=kind_of(name)), shape)
             elif child.tag == "ground":
                 at = placed @ frames.placed(child, ORIGIN, None)
                 self._shapes.ground(at, name or _shown(child))
-
-    def _add(self, path: Path, part: Part, shape: Element) -> None:
-        self.found.parts.append(part)
-        if len(self.found.parts) > MAX_SOLIDS:
-            raise WorldFileError(path, f"more than {MAX_SOLIDS} shapes", shape.line)
 
     def _take_link(
         self,
@@ -172,7 +168,9 @@ class _Reading:
             for part in self._shapes.parts(path, shape, at, model, scale):
                 kind = part.kind if part.shape == "heights" else kind_of(model)
                 part = replace(moved(part, at.position, at.R), model=model, kind=kind)
-                self._add(path, part, shape)
+                self.found.parts.append(part)
+                if len(self.found.parts) > MAX_SOLIDS:
+                    raise WorldFileError(path, f"more than {MAX_SOLIDS} shapes", shape.line)
 
 
 def _shown(model: Element) -> str:
@@ -216,7 +214,3 @@ class _Saved:
             self.inserted += list(insertions.all("model"))
         for deletions in state.all("deletions"):
             self.deleted |= {name.text.strip() for name in deletions.all("name")}
-
-
-def _saved_state(path: Path, world: Element) -> _Saved:
-    return _Saved(path, world.first("state"))

@@ -20,6 +20,12 @@ MODELS = ("model", MERGED)
 FRAME_ELEMENTS = ("link", "frame", "joint", "ground", "absent", *MODELS)
 """Elements whose name is a frame of the model or world that holds them."""
 
+MAX_CHAIN = 200
+"""Maximum number of frames from one to the scope that holds them all."""
+
+MAX_NAMED = 5
+"""Number of frames that a refusal names."""
+
 
 @dataclass(frozen=True)
 class Placement:
@@ -119,9 +125,10 @@ class Frames:
         if element is None or (rest and element.tag not in MODELS):
             what = f"<{user.tag}>: no frame '{name}' (available: {', '.join(self._framed)})"
             raise WorldFileError(user.file or self._path, what[:200], user.line)
-        if name in self._open:
-            circle = " -> ".join([*self._open, name])
-            raise WorldFileError(self._path, f"frames in a circle: {circle}", user.line)
+        if name in self._open or len(self._open) >= MAX_CHAIN:
+            circle = " -> ".join([*self._open[:MAX_NAMED], name])
+            what = f"frames in a circle, or more than {MAX_CHAIN} deep: {circle}"
+            raise WorldFileError(self._path, what, user.line)
         self._open.append(name)
         if element.tag in MODELS:
             within = Frames(element.file or self._path, element)

@@ -14,6 +14,7 @@ from wayproof.models.world_files.locating import Locator
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.sdf_frames import MERGED
 from wayproof.models.world_files.sdf_shapes import Shapes
+from wayproof.models.world_files.urdf import as_model
 from wayproof.models.world_files.xml_tree import Element, read_xml
 
 LIGHTS = ("sun",)
@@ -88,7 +89,7 @@ class Includes:
             self._trees[file] = read_xml(file)
         merged = include.attributes.get("merge", "").strip() in ("1", "true")
         root = self._trees[file]
-        inner = _top(root, merged and within == "world")
+        inner = _top(file, root, merged and within == "world")
         if inner is None:
             if any(root.first(tag) is not None for tag in ("light", "actor")):
                 return [_placed(include, one, file, given or one.attributes.get("name", known))
@@ -98,13 +99,13 @@ class Includes:
         own = self.written_out(file, inner, depth + 1)
         own = _placed(include, own, file, given or inner.attributes.get("name", known))
         own.attributes[SHOWN] = given or known
-        return _merged(own) if merged and root.tag != "robot" else [own]
+        return _merged(own) if merged else [own]
 
 
-def _top(root: Element, may_be_world: bool) -> Element | None:
-    """Return the model of a file; a robot of URDF as a model that holds it."""
+def _top(file: Path, root: Element, may_be_world: bool) -> Element | None:
+    """Return the model of a file; a robot of URDF as a model."""
     if root.tag == "robot":
-        return Element("model", dict(root.attributes), root.line, children=[root])
+        return as_model(file, root)
     world = root.first("world") if may_be_world else None
     return world or root.first("model")
 

@@ -1,133 +1,61 @@
-"""URDF files: the collision shapes of every link, all joints at zero.
+"""URDF files as models of SDF: every link where the joints at zero place it.
 
 Source: the URDF specification of ROS (wiki.ros.org/urdf/XML).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
-from wayproof.models.world_files.locating import Locator
-from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.parts import Part, moved, turned_by
 from wayproof.models.world_files.reading import WorldFileError
-from wayproof.models.world_files.sdf_frames import ORIGIN, Placement
-from wayproof.models.world_files.sdf_shapes import Shapes
-from wayproof.models.world_files.xml_tree import Element, read_xml
+from wayproof.models.world_files.xml_tree import Element
 
 MAX_LINKS = 5000
 
-LENGTHS = {
-    "box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
-    "sphere": ("radius",),
-}  # fmt: skip
-"""Attributes with the lengths of a geometry, by element."""
 
-
-def read_urdf(path: Path, options: ImportOptions) -> Found:
-    """Read every collision shape of a robot description, its root link at the origin.
+def as_model(path: Path, robot: Element) -> Element:
+    """Return a `<robot>` as a `<model>`, its root link at the origin.
 
     Raises:
-        WorldFileError: Naming the element and its line that cannot be taken over.
+        WorldFileError: A xacro file, too many links, or a joint without its links.
     """
-    root = read_xml(path)
-    if root.tag != "robot":
-        raise WorldFileError(path, f"<{root.tag}>: expected <robot>", 1)
-    found = Found()
-    shapes = Shapes(found, options, Locator(path, options.model_paths))
-    found.parts = [part for part, _ in read_links(path, root, shapes)]
-    joints = sum(joint.attributes.get("type") != "fixed" for joint in root.all("joint"))
-    if joints:
-        found.notes.append(f"{joints} joints: everything stands still here")
-    shapes.finish()
-    return found
-
-
-def read_links(path: Path, root: Element, shapes: Shapes) -> Iterator[tuple[Part, Element]]:
-    """Return the parts of every link in the root link's frame, and the element of each.
-
-    Raises:
-        WorldFileError: As `read_urdf`.
-    """
-    if any(":" in child.tag for child in root.children):
-        raise WorldFileError(path, "a xacro file, expected what 'xacro FILE' writes", root.line)
-    joints = {_named(path, joint, "child", "link"): joint for joint in root.all("joint")}
-    known: dict[str, Placement] = {}
-    links = list(root.all("link"))
+    if any(":" in child.tag for child in robot.children):
+        raise WorldFileError(path, "a xacro file, expected what 'xacro FILE' writes", robot.line)
+    links = list(robot.all("link"))
     if len(links) > MAX_LINKS:
         raise WorldFileError(path, f"{len(links)} links, expected at most {MAX_LINKS}")
+    joints = {_link_of(path, joint, "child"): joint for joint in robot.all("joint")}
+    children = [Element("static", {}, robot.line, "1")]
     for link in links:
-        name = link.attributes.get("name", "")
-        at = _placed(path, name, joints, known)
-        for collision in shapes.solid_in(link, ""):
-            geometry = collision.first("geometry")
-            if geometry is None or len(geometry.children) != 1:
-                raise WorldFileError(path, "<collision>: expected one geometry", collision.line)
-            own = at @ _origin(path, collision)
-            for part in _shape(path, geometry.children[0], shapes):
-                yield moved(part, own.position, own.R), collision
+        inner = [_shape(one) for one in link.children if one.tag in ("collision", "visual")]
+        if (joint := joints.get(link.attributes.get("name", ""))) is not None:
+            pose = _pose(joint)
+            pose.attributes["relative_to"] = _link_of(path, joint, "parent")
+            inner.append(pose)
+        children.append(Element("link", dict(link.attributes), link.line, children=inner))
+    return Element("model", dict(robot.attributes), robot.line, children=children)
 
 
-def _placed(
-    path: Path, link: str, joints: dict[str, Element], known: dict[str, Placement]
-) -> Placement:
-    """Return T_root_link along the joints above it."""
-    chain: list[str] = []
-    while link in joints and link not in known:
-        if link in chain:
-            raise WorldFileError(path, f"joints in a circle at link '{link}'", joints[link].line)
-        chain.append(link)
-        link = _named(path, joints[link], "parent", "link")
-    at = known.get(link, ORIGIN)
-    for name in reversed(chain):
-        at = at @ _origin(path, joints[name])
-        known[name] = at
-    return at
-
-
-def _shape(path: Path, shape: Element, shapes: Shapes) -> list[Part]:
-    if shape.tag == "mesh":
-        named = Element("uri", {}, shape.line, shape.attributes.get("filename", ""))
-        scale = Element("scale", {}, shape.line, shape.attributes.get("scale", "1 1 1"))
-        element = Element("mesh", {}, shape.line, children=[named, scale])
-    elif shape.tag in LENGTHS:
-        inner = [
-            Element(name, {}, shape.line, shape.attributes.get(name, ""))
-            for name in LENGTHS[shape.tag]
+def _shape(shape: Element) -> Element:
+    """Return a collision or visual whose geometry holds its lengths as elements, not attributes."""
+    geometry = Element("geometry", {}, shape.line)
+    for child in (one for given in shape.all("geometry") for one in given.children):
+        lengths = [
+            Element("uri" if name == "filename" else name, {}, child.line, text)
+            for name, text in child.attributes.items()
         ]
-        element = Element(shape.tag, {}, shape.line, children=inner)
-    else:
-        known = ", ".join([*LENGTHS, "mesh"])
-        what = f"<{shape.tag}>: cannot be taken over (available: {known})"
-        raise WorldFileError(path, what, shape.line)
-    return list(shapes.geometry(path, element, ORIGIN, "", np.ones(3)))
+        geometry.children.append(Element(child.tag, {}, child.line, children=lengths))
+    return Element(shape.tag, {}, shape.line, children=[_pose(shape), geometry])
 
 
-def _origin(path: Path, element: Element) -> Placement:
-    origin = element.first("origin")
-    if origin is None:
-        return ORIGIN
-    position = _triple(path, origin, "xyz")
-    return Placement(np.array(position), turned_by(*_triple(path, origin, "rpy")))
+def _pose(element: Element) -> Element:
+    origin = element.first("origin") or Element("origin", {}, element.line)
+    place, turn = (origin.attributes.get(key, "0 0 0") for key in ("xyz", "rpy"))
+    return Element("pose", {}, origin.line, f"{place} {turn}")
 
 
-def _triple(path: Path, element: Element, key: str) -> tuple[float, float, float]:
-    text = element.attributes.get(key, "0 0 0")
-    try:
-        x, y, z = (float(word) for word in text.split())
-    except ValueError:
-        x = y = z = float("nan")
-    if not np.isfinite([x, y, z]).all():
-        what = f"<{element.tag}>: {key} '{text[:40]}', expected 3 numbers"
-        raise WorldFileError(path, what, element.line)
-    return x, y, z
-
-
-def _named(path: Path, element: Element, tag: str, key: str) -> str:
-    child = element.first(tag)
-    if child is None or key not in child.attributes:
-        raise WorldFileError(path, f"<{element.tag}>: expected <{tag} {key}=...>", element.line)
-    return child.attributes[key]
+def _link_of(path: Path, joint: Element, tag: str) -> str:
+    child = joint.first(tag)
+    if child is None or "link" not in child.attributes:
+        raise WorldFileError(path, f"<joint>: expected <{tag} link=...>", joint.line)
+    return child.attributes["link"]

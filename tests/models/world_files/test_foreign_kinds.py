@@ -68,7 +68,7 @@ def test_frames_lead_through_includes(tmp_path, content, expected):
 def test_frames_in_a_circle_through_models_are_refused(tmp_path):
     one = "<model name='{}'><pose relative_to='{}'>1 0 0 0 0 0</pose><link name='l'/></model>"
     content = world(ground(), one.format("a", "b::l"), one.format("b", "a::l"))
-    with pytest.raises(WorldFileError, match="frames in a circle: b::l -> a::l"):
+    with pytest.raises(WorldFileError, match=r"frames in a circle.*: b::l -> a::l"):
         centres(write(tmp_path, "w.sdf", content))
 
 

@@ -79,7 +79,7 @@ HOSTILE = {
     "circle.urdf": (
         "<robot>" + LINK.format("a", "") + LINK.format("b", "") + JOINT.format("a", "b")
         + JOINT.format("b", "a") + "</robot>",
-        "joints in a circle",
+        "frames in a circle",
     ),
     "outside.urdf": (
         f"<robot>{LINK.format('a', MESH.format('file:///etc/passwd'))}</robot>",
