@@ -36,7 +36,7 @@ SAME_HEIGHT = 0.02
 """Difference in height of surfaces that are one floor, m: less than any robot's step."""
 
 HIGHEST_SLAB = 0.5
-"""Height of a surface above the lowest floor up to which it, too, could be meant, m."""
+"""Height above the lowest of them up to which a large surface hides it, as a slab does, m."""
 
 SHEET_THICKNESS = 0.01
 """Thickness of the box in place of a plane of the size that it is drawn with, m."""
@@ -68,24 +68,23 @@ def settle_ground(path: Path, found: Found, options: ImportOptions) -> None:
     Changes `found`, and notes what it did.
 
     Raises:
-        WorldFileError: A pattern of `kinds` that no model's name matches, or no floor that is
-            meant beyond doubt.
+        WorldFileError: A pattern of `kinds` that no model's name matches.
     """
     _set_kinds(path, found, options)
     terrain = any(part.shape == "heights" and part.kind == FLOOR_KIND for part in found.parts)
-    height = _floor_height(path, found, options, terrain)
+    height = _floor_height(found, options, terrain)
     floors = [plane for plane in found.planes if _is_level(plane, height)]
     others = [plane for plane in found.planes if not _is_level(plane, height)]
     found.plane |= bool(floors) or (options.floor is not None and not terrain)
+    if found.parts:
+        _note_drawn(found, floors)
     found.parts += _as_boxes(found, others, height)
     if found.grid:  # a foot on the floor would touch what ends there
         _lower_cells(found, height)
     if height:
         found.notes.append(f"floor at {height:g} m: the scene is moved by {-height:g} m in z")
         raise_by(found, -height)
-    if found.parts:
-        _note_drawn(found, floors)
-    elif found.plane:
+    if not found.parts and found.plane:
         _bound_empty(found, floors)
     found.planes = []
 
@@ -127,14 +126,12 @@ def _set_kinds(path: Path, found: Found, options: ImportOptions) -> None:
         ]
 
 
-def _floor_height(path: Path, found: Found, options: ImportOptions, terrain: bool) -> float:
+def _floor_height(found: Found, options: ImportOptions, terrain: bool) -> float:
     """Return the floor's height, m; marks the parts that are the floor.
 
     It is what is given or named; else 0 where the format says so, or under terrain, which is moved
-    later; else the highest large plane; else the one large level surface; else 0.
-
-    Raises:
-        WorldFileError: Two heights could be meant.
+    later; else the lowest of the highest large plane and the large level surfaces, or what hides it
+    little above; else 0.
     """
     if options.floor is not None:
         _mark_floor(found, options.floor)
@@ -148,17 +145,14 @@ def _floor_height(path: Path, found: Found, options: ImportOptions, terrain: boo
     heights = _large_levels(found)
     if plane is not None:
         heights = [plane, *(height for height in heights if height > plane + LEVEL)]
-    meant = [height for height in heights if height <= heights[0] + HIGHEST_SLAB]
-    if len(meant) > 1:
-        known = ", ".join(f"{height:.4g}" for height in meant)
-        raise WorldFileError(path, f"its floor may be at {known} m: expected --floor with one")
-    if not meant and not any(part.kind == FLOOR_KIND for part in found.parts):
-        found.notes.append("no plane or large level surface: floor at 0 m, unless --floor is given")
-    if not meant:
+    if not heights:
+        if not any(part.kind == FLOOR_KIND for part in found.parts):
+            found.notes.append("no plane or large level surface: floor at 0 m; --floor for another")
         return 0.0
-    if plane is None:
-        found.notes.append(f"floor by its size: {', '.join(_mark_floor(found, meant[0]))}")
-    return _rounded(meant[0])
+    highest = max(height for height in heights if height <= heights[0] + HIGHEST_SLAB)
+    if highest != plane:
+        found.notes.append(f"floor by its size: {', '.join(_mark_floor(found, highest))}")
+    return _rounded(highest)
 
 
 def _rounded(height: float) -> float:
@@ -285,6 +279,9 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
             middle = centre - ((centre - plane.point) @ plane.normal) * plane.normal
             thickness = float(np.linalg.norm(np.ptp(corners, axis=0))) + PLANE_BORDER
             half, what = (thickness, thickness), "solid behind it"
+            up = R[:, 1] * np.sign(R[2, 1])
+            if up[2] > LEVEL:  # from the floor on up the wall
+                middle = middle + up * ((height - middle[2]) / up[2] + thickness)
         at = middle - thickness / 2.0 * plane.normal
         size = (*half, thickness / 2.0)
         parts.append(Part("box", size, vector(at), quaternion_of(R), "wall", model=plane.model))

@@ -25,7 +25,6 @@ from wayproof.models.world_files.parts import bounds_of
 from wayproof.models.world_files.reading import FARTHEST, WorldFileError, check_file
 from wayproof.models.world_files.sdf import read_sdf
 from wayproof.models.world_files.tables import read_table
-from wayproof.models.world_files.urdf import read_urdf
 from wayproof.models.world_files.voxel_maps import read_voxel_map
 from wayproof.models.world_files.world_file import FileWorld, world_of, world_text
 
@@ -45,7 +44,7 @@ FORMATS: dict[str, Reader] = {
     ".las": read_las,
     ".laz": read_las,
     **dict.fromkeys(ENDINGS, read_mesh),
-    ".urdf": read_urdf,
+    ".urdf": read_sdf,
     ".npy": read_heights,
     ".png": read_heights,
 }
@@ -133,7 +132,9 @@ def world_from(
     try:
         ends = complete(found, options)
     except NoSpaceError as error:
-        raise WorldFileError(path, str(error)) from None
+        raise WorldFileError(
+            path, f"{error}, with the floor where it is; --floor for another"
+        ) from None
     return world_of(world_text(found, ends, path.stem), path)
 
 

@@ -125,33 +125,33 @@ def test_the_grey_of_a_colour_is_the_mean_of_its_channels(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("head", "level"), [("255", "256"), ("255", "-1"), ("100", "101"), ("65535", "65536")]
+    ("image", "said"),
+    [
+        (b"P2 2 1 255 0 256\n", "too large for this mode: 256"),
+        (b"P2 2 1 100 0 -1\n", "negative"),
+        (b"P2 1 1 255 x\n", "no PPM image"),
+        (b"P5 9 9 255\n\x00", "no PPM image"),
+        (b"P5 8193 8193 255\n\x00", "8193 x 8193 pixels, expected 1 to"),
+        (b"P2 1 1 65536 0\n", "maxval must be"),
+    ],
 )
-def test_grey_levels_beyond_the_largest_are_refused(tmp_path, head, level):
-    write(tmp_path, "m.pgm", f"P2 2 1 {head} 0 {level}\n")
-    path = write(tmp_path, "m.yaml", MAP.format(yaw=0.0, negate=0))
-    with pytest.raises(WorldFileError, match=f"a grey level of {level}, expected 0 to {head}"):
-        imported(path)
-    write(tmp_path, "m.pgm", b"P5 2 1 100\n\x00\x65")
-    with pytest.raises(WorldFileError, match="a grey level of 101, expected 0 to 100"):
-        imported(path)
-    write(tmp_path, "m.pgm", "P2 1 1 255 99999999999999999999\n")
-    with pytest.raises(WorldFileError, match="a grey level that is no number"):
-        imported(path)
+def test_broken_images_are_refused(tmp_path, image, said):
+    write(tmp_path, "m.pgm", image)
+    with pytest.raises(WorldFileError, match=said):
+        imported(write(tmp_path, "m.yaml", MAP.format(yaw=0.0, negate=0)))
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (MAP.format(yaw=0, negate=0.5), r":4: negate: got '0.5', expected 0, false, no,"),
+        (MAP.format(yaw=0, negate=0.5), r"negate: got '0.5', expected 0, false, no,"),
         ("image: m.pgm\n", "no resolution, origin"),
-        (MAP.format(yaw=0, negate=0).replace("0.65", "2"), r":5: occupied_thresh: got '2'"),
+        (MAP.format(yaw=0, negate=0).replace("0.65", "2"), r"occupied_thresh: got '2'"),
         (MAP.format(yaw=0, negate=0).replace("m.pgm", "../m.pgm"), "lies outside"),
-        (MAP.format(yaw=0, negate=0).replace("[1.0", "[1.0, 2"), r":3: origin: got"),
-        ("a: [b\n", r":2: no YAML"),
-        ("a: b\na: c\n", ":2: a: given twice"),
+        (MAP.format(yaw=0, negate=0).replace("[1.0", "[1.0, 2"), r"origin: got"),
+        ("a: [b\n", "no YAML"),
         ("- a\n", "expected a mapping"),
-        (MAP.format(yaw=0, negate=0) + "mode: row\n", r":7: mode: got 'row', expected trinary, sc"),
+        (MAP.format(yaw=0, negate=0) + "mode: row\n", r"mode: got 'row', expected trinary, sc"),
     ],
 )
 def test_broken_map_files_are_named(tmp_path, text, said):
@@ -213,12 +213,8 @@ def test_infinite_walls_enclose_what_they_face(tmp_path, up):
     world, _ = import_world(write(tmp_path, "a.xml", text))
     assert (np.abs([world.start[:2], world.goal[:2]]) < (5.0, 4.0)).all()
     assert np.hypot(*np.subtract(world.goal, world.start)[:2]) > 6.0
-    np.testing.assert_allclose(world.low[:2], (-5.0, -4.0))
-    np.testing.assert_allclose(world.high[:2], (5.0, 4.0))
-    if up == "0":
-        walls = [box for box in world.solids if box.kind == "wall"]
-        np.testing.assert_allclose(np.min([box.low[:2] for box in walls], axis=0), (-5.5, -4.5))
-        np.testing.assert_allclose(np.max([box.high[:2] for box in walls], axis=0), (5.5, 4.5))
+    for x, y in ((-5.6, 0.0), (5.6, 0.0), (0.0, -4.6), (0.0, 4.6), (-5.6, -4.6)):  # in the area
+        assert any(box.distance([[x, y, 0.1]])[0] == 0.0 for box in world.solids)
 
 
 def test_cells_up_to_the_floor_are_the_floor(tmp_path):
