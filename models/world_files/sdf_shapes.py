@@ -21,6 +21,7 @@ from wayproof.models.world_files.polygons import prisms
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.sdf_frames import Placement, numbers
 from wayproof.models.world_files.xml_tree import Element
+from wayproof.models.worlds.solids import FRICTION
 
 CONE_SIDES = 32
 """Sides of the pyramid in place of a cone, within it."""
@@ -43,6 +44,7 @@ class Shapes:
         self._found, self._options, self._locator = found, options, locator
         self._missing: dict[tuple[str, str], list[str]] = {}
         self._untouched: Counter[str] = Counter()
+        self._changed: Counter[str] = Counter()
         self._meshes: dict[tuple[object, ...], list[Part]] = {}
         self._cuts = Cuts()
         self._drawn: dict[str, list[tuple[str, int]]] = {}
@@ -53,6 +55,14 @@ class Shapes:
         `finish` notes a link with visuals only either way.
         """
         shapes, visuals = list(link.all("collision")), list(link.all("visual"))
+        for shape in shapes:
+            self._changed[f"collisions of another friction: {FRICTION:g} here"] += _differs(
+                _inner(shape, "surface", "friction", "ode", "mu"), FRICTION
+            )
+        for visual in visuals:
+            self._changed["transparent visuals: opaque here, also to beams"] += _differs(
+                _inner(visual, "transparency"), 0.0
+            )
         if shapes or not visuals:
             return shapes
         self._drawn.setdefault(model, []).append((link.attributes.get("name", ""), link.line))
@@ -147,6 +157,7 @@ class Shapes:
             self._found.missing.append(name)
         for why, count in self._untouched.items():
             self._found.notes.append(f"{count} collisions with {why}: {taken}")
+        self._found.notes += [f"{count} {what}" for what, count in self._changed.items() if count]
 
     def _plane(self, path: Path, shape: Element, placed: Placement, model: str) -> None:
         element = shape.first("normal")
@@ -221,22 +232,29 @@ class Shapes:
 
 def _untouchable(shape: Element) -> str:
     """Return why no body meets a collision; empty if one does."""
-    contact = shape.first("surface")
-    contact = None if contact is None else contact.first("contact")
-    if contact is None:
-        return ""
-    without = contact.first("collide_without_contact")
-    if without is not None and without.text.strip() in ("1", "true"):
+    if _inner(shape, "surface", "contact", "collide_without_contact") in ("1", "true"):
         return "collide_without_contact"
-    mask = contact.first("collide_bitmask")
-    if mask is not None:
-        try:
-            bits = int(mask.text.strip(), 0)
-        except ValueError:
-            return ""
-        if bits & 0xFFFF == 0:
-            return "collide_bitmask 0"
-    return ""
+    try:
+        bits = int(_inner(shape, "surface", "contact", "collide_bitmask") or "1", 0)
+    except ValueError:
+        return ""
+    return "" if bits & 0xFFFF else "collide_bitmask 0"
+
+
+def _differs(text: str, value: float) -> bool:
+    """Return whether a text is a number, and another one."""
+    try:
+        return abs(float(text) - value) > 1e-9
+    except ValueError:
+        return False
+
+
+def _inner(element: Element, *tags: str) -> str:
+    """Return the text of the element that tags lead to from another; empty without it."""
+    found: Element | None = element
+    for tag in tags:
+        found = None if found is None else found.first(tag)
+    return "" if found is None else found.text.strip()
 
 
 def _child(path: Path, shape: Element, tag: str, count: int = 1) -> list[float]:

@@ -205,6 +205,20 @@ def test_changes_of_an_mjcf_are_said(tmp_path):
     ]
 
 
+def test_changes_of_an_sdf_are_said(tmp_path):
+    pane = box(pose="<pose>2 1 .5 0 0 0</pose>", surface="<surface><friction><ode><mu>0.1</mu>"
+               "</ode></friction></surface>")  # fmt: skip
+    drawn = "<visual name='v'><transparency>0.7</transparency></visual></link>"
+    content = world(
+        ground(), pane.replace("</link>", drawn), box("b", pose="<pose>5 1 .5 0 0 0</pose>")
+    )
+    _, notes = centres(write(tmp_path, "w.sdf", content))
+    assert notes[:2] == [
+        "1 collisions of another friction: 0.8 here",
+        "1 transparent visuals: opaque here, also to beams",
+    ]
+
+
 def test_a_geom_of_the_robots_group_is_refused(tmp_path):
     read, _ = import_world(write(tmp_path, "a.xml", SCENE.format(alpha=1, friction=1, group=3)),
                            **FAR)  # fmt: skip
