@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from math import sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,34 +11,20 @@ from numpy.typing import NDArray
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.free_space import (
     END_BAND,
+    LEAST_CELL,
     MAX_WALK_SLOPE,
     Grid,
-    Ground,
+    Survey,
     slope_of,
-    to_edges,
+    survey,
 )
-from wayproof.models.world_files.movers import around_start
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.solids import solid_of
-from wayproof.models.worlds.solids import Solid
 
 if TYPE_CHECKING:
     from scipy import sparse
 
-GENEROUS = 0.3
-"""Clearance beyond the robot's radius that is tried first, m: a margin and two cells of 10 cm."""
-
-SPARE = (GENEROUS, 0.2, 0.1, 0.05)
-"""Clearances beyond the radius, tried in this order, m."""
-
-ENCLOSED = (8, 7)
-"""Directions of eight in which something stands, for a place to be inside; tried in this order."""
-
-LEAST_INSIDE = 4.0
-"""Free area from which a scene has an inside, m^2."""
-
-INSIDE_SHARE = 0.1
-"""Share of a scene's area from which that is its inside."""
+SPARE = (0.3, 0.2, 0.1, 0.05)
+"""Clearances beyond the radius, tried in this order, m: first a margin and two cells of 10 cm."""
 
 MAX_TILT = 0.12
 """Steepest ground at a chosen end, rad."""
@@ -81,8 +66,8 @@ def choose_ends(
 ) -> Chosen:
     """Choose start and goal, or the one that is missing.
 
-    Both lie in one region of space that is free for the robot with some spare, on the floor, inside
-    a building where there is one, and about as far apart on foot as the region allows.
+    Both lie in the largest region of space that is free for the robot with some spare, on the
+    floor, and about as far apart on foot as it allows.
 
     Args:
         found: Scene with its floor at 0, or terrain.
@@ -95,32 +80,24 @@ def choose_ends(
     Raises:
         NoSpaceError: No place for the robot, or none that the given end can be reached from.
     """
-    grid = Grid(low, high)
-    ground = Ground(found.parts)
-    i, j = np.indices(grid.shape).reshape(2, -1)
-    heights = ground.height(grid.centres(i, j)).reshape(grid.shape)
-    solids = _obstacles(found)
-    radius, gaps = options.robot_radius, np.zeros(grid.shape)
-    steps = (options.robot_step, 0.0) if options.robot_step and np.ptp(heights) else (0.0,)
+    radius = options.robot_radius
     for band in (END_BAND, (0.05, options.robot_height)):
-        apart = grid.distances(solids, heights, band, radius + GENEROUS + grid.cell)
-        gaps = np.minimum(apart, to_edges(found, ground, grid, radius + GENEROUS + grid.cell))
-        tried = itertools.product(steps, _preferred(grid, apart))
-        for step, (within, note) in tried:
+        seen = survey(found, low, high, band, radius + SPARE[0] + LEAST_CELL)
+        rises = options.robot_step and np.ptp(seen.heights)
+        for step in (options.robot_step, 0.0) if rises else (0.0,):
             for spare in SPARE:
-                free = gaps > radius + spare
-                ends = _pair(grid, free, within, heights, start, goal, step)
-                if ends is not None and (ends.way >= SHORT or (within.all() and not step)):
-                    notes = [note] if note else []
-                    if band is not END_BAND:
-                        notes.append(f"ends chosen for a height of {band[1]:g} m: too low to fly")
-                    return _described(grid, ends, heights, gaps, start, goal, notes)
-    widest = np.unravel_index(int(np.argmax(gaps)), gaps.shape)
-    x, y = grid.centres(*(np.array([n]) for n in widest))[0]
-    what = f"the widest place is {float(gaps.max()):.2f} m from everything, at ({x:.2f}, {y:.2f})"
+                ends = _pair(seen, seen.gaps > radius + spare, start, goal, step)
+                if ends is not None and (ends.way >= SHORT or not step):
+                    low_roof = f"ends chosen for a height of {band[1]:g} m: too low to fly"
+                    notes = [] if band is END_BAND else [low_roof]
+                    return _described(seen, ends, start, goal, notes)
+    widest = np.unravel_index(int(np.argmax(seen.gaps)), seen.gaps.shape)
+    x, y = seen.grid.centres(*(np.array([n]) for n in widest))[0]
+    most = float(seen.gaps.max())
+    what = f"the widest place is {most:.2f} m from everything, at ({x:.2f}, {y:.2f})"
     if start is not None or goal is not None:
         what = "nothing else can be reached from the given end"
-    elif float(gaps.max()) > radius + SPARE[-1]:
+    elif most > radius + SPARE[-1]:
         what += (
             f", but no two such places are joined by ground less steep than {MAX_WALK_SLOPE:g} rad"
             "; expected --start and --goal"
@@ -130,32 +107,6 @@ def choose_ends(
     )
 
 
-def has_inside(found: Found, low: Vector3, high: Vector3) -> bool:
-    """Return whether a large part of the area between two corners is enclosed, as in a building."""
-    grid, ground = Grid(low, high), Ground(found.parts)
-    i, j = np.indices(grid.shape).reshape(2, -1)
-    heights = ground.height(grid.centres(i, j)).reshape(grid.shape)
-    solids = _obstacles(found)
-    return len(_preferred(grid, grid.distances(solids, heights, END_BAND, 2.0 * grid.cell))) > 1
-
-
-def _obstacles(found: Found) -> list[Solid]:
-    """Return the solids that are no floor, and the movers where they begin."""
-    standing = [solid_of(part) for part in found.parts if part.kind != "floor"]
-    return [*standing, *map(around_start, found.movers)]
-
-
-def _preferred(grid: Grid, gaps: NDArray[np.float64]) -> list[tuple[NDArray[np.bool_], str]]:
-    """Return cells to choose from, best first: enclosed ones if there are many, then all."""
-    found = []
-    for least in ENCLOSED:
-        cells = _enclosed(gaps <= grid.cell, least) & (gaps > grid.cell)
-        if _is_large(grid, cells):
-            found.append((cells, ""))
-    note = "nothing enclosed has room for both ends: chosen outside too" if found else ""
-    return [*found, (np.ones(grid.shape, np.bool_), note)]
-
-
 class _Ends(NamedTuple):
     start: tuple[int, int]
     goal: tuple[int, int]
@@ -163,21 +114,20 @@ class _Ends(NamedTuple):
 
 
 def _pair(
-    grid: Grid,
+    seen: Survey,
     free: NDArray[np.bool_],
-    within: NDArray[np.bool_],
-    heights: NDArray[np.float64],
     start: Vector3 | None,
     goal: Vector3 | None,
-    step: float = 0.0,
+    step: float,
 ) -> _Ends | None:
-    """Return two cells of one free region that lie within some cells, as far apart as its ways go.
+    """Return two cells of the largest free region, as far apart as its ways go; None without one.
 
-    With a step, heights in the region differ by no more than that. None without such a region.
+    With a step, heights in the region differ by no more than that.
     """
+    grid, heights, _ = seen
     slope = slope_of(grid, heights)
     labels = _regions(free & (slope <= MAX_WALK_SLOPE), heights, step)
-    standing = (labels > 0) & (slope <= MAX_TILT) & within
+    standing = (labels > 0) & (slope <= MAX_TILT)
     given = start or goal
     if given is not None:
         cell = tuple(((np.array(given[:2]) - grid.low) / grid.cell).astype(int).tolist())
@@ -264,46 +214,11 @@ def _graph(region: NDArray[np.bool_], number: NDArray[np.int64], cell: float) ->
     return sparse.csr_matrix(edges, shape=(count, count))
 
 
-def _is_large(grid: Grid, enclosed: NDArray[np.bool_]) -> bool:
-    area = int(enclosed.sum()) * grid.cell**2
-    return area >= max(LEAST_INSIDE, INSIDE_SHARE * enclosed.size * grid.cell**2)
-
-
-def _enclosed(blocked: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:  # (nx, ny)
-    """Return cells with something in `least` of eight directions at least."""
-    count = np.zeros(blocked.shape, np.int64)
-    for axis in (0, 1):
-        count += np.maximum.accumulate(blocked, axis=axis)
-        count += np.flip(np.maximum.accumulate(np.flip(blocked, axis), axis=axis), axis)
-    for flip in (False, True):
-        side = np.flip(blocked, 1) if flip else blocked
-        for turn in (False, True):
-            seen = _diagonal(np.flip(side, (0, 1)) if turn else side)
-            seen = np.flip(seen, (0, 1)) if turn else seen
-            count += np.flip(seen, 1) if flip else seen
-    return np.asarray(count >= least)
-
-
-def _diagonal(blocked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return cells with a blocked one towards lower x and y along the diagonal."""
-    if len(blocked) > blocked.shape[1]:  # row by row along the shorter side
-        return _diagonal(blocked.T).T
-    seen = blocked.copy()
-    for i in range(1, len(seen)):
-        seen[i, 1:] |= seen[i - 1, :-1]
-    return seen
-
-
 def _described(
-    grid: Grid,
-    ends: _Ends,
-    heights: NDArray[np.float64],
-    gaps: NDArray[np.float64],
-    start: Vector3 | None,
-    goal: Vector3 | None,
-    notes: list[str],
+    seen: Survey, ends: _Ends, start: Vector3 | None, goal: Vector3 | None, notes: list[str]
 ) -> Chosen:
     """Return the ends as points, with notes on those that were chosen."""
+    grid, heights, gaps = seen
     points: list[Vector3] = []
     for name, given, cell in (("start", start, ends.start), ("goal", goal, ends.goal)):
         if given is not None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import ceil, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.world_files.movers import around_start
 from wayproof.models.world_files.options import Found
 from wayproof.models.world_files.parts import Part
 from wayproof.models.world_files.solids import solid_of
@@ -118,3 +120,36 @@ def to_edges(
     framed = np.pad(borne, 1)
     far = ndimage.distance_transform_edt(framed, sampling=grid.cell)[1:-1, 1:-1] - grid.cell / 2.0
     return np.asarray(np.minimum(far, reach))
+
+
+class Survey(NamedTuple):
+    """A scene seen from above.
+
+    Attributes:
+        grid: Its cells.
+        heights: (nx, ny) of the floor, m.
+        gaps: (nx, ny) distance to what stands in a band above the floor, to a mover where it
+            begins, or to an edge, m.
+    """
+
+    grid: Grid
+    heights: NDArray[np.float64]
+    gaps: NDArray[np.float64]
+
+
+def survey(found: Found, low: Vector3, high: Vector3, band: Band, reach: float) -> Survey:
+    """Return what stands in a band above the floor of an area, m.
+
+    Args:
+        found: Scene with its floor at 0, or terrain.
+        low: Lower corner of the area, m.
+        high: Upper corner, m.
+        band: Heights above the floor, m.
+        reach: Distance beyond which gaps are not told apart, m.
+    """
+    grid, ground = Grid(low, high), Ground(found.parts)
+    i, j = np.indices(grid.shape).reshape(2, -1)
+    heights = ground.height(grid.centres(i, j)).reshape(grid.shape)
+    standing = [solid_of(part) for part in found.parts if part.kind != "floor"]
+    gaps = grid.distances([*standing, *map(around_start, found.movers)], heights, band, reach)
+    return Survey(grid, heights, np.minimum(gaps, to_edges(found, ground, grid, reach)))

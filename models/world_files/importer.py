@@ -11,7 +11,7 @@ import numpy as np
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.clouds import read_las, read_pcd
-from wayproof.models.world_files.ends import SHORT, Chosen, NoSpaceError, choose_ends, has_inside
+from wayproof.models.world_files.ends import SHORT, Chosen, NoSpaceError, choose_ends
 from wayproof.models.world_files.free_space import Ground
 from wayproof.models.world_files.ground import FLOOR_KIND, raise_by, settle_ground
 from wayproof.models.world_files.heights import read_heights
@@ -200,33 +200,22 @@ def _chosen(
     found: Found, options: ImportOptions, start: Vector3 | None, goal: Vector3 | None, *,
     wider: bool,
 ) -> Chosen:  # fmt: skip
-    """Choose ends; on an infinite floor in a wider area too, where there is little room in its own.
+    """Choose ends; where there is little room and the floor goes on, in a wider area.
 
     Raises:
         NoSpaceError: There is no room in either.
     """
-    refusal: NoSpaceError | None = None
-    chosen = None
-    try:
-        chosen = choose_ends(found, *_area(found), options, start, goal)
-        if not wider or chosen.way >= SHORT:
-            return chosen
-    except NoSpaceError as error:
-        refusal = error
-    if wider and not has_inside(found, *_area(found)):
-        own = found.low, found.high
+    if wider:
+        with contextlib.suppress(NoSpaceError):
+            chosen = choose_ends(found, *_area(found), options, start, goal)
+            if chosen.way >= SHORT:
+                return chosen
         found.low = found.high = None
         _bound_area(found, WIDE_BORDER)
-        with contextlib.suppress(NoSpaceError):
-            around = choose_ends(found, *_area(found), options, start, goal)
-            if chosen is None or around.way > chosen.way:
-                note = f"little room in the scene itself: {WIDE_BORDER:g} m of floor around it too"
-                return around._replace(notes=[note, *around.notes])
-        found.low, found.high = own
-    if chosen is None:
-        assert refusal is not None
-        raise refusal
-    return chosen
+        found.notes.append(
+            f"little room in the scene itself: {WIDE_BORDER:g} m of floor around it too"
+        )
+    return choose_ends(found, *_area(found), options, start, goal)
 
 
 def _area(found: Found) -> tuple[Vector3, Vector3]:

@@ -6,17 +6,19 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot, isfinite
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_files.free_space import Ground
 from wayproof.models.world_files.parts import Part
 from wayproof.models.world_files.solids import solid_of
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.solids import Cylinder
+
+if TYPE_CHECKING:
+    from wayproof.models.world_files.free_space import Ground
 
 MAX_MOVERS = 500
 """Maximum number of movers in a world: each is placed at every step of the physics."""

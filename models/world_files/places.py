@@ -12,12 +12,10 @@ from wayproof.models.world_files.free_space import (
     END_BAND,
     MAX_WALK_SLOPE,
     Grid,
-    Ground,
     slope_of,
-    to_edges,
+    survey,
 )
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.solids import solid_of
 
 MOST_PLACES = 24
 """Number of places."""
@@ -75,12 +73,7 @@ def free_space(found: Found, low: Vector3, high: Vector3, options: ImportOptions
     """
     from scipy import ndimage
 
-    grid, ground = Grid(low, high), Ground(found.parts)
-    i, j = np.indices(grid.shape).reshape(2, -1)
-    heights = ground.height(grid.centres(i, j)).reshape(grid.shape)
-    solids = [solid_of(part) for part in found.parts if part.kind != "floor"]
-    gaps = grid.distances(solids, heights, END_BAND, REACH)
-    gaps = np.minimum(gaps, to_edges(found, ground, grid, REACH))
+    grid, heights, gaps = survey(found, low, high, END_BAND, REACH)
     free = (gaps > options.robot_radius + SPARE) & (slope_of(grid, heights) <= MAX_WALK_SLOPE)
     labels, count = ndimage.label(free, np.ones((3, 3)))
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
