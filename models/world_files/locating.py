@@ -71,7 +71,7 @@ class Locator:
         near = [home, home / "models", home.parent / "models"]
         near += [inner for folder in projects for inner in (folder, folder / "models")]
         near += [folder / media for folder in projects for media in MEDIA]
-        packages = {_package_name(folder): folder for folder in projects}
+        packages = {_name_in(folder / "package.xml"): folder for folder in projects}
         self._packages = {name: folder for name, folder in packages.items() if name}
         trusted = [folder for folder in (*given, *named, *self._caches) if folder.is_dir()]
         self.folders = list(dict.fromkeys([*given, *near, *named, *self._caches]))
@@ -133,7 +133,7 @@ class Locator:
         if user is not None and text.startswith(SCHEMES[:1]):
             model, _, inner_name = name.partition("/")
             for folder in _ancestors(user.parent.resolve()):
-                if folder.name == model or _config_name(folder) == model:
+                if folder.name == model or _name_in(folder / "model.config") == model:
                     yield folder / inner_name
         if user is not None and not text.startswith(SCHEMES[:2]):
             yield user.parent / name
@@ -145,9 +145,8 @@ class Locator:
             yield folder / name.replace(" ", "_")
             yield folder / name.replace(" ", "_").lower()
         for folder in self._siblings:
-            if head and (
-                _package_name(folder / head) or (folder / head / "model.config").is_file()
-            ):
+            inner = folder / head
+            if head and (_name_in(inner / "package.xml") or (inner / "model.config").is_file()):
                 yield folder / name
 
     def _in_caches(self, name: str) -> Iterator[Path]:
@@ -196,18 +195,10 @@ def _is_project(folder: Path) -> bool:
     return any((folder / mark).exists() for mark in PROJECT_MARKS)
 
 
-def _package_name(folder: Path) -> str:
-    """Return the name of a ROS package by its `package.xml`; empty for another folder."""
+def _name_in(file: Path) -> str:
+    """Return the name in a `package.xml` or `model.config`; empty without one."""
     try:
-        name = read_xml(folder / "package.xml").first("name")
-    except WorldFileError:
-        return ""
-    return "" if name is None else name.text.strip()
-
-
-def _config_name(folder: Path) -> str:
-    try:
-        name = read_xml(folder / "model.config").first("name")
+        name = read_xml(file).first("name")
     except WorldFileError:
         return ""
     return "" if name is None else name.text.strip()

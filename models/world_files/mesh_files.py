@@ -105,10 +105,9 @@ def cloud_points(path: Path) -> NDArray[np.float64] | None:
     """Return the points (n, 3) of a PLY without faces, in its units; None if it has faces.
 
     Raises:
-        WorldFileError: A broken file, more points than vertices are allowed, or no trimesh.
+        WorldFileError: A broken file.
     """
     check_file(path, MOST_BYTES)
-    _check_count(path)
     read = _parsed(path, read_ply)
     return None if read.polygons or read.strips else read.vertices
 
@@ -143,17 +142,19 @@ def _checked(path: Path, surface: Surface) -> Surface:
 
 def _plain(path: Path) -> MeshFile:
     """Read STL or OBJ: one surface."""
-    _check_count(path)
     import trimesh
 
-    with path.open("rb") as file:  # not by name: so it looks for no materials
-        mesh: Any = trimesh.load_mesh(file, file_type=path.suffix[1:].lower(), process=False)
+    data, kind = path.read_bytes(), path.suffix[1:].lower()
+    if kind == "obj" and (count := data.count(b"\nf") + data.count(b"\nv ")) > 2 * MOST_FACES:
+        what = f"{count} triangles and vertices, expected at most {2 * MOST_FACES}"
+        raise WorldFileError(path, what)
+    # Not by its name: so it looks for no materials.
+    mesh: Any = trimesh.load_mesh(io.BytesIO(data), file_type=kind, process=False)
     return MeshFile([_surface(path.stem, mesh.vertices, mesh.faces)])
 
 
 def _ply(path: Path) -> MeshFile:
     """Read PLY: one surface of its polygons and strips."""
-    _check_count(path)
     read = read_ply(path)
     return MeshFile([_surface(path.stem, read.vertices, read.triangles)])
 
@@ -161,25 +162,6 @@ def _ply(path: Path) -> MeshFile:
 def _surface(name: str, vertices: Any, faces: Any) -> Surface:
     placed = np.array(vertices, np.float64).reshape(-1, 3)
     return Surface(name, placed, np.array(faces, np.int64).reshape(-1, 3))
-
-
-def _check_count(path: Path) -> None:
-    """Refuse a declared count that is too large before a parser makes arrays of it."""
-    data = path.read_bytes()
-    ending = path.suffix.lower()
-    if ending == ".obj":
-        count = data.count(b"\nf") + data.count(b"\nv ")
-    elif ending == ".ply":
-        header = data[: data.find(b"end_header")]  # all of the file where it has no end
-        words = [line.split() for line in header.splitlines() if line.startswith(b"element")]
-        count = max((int(w[2]) for w in words if len(w) == 3 and w[2].isdigit()), default=0)
-    elif data[:5].lower() == b"solid" and b"facet" in data[:1000]:
-        count = data.count(b"facet normal")
-    else:
-        count = int.from_bytes(data[80:84], "little")
-    if count > 2 * MOST_FACES:
-        what = f"{count} triangles and vertices, expected at most {2 * MOST_FACES}"
-        raise WorldFileError(path, what)
 
 
 def _collada(path: Path) -> MeshFile:

@@ -48,11 +48,8 @@ MAX_MEMORY = 2**30
 
 UNITS: dict[str, float] = {unit: 2 ** (10 * power) for power, unit in enumerate("KMGTPE", 1)}
 
-MAX_PRODUCTS = {
-    ("flexcomp", "count"): 1000,
-    ("composite", "count"): 1000,
-}
-"""Maximum product of an attribute's numbers, by element and attribute."""
+MAX_PARTS = 1000
+"""Maximum product of the counts of a `flexcomp` or `composite`."""
 
 MAX_MESH_STEPS = 100
 """Maximum number of steps of a generated mesh in each of its two directions."""
@@ -80,17 +77,16 @@ class Bounds:
         """
         for name, text in element.attributes.items():
             if name in MAX_VALUES:
-                _hold(path, element, name, _number(path, element, name, text), MAX_VALUES[name])
-            product = MAX_PRODUCTS.get((element.tag, name))
-            if product is not None:
+                hold(path, element, name, _number(path, element, name, text), MAX_VALUES[name])
+            if name == "count" and element.tag in ("flexcomp", "composite"):
                 numbers = _numbers(path, element, name, text)
-                _hold(path, element, name, math.prod(max(one, 1.0) for one in numbers), product)
+                hold(path, element, name, math.prod(max(one, 1.0) for one in numbers), MAX_PARTS)
         if element.tag == "mesh" and "builtin" in element.attributes:
             steps = _numbers(path, element, "params", element.attributes.get("params", ""))
-            _hold(path, element, "params", max(steps, default=0.0), MAX_MESH_STEPS)
+            hold(path, element, "params", max(steps, default=0.0), MAX_MESH_STEPS)
         if element.tag == "size" and "memory" in element.attributes:
             text = element.attributes["memory"]
-            _hold(path, element, "memory", _memory(path, element, text), MAX_MEMORY)
+            hold(path, element, "memory", _memory(path, element, text), MAX_MEMORY)
         if element.tag == "texture":
             self.add_pixels(path, element, *_sizes(path, element, "width", "height"))
         if element.tag == "hfield":
@@ -98,7 +94,7 @@ class Bounds:
         if element.tag == "numeric":
             (size,) = _sizes(path, element, "size")
             self._numbers += max(size, 0.0)
-            _hold(path, element, "size", self._numbers, MAX_SOLIDS)
+            hold(path, element, "size", self._numbers, MAX_SOLIDS)
 
     def add_pixels(self, path: Path, element: Element, width: float, height: float) -> None:
         """Count the pixels of a texture, as written or of the picture that it names.
@@ -108,7 +104,7 @@ class Bounds:
         """
         sides = SIDES.get(element.attributes.get("type", "cube"), 6)
         self._pixels += sides * max(width, 0.0) * max(height, 0.0)
-        _hold(path, element, "pixels of all textures", self._pixels, MAX_TEXTURE_PIXELS)
+        hold(path, element, "pixels of all textures", self._pixels, MAX_TEXTURE_PIXELS)
 
     def add_heights(self, path: Path, element: Element, rows: float, columns: float) -> None:
         """Count the heights of a field, as written or of the picture that it names.
@@ -117,7 +113,7 @@ class Bounds:
             WorldFileError: All fields together have too many.
         """
         self._heights += max(rows, 0.0) * max(columns, 0.0)
-        _hold(path, element, "heights of all fields", self._heights, MAX_HEIGHTS)
+        hold(path, element, "heights of all fields", self._heights, MAX_HEIGHTS)
 
 
 def copies(path: Path, element: Element) -> float:
@@ -131,16 +127,12 @@ def copies(path: Path, element: Element) -> float:
     return max(_number(path, element, "count", element.attributes.get("count", "1")), 0.0)
 
 
-def check_total(path: Path, element: Element, what: str, total: float, most: int) -> None:
+def hold(path: Path, element: Element, what: str, got: float, most: float) -> None:
     """Refuse more of something than a scene may hold.
 
     Raises:
         WorldFileError: Naming the element where it grew too large.
     """
-    _hold(path, element, what, total, most)
-
-
-def _hold(path: Path, element: Element, what: str, got: float, most: float) -> None:
     if not got <= most:
         text = f"<{element.tag}>: {what} {got:g}, expected at most {most:g}"
         raise WorldFileError(path, text, element.line)

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from wayproof.models.world_files.images import png_size
 from wayproof.models.world_files.mjcf_bounds import (
     MAX_BODIES,
     MAX_COPIES,
     Bounds,
-    check_total,
     copies,
+    hold,
 )
 from wayproof.models.world_files.reading import MAX_BYTES, MAX_SOLIDS, WorldFileError, beside
 from wayproof.models.world_files.xml_tree import Element, read_xml
@@ -47,16 +48,15 @@ def check_scene(top: Path, root: Path | None = None) -> None:
     _Scene(top, root).check(top, [])
 
 
-class _Total:
+class _Total(NamedTuple):
     """Counts of elements in a file or below an element, copies included."""
 
-    def __init__(self, geoms: float = 0.0, bodies: float = 0.0, copied: float = 0.0) -> None:
-        self.geoms, self.bodies, self.copied = geoms, bodies, copied
+    geoms: float = 0.0
+    bodies: float = 0.0
+    copied: float = 0.0
 
-    def add(self, other: _Total) -> None:
-        self.geoms += other.geoms
-        self.bodies += other.bodies
-        self.copied += other.copied
+    def with_(self, other: _Total) -> _Total:
+        return _Total(*(a + b for a, b in zip(self, other, strict=True)))
 
     def repeated(self, times: float) -> _Total:
         """Return all counts times a number; repeated elements count as copied."""
@@ -86,10 +86,7 @@ class _Scene:
         tree = read_xml(path)
         elements = list(_walk(tree))
         folders = {
-            element.attributes[k]
-            for element in elements
-            for k in FOLDERS
-            if k in element.attributes
+            one.attributes[key] for one in elements for key in FOLDERS if key in one.attributes
         }
         models: dict[str, _Total] = {}
         for element in elements:
@@ -104,15 +101,15 @@ class _Scene:
     ) -> _Total:
         own = _Total(float(element.tag == "geom"), float(element.tag == "body"))
         if element.tag == "include":
-            own.add(self._named(path, element, opened))
+            own = own.with_(self._named(path, element, opened))
         if element.tag == "attach":
-            own.add(models.get(element.attributes.get("model", ""), _Total()))
+            own = own.with_(models.get(element.attributes.get("model", ""), _Total()))
         for child in element.children:
-            own.add(self._total(path, child, models, opened))
+            own = own.with_(self._total(path, child, models, opened))
         total = own.repeated(copies(path, element))
-        check_total(path, element, "copies", total.copied, MAX_COPIES)
-        check_total(path, element, "bodies", total.bodies, MAX_BODIES)
-        check_total(path, element, "geoms", total.geoms, MAX_SOLIDS)
+        hold(path, element, "copies", total.copied, MAX_COPIES)
+        hold(path, element, "bodies", total.bodies, MAX_BODIES)
+        hold(path, element, "geoms", total.geoms, MAX_SOLIDS)
         return total
 
     def _check_element(self, path: Path, element: Element, folders: set[str]) -> None:
@@ -147,7 +144,7 @@ class _Scene:
             return
         self._assets.add(known)
         self._bytes += file.stat().st_size
-        check_total(path, element, "bytes of all assets", self._bytes, MAX_BYTES)
+        hold(path, element, "bytes of all assets", self._bytes, MAX_BYTES)
         size = png_size(file)
         if size is not None and element.tag == "hfield":
             self._bounds.add_heights(path, element, *size)

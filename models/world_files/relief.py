@@ -21,6 +21,9 @@ GROUND_DEPTH = 0.5
 LEAST_COVER = 0.995
 """Share of the bounding rectangle that the surface has to cover: a height field has no holes."""
 
+INSET = 1e-9
+"""Share of the width by which the outermost nodes lie within the surface, not beside it."""
+
 
 def relief_part(mesh: Mesh) -> tuple[Part, float] | None:
     """Return a mesh as a height field of kind `floor`, and its greatest error in height, m.
@@ -59,38 +62,17 @@ def relief_part(mesh: Mesh) -> tuple[Part, float] | None:
 
 def _heights(mesh: Mesh, counts: list[int]) -> NDArray[np.float64] | None:  # (ny, nx)
     """Return the surface's height at nodes of a grid over its bounds; None if nodes lie bare."""
+    from matplotlib.tri import LinearTriInterpolator, Triangulation
+
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    nx, ny = counts
-    step = (high[:2] - low[:2]) / (nx - 1, ny - 1)
-    heights = np.full((ny, nx), np.nan)
-    for triangle in mesh.vertices[mesh.faces]:
-        at = (triangle[:, :2] - low[:2]) / step
-        first = np.ceil(at.min(axis=0) - 1e-6).astype(int).clip(0)
-        last = np.floor(at.max(axis=0) + 1e-6).astype(int).clip(None, (nx - 1, ny - 1))
-        if (last < first).any():
-            continue
-        x, y = np.meshgrid(np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1))
-        (u, v), inside = _barycentric(at, x, y)
-        z = triangle[0, 2] + u * (triangle[1, 2] - triangle[0, 2])
-        z = z + v * (triangle[2, 2] - triangle[0, 2])
-        heights[y[inside], x[inside]] = z[inside]
-    if np.isnan(heights).any():
+    x, y, z = mesh.vertices.T
+    inset = INSET * (high - low)
+    nodes = [np.linspace(low[n] + inset[n], high[n] - inset[n], counts[n]) for n in range(2)]
+    try:
+        heights = LinearTriInterpolator(Triangulation(x, y, mesh.faces), z)(*np.meshgrid(*nodes))
+    except (RuntimeError, ValueError):  # such as of steps, whose sides no place lies in
         return None
-    return heights
-
-
-def _barycentric(
-    at: NDArray[np.float64], x: NDArray[np.int64], y: NDArray[np.int64]
-) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]:
-    """Return shares of a triangle's second and third corner at places, and which lie in it."""
-    (ax, ay), (bx, by), (cx, cy) = at
-    area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-    if area == 0.0:
-        nothing = np.zeros(x.shape)
-        return (nothing, nothing), np.zeros(x.shape, np.bool_)
-    u = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / area
-    v = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / area
-    return (u, v), (u >= -1e-6) & (v >= -1e-6) & (u + v <= 1.0 + 1e-6)
+    return None if np.ma.getmaskarray(heights).any() else np.asarray(heights, np.float64)
 
 
 def _error(mesh: Mesh, heights: NDArray[np.float64]) -> float:
