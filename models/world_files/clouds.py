@@ -88,32 +88,26 @@ def read_pcd(path: Path, options: ImportOptions) -> Found:
         raise WorldFileError(path, f"{sum(counts)} values a point, expected at most {MOST_VALUES}")
     number = _whole(path, "POINTS", " ".join(fields.get("POINTS", [])))
     kind = " ".join(fields["DATA"])
+    widths = [np.dtype(TYPES[t]).itemsize * c for t, c in zip(types, counts, strict=True)]
+    begins = np.cumsum([0, *widths]).tolist()
+    places = [names.index(axis) for axis in "xyz"]
     if kind == "ascii":
         table = _ascii(path, data[start:], number, sum(counts))
-        places = np.cumsum([0, *counts[:-1]])
-        columns = [table[:, places[names.index(axis)]] for axis in "xyz"]
+        columns = [table[:, sum(counts[:n])] for n in places]
     elif kind == "binary":
-        record = np.dtype(
-            [(f"{n}", TYPES[t], (c,)) for n, (t, c) in enumerate(zip(types, counts, strict=True))]
-        )
-        if len(data) - start < number * record.itemsize:
-            there = (len(data) - start) // record.itemsize
+        if len(data) - start < number * begins[-1]:
+            there = (len(data) - start) // begins[-1]
             raise WorldFileError(path, f"POINTS {number}, but {there} are there")
-        rows = np.frombuffer(data, record, number, start)
-        columns = [rows[str(names.index(axis))][:, 0] for axis in "xyz"]
-    elif kind == "binary_compressed":
-        widths = [np.dtype(TYPES[t]).itemsize * c for t, c in zip(types, counts, strict=True)]
-        raw = _decompressed(path, data[start:], number * sum(widths))
-        begins = number * np.cumsum([0, *widths[:-1]])  # field by field, each of all points
-        columns = []
-        for place in (names.index(axis) for axis in "xyz"):
-            shape = number, counts[place]
-            values = np.frombuffer(raw, TYPES[types[place]], number * shape[1], begins[place])
-            columns.append(values.reshape(shape)[:, 0])
+        columns = [np.ndarray(number, TYPES[types[n]], data, start + begins[n], begins[-1])
+                   for n in places]  # fmt: skip
+    elif kind == "binary_compressed":  # field by field, each of all points
+        raw = _decompressed(path, data[start:], number * begins[-1])
+        columns = [np.ndarray(number, TYPES[types[n]], raw, number * begins[n], widths[n])
+                   for n in places]  # fmt: skip
     else:
         raise WorldFileError(path, f"DATA {kind[:40]}, expected ascii, binary or binary_compressed")
     with np.errstate(invalid="ignore"):  # points that are not finite are counted
-        points = np.column_stack(columns).astype(np.float64)
+        points = np.column_stack([column.astype(np.float64) for column in columns])
     return cells_of_points(path, points, options)
 
 

@@ -20,10 +20,8 @@ HALF = 0.5
 def is_closed(faces: NDArray[np.int64]) -> bool:
     """Return whether each edge of triangles (m, 3) is run once in each direction."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    count = int(faces.max()) + 1
-    ahead = np.sort(edges[:, 0] * count + edges[:, 1])
-    back = np.sort(edges[:, 1] * count + edges[:, 0])
-    return bool((ahead[1:] != ahead[:-1]).all()) and bool((ahead == back).all())
+    ahead, back = (np.unique(run, axis=0) for run in (edges, edges[:, ::-1]))
+    return len(ahead) == len(edges) and np.array_equal(ahead, back)
 
 
 def fill_inside(
