@@ -59,7 +59,7 @@ def merged_boxes(occupied: NDArray[np.bool_]) -> NDArray[np.int64]:  # (n, 2, 3)
         occupied: (nx, ny, nz).
 
     Raises:
-        TooMany: They are more than a world may hold.
+        ValueError: They are more than a world may hold.
     """
     left = occupied.copy()
     boxes = []
@@ -73,12 +73,8 @@ def merged_boxes(occupied: NDArray[np.bool_]) -> NDArray[np.int64]:  # (n, 2, 3)
             left[i:x, j:y, k:z] = False
             boxes.append(((i, j, k), (x, y, z)))
             if len(boxes) > MAX_SOLIDS:
-                raise TooMany(f"more than {MAX_SOLIDS} boxes")
+                raise ValueError(f"more than {MAX_SOLIDS} boxes")
     return np.array(boxes, np.int64).reshape(-1, 2, 3)
-
-
-class TooMany(ValueError):
-    """A grid of more separate boxes than a world may hold."""
 
 
 def _run(taken: NDArray[np.bool_]) -> int:
@@ -117,7 +113,7 @@ def cell_boxes(
     """
     try:
         boxes = merged_boxes(occupied)
-    except TooMany as error:
+    except ValueError as error:
         raise WorldFileError(path, str(error)) from None
     R = turned_by(0.0, 0.0, yaw)
     parts = []

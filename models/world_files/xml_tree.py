@@ -55,7 +55,7 @@ def read_xml(path: Path) -> Element:
 
 def parse_xml(path: Path, text: str) -> Element:
     """Parse the text of a file; errors as of `read_xml`."""
-    text = _from_declaration(text)
+    text = _without_late_declaration(text)
     if text.count("=") > MOST_ATTRIBUTES:
         raise WorldFileError(path, f"{text.count('=')} '=', expected at most {MOST_ATTRIBUTES}")
     try:
@@ -85,22 +85,13 @@ def _without_comments(text: str) -> str:
     return "".join([*kept, text[at:]])
 
 
-def _from_declaration(text: str) -> str:
-    """Return text with the part before the declaration moved behind it: lines keep count.
-
-    Blank lines and comments may stand there; a strict parser refuses both.
-    """
-    at = 0
-    while True:
-        while at < len(text) and text[at].isspace():
-            at += 1
-        if not text.startswith("<!--", at) or (end := text.find("-->", at)) < 0:
-            break
-        at = end + 3
-    if not at or not text.startswith("<?xml", at):
+def _without_late_declaration(text: str) -> str:
+    """Return text without a declaration behind blanks or comments: strict parsers refuse one."""
+    begin = text.find("<?xml")
+    end = text.find("?>", begin)
+    if begin <= 0 or end < 0 or _without_comments(text[:begin]).strip():
         return text
-    declaration, closing, rest = text[at:].partition("?>")
-    return declaration + closing + text[:at] + rest
+    return text[:begin] + text[end + 2 :]
 
 
 class _Builder:
