@@ -253,6 +253,11 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
     An infinite one is solid behind it as far as the scene reaches: to its parts and a point of each
     infinite plane, which is the extent of the scene then.
     """
+    below = [plane for plane in planes if _is_up(plane) and float(plane.point[2]) < height]
+    for plane in below:
+        where = f"at {float(plane.point[2]):g} m, below the floor: left out"
+        found.notes.append(f"plane of '{plane.model or 'a plane'}' {where}")
+    planes = [plane for plane in planes if not any(plane is one for one in below)]
     infinite = [plane.point for plane in planes if plane.axes is None]
     corners = np.array([*infinite, *(bounds_of(found.parts) if found.parts else ())])
     if infinite:
@@ -262,17 +267,9 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
         found.extent = vector(corners.min(axis=0)), vector(corners.max(axis=0))
     parts = []
     for plane in planes:
-        name, z = plane.model or "a plane", float(plane.point[2])
-        if _is_up(plane) and z < height:
-            found.notes.append(f"plane of '{name}' at {z:g} m, below the floor: left out")
-            continue
-        if plane.axes is not None and plane.half_extents is not None:
-            R, middle, half, thickness = (
-                plane.axes,
-                plane.point,
-                plane.half_extents,
-                SHEET_THICKNESS,
-            )
+        half, thickness = plane.half_extents, SHEET_THICKNESS
+        if plane.axes is not None and half is not None:
+            R, middle = plane.axes, plane.point
             what = f"a box {2 * half[0]:.4g} x {2 * half[1]:.4g} x {thickness:g} m behind it"
         else:
             R, centre = axes_of(plane.normal), corners.mean(axis=0)
@@ -282,10 +279,9 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
             up = R[:, 1] * np.sign(R[2, 1])
             if up[2] > LEVEL:  # from the floor on up the wall
                 middle = middle + up * ((height - middle[2]) / up[2] + thickness)
-        at = middle - thickness / 2.0 * plane.normal
-        size = (*half, thickness / 2.0)
+        size, at = (*half, thickness / 2.0), middle - thickness / 2.0 * plane.normal
         parts.append(Part("box", size, vector(at), quaternion_of(R), "wall", model=plane.model))
-        found.notes.append(f"plane of '{name}': {what}")
+        found.notes.append(f"plane of '{plane.model or 'a plane'}': {what}")
     return parts
 
 
