@@ -32,6 +32,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
                 allow_plugins=options.allow_plugins,
                 volumes=options.volumes,
                 measured_only=options.measured_only,
+                as_measured=options.as_measured,
             )
         )
         print_audit(console, audits[-1])
@@ -62,6 +63,12 @@ def print_audit(console: Console, audited: Audit) -> None:
         console.print(
             f"  evidence: {rests.unmeasured} of the {rests.cells} cells of these paths admitted "
             "by what was not measured"
+        )
+    filtered = audited.filtered
+    if filtered is not None and filtered.filtered_m > 0.0:
+        console.print(
+            f"  filters: {filtered.filtered_m:.2f} of {filtered.way_m:.2f} m of these paths, in "
+            f"{len(filtered.decisions)} decisions, are free by the word of a filter alone"
         )
     if audited.volumes is not None:
         print_volumes(console, "this log", audited.volumes)
@@ -98,6 +105,10 @@ VERB = Verb(
         arg(
             "--measured-only",
             "check paths against what was measured alone, also where prior.policy=admit",
+        ),
+        arg(
+            "--as-measured",
+            "check paths against the returns as they came, without the word of any filter",
         ),
         arg(
             "--volumes",

@@ -49,6 +49,7 @@ def moments(
     decide: bool = False,
     stack: SegmentedStack | None = None,
     after: pb.Keyframe | None = None,
+    returns: bool = False,
 ) -> Iterator[Moment]:
     """Yield every decision of a log in order, with its map rebuilt from the sweeps.
 
@@ -57,11 +58,14 @@ def moments(
         decide: Whether each decision is made again.
         stack: Stack in the state before the first of them; by default that of the start.
         after: Keyframe after whose decision the first of them is; None for all.
+        returns: Whether the map of the returns as they came is kept, too.
 
     Raises:
         InputError: The log is damaged or cannot be recomputed, or its sweeps were left out.
     """
     stack = stack or SegmentedStack(segments_of(log))
+    if returns:
+        stack.keep_returns()
     for record in log.records(after):
         recomputed = None
         if decide:

@@ -75,6 +75,11 @@ class SegmentedStack:
         self.segment, *self._later = segments
         self.navigator, *self._waiting = stacks
 
+    def keep_returns(self) -> None:
+        """Keep the map of the returns as they come for each stack as well; before the first."""
+        for stack in (self.navigator, *self._waiting):
+            stack.mapper.keep_returns()
+
     def step(self, record: Record) -> pb.Decision:
         """Decide on one record; later stacks integrate its inputs into their maps.
 

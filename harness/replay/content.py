@@ -24,6 +24,7 @@ from wayproof.harness.log.writer import (
     PREDICTOR_STDERR,
     STDERR,
     TRACEBACK,
+    file_descriptor_set,
 )
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -63,6 +64,8 @@ class Content:
         inputs: Hashes of the inputs of each decision; empty if the sweeps were not read.
         strange: Records that no log has, or not there: of another name, topic, type or time, or of
             a name that another one has.
+        described: Kinds of messages whose schema in the file is not that of this version: other
+            readers take their values for something else.
         digest: Digest of the whole file; empty if it was not computed.
     """
 
@@ -76,6 +79,7 @@ class Content:
     motions: list[pb.RecordedMotion] = field(default_factory=list)
     inputs: list[InputRecord] = field(default_factory=list)
     strange: list[Difference] = field(default_factory=list)
+    described: list[Difference] = field(default_factory=list)
     digest: str = ""
 
     def add(self, message: Message) -> None:
@@ -106,7 +110,7 @@ def read_content(log: Log) -> Content:
     """
     content, digest = Content(), ContentDigest()
     running = None if log.record == "decisions" else _Running(log)
-    names = _Names(log)
+    names, schemas = _Names(log), dict[str, bytes]()
     for item in walk(log.path):
         digest.add(item)
         message = decode(item, log.path) if isinstance(item, Packet) and is_ours(item) else None
@@ -114,6 +118,12 @@ def read_content(log: Log) -> Content:
         content.strange.extend([] if strange is None else [strange])
         if message is None:
             continue
+        assert isinstance(item, Packet)
+        if schemas.get(item.schema) != item.description:
+            schemas[item.schema] = item.description
+            if item.description != file_descriptor_set(message.DESCRIPTOR):
+                one = Difference(f"schema of {item.topic[:80]}", "another", "that of this version")
+                content.described.append(one)
         content.add(message)
         if running is None:
             continue

@@ -24,6 +24,7 @@ from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.replay.audit import Auditor
 from wayproof.harness.replay.closed_loop import ClosedLoop, simulate_again
 from wayproof.harness.replay.consistency import contradictions
+from wayproof.harness.replay.content import read_content
 from wayproof.harness.replay.replay import cause_differences, recompute_piece
 from wayproof.harness.replay.scope import Scope, scope_of
 from wayproof.harness.replay.signature import fault_of_signature, fingerprint, signature_path
@@ -193,7 +194,9 @@ class _Trial:
         return [] if fault is None else [Difference(name, fault, "a signature that holds")]
 
     def _check_content(self) -> list[Difference]:
-        return [*_code_and_version(self._log), *contradictions(self._log)]
+        content = read_content(self._log)
+        found = [*_code_and_version(self._log), *contradictions(self._log, content)]
+        return [*found, *content.described]
 
     def _replay(self) -> list[Difference]:
         """Make every decision again from its inputs, and audit it on the same map."""

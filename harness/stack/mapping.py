@@ -29,7 +29,7 @@ from wayproof.harness.stack.range_errors import (
     without_lost_patches,
 )
 from wayproof.harness.stack.rolling_window import Cell, RollingWindow, rolls
-from wayproof.maps import MAPS, Costmap
+from wayproof.maps import MAPS, Costmap, Representation
 from wayproof.maps.columns import ColumnMap
 from wayproof.maps.costmap.widening import NOT_WIDENED
 
@@ -60,6 +60,8 @@ class Mapper:
         missing_floor: Evidence of missing floor; None where each sweep is judged alone.
         echoes: Echoes by direction of each sensor; empty where each sweep is judged alone.
         newest: Inputs of the newest decision that the map holds; None before the first.
+        returns: The map of the returns as they came, without the word of any filter; None unless
+            `keep_returns` was asked for.
         range_sigma: Standard deviation of the ranges of the newest sweeps, of the worst sensor, m;
             0 where it is not estimated.
         on_integrated: Callback after each integration; only counterfactuals set one.
@@ -110,7 +112,14 @@ class Mapper:
         self.range_sigma = 0.0
         self.on_integrated: Callable[[Inputs], None] | None = None
         self.on_placed: Callable[[WorldSweep, float, int], None] | None = None
-        self._declare_start_free()
+        self.returns: Representation | None = None
+        self._declare_start_free(self.map)
+
+    def keep_returns(self) -> None:
+        """Keep the map of the returns as they come as well, for a judge; before the first sweep."""
+        settings = self._config.map
+        self.returns = MAPS[settings.kind](settings, self._mission.low, self._mission.high)
+        self._declare_start_free(self.returns)
 
     def set_sensors(self, beams: Mapping[str, Beams]) -> None:
         """Replace the sensors, by name, whose sweeps are integrated."""
@@ -124,7 +133,8 @@ class Mapper:
     def integrate(self, inputs: Inputs) -> None:
         """Integrate the sweeps of one instant into the map, and roll the window along."""
         self.newest, self.range_sigma = inputs, 0.0
-        self.map.advance(inputs.time_ns)
+        for a_map in self._maps:
+            a_map.advance(inputs.time_ns)
         for sweep in inputs.sweeps:
             self._integrate_sweep(sweep, inputs)
         self._hold_about_body(inputs.pose, inputs.time_ns)
@@ -198,6 +208,8 @@ class Mapper:
         placed = beams.place(sweep, inputs.pose, inputs.sequence)
         if self._config.map.no_return == "ignored":
             placed = placed.without_no_returns()
+        if self.returns is not None:
+            _add(placed, to=self.returns, beams=beams, inputs=inputs)
         deviation = range_deviation(placed, beams)
         self.range_sigma = max(self.range_sigma, deviation)
         placed = without_false_returns(placed, beams, deviation)
@@ -212,14 +224,7 @@ class Mapper:
             missing=self.missing_floor,
         )
         placed = without_lost_echoes(placed, beams)
-        self.map.integrate(
-            origins=placed.origins,
-            directions=placed.directions,
-            ranges_mm=placed.ranges_mm,
-            range_limit=beams.range,
-            time_ns=inputs.time_ns,
-            moments=placed.moments,
-        )
+        _add(placed, to=self.map, beams=beams, inputs=inputs)
         if self.on_placed is not None:
             self.on_placed(placed, beams.range, inputs.time_ns)
         if self.labels is not None and sweep.classes is not None:
@@ -230,9 +235,11 @@ class Mapper:
         """Keep the blind zone about the body from decaying, and the body's own space free."""
         if (reach := self._config.map.no_decay_radius) > 0.0:
             low, high = pose.position - reach, pose.position + reach
-            self.map.exempt_from_decay(low, high, time_ns)
+            for a_map in self._maps:
+                a_map.exempt_from_decay(low, high, time_ns)
         if self._clears_footprint:
-            clear_footprint(self.map, self._mission, pose, time_ns)
+            for a_map in self._maps:
+                clear_footprint(a_map, self._mission, pose, time_ns)
 
     def _roll_window(self, position: Array) -> None:
         """Take the rolling window, where there is one, along with a robot at a position (3,)."""
@@ -242,20 +249,36 @@ class Mapper:
         if self.window.leaves_behind(centre):
             self.move_window(centre)
 
-    def _declare_start_free(self) -> None:
+    @property
+    def _maps(self) -> tuple[Representation, ...]:
+        return (self.map,) if self.returns is None else (self.map, self.returns)
+
+    def _declare_start_free(self, a_map: Representation) -> None:
         """Mark the space about the start free: no sensor sees right beside the body."""
         mission, config = self._mission, self._config
         body_radius = self.costmap.inflation_radius + self._extra_radius
         radius = body_radius + config.episode.start_clear_radius
         x, y, z = mission.start
         if not mission.planar:
-            self.map.mark_free_sphere((x, y, z), radius, 0)
+            a_map.mark_free_sphere((x, y, z), radius, 0)
             return
         low, high = (x - radius, y - radius), (x + radius, y + radius)
         ground = z - mission.rest_height if self._climbs else 0.0
-        self.map.mark_floor(low, high, 0, ground)
-        top = mission.height + self.map.resolution
-        self.map.mark_free((*low, self.costmap.origin[2] + ground), (*high, top + ground), 0)
+        a_map.mark_floor(low, high, 0, ground)
+        top = mission.height + a_map.resolution
+        a_map.mark_free((*low, self.costmap.origin[2] + ground), (*high, top + ground), 0)
+
+
+def _add(placed: WorldSweep, to: Representation, beams: Beams, inputs: Inputs) -> None:
+    """Integrate a placed sweep into a map."""
+    to.integrate(
+        origins=placed.origins,
+        directions=placed.directions,
+        ranges_mm=placed.ranges_mm,
+        range_limit=beams.range,
+        time_ns=inputs.time_ns,
+        moments=placed.moments,
+    )
 
 
 class Margin(NamedTuple):

@@ -80,12 +80,13 @@ class Metadata(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """A message, still encoded."""
+    """A message, still encoded; with the description of its schema as it was read from a file."""
 
     schema: str
     topic: str
     time_ns: int
     data: bytes
+    description: bytes = b""
 
 
 Item = Attachment | Metadata | Packet
@@ -338,7 +339,7 @@ class _Walk:
             self._data += len(data)
             if self._data > self._most_data:
                 raise ValueError(f"over {self._most_data} bytes of messages other than sweeps")
-        return Packet(schema, topic, time_ns, data)
+        return Packet(schema, topic, time_ns, data, b"" if known is None else known.data)
 
     def _check_summary(self) -> None:
         """Check that the index lists what the file holds, and all checksums behind the data."""

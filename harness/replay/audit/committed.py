@@ -57,6 +57,7 @@ class Committed:
         version: Version of that map.
         body: Body for collision checks.
         before: The last two trajectories before it; at first a hold.
+        returns: Map of the returns as they came, without the word of a filter; None if not kept.
     """
 
     record: Record
@@ -67,6 +68,7 @@ class Committed:
     version: str
     body: Body
     before: tuple[pb.Trajectory, ...]
+    returns: Representation | None = None
 
     @property
     def decision(self) -> pb.Decision:

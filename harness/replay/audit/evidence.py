@@ -49,6 +49,28 @@ class Rests:
     unmeasured: int = 0
 
 
+@dataclass(frozen=True)
+class Filtered:
+    """Committed ways by what they are free by.
+
+    Attributes:
+        way_m: Length of the ways, m.
+        filtered_m: Length of these that is free in the map, and not in that of the returns as they
+            came: by the word of a filter of returns.
+        decisions: Decisions with such a part, and its length, m.
+    """
+
+    way_m: float = 0.0
+    filtered_m: float = 0.0
+    decisions: tuple[tuple[int, float], ...] = ()
+
+    def with_one(self, committed: Committed) -> Filtered:
+        """Return the sums with another committed way."""
+        part, way = filtered_length(committed), length(committed.path)
+        one = ((committed.decision.sequence, part),) if part > 0.0 else ()
+        return Filtered(self.way_m + way, self.filtered_m + part, (*self.decisions, *one))
+
+
 def all_rests(parts: Iterable[Rests]) -> Rests:
     """Return the cells of several paths together."""
     parts = list(parts)
@@ -189,11 +211,32 @@ def _differences(
 
 def _free_length(committed: Committed, path: Array, total: float) -> float:
     """Return the length of a path at which the disc or ball of the decision is measured free, m."""
-    size = committed.measured.resolution
+    steps, free = _free_steps(committed, path, committed.measured)
+    return float(steps[free].sum()) if total else 0.0
+
+
+def filtered_length(committed: Committed) -> float:
+    """Return the length of the committed path that is free by the word of a filter alone, m.
+
+    The disc or ball of the decision is free there in the map, and not in that of the returns as
+    they came.
+    """
+    assert committed.returns is not None
+    if len(committed.path) < 2:
+        return 0.0
+    steps, free = _free_steps(committed, committed.path, committed.measured)
+    _, as_measured = _free_steps(committed, committed.path, committed.returns)
+    return float(steps[free & ~as_measured].sum())
+
+
+def _free_steps(
+    committed: Committed, path: Array, a_map: Representation
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the lengths of even steps of a path, (n,) m, and whether the body is free at each."""
+    size, body = a_map.resolution, committed.body
     reach = reach_to(committed.decision.collision_distance_sq)
-    cells = committed.body.cells(committed.measured, path, reach * size)
     points = densely(path, 0.5 * size)
     middles = 0.5 * (points[1:] + points[:-1])
     steps = np.sqrt(np.square(points[1:] - points[:-1]).sum(axis=1))
-    free = ~cells.within(cells.of(middles), cells.not_free, reach)
-    return float(steps[free].sum()) if total else 0.0
+    cells = body.cells(a_map, path, reach * size)
+    return steps, ~cells.within(cells.of(middles), cells.not_free, reach)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wayproof.harness.config import Config
@@ -21,6 +21,7 @@ from wayproof.harness.replay.audit.committed import (
 )
 from wayproof.harness.replay.audit.evidence import (
     AdmittedMap,
+    Filtered,
     Rests,
     all_rests,
     check_evidence,
@@ -82,6 +83,8 @@ class Audit:
         volumes: Distances of the swept paths from the volumes of cells; None if not measured.
         rests: Cells of the swept paths by what they rest on; None without a prior map or
             prediction, and where the policy admits unknown cells.
+        filtered: The swept paths by the word of a filter of returns; None where none was swept, or
+            the map of the returns as they came was not kept.
     """
 
     log: str
@@ -96,6 +99,7 @@ class Audit:
     reasons: int
     volumes: Volumes | None = None
     rests: Rests | None = None
+    filtered: Filtered | None = None
 
 
 def audit(
@@ -104,6 +108,7 @@ def audit(
     allow_plugins: bool = False,
     volumes: bool = False,
     measured_only: bool = False,
+    as_measured: bool = False,
 ) -> Audit:
     """Check every decision of a log.
 
@@ -113,13 +118,14 @@ def audit(
         allow_plugins: Whether code that its config names may be imported.
         volumes: As of `Auditor`.
         measured_only: As of `Auditor`.
+        as_measured: As of `Auditor`.
 
     Raises:
         InputError: The file is no finished log, or holds no decision.
     """
     log = open_log(path, allow_plugins)
-    auditor = Auditor(policy, volumes=volumes, measured_only=measured_only)
-    for moment in moments(log):
+    auditor = Auditor(policy, volumes=volumes, measured_only=measured_only, as_measured=as_measured)
+    for moment in moments(log, returns=True):
         auditor(moment)
     return auditor.audit(log)
 
@@ -137,6 +143,7 @@ class Auditor:
         *,
         volumes: bool = False,
         measured_only: bool = False,
+        as_measured: bool = False,
     ) -> None:
         """Start before the first decision.
 
@@ -145,8 +152,12 @@ class Auditor:
             volumes: Whether to measure the distances of paths from the volumes of cells, too.
             measured_only: Whether paths are checked against what was measured alone, also where
                 the prior map of the log admits.
+            as_measured: Whether paths are checked against the map of the returns as they came,
+                without the word of a filter; the moments have to keep it.
         """
         self._policy, self._measured_only = policy, measured_only
+        self._as_measured = as_measured
+        self._filtered: Filtered | None = None
         self._config: Config | None = None
         self._prior: PriorCells | None = None
         self._before: tuple[pb.Trajectory, ...] = ()
@@ -159,7 +170,7 @@ class Auditor:
     def __call__(self, moment: Moment) -> None:
         """Check the next decision."""
         committed = self.committed(moment)
-        kind, found = judge(committed)
+        kind, found = judge(committed, as_measured=self._as_measured)
         if not is_malformed(committed):
             found += self._check_reason(committed)
         self.follow(committed)
@@ -167,6 +178,8 @@ class Auditor:
         self._kinds[kind] += 1
         if kind != "swept":
             return
+        if committed.returns is not None:
+            self._filtered = (self._filtered or Filtered()).with_one(committed)
         if committed.config.has_layers and committed.body.policy == "forbid":
             self._cells.append(rests_of(committed))
         if self._volumes is not None and not any(one.rule == "swept" for one in found):
@@ -193,6 +206,7 @@ class Auditor:
             version=navigator.mapper.version(),
             body=Body(config, moment.mission, policy).placed(record.inputs.pose),
             before=self._before or (standing_at_start(moment.mission),),
+            returns=navigator.mapper.returns,
         )
 
     def follow(self, committed: Committed) -> None:
@@ -222,6 +236,7 @@ class Auditor:
             reasons=self._reasons.checked,
             volumes=None if self._volumes is None else together(self._volumes),
             rests=all_rests(self._cells) if self._cells else None,
+            filtered=self._filtered,
         )
 
     def _check_reason(self, committed: Committed) -> list[Violation]:
@@ -231,11 +246,20 @@ class Auditor:
         return [committed.broken("reason", text) for text in found]
 
 
-def judge(committed: Committed) -> tuple[str, list[Violation]]:
-    """Return the kind of the path of a decision, see `Way`, and its violations."""
+def judge(committed: Committed, *, as_measured: bool = False) -> tuple[str, list[Violation]]:
+    """Return the kind of the path of a decision, see `Way`, and its violations.
+
+    Args:
+        committed: What the decision committed to.
+        as_measured: Whether its path is checked against the map of the returns as they came.
+    """
     if text := is_malformed(committed):
         return "", [committed.broken("form", text)]
-    way = judge_way(committed)
+    swept = committed
+    if as_measured:
+        assert committed.returns is not None
+        swept = replace(committed, map=committed.returns)
+    way = judge_way(swept)
     found = [violation for check in CHECKS for violation in check(committed)]
     return way.kind, [*found, *way.violations]
 

@@ -1,8 +1,10 @@
 """Points along paths."""
 
 import numpy as np
+import pytest
 
-from wayproof.harness.log.paths import densely, refined
+from wayproof.harness.log.paths import densely, refined, speed_at
+from wayproof.harness.schema import wayproof_pb2 as pb
 
 
 def test_points_lie_densely():
@@ -20,3 +22,16 @@ def test_a_thinned_path_gets_the_corners_of_the_path_along_it():
     elsewhere = thinned + np.array([0.0, 0.1, 0.0])
     np.testing.assert_array_equal(refined(elsewhere, whole), elsewhere)
     assert len(refined(np.empty((0, 3)), whole)) == 0
+
+
+def test_the_speed_at_a_joint_is_that_of_the_moment_not_a_mean_over_the_next_period():
+    """From rest at 2 m/s^2: 0.2 m/s after 0.1 s, and 0.3 m/s on average over the next 0.1 s."""
+    times = 0.1 * np.arange(5)
+    speeding_up = pb.Trajectory(arc_length=times**2, sample_period_s=0.1)
+    np.testing.assert_allclose(
+        [speed_at(speeding_up, n * 10**8) for n in range(4)], 2.0 * times[:4]
+    )
+    assert speed_at(speeding_up, 150_000_000) == pytest.approx(0.3)
+    even = pb.Trajectory(arc_length=0.3 * times, sample_period_s=0.1)
+    assert speed_at(even, 0) == speed_at(even, 100_000_000) == pytest.approx(0.3)
+    assert speed_at(even, 10**9) == 0.0  # at rest beyond its end

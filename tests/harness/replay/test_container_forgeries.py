@@ -77,7 +77,9 @@ def write(items: list[Item], path: Path) -> Path:
                 writer.add_attachment(0, 0, item.name, "text/plain", item.data)
             else:
                 if item.schema not in schemas:
-                    schemas[item.schema] = writer.register_schema(item.schema, "protobuf", b"")
+                    schemas[item.schema] = writer.register_schema(
+                        item.schema, "protobuf", item.description
+                    )
                 channel = channels.get((item.schema, item.topic))
                 if channel is None:
                     channel = writer.register_channel(item.topic, "protobuf", schemas[item.schema])
@@ -122,6 +124,10 @@ EDITS: dict[str, tuple[Callable[[Content], object], str]] = {
         "attachment '../../evil'",
     ),
     "truth in another schema": (_in_another_schema, "truth"),
+    "the truth described as something else": (
+        lambda c: c.move(lambda p: p._replace(description=b"") if p.schema == TRUTH else p),
+        "schema of /truth",
+    ),
     "all on other topics": (lambda c: c.move(lambda p: p._replace(topic=f"/x{p.topic}")), ""),
     "all at time 0": (lambda c: c.move(lambda p: p._replace(time_ns=0)), "pose"),
     "all at the end of time": (lambda c: c.move(lambda p: p._replace(time_ns=2**63)), ""),

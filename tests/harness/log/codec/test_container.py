@@ -28,7 +28,7 @@ from wayproof.harness.log.codec.container import (
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.decision_messages import MOST_SWEEPS, DecisionMessages
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.log.writer import LogWriter
+from wayproof.harness.log.writer import LogWriter, file_descriptor_set
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 
@@ -44,7 +44,7 @@ def test_the_parser_reads_what_the_writer_wrote(tmp_path):
     assert names == ["run", "fork", "result"]
     data = pb.Pose(sequence=3).SerializeToString()
     assert [one for one in items if isinstance(one, Packet)] == [
-        Packet("wayproof.Pose", "/pose", 7, data)
+        Packet("wayproof.Pose", "/pose", 7, data, file_descriptor_set(pb.Pose.DESCRIPTOR))
     ]
 
 

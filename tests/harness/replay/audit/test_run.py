@@ -30,6 +30,7 @@ def test_real_episodes_break_no_rule(recorded, robot, seed):
     assert found.policy == "forbid"
     assert found.decisions > 70
     assert found.swept > 50
+    assert 0.0 <= found.filtered.filtered_m < 0.5 * found.filtered.way_m
 
 
 @pytest.mark.parametrize("policy", ["allow", "forbid"])

@@ -3,6 +3,7 @@
 import dataclasses
 
 import numpy as np
+import pytest
 
 from wayproof.harness.config import Config, StackConfig
 from wayproof.harness.inputs import Inputs, Pose
@@ -10,6 +11,8 @@ from wayproof.harness.judge.body import Body
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.audit.committed import Committed
+from wayproof.harness.replay.audit.evidence import filtered_length
+from wayproof.harness.replay.audit.run import judge
 from wayproof.harness.replay.audit.way import judge_way
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps import VoxelMap
@@ -117,6 +120,24 @@ def test_the_last_centimetre_of_a_stop_may_go_by_another_name():
     assert kind([begin, end], 0.03) == "stop"
     assert kind([begin, (0.98, 0.0, 1.0)], 0.03) == "swept"
     assert kind([begin, end], 0.03, stack="dwa") == "swept"
+
+
+def test_what_is_free_by_the_word_of_a_filter_alone():
+    """Of 0.4 m along x the ball has room up to x = 0.3 in the map of the returns as they came.
+
+    From there on fewer than 3.9 cells are left to what that map does not know, x > 0.6.
+    """
+    way = [(0.0, 0.0, 1.0), (0.4, 0.0, 1.0)]
+    committed = in_the_air(way, at_speed(way, 1.0), "follow")
+    committed.decision.collision_distance_sq = 15  # cells^2
+    returns = VoxelMap(committed.config.map, AIR.low, AIR.high)
+    returns.mark_free((-2.0, -2.0, -0.5), (0.6, 2.0, 2.5), 0)
+    committed = dataclasses.replace(committed, returns=returns)
+    assert filtered_length(committed) == pytest.approx(0.1)
+    same = dataclasses.replace(committed, returns=committed.measured)
+    assert filtered_length(same) == 0.0
+    swept = [judge(committed, as_measured=one)[1] for one in (False, True)]
+    assert ["swept" in {one.rule for one in found} for found in swept] == [False, True]
 
 
 def test_a_recovery_is_held_against_its_rules_along_its_whole_way():
