@@ -13,10 +13,12 @@ from wayproof.harness.log.paths import SAME_PLACE, heading_at, length, place_at,
 from wayproof.harness.replay.audit.committed import Committed, Violation, apart
 
 LIMIT_SLACK = 1.05
-"""Tolerance factor of speed and acceleration, read from samples 0.1 s apart."""
+"""Tolerance factor of speeds, rates and accelerations, which are read from samples 0.1 s apart;
+the limiter of a stack on trial has the same."""
 
 REST = 0.02
-"""Speed below which a body is at rest, m/s."""
+"""Speed below which a body is at rest, m/s; and the tolerance of speeds, m/s, and rates, rad/s,
+beyond the factor."""
 
 FALL = 1e-3
 """Fall of the arc length that counts as rounding, m."""
@@ -73,7 +75,7 @@ def check_limits(committed: Committed) -> list[Violation]:
         found.append(committed.broken("rest", f"moves at {speeds[-1]:.2f} m/s when it ends"))
     if arcs[-1] > length(committed.path) + SAME_PLACE:
         found.append(committed.broken("rest", "runs on beyond the end of its path"))
-    if speeds.max() > mission.max_speed * LIMIT_SLACK:
+    if speeds.max() > mission.max_speed * LIMIT_SLACK + REST:
         text = f"{speeds.max():.2f} m/s, {mission.max_speed:g} allowed"
         found.append(committed.broken("limits", text))
     rate = float(np.abs(np.diff(trajectory.heading)).max()) / period
@@ -81,7 +83,7 @@ def check_limits(committed: Committed) -> list[Violation]:
         text = f"turns at {rate:.2f} rad/s, {mission.max_yaw_rate:g} allowed"
         found.append(committed.broken("limits", text))
     hardest = np.abs(accelerations).max() if len(accelerations) else 0.0
-    if hardest > mission.max_acceleration * LIMIT_SLACK:
+    if hardest > mission.max_acceleration * LIMIT_SLACK + REST / period:
         text = f"{hardest:.2f} m/s^2, {mission.max_acceleration:g} allowed"
         found.append(committed.broken("limits", text))
     return found
@@ -104,16 +106,14 @@ def check_joint(committed: Committed) -> list[Violation]:
         text = f"starts {off:.2f} m from where the trajectory before it is then"
         return [committed.broken("joined", text)]
     speeds = speed_at(trajectory, start_ns), speed_at(before, start_ns)
-    # Each mean differs from the speed at the joint by at most a times the sample period.
-    allowed = committed.mission.max_acceleration * trajectory.sample_period_s * LIMIT_SLACK + REST
+    # A body can change its speed and its heading by so much within a sample period.
+    mission, within_s = committed.mission, SAMPLE_PERIOD * LIMIT_SLACK
+    allowed = mission.max_acceleration * within_s + REST
     if abs(speeds[0] - speeds[1]) > allowed:
         text = f"starts at {speeds[0]:.2f} m/s, the trajectory before it is at {speeds[1]:.2f} then"
         return [committed.broken("joined", text)]
     turn = abs(wrap_angle(heading_at(trajectory, start_ns) - heading_at(before, start_ns)))
-    if (
-        committed.mission.planar
-        and turn > committed.mission.max_yaw_rate * SAMPLE_PERIOD * LIMIT_SLACK
-    ):
+    if mission.planar and turn > mission.max_yaw_rate * within_s + REST:
         text = f"starts at a heading {turn:.2f} rad off that of the trajectory before it"
         return [committed.broken("joined", text)]
     return []
