@@ -38,3 +38,9 @@ def allocating(function: Function) -> Function:
     """
     compiled: Function = numba.njit(**COUNTED)(function)
     return compiled
+
+
+def inlined(function: Function) -> Function:
+    """Compile a kernel into those that call it, which then hand it no tables."""
+    compiled: Function = numba.njit(**UNCOUNTED, forceinline=True)(function)
+    return compiled

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 
 from wayproof.models.rays.bounds import turn_cones, view_geoms
 from wayproof.models.rays.geometry import Geometry
-from wayproof.models.rays.lanes import Beams, SurfaceHits
 from wayproof.models.rays.normals import surface_normals
-from wayproof.models.rays.records import Geoms, Pattern, Room, Sweep
-from wayproof.models.rays.surfaces import Surfaces
+from wayproof.models.rays.records import Geoms, Pattern, Room, Sweep, Waiting
 from wayproof.models.rays.tile_kernels import cast_blocks
 from wayproof.models.rays.tiles import cut_scattered
+from wayproof.models.rays.wide_tree import CHILDREN, STACK_SIZE
 
 
 class TileCaster:
@@ -44,9 +43,13 @@ class TileCaster:
         if not 0.0 < range < np.inf:
             raise ValueError(f"range: got {range:g}, expected a finite length > 0 m")
         self._geometry = Geometry(model, group_mask)
-        self._surfaces = Surfaces(model, group_mask)
         self._range = float(range)
-        if len(self._surfaces):
+        self._waiting = Waiting(
+            np.empty(STACK_SIZE, np.int64),
+            np.empty(STACK_SIZE, np.float32),
+            np.empty(CHILDREN, np.float32),
+        )
+        if self._geometry.soup is not None:
             self._cast_once(model)
 
     def _cast_once(self, model: mujoco.MjModel) -> None:
@@ -102,7 +105,7 @@ class TileCaster:
         beams[pattern.places] = pattern.beams.T
         directions = np.einsum("nij,nj->ni", rotations[indices], beams)
         points = starts[indices] + distance[:, None] * directions
-        normals = surface_normals(data, self._surfaces, geom_id, face, points)
+        normals = surface_normals(data, self._geometry.soup, geom_id, face, points)
         return distance, geom_id, normals
 
     def _cast(
@@ -112,21 +115,16 @@ class TileCaster:
         origins: NDArray[np.float64],
         rotations: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
-        """Cast at primitives first, then keep nearer hits on meshes and height fields."""
+        """Return distances, m, geom ids and triangles (n,), or (0,) without any, of a sweep."""
         self._geometry.refresh(data)
-        self._surfaces.refresh(data)
-        geoms, surfaces = self._geometry.geoms, self._surfaces
+        geoms, soup = self._geometry.geoms, self._geometry.soup
         sweep = _survey(geoms, pattern, origins, rotations, self._range)
         beams = len(pattern.places)
         distance, geom_id = np.full(beams, -1.0), np.full(beams, -1, np.int32)
-        face = np.full(beams if len(surfaces) else 0, -1, np.int32)
-        aimed = Beams(pattern.beams, pattern.places, pattern.pose_indices, origins, rotations)
-        hits = SurfaceHits(distance, geom_id, face)
-
+        face = np.empty(0 if soup is None else beams, np.int32)
         if len(geoms.ids):
             room = _room(pattern, geoms)
-            cast_blocks(pattern, geoms, sweep, room, distance, geom_id)
-        surfaces.meet(pattern.tile_starts, aimed, self._range, hits)
+            cast_blocks(pattern, geoms, sweep, room, soup, self._waiting, distance, geom_id, face)
         return distance, geom_id, face
 
 
@@ -201,6 +199,8 @@ def _room(pattern: Pattern, geoms: Geoms) -> Room:
         best=best,
         best_bits=best.view(np.int64),
         best_geom=np.empty(w, np.int64),
+        rows=np.empty(w, np.int32),
+        best_rows=np.empty(w, np.int32),
         walls=np.empty((5, 3)),
         slack=np.empty(g),
         block_views=np.empty((6, g)),

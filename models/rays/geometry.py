@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.rays.records import Geoms
+from wayproof.models.rays.soup import SHAPES, gather
 
 PRIMITIVES = tuple(
     int(kind)
@@ -25,36 +26,45 @@ ENDLESS = 1e10
 
 
 class Geometry:
-    """The ray-visible primitives of one model, posed where they are now.
+    """The ray-visible geoms of one model, posed where they are now.
+
+    Flexes and skins are no geoms: neither `mujoco.mj_ray` nor this meets them.
 
     Attributes:
         geoms: Tables.
+        soup: Triangles of meshes and height fields; None without any.
     """
 
     def __init__(self, model: mujoco.MjModel, group_mask: NDArray[np.uint8]) -> None:
         """Build the tables and pose what never moves.
 
         Args:
-            model: Its static geoms must stay where they are.
+            model: Its static geoms and its heights must stay as they are.
             group_mask: (6,) non-zero for each geom group that beams meet.
 
         Raises:
-            ValueError: The mask's shape.
+            ValueError: A geom is neither a primitive nor a mesh nor a height field; or the mask's
+                shape.
         """
-        seen = visible(model, group_mask)
-        ids = seen[np.isin(model.geom_type[seen], PRIMITIVES)]
+        ids = visible(model, group_mask)
+        _refuse_others(model, ids)
         # By a joint or with a mocap body: MuJoCo counts neither as welded to the world.
         moving = model.body_weldid[model.geom_bodyid[ids]] != 0
         self._moving_rows = np.flatnonzero(moving)
         self._moving_ids = ids[moving]
         axes, sides = _bodies(model.geom_type[ids], model.geom_size[ids])
+        radii, roots = model.geom_rbound[ids], np.full(len(ids), -1, np.int32)
+        of_triangles = np.flatnonzero(np.isin(model.geom_type[ids], SHAPES))
+        self.soup, roots[of_triangles], sides[of_triangles] = gather(model, ids[of_triangles])
+        radii[of_triangles] = np.linalg.norm(sides[of_triangles], axis=1)
         self.geoms = Geoms(
             ids=ids,
             kinds=model.geom_type[ids].astype(np.int32),
             sizes=model.geom_size[ids],
             axes=axes,
             sides=sides,
-            radii=model.geom_rbound[ids],
+            radii=radii,
+            roots=roots,
             positions=np.empty((len(ids), 3)),
             rotations=np.empty((len(ids), 9)),
         )
@@ -93,6 +103,16 @@ def opaque(model: mujoco.MjModel) -> NDArray[np.bool_]:
     has_material = model.geom_matid >= 0
     alpha[has_material] = model.mat_rgba[model.geom_matid[has_material], 3]
     return np.asarray(alpha != 0.0)
+
+
+def _refuse_others(model: mujoco.MjModel, ids: NDArray[np.int32]) -> None:
+    for geom in ids:
+        if int(model.geom_type[geom]) not in PRIMITIVES + SHAPES:
+            name = model.geom(geom).name or f"number {geom}"
+            raise ValueError(
+                f"geom '{name}': got shape {shape_name(model, geom)}, expected a primitive, a mesh "
+                "or a height field; ray engine 'mujoco' casts it"
+            )
 
 
 def shape_name(model: mujoco.MjModel, geom: int) -> str:

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Array
-from wayproof.models.rays.surfaces import SHAPES, Surfaces
+from wayproof.models.rays.records import Soup
+from wayproof.models.rays.soup import SHAPES, face_normals
 
 
 def surface_normals(
     data: mujoco.MjData,
-    surfaces: Surfaces,
+    soup: Soup | None,
     geom_id: NDArray[np.int32],
     face: NDArray[np.int32],
     points: Array,
@@ -26,9 +27,9 @@ def surface_normals(
 
     Args:
         data: Geom poses at which the rays were cast, and the model.
-        surfaces: The meshes and height fields that the rays were cast against.
+        soup: Triangles of the meshes and height fields, None without any.
         geom_id: (n,) geom that was met, -1 for a miss.
-        face: (n,) triangle of a mesh or a height field, as `surfaces` reported.
+        face: (n,) triangle of a mesh or a height field, a row of `Soup.corners`.
         points: (n, 3) in the world, m; any where nothing was met.
 
     Returns:
@@ -41,8 +42,8 @@ def surface_normals(
         rows = np.flatnonzero(kinds == kind)
         ids = geom_id[rows]
         R = data.geom_xmat[ids].reshape(-1, 3, 3)
-        if kind in SHAPES:
-            local = surfaces.face_normals(face[rows])
+        if soup is not None and kind in SHAPES:
+            local = face_normals(soup, face[rows])
         else:
             p = np.einsum("nji,nj->ni", R, points[rows] - data.geom_xpos[ids])
             local = OUTWARD[int(kind)](p, model.geom_size[ids])

@@ -11,10 +11,10 @@ from wayproof.models.arrays import Array
 
 
 class Geoms(NamedTuple):
-    """Tables over the ray-visible primitives, in the order of their ids.
+    """Tables over the ray-visible geoms, in the order of their ids.
 
-    Each is, in its own frame, the Minkowski sum of an ellipsoid and a box, either of which may be
-    flat: a capsule that of a ball and a line, a cylinder that of a disc and a line.
+    Each is, in its own frame, inside the Minkowski sum of an ellipsoid and a box, either of which
+    may be flat: a capsule is that of a ball and a line, a cylinder that of a disc and a line.
 
     Attributes:
         ids: (g,) geom id in the model.
@@ -23,6 +23,7 @@ class Geoms(NamedTuple):
         axes: (g, 3) half axes of the ellipsoid, m.
         sides: (g, 3) half sides of the box, m; those of a plane may be as good as endless.
         radii: (g,) radius of the ball about each geom, m.
+        roots: (g,) node of `Soup` that holds its triangles, -1 for a primitive.
         positions: (g, 3) in the world, m.
         rotations: (g, 9) R_world_geom, row-major; of a sphere the identity, which MuJoCo's caster
             does not turn either.
@@ -34,8 +35,39 @@ class Geoms(NamedTuple):
     axes: Array
     sides: Array
     radii: Array
+    roots: NDArray[np.int32]
     positions: Array
     rotations: Array
+
+
+class Soup(NamedTuple):
+    """Triangles of all assets, each asset in its own frame under a tree of its own.
+
+    Attributes:
+        boxes: (k, 48) nodes of all trees, see `WideTree`.
+        links: (k, 8) likewise; children and triangles are rows of these tables.
+        vertices: (v, 3) m.
+        corners: (t, 3) rows of the vertices of each triangle, in the order of the leaves.
+    """
+
+    boxes: NDArray[np.float32]
+    links: NDArray[np.int32]
+    vertices: Array
+    corners: NDArray[np.int32]
+
+
+class Waiting(NamedTuple):
+    """Children that wait during a walk down a tree, the nearest on top.
+
+    Attributes:
+        links: (STACK_SIZE,) their links.
+        ahead: (STACK_SIZE,) lower bounds of the distances to them, m.
+        entries: (8,) those of one node's children, infinite for what is not entered.
+    """
+
+    links: NDArray[np.int64]
+    ahead: NDArray[np.float32]
+    entries: NDArray[np.float32]
 
 
 class Pattern(NamedTuple):
@@ -103,6 +135,8 @@ class Room(NamedTuple):
         best: (w + 1,) nearest ones so far, m, and the farthest of these.
         best_bits: (w + 1,) the same memory as integers.
         best_geom: (w,) rows of `Geoms`.
+        rows: (w,) rows of `Soup.corners` that are met of one geom.
+        best_rows: (w,) and of the nearest ones.
         walls: (5, 3) normals of the planes about a tile, by `enclose`.
         slack: (g,) angular slack of each view, by `select_views`.
         block_views: (6, g) views of the geoms that a block may meet.
@@ -117,6 +151,8 @@ class Room(NamedTuple):
     best: Array
     best_bits: NDArray[np.int64]
     best_geom: NDArray[np.int64]
+    rows: NDArray[np.int32]
+    best_rows: NDArray[np.int32]
     walls: Array
     slack: Array
     block_views: Array

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array, Vector3
 from wayproof.models.rays.bounds import enclose, fit_cone, may_meet, select_views
-from wayproof.models.rays.records import Geoms, Pattern, Room, Sweep
+from wayproof.models.rays.records import Geoms, Pattern, Room, Soup, Sweep, Waiting
 from wayproof.models.rays.shapes import (
     BOX,
     CAPSULE,
@@ -26,6 +26,7 @@ from wayproof.models.rays.shapes import (
     plane,
     sphere,
 )
+from wayproof.models.rays.walks import NO_ROW, meet_triangles
 
 MAX_UNWALLED = 2
 """Maximum number of candidates of a tile that are tried without planes, which cost more."""
@@ -158,6 +159,42 @@ def reach_geom(
 
 
 @kernel
+def reach_soup(
+    n: int, shape: tuple[int, float, tuple[float, ...], Vector3], local_starts: Array | None,
+    v: Array, best: Array, soup: Soup, waiting: Waiting, reach: Array, rows: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Compute the distances of a tile's first n beams to a geom of triangles, as `reach_geom` does.
+
+    Args:
+        n: Number of beams.
+        shape: Node that holds the triangles, radius of the ball about the geom, m, and its `m` and
+            `origin` as for `reach_geom`.
+        local_starts: As for `reach_geom`.
+        v: Likewise.
+        best: (n or more,) nearest hits so far, m; what is farther is a miss.
+        soup: Triangles.
+        waiting: Scratch.
+        reach: (n or more,) is written.
+        rows: (n or more,) triangles are written.
+    """
+    root, radius, m, origin = shape
+    for i in range(n):
+        o, d = origin_of(origin, local_starts, i), turn(m, v[0, i], v[1, i], v[2, i])
+        x, rows[i] = meet_triangles(root, o, d, radius, best[i], soup, waiting)
+        reach[i] = x if rows[i] < NO_ROW else np.inf
+
+
+@kernel
+def keep_rows(
+    n: int, geom: int, best_geom: NDArray[np.int64], rows: NDArray[np.int32],
+    best_rows: NDArray[np.int32],
+) -> None:  # fmt: skip
+    """Keep the triangles of the beams whose nearest hit is on a geom."""
+    for i in range(n):
+        best_rows[i] = rows[i] if best_geom[i] == geom else best_rows[i]
+
+
+@kernel
 def keep_nearest(
     n: int,
     geom: int,
@@ -226,8 +263,11 @@ def cast_blocks(
     geoms: Geoms,
     sweep: Sweep,
     room: Room,
+    soup: Soup | None,
+    waiting: Waiting,
     distance: Array,
     geom_id: NDArray[np.int32],
+    face: NDArray[np.int32],
 ) -> None:
     """Cast the beams of a pattern, block by block.
 
@@ -239,16 +279,21 @@ def cast_blocks(
         geoms: Tables over g geoms.
         sweep: Poses, and views of the geoms.
         room: Scratch arrays.
+        soup: Triangles; None without any, so that no kernel for these is compiled.
+        waiting: Scratch arrays of walks.
         distance: (n,) hits are written in the pattern's own order, m; misses are not.
         geom_id: (n,) likewise.
+        face: (n,) likewise the triangles that were met; (0,) without any.
     """
     sensor_beams, places, tile_starts, _, block_starts, _, pose_indices = pattern
-    ids, kinds, sizes, axes, sides, _, positions, rotations = geoms
+    ids, kinds, sizes, axes, sides, radii, roots, positions, rotations = geoms
     origins, turns, R, beams, spread, limit, tile_cones, block_cones, order, views, local = sweep
-    v, starts, local_starts, reach, best, bits, best_geom, walls, slack, near, rows, chosen = room
+    (v, starts, local_starts, reach, best, bits, best_geom, met, best_met, walls, slack, near,
+     rows, chosen) = room  # fmt: skip
     rolling = len(origins) > 1
     within = int(np.searchsorted(views[0], limit, "right"))
     up = turns[0, :, 2].copy()
+    unwalled = MAX_UNWALLED if soup is None else 0
     for block in range(len(block_cones)):
         if rolling:  # the sensor turns, so tiles and blocks change their shapes
             start, stop = tile_starts[block_starts[block]], tile_starts[block_starts[block + 1]]
@@ -268,7 +313,7 @@ def cast_blocks(
             if rolling:
                 copy_origins(start, n, pose_indices, origins, starts)
             clear_hits(n, limit, len(ids), best, best_geom)
-            if candidates > MAX_UNWALLED:
+            if candidates > unwalled:
                 enclose(n, v, tile, tile_cones, up, walls)
             # Nearest lower bound first: once it is beyond the farthest hit, no geom can be nearer.
             farthest = limit
@@ -276,7 +321,7 @@ def cast_blocks(
                 g = rows[chosen[i]]
                 if near[0, chosen[i]] > farthest:
                     break
-                if candidates > MAX_UNWALLED and not may_meet(
+                if candidates > unwalled and not may_meet(
                     walls, farthest, g, rotations, axes, sides, local, spread
                 ):
                     continue
@@ -284,8 +329,20 @@ def cast_blocks(
                 origin = local[g, 0], local[g, 1], local[g, 2]
                 if rolling:
                     localize_origins(n, g, positions, rotations, starts, local_starts)
+                if soup is not None and roots[g] >= 0:
+                    shape = roots[g], radii[g], m, origin
+                    if rolling:
+                        reach_soup(n, shape, local_starts, v, best, soup, waiting, reach, met)
+                    else:
+                        reach_soup(n, shape, None, v, best, soup, waiting, reach, met)
+                elif rolling:
                     reach_geom(n, kinds[g], size, m, origin, local_starts, v, reach)
                 else:
                     reach_geom(n, kinds[g], size, m, origin, None, v, reach)
                 farthest = keep_nearest(n, g, reach, best, bits, best_geom)
+                if soup is not None:
+                    keep_rows(n, g, best_geom, met, best_met)
             report(n, start, places, best, best_geom, ids, distance, geom_id)
+            if soup is not None:
+                for i in range(n):
+                    face[places[start + i]] = best_met[i]

@@ -1,272 +1,202 @@
-"""Walks of a tile down the tree of an asset, and down the grid of a height field."""
+"""Rays against triangles: each walks down a tree of boxes, nearest first.
+
+Boxes are single precision, and widened by a margin above all rounding: what is ruled out is not
+met, and the rest is decided on triangles.
+
+Whether a ray passes a triangle is decided by the side on which it passes each edge, in Plücker
+coordinates (Jones, "Intersecting a ray and a triangle with Plücker coordinates", Ray Tracing News
+13(1), 2000). The numbers of an edge are those of its neighbour's with the other sign, to the last
+bit, so that no ray slips through between two triangles.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
-from wayproof.models.arrays import Array
-from wayproof.models.rays.fans import TILE, boxes_met, distance_ahead
-from wayproof.models.rays.field_grid import (
-    COLUMNS,
-    FIRST_FACE,
-    PLACE_BITS,
-    Fields,
-    child_of,
-    point_of,
-    top_node,
-    unfold,
-)
-from wayproof.models.rays.lanes import Lanes
-from wayproof.models.rays.packets import (
-    WIDTH,
-    U,
-    farthest_hit,
-    keep_nearest,
-    numbers_of,
-    triangle_of,
-)
-from wayproof.models.rays.wide_tree import HEIGHTS, LEAF_BITS
+from wayproof.models._jit import inlined
+from wayproof.models.arrays import Array, Vector3
+from wayproof.models.rays.records import Soup, Waiting
+from wayproof.models.rays.wide_tree import CHILDREN, LEAF_BITS
 
-SUBSETS = np.array(
-    [[k for k in range(8) if m >> k & 1] + [0] * (8 - m.bit_count()) for m in range(256)]
-)
-"""Elements of each subset of eight, by the bits of its number; zeros behind them."""
+U = np.uint64
+"""Unsigned indices keep negative ones out, and so a test for them."""
 
-SIZES = np.array([m.bit_count() for m in range(256)])
-"""Number of elements of each subset."""
+MIN_SLOPE = 1e-15
+"""MuJoCo's mjMINVAL: a triangle of less area than this, as a ray sees it, is not met, m^2."""
+
+MIN_COMPONENT = 1e-18
+"""Least component of a direction in tests of boxes; its inverse is a finite single."""
+
+ROUNDING = 2.0**-20
+"""Margin of boxes as a share of the largest coordinate: 16 units of rounding. A corner, an origin
+and an inverse, each rounded, and their difference and product take at most five."""
+
+FARTHER = 1.0 + 2e-7
+"""Factor that rounds a distance up as it becomes a single."""
+
+LOWEST = np.array([0] + [(m & -m).bit_length() - 1 for m in range(1, 1 << CHILDREN)])
+"""Lowest element of each set of children, by the bits of its number."""
+
+NO_ROW = np.iinfo(np.int32).max
+"""Sentinel for no triangle: above any row."""
 
 
-class Soup(NamedTuple):
-    """Triangles of all assets, each asset in its own frame under a tree of its own.
-
-    Attributes:
-        boxes: (k, 48) nodes of all trees, see `WideTree`.
-        links: (k, 8) likewise; children and triangles are rows of these tables.
-        vertices: (v, 3) m.
-        corners: (t, 3) rows of the vertices of each triangle, in the order of the leaves.
-    """
-
-    boxes: NDArray[np.float32]
-    links: NDArray[np.int32]
-    vertices: Array
-    corners: NDArray[np.int32]
+@inlined
+def cross(a: Vector3, b: Vector3) -> Vector3:
+    """Return a x b; b x a is the same to the last bit but for the sign."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-class Placed(NamedTuple):
-    """Geoms made of triangles at their present poses, under one tree in the world.
-
-    Attributes:
-        boxes: (k, 48) nodes of the tree, in the world.
-        links: (k, 8) likewise; the leaves' items are rows of these tables.
-        geoms: (g, 3) geom id in the model, the node of `Soup` that holds its triangles, and its row
-            in `Fields`, or -1; the triangles of a field are its walls and the box under it.
-        poses: (g, 12) position in the world, m, and R_world_geom, row-major.
-        reaches: (g + 1,) largest coordinate of each geom in its frame, and of all in the world, m.
-    """
-
-    boxes: NDArray[np.float32]
-    links: NDArray[np.int32]
-    geoms: NDArray[np.int32]
-    poses: Array
-    reaches: Array
+@inlined
+def side_of(a: Vector3, b: Vector3, d: Vector3, moment: Vector3) -> float:
+    """Return on which side a ray of direction d passes the line from a to b, by its sign."""
+    e = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    # From the middle: both triangles at an edge get the same numbers, but for the sign.
+    m = cross(((a[0] + b[0]) * 0.5, (a[1] + b[1]) * 0.5, (a[2] + b[2]) * 0.5), e)
+    return (d[0] * m[0] + d[1] * m[1] + d[2] * m[2]) + (
+        moment[0] * e[0] + moment[1] * e[1] + moment[2] * e[2]
+    )
 
 
-@kernel
-def farthest_of(count: int, farthest: NDArray[np.float32]) -> np.float32:
-    """Return the farthest hit of the first packets, m."""
-    most: np.float32 = farthest[0]
-    for p in range(1, count):
-        most = max(most, farthest[p])
-    return most
+@inlined
+def point_of(vertices: Array, row: int) -> Vector3:
+    """Return a vertex, m."""
+    i = U(row)
+    return vertices[i, 0], vertices[i, 1], vertices[i, 2]
 
 
-@kernel
-def list_geoms(
-    boxes: NDArray[np.float32], links: NDArray[np.int32], limit: float, lanes: Lanes
-) -> int:
-    """List the geoms that a tile may meet within the limit, nearest first; return their number."""
-    fans, sides = lanes.fans, lanes.sides
-    stack, near, near_ahead = lanes.stack, lanes.near, lanes.near_ahead
-    stack[0] = 0
-    waiting, listed = 1, 0
-    while waiting > 0:
-        waiting -= 1
-        node = stack[waiting]
-        mask = boxes_met(
-            boxes, node, boxes, node, 0, fans, sides, TILE, np.float32(limit * (1.0 + 2e-7))
-        )
-        for j in range(SIZES[mask]):
-            child = SUBSETS[mask, j]
-            link = links[node, child]
-            if link >= 0:
-                stack[waiting] = link
-                waiting += 1
-                continue
-            ahead = distance_ahead(boxes, node, boxes, node, 0, child, fans, sides, TILE)
-            items = (-link) & ((1 << LEAF_BITS) - 1)
-            for g in range((-link) >> LEAF_BITS, ((-link) >> LEAF_BITS) + items):
-                at = listed
-                while at > 0 and near_ahead[at - 1] > ahead:
-                    near[at], near_ahead[at] = near[at - 1], near_ahead[at - 1]
-                    at -= 1
-                near[at], near_ahead[at] = g, ahead
-                listed += 1
-    return listed
-
-
-@kernel
-def put(
-    node: int, distance: np.float32, bottom: int, waiting: int,
-    stack: NDArray[np.int64], ahead: NDArray[np.float32],
-) -> int:  # fmt: skip
-    """Let a child wait among its siblings, from `bottom` up, the nearest on top; return the top."""
-    at = waiting
-    while at > bottom and ahead[at - 1] < distance:
-        stack[at], ahead[at] = stack[at - 1], ahead[at - 1]
-        at -= 1
-    stack[at], ahead[at] = node, distance
-    return waiting + 1
-
-
-@kernel
-def packets_met(
-    count: int, boxes: NDArray[np.float32], node: int, heights: NDArray[np.float32], level: int,
-    skipped: int, nearest: np.float32, leaves: int, lanes: Lanes,
-) -> int:  # fmt: skip
-    """Write which leaves of a node each packet may meet; return those that any may meet."""
-    fans, sides, farthest, masks = lanes.fans, lanes.sides, lanes.farthest, lanes.masks
-    needed = 0
-    for p in range(count):
-        masks[p] = 0
-        if nearest <= farthest[p]:
-            masks[p] = (
-                boxes_met(boxes, node, heights, level, skipped, fans, sides, p, farthest[p])
-                & leaves
-            )
-        needed |= masks[p]
-    return needed
-
-
-@kernel
-def meet_triangle(
-    count: int, leaf: int, numbers: tuple[float, ...], row: int, rays: Array,
-    masks: NDArray[np.int64],
-) -> int:  # fmt: skip
-    """Meet a triangle with the packets that may meet its leaf; return a bit for each that does."""
-    met = 0
-    for p in range(count):
-        if masks[p] >> leaf & 1:
-            if keep_nearest(rays, U(WIDTH * p), numbers, row) > 0:
-                met |= 1 << p
-    return met
-
-
-@kernel
-def move_farthest(count: int, met: int, lanes: Lanes) -> np.float32:
-    """Update the farthest hits of the packets that met something; return the tile's, m."""
-    for j in range(SIZES[met]):
-        p = SUBSETS[met, j]
-        lanes.farthest[p] = farthest_hit(lanes.rays, lanes.bits, U(WIDTH * p))
-    return farthest_of(count, lanes.farthest)
-
-
-@kernel
-def walk_tree(count: int, root: int, soup: Soup, lanes: Lanes) -> bool:
-    """Meet one geom's triangles with the tile in its frame, nodes front to back.
+@inlined
+def reach_triangle(
+    vertices: Array, corners: NDArray[np.int32], row: int, o: Vector3, d: Vector3, m: Vector3
+) -> float:
+    """Return the distance to a triangle from either side, m; infinite for a miss.
 
     Args:
-        count: Number of packets.
-        root: Node of `soup` that holds the whole geom.
-        soup: Triangles.
-        lanes: Beams and fans, in the frame of the geom.
+        vertices: (v, 3) m.
+        corners: (t, 3) rows of vertices.
+        row: Triangle.
+        o: Origin of the ray, m.
+        d: Direction.
+        m: Moment, origin x direction.
+    """
+    i = U(row)
+    a, b = point_of(vertices, corners[i, 0]), point_of(vertices, corners[i, 1])
+    c = point_of(vertices, corners[i, 2])
+    x, y, z = side_of(a, b, d, m), side_of(b, c, d, m), side_of(c, a, d, m)
+    if ((x < 0.0) | (y < 0.0) | (z < 0.0)) & ((x > 0.0) | (y > 0.0) | (z > 0.0)):
+        return math.inf
+    n = cross((a[0] - c[0], a[1] - c[1], a[2] - c[2]), (b[0] - c[0], b[1] - c[1], b[2] - c[2]))
+    offset = n[0] * c[0] + n[1] * c[1] + n[2] * c[2]
+    slope = d[0] * n[0] + d[1] * n[1] + d[2] * n[2]
+    x = (offset - (o[0] * n[0] + o[1] * n[1] + o[2] * n[2])) / slope
+    return x if (abs(slope) >= MIN_SLOPE) & (x >= 0.0) else math.inf
+
+
+@inlined
+def slab_of(o: float, d: float, margin: float, axis: int) -> tuple[Any, ...]:
+    """Return how a ray enters and leaves boxes along one axis.
 
     Returns:
-        Whether a nearer hit was found.
+        Columns of the sides that it meets first and last, the origin as measured from each, m, and
+        the inverse of the direction.
     """
-    boxes, links = soup.boxes, soup.links
-    fans, sides, stack, ahead = lanes.fans, lanes.sides, lanes.stack, lanes.ahead
-    most, any_hit = farthest_of(count, lanes.farthest), False
-    stack[0], ahead[0] = root, np.float32(-1.0)
-    waiting = 1
-    while waiting > 0:
-        waiting -= 1
-        node, nearest = stack[waiting], ahead[waiting]
-        if nearest > most:
-            continue
-        mask = boxes_met(boxes, node, boxes, node, 0, fans, sides, TILE, most)
-        bottom, leaves = waiting, 0
-        for j in range(SIZES[mask]):
-            child = SUBSETS[mask, j]
-            link = links[node, child]
-            if link < 0:
-                leaves |= 1 << child
-                continue
-            distance = distance_ahead(boxes, node, boxes, node, 0, child, fans, sides, TILE)
-            waiting = put(link, distance, bottom, waiting, stack, ahead)
-        if leaves == 0:
-            continue
-        # Leaf by leaf, so that the numbers of a triangle serve all packets.
-        needed, met = packets_met(count, boxes, node, boxes, node, 0, nearest, leaves, lanes), 0
-        for j in range(SIZES[needed]):
-            leaf = SUBSETS[needed, j]
-            link = -links[node, leaf]
-            first = link >> LEAF_BITS
-            for row in range(first, first + (link & ((1 << LEAF_BITS) - 1))):
-                numbers = triangle_of(soup.vertices, soup.corners, row)
-                met |= meet_triangle(count, leaf, numbers, row, lanes.rays, lanes.masks)
-        if met > 0:
-            any_hit = True
-            most = move_farthest(count, met, lanes)
-    return any_hit
+    inverse = np.float32(1.0 / math.copysign(max(abs(d), MIN_COMPONENT), d))
+    shift = math.copysign(margin, d)
+    low, high = U(CHILDREN * axis), U(CHILDREN * (axis + 3))
+    near, far = (low, high) if inverse > 0.0 else (high, low)
+    return near, far, np.float32(o + shift), np.float32(o - shift), inverse
 
 
-@kernel
-def walk_field(count: int, field: int, tables: Fields, lanes: Lanes) -> bool:
-    """Meet the cells of a height field as `walk_tree` meets triangles."""
-    fans, sides, stack, ahead = lanes.fans, lanes.sides, lanes.stack, lanes.ahead
-    boxes, ranges = lanes.node, tables.ranges
-    most, any_hit = farthest_of(count, lanes.farthest), False
-    stack[0], ahead[0] = top_node(tables, field), np.float32(-1.0)
-    waiting = 1
-    while waiting > 0:
-        waiting -= 1
-        node, nearest = stack[waiting], ahead[waiting]
-        if nearest > most:
-            continue
-        level = unfold(tables, field, node, boxes)
-        mask = boxes_met(boxes, 0, ranges, level, HEIGHTS, fans, sides, TILE, most)
-        if node >> 2 * PLACE_BITS > 0:
-            bottom = waiting
-            for j in range(SIZES[mask]):
-                child = SUBSETS[mask, j]
-                distance = distance_ahead(
-                    boxes, 0, ranges, level, HEIGHTS, child, fans, sides, TILE
-                )
-                waiting = put(child_of(node, child), distance, bottom, waiting, stack, ahead)
-            continue
-        needed, met = packets_met(count, boxes, 0, ranges, level, HEIGHTS, nearest, mask, lanes), 0
-        for j in range(SIZES[needed]):
-            leaf = SUBSETS[needed, j]
-            met |= meet_cell(count, leaf, child_of(node, leaf), field, tables, lanes)
-        if met > 0:
-            any_hit = True
-            most = move_farthest(count, met, lanes)
-    return any_hit
+@inlined
+def open_node(
+    boxes: NDArray[np.float32], links: NDArray[np.int32], node: int, slabs: Any,
+    farthest: np.float32, bottom: int, waiting: Waiting,
+) -> int:  # fmt: skip
+    """Let the children of a node that a ray enters wait, nearest on top; return the top.
+
+    Args:
+        boxes: (k, 48) nodes.
+        links: (k, 8) likewise.
+        node: Row.
+        slabs: By `slab_of`, for x, y and z.
+        farthest: Farthest distance of use, m.
+        bottom: Number of those that wait already.
+        waiting: Children are added.
+    """
+    (ax, bx, nx, fx, ix), (ay, by, ny, fy, iy), (az, bz, nz, fz, iz) = slabs
+    row, mask = U(node), 0
+    # As many as a node has, told by the table: a loop of a known length would not become vectors.
+    for child in range(links.shape[1]):
+        k = U(child)
+        x, u = (boxes[row, ax + k] - nx) * ix, (boxes[row, bx + k] - fx) * ix
+        y, v = (boxes[row, ay + k] - ny) * iy, (boxes[row, by + k] - fy) * iy
+        z, w = (boxes[row, az + k] - nz) * iz, (boxes[row, bz + k] - fz) * iz
+        x = x if x > y else y
+        x = x if x > z else z
+        u = u if u < v else v
+        u = u if u < w else w
+        mask += ((x <= u) & (u >= np.float32(0.0)) & (x <= farthest)) << child
+    top = bottom
+    while mask > 0:
+        k = U(LOWEST[mask])
+        mask &= mask - 1
+        x, y = (boxes[row, ax + k] - nx) * ix, (boxes[row, ay + k] - ny) * iy
+        ahead, at = max(max(x, y), (boxes[row, az + k] - nz) * iz), top
+        while at > bottom and waiting.ahead[at - 1] < ahead:
+            waiting.links[at], waiting.ahead[at] = waiting.links[at - 1], waiting.ahead[at - 1]
+            at -= 1
+        waiting.links[at], waiting.ahead[at] = links[row, k], ahead
+        top += 1
+    return top
 
 
-@kernel
-def meet_cell(count: int, leaf: int, cell: int, field: int, tables: Fields, lanes: Lanes) -> int:
-    """Meet both triangles of a cell of a height field; see `meet_triangle`."""
-    place = (1 << PLACE_BITS) - 1
-    row, column = cell >> PLACE_BITS & place, cell & place
-    a, b = point_of(tables, field, row, column), point_of(tables, field, row, column + 1)
-    c, d = point_of(tables, field, row + 1, column + 1), point_of(tables, field, row + 1, column)
-    fields = tables.fields
-    face = fields[field, FIRST_FACE] + 2 * (row * (fields[field, COLUMNS] - 1) + column)
-    rays, masks = lanes.rays, lanes.masks
-    met = meet_triangle(count, leaf, numbers_of(a, b, c), face, rays, masks)
-    return met | meet_triangle(count, leaf, numbers_of(a, c, d), face + 1, rays, masks)
+@inlined
+def slabs_of(o: Vector3, d: Vector3, reach: float) -> Any:
+    """Return how a ray enters and leaves boxes within `reach` of the frame's origin, m."""
+    margin = ROUNDING * (reach + abs(o[0]) + abs(o[1]) + abs(o[2]))
+    return (
+        slab_of(o[0], d[0], margin, 0),
+        slab_of(o[1], d[1], margin, 1),
+        slab_of(o[2], d[2], margin, 2),
+    )
+
+
+@inlined
+def meet_triangles(
+    root: int, o: Vector3, d: Vector3, reach: float, limit: float, soup: Soup, waiting: Waiting
+) -> tuple[float, int]:
+    """Return the distance to the nearest triangle of an asset, m, and its row; of equal the lower.
+
+    Args:
+        root: Node that holds the asset.
+        o: Origin of the ray in its frame, m.
+        d: Direction there.
+        reach: Largest coordinate of the asset, m.
+        limit: Farthest distance of use, m.
+        soup: Triangles of all assets.
+        waiting: Scratch.
+
+    Returns:
+        The limit and `NO_ROW` where none is met within it.
+    """
+    slabs, moment, best, best_row = slabs_of(o, d, reach), cross(o, d), limit, NO_ROW
+    waiting.links[0], waiting.ahead[0] = root, np.float32(0.0)
+    top = 1
+    while top > 0:
+        top -= 1
+        link, farthest = waiting.links[top], np.float32(best * FARTHER)
+        if waiting.ahead[top] > farthest:
+            continue
+        if link >= 0:
+            top = open_node(soup.boxes, soup.links, link, slabs, farthest, top, waiting)
+            continue
+        first, count = (-link) >> LEAF_BITS, (-link) & ((1 << LEAF_BITS) - 1)
+        for row in range(first, first + count):
+            x = reach_triangle(soup.vertices, soup.corners, row, o, d, moment)
+            if (x < best) | ((x == best) & (row < best_row)):
+                best, best_row = x, row
+    return best, best_row

@@ -22,13 +22,6 @@ CHILDREN = 8
 
 SIDES = 6 * CHILDREN
 
-COLUMNS = (0, 8, 32, 16, 24, 40)
-"""First columns of the children's lower x, y, z and upper x, y, z in a node: heights stand last, so
-that a height field keeps no others."""
-
-HEIGHTS = 32
-"""First column of heights."""
-
 MAX_LEAF = 2
 """Maximum number of items of a leaf: two triangles often fill one box."""
 
@@ -46,8 +39,8 @@ class WideTree(NamedTuple):
     """Boxes within boxes over n items; node 0 is the root.
 
     Attributes:
-        boxes: (k, 48) corners of the children, rounded outwards, see `COLUMNS`; not a number where
-            there is no child.
+        boxes: (k, 48) lower x, y and z of eight children, then the upper ones, rounded outwards;
+            from infinity down to minus infinity where there is no child.
         links: (k, 8) node of each child; of a leaf minus (4 * first place in `order` + number of
             items); 0 where there is no child.
         order: (n,) items as the leaves list them.
@@ -65,7 +58,8 @@ def build_wide_tree(lower: Array, upper: Array) -> WideTree:
     """
     tree = build_tree(lower, upper)
     nodes = max(len(tree.boxes), 1)
-    boxes = np.full((nodes, SIDES), np.nan, np.float32)
+    boxes = np.empty((nodes, SIDES), np.float32)
+    boxes[:, : SIDES // 2], boxes[:, SIDES // 2 :] = np.inf, -np.inf
     links = np.zeros((nodes, CHILDREN), np.int32)
     made = 1
     if len(tree.boxes):
@@ -179,7 +173,7 @@ def pull_together(
         links: (k, 2) likewise.
         shares: (k, 8) by `weigh`.
         counts: (k, 2) by `weigh`.
-        wide_boxes: (k, 48) is written, see `WideTree`; not a number before.
+        wide_boxes: (k, 48) is written, see `WideTree`; without children before.
         wide_links: (k, 8) likewise; 0 before.
     """
     pending = np.empty((STACK_SIZE, 2), np.int64)
@@ -218,5 +212,5 @@ def write_box(
             low = np.nextafter(low, np.float32(-math.inf))
         if high < boxes[node, 3 + axis]:
             high = np.nextafter(high, np.float32(math.inf))
-        wide_boxes[wide, COLUMNS[axis] + child] = low
-        wide_boxes[wide, COLUMNS[3 + axis] + child] = high
+        wide_boxes[wide, CHILDREN * axis + child] = low
+        wide_boxes[wide, CHILDREN * (3 + axis) + child] = high

@@ -15,7 +15,6 @@ from tests.models.rays.cast import (
 from wayproof.models import rays
 from wayproof.models.poses import Trail
 from wayproof.models.rays import TileCaster, bounds, cut_grid, cut_scattered, tile_kernels, tiles
-from wayproof.models.rays.surface_kernels import meet_tiles
 from wayproof.models.robots import ROBOTS
 from wayproof.models.scene import compose
 from wayproof.models.sensors.caster import RangefinderCaster
@@ -55,7 +54,7 @@ def test_nothing_is_compiled_after_the_warm_up():
     }
     assert len(everything) == 5
     before = {name: len(kernel.signatures) for name, kernel in everything.items()}
-    assert set(before.values()) == {1}
+    assert set(before.values()) <= {1, 2}  # with triangles too where another test met some
     model, data = posed(random_geoms(np.random.default_rng(2), 10))
     caster = TileCaster(model, ALL, LIDAR.range)
     R = data.geom_xmat[0].reshape(3, 3)
@@ -72,10 +71,10 @@ def test_nothing_is_compiled_after_a_caster_of_triangles_is_made():
     head = '<asset><mesh name="wedge" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'
     model, data = posed('<geom type="mesh" mesh="wedge"/>', head)
     caster = TileCaster(model, ALL, LIDAR.range)
-    before = len(meet_tiles.signatures)
+    before = len(tile_kernels.cast_blocks.signatures)
     assert before > 0
     directions = directions_of(LIDAR)
     caster.cast(data, pattern_of(LIDAR), np.ones(3), np.eye(3))
     scattered = cut_scattered(directions, np.arange(len(directions)) % 7)
     caster.cast(data, scattered, np.ones((7, 3)), np.broadcast_to(np.eye(3), (7, 3, 3)))
-    assert len(meet_tiles.signatures) == before
+    assert len(tile_kernels.cast_blocks.signatures) == before

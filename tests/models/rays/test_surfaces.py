@@ -5,10 +5,7 @@ import numpy as np
 import pytest
 
 from tests.models.interpreting import interpret_kernels
-from wayproof.models.rays.lanes import Beams, SurfaceHits
-from wayproof.models.rays.packets import WIDTH
-from wayproof.models.rays.surfaces import Surfaces
-from wayproof.models.rays.tiles import cut_grid
+from wayproof.models.rays import TileCaster, cut_grid, cut_scattered
 from wayproof.models.rays.tree import MAX_SORTED_DEPTH, build_tree
 from wayproof.models.sensors.beams import directions as beams_of
 from wayproof.models.sensors.devices import DepthCamera, SpinningLidar, evenly
@@ -81,28 +78,15 @@ def random_rays(rng, count, spread=4.0, about=((0.0, 0.0, 0.0),)):
     return origins, directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
-def no_hits(count):
-    return SurfaceHits(
-        np.full(count, -1.0), np.full(count, -1, np.int32), np.full(count, -1, np.int32)
-    )
-
-
-def cast_rays(surfaces, origins, directions, limit=30.0, hits=None):
-    """Hits of world rays, each a beam of its own sensor, 64 at a time as in a tile."""
+def cast_rays(model, data, origins, directions, limit=30.0):
+    """Hits of world rays, each a beam of its own scan pose."""
     count = len(origins)
-    hits = no_hits(count) if hits is None else hits
-    starts = np.append(np.arange(0, count, 64), count)
-    indices = np.arange(count)
-    turns = np.tile(np.eye(3), (count, 1, 1))
-    beams = np.ascontiguousarray(directions.T)
-    surfaces.meet(
-        starts, Beams(beams, indices, indices.astype(np.int32), origins, turns), limit, hits
-    )
-    return hits
+    pattern, turns = cut_scattered(directions, np.arange(count)), np.tile(np.eye(3), (count, 1, 1))
+    return TileCaster(model, ALL, limit).cast(data, pattern, origins, turns)
 
 
 def by_mj_ray(model, data, origins, directions, limit=30.0):
-    distance, ids, _ = no_hits(len(origins))
+    distance, ids = np.full(len(origins), -1.0), np.full(len(origins), -1, np.int32)
     geom = np.zeros(1, np.int32)
     for ray, (origin, direction) in enumerate(zip(origins, directions, strict=True)):
         found = mujoco.mj_ray(model, data, origin, direction, ALL, 1, -1, geom)
@@ -111,8 +95,8 @@ def by_mj_ray(model, data, origins, directions, limit=30.0):
     return distance, ids
 
 
-def assert_as_mujoco(model, data, surfaces, origins, directions, least_hits):
-    distance, ids, _ = cast_rays(surfaces, origins, directions)
+def assert_as_mujoco(model, data, origins, directions, least_hits):
+    distance, ids = cast_rays(model, data, origins, directions)
     expected, expected_ids = by_mj_ray(model, data, origins, directions)
     np.testing.assert_array_equal(ids, expected_ids)
     assert np.abs(distance - expected).max() <= 1e-9
@@ -124,7 +108,7 @@ def test_rugged_scenes_as_mujoco_casts_them(seed):
     rng = np.random.default_rng(seed)
     model, data = posed(rugged(rng))
     rays = random_rays(rng, 1500, about=data.geom_xpos)
-    assert_as_mujoco(model, data, Surfaces(model, ALL), *rays, least_hits=300)
+    assert_as_mujoco(model, data, *rays, least_hits=300)
 
 
 @pytest.mark.parametrize("asset", ["star", "hills"])
@@ -139,7 +123,7 @@ def test_starts_inside(asset):
     _, directions = random_rays(rng, 500)
     for origin in ([0.0, 0.0, 0.05], [0.05, 0.0, -0.05], [0.0, 0.02, 0.0]):
         origins = np.tile(data.geom_xpos[0] + origin, (500, 1))
-        assert_as_mujoco(model, data, Surfaces(model, ALL), origins, directions, 500)
+        assert_as_mujoco(model, data, origins, directions, 500)
 
 
 def test_a_cube_by_hand():
@@ -148,14 +132,13 @@ def test_a_cube_by_hand():
     mesh = spec.add_mesh(name="cube")
     mesh.make_cone(4, 1.0)  # a prism on a square, whose corners lie on a circle of radius 1
     add_geom(spec.worldbody, "cube", MESH)
-    model, _ = posed(spec)
-    surfaces = Surfaces(model, ALL)
+    model, data = posed(spec)
     half = np.abs(model.mesh_vert).max(axis=0)
     for axis in range(3):
         for sign in (-1.0, 1.0):
             origin, direction = np.zeros((1, 3)), np.zeros((1, 3))
             origin[0, axis], direction[0, axis] = -3.0 * sign, sign
-            distance, ids, _ = cast_rays(surfaces, origin, direction)
+            distance, ids = cast_rays(model, data, origin, direction)
             assert ids[0] == 0  # through the middle of a face, where its two triangles meet
             assert distance[0] == pytest.approx(3.0 - half[axis], abs=1e-6)
 
@@ -185,7 +168,7 @@ def test_a_ramp_by_hand(origin, direction, expected):
     add_geom(spec.worldbody, "ramp", HEIGHT_FIELD)
     model, data = posed(spec)
     rays = np.array([origin], float), np.array([direction], float)
-    assert cast_rays(Surfaces(model, ALL), *rays)[0][0] == pytest.approx(expected, abs=1e-12)
+    assert cast_rays(model, data, *rays)[0][0] == pytest.approx(expected, abs=1e-12)
     assert by_mj_ray(model, data, *rays)[0][0] == pytest.approx(expected, abs=1e-12)
 
 
@@ -207,10 +190,10 @@ def test_grazing_rays():
     origins = np.concatenate([origins, starts])
     directions = np.concatenate([directions, towards - starts])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    _, ids, _ = cast_rays(Surfaces(model, ALL), origins, directions)
+    _, ids = cast_rays(model, data, origins, directions)
     assert 0.2 < (ids[2000:] == 0).mean() < 0.9
     assert 0.2 < (ids[:2000] == 1).mean() < 0.9
-    assert_as_mujoco(model, data, Surfaces(model, ALL), origins, directions, 1500)
+    assert_as_mujoco(model, data, origins, directions, 1500)
 
 
 def test_no_gap_between_triangles():
@@ -228,7 +211,7 @@ def test_no_gap_between_triangles():
     origins = np.tile(position, (len(targets), 1))
     directions = targets - origins
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    _, ids, _ = cast_rays(Surfaces(model, ALL), origins, directions)
+    _, ids = cast_rays(model, data, origins, directions)
     assert (ids == 0).all()
 
 
@@ -243,70 +226,61 @@ def test_what_moves_is_met_where_it_is():
     for body in (spec.worldbody, carried, hung):
         add_geom(body, "star", MESH, quat=rng.normal(size=4))
     model, data = posed(spec)
-    surfaces = Surfaces(model, ALL)
-    before = cast_rays(surfaces, *random_rays(np.random.default_rng(0), 800, 3.0))[0]
+    caster = TileCaster(model, ALL, 30.0)
+    first = random_rays(np.random.default_rng(0), 800, 3.0)
+    pattern, turns = cut_scattered(first[1], np.arange(800)), np.tile(np.eye(3), (800, 1, 1))
+    before = caster.cast(data, pattern, first[0], turns)[0]
     for _ in range(3):
         data.mocap_pos[0], data.mocap_quat[0] = rng.normal(size=3), [0.6, 0.0, 0.8, 0.0]
         data.qpos[0] = rng.uniform(-3, 3)
         mujoco.mj_kinematics(model, data)
-        surfaces.refresh(data)
-        assert_as_mujoco(model, data, surfaces, *random_rays(rng, 800, 3.0), least_hits=100)
-    after = cast_rays(surfaces, *random_rays(np.random.default_rng(0), 800, 3.0))[0]
+        assert_as_mujoco(model, data, *random_rays(rng, 800, 3.0), least_hits=100)
+    after = caster.cast(data, pattern, first[0], turns)[0]
+    assert after.tobytes() == cast_rays(model, data, *first)[0].tobytes()
     assert (before != after).sum() > 50
 
 
 @pytest.mark.parametrize("sensor", [LIDAR, CAMERA], ids=["lidar", "camera"])
 @pytest.mark.parametrize("poses", [1, 5])
-def test_a_sweep_by_tiles_is_its_beams_alone(sensor, poses):
-    """Also when the sensor moves during the sweep, and for any split of the tiles."""
+def test_a_sweep_is_its_beams_alone(sensor, poses):
+    """Also when the sensor moves during the sweep."""
     rng = np.random.default_rng(poses)
     model, data = posed(rugged(rng))
-    surfaces = Surfaces(model, ALL)
     table = sensor.beam_table()
-    pattern = cut_grid(beams_of(table, 0), len(table.rows), len(table.columns))
-    count, tiles = len(pattern.places), len(pattern.tile_starts) - 1
-    indices = rng.integers(0, poses, count).astype(np.int32)
+    beams = beams_of(table, 0)
+    indices = rng.integers(0, poses, len(beams)).astype(np.int32)
     origins = np.array([0.0, 0.0, 1.0]) + 0.1 * rng.normal(size=(poses, 3))
     rotations = np.empty((poses, 9))
     for R in rotations:
         quaternion = np.array([1.0, 0.0, 0.0, 0.0]) + 0.05 * rng.normal(size=4)
         mujoco.mju_quat2Mat(R, quaternion / np.linalg.norm(quaternion))
     rotations = rotations.reshape(-1, 3, 3)
-    whole, parts = no_hits(count), no_hits(count)
-    starts = pattern.tile_starts
-    beams = Beams(pattern.beams, pattern.places, indices, origins, rotations)
-    surfaces.meet(starts, beams, 30.0, whole)
-    for first, last in [(tiles // 2, tiles), (0, 0), (0, 3), (3, tiles // 2)]:
-        surfaces.meet(starts[first : last + 1], beams, 30.0, parts)
-    for one, other in zip(whole, parts, strict=True):
-        assert one.tobytes() == other.tobytes()
-    if poses == 1:
-        late = no_hits(count)
-        surfaces.meet(starts, beams._replace(pose_indices=indices + 7), 30.0, late)
-        assert late[0].tobytes() == whole[0].tobytes()
-    directions = np.einsum("nij,jn->ni", rotations[indices], pattern.beams)
+    pattern = cut_grid(beams, len(table.rows), len(table.columns), indices)
+    whole = TileCaster(model, ALL, 30.0).cast(data, pattern, origins, rotations)
+    directions = np.einsum("nij,nj->ni", rotations[indices], beams)
     expected, ids = by_mj_ray(model, data, origins[indices], directions)
     assert (ids >= 0).sum() > 50
-    np.testing.assert_array_equal(whole[1][pattern.places], ids)
-    assert np.abs(whole[0][pattern.places] - expected).max() <= 1e-9
+    np.testing.assert_array_equal(whole[1], ids)
+    assert np.abs(whole[0] - expected).max() <= 1e-9
 
 
-def test_nearer_hits_stand_and_equal_ones_go_to_the_lower_id():
+def test_of_equal_hits_the_lower_id_wins_also_among_primitives():
     spec = mujoco.MjSpec()
     add_hills(spec, "flat", 2, 2, [1.0, 1.0, 1.0, 1.0], np.zeros(4))
-    for _ in range(2):
-        add_geom(spec.worldbody, "flat", HEIGHT_FIELD)
-        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.1, 0, 0], pos=[5, 5, 5])
-    model, _ = posed(spec)
-    surfaces = Surfaces(model, ALL)
-    assert len(surfaces) == 2
-    origins, directions = np.tile([0.2, 0.1, 2.0], (4, 1)), np.tile([0.0, 0.0, -1.0], (4, 1))
-    distance = np.array([-1.0, 1.5, 2.0, 2.0])
-    ids, face = np.array([-1, 3, 3, -5], np.int32), np.full(4, -1, np.int32)
-    cast_rays(surfaces, origins, directions, hits=SurfaceHits(distance, ids, face))
-    assert distance.tolist() == [2.0, 1.5, 2.0, 2.0]
-    assert ids.tolist() == [0, 3, 0, -5]
-    assert (face >= 0).tolist() == [True, False, True, False]
+    places = [[0, 0, 0], [0, 0, 0], [5, 0, 0], [5, 0, 0]]
+    for number, place in enumerate(places):
+        if number in (0, 1, 3):
+            add_geom(spec.worldbody, "flat", HEIGHT_FIELD, pos=place)
+        else:
+            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1, 1, 1], pos=place)
+    model, data = posed(spec)
+    origins, directions = (
+        np.array([[0.2, 0.1, 2.0], [5.2, 0.1, 2.0]]),
+        np.tile([0.0, 0, -1], (2, 1)),
+    )
+    distance, ids = cast_rays(model, data, origins, directions)
+    assert distance.tolist() == [2.0, 2.0]
+    assert ids.tolist() == [0, 2]
 
 
 @pytest.mark.parametrize(("limit", "expected"), [(2.0, 2.0), (1.9999, -1.0)])
@@ -314,9 +288,8 @@ def test_range(limit, expected):
     spec = mujoco.MjSpec()
     add_hills(spec, "flat", 2, 2, [1.0, 1.0, 1.0, 1.0], np.zeros(4))
     add_geom(spec.worldbody, "flat", HEIGHT_FIELD)
-    model, _ = posed(spec)
     rays = np.array([[0.2, 0.1, 2.0]]), np.array([[0.0, 0.0, -1.0]])
-    assert cast_rays(Surfaces(model, ALL), *rays, limit)[0][0] == expected
+    assert cast_rays(*posed(spec), *rays, limit)[0][0] == expected
 
 
 def test_groups_and_alpha():
@@ -325,13 +298,14 @@ def test_groups_and_alpha():
     add_mesh(spec, "star", *star(rng))
     add_geom(spec.worldbody, "star", MESH, group=2)
     add_geom(spec.worldbody, "star", MESH, rgba=[1, 1, 1, 0])
-    model, _ = posed(spec)
-    assert len(Surfaces(model, ALL)) == 1
+    model, data = posed(spec)
+    origins, directions = random_rays(rng, 50)
+    assert set(cast_rays(model, data, origins, directions)[1]) == {-1, 0}
     mask = ALL.copy()
     mask[2] = 0
-    surfaces = Surfaces(model, mask)
-    assert len(surfaces) == 0
-    assert (cast_rays(surfaces, *random_rays(rng, 50))[1] == -1).all()
+    caster = TileCaster(model, mask, 30.0)
+    _, ids = caster.cast(data, cut_scattered(directions), origins[0], np.eye(3))
+    assert (ids == -1).all()
 
 
 def test_a_tree_over_equal_and_over_exponential_items_stays_shallow():
@@ -349,18 +323,18 @@ def test_a_tree_over_equal_and_over_exponential_items_stays_shallow():
 
 def test_compiled_kernels_equal_their_python(monkeypatch):
     rng = np.random.default_rng(6)
-    model, _ = posed(rugged(rng))
-    origins, directions = random_rays(rng, 3 * WIDTH - 3)
-    compiled = cast_rays(Surfaces(model, ALL), origins, directions)
+    model, data = posed(rugged(rng))
+    origins, directions = random_rays(rng, 21)
+    compiled = cast_rays(model, data, origins, directions)
     interpret_kernels(monkeypatch, "wayproof.models.rays")
     with np.errstate(all="ignore"):
-        interpreted = cast_rays(Surfaces(model, ALL), origins, directions)
+        interpreted = cast_rays(model, data, origins, directions)
     assert (compiled[1] >= 0).sum() > 5
     for one, other in zip(compiled, interpreted, strict=True):
         assert one.tobytes() == other.tobytes()
 
 
-def test_a_packet_meets_triangles_as_plain_algebra_does():
+def test_rays_meet_triangles_as_plain_algebra_does():
     """Each ray and triangle solved as three linear equations."""
     rng = np.random.default_rng(9)
     corners = rng.normal(size=(40, 3, 3))
@@ -379,7 +353,7 @@ def test_a_packet_meets_triangles_as_plain_algebra_does():
             x, u, v = np.linalg.solve(np.column_stack([-d, b - a, c - a]), o - a)
             if x >= 0.0 and u >= 0.0 and v >= 0.0 and u + v <= 1.0:
                 naive[ray] = min(naive[ray], x)
-    distance, ids, _ = cast_rays(Surfaces(model, ALL), origins, directions)
+    distance, ids = cast_rays(model, data, origins, directions)
     assert ((ids == 0) == np.isfinite(naive)).all()
     assert np.abs(distance - naive)[ids == 0].max() < 1e-9
     assert (ids == 0).sum() > 100
