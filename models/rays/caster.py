@@ -12,7 +12,7 @@ from wayproof.models.rays.normals import surface_normals
 from wayproof.models.rays.records import Geoms, Pattern, Room, Sweep, Waiting
 from wayproof.models.rays.tile_kernels import cast_blocks
 from wayproof.models.rays.tiles import cut_scattered
-from wayproof.models.rays.wide_tree import CHILDREN, STACK_SIZE
+from wayproof.models.rays.wide_tree import STACK_SIZE
 
 
 class TileCaster:
@@ -44,11 +44,7 @@ class TileCaster:
             raise ValueError(f"range: got {range:g}, expected a finite length > 0 m")
         self._geometry = Geometry(model, group_mask)
         self._range = float(range)
-        self._waiting = Waiting(
-            np.empty(STACK_SIZE, np.int64),
-            np.empty(STACK_SIZE, np.float32),
-            np.empty(CHILDREN, np.float32),
-        )
+        self._waiting = Waiting(np.empty(STACK_SIZE, np.int64), np.empty(STACK_SIZE, np.float32))
         if self._geometry.soup is not None:
             self._cast_once(model)
 

@@ -62,12 +62,10 @@ class Waiting(NamedTuple):
     Attributes:
         links: (STACK_SIZE,) their links.
         ahead: (STACK_SIZE,) lower bounds of the distances to them, m.
-        entries: (8,) those of one node's children, infinite for what is not entered.
     """
 
     links: NDArray[np.int64]
     ahead: NDArray[np.float32]
-    entries: NDArray[np.float32]
 
 
 class Pattern(NamedTuple):

@@ -14,6 +14,9 @@ from wayproof.models.arrays import Array
 BOX_MARGIN = 1e-9
 """Excess of boxes over what they bound, m, so that rounding never rules out a hit."""
 
+MAX_LEAF = 2
+"""Maximum number of items of a leaf: two triangles often fill one box."""
+
 BINS = 16
 """Number of bins between which a split is tried; Wald 2007 finds 16 nearly as good as all."""
 
@@ -29,8 +32,8 @@ class Tree(NamedTuple):
 
     Attributes:
         boxes: (k, 6) lower and upper corner of each node, margin included.
-        links: (k, 2) of a leaf its place in `order` and 1; of an inner node its first child, of
-            which the second is the next node, and 0.
+        links: (k, 2) of a leaf its first place in `order` and its number of items; of an inner node
+            its first child, of which the second is the next node, and 0.
         order: (n,) items as the leaves list them.
     """
 
@@ -54,7 +57,7 @@ class Items(NamedTuple):
 
 
 def build_tree(lower: Array, upper: Array) -> Tree:
-    """Build the tree over n items with corners (n, 3) and (n, 3), each in a leaf of its own.
+    """Build the tree over n items with corners (n, 3) and (n, 3).
 
     It is empty without items.
     """
@@ -94,8 +97,8 @@ def grow_tree(
         node, start, stop = pending[waiting, 0], pending[waiting, 1], pending[waiting, 2]
         depth = pending[waiting, 3] + 1
         enclose(items, start, stop, boxes, node)
-        if stop - start == 1:
-            links[node, 0], links[node, 1] = start, 1
+        if stop - start <= MAX_LEAF:
+            links[node, 0], links[node, 1] = start, stop - start
             continue
         axis, low, high = widest_axis(items, start, stop)
         middle = start

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from wayproof.models.rays.walks import Waiting, open_node, slabs_of
-from wayproof.models.rays.wide_tree import CHILDREN, LEAF_BITS, MAX_LEAF, build_wide_tree
+from wayproof.models.rays.records import Waiting
+from wayproof.models.rays.tree import MAX_LEAF
+from wayproof.models.rays.walks import open_node, slabs_of
+from wayproof.models.rays.wide_tree import CHILDREN, LEAF_BITS, build_wide_tree
 
 
 def corners(boxes, node, child):
@@ -68,7 +70,7 @@ def naive_met(low, high, origins, directions, limit):
 def test_no_box_that_a_ray_enters_is_ruled_out(offset):
     """Also far from the frame's origin, along axes, and from a corner or within a side."""
     rng = np.random.default_rng(7)
-    waiting = Waiting(*(np.empty(n, t) for n, t in ((99, np.int64), (99, "f4"), (8, "f4"))))
+    waiting = Waiting(np.empty(99, np.int64), np.empty(99, np.float32))
     met = kept = 0
     for number in range(2000):
         lower = offset + 2.0 * rng.normal(size=(CHILDREN, 3))
