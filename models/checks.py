@@ -64,7 +64,8 @@ def check(
     Returns:
         Errors first; none for a sound model.
     """
-    findings = [*_old_mujoco(version), *_missed_geoms(model, engine)]
+    own = engine == "mujoco" or any(mount.device.noise.grazing for mount in mounts)
+    findings = [*_old_mujoco(version), *_missed_geoms(model, own)]
     for mount in mounts:
         if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, prefix + mount.site) < 0:
             text = f"sensor '{mount.name}': got no site '{prefix + mount.site}', expected one"
@@ -112,8 +113,8 @@ def _old_mujoco(version: str) -> Iterator[Finding]:
         yield Finding("error", text)
 
 
-def _missed_geoms(model: mujoco.MjModel, engine: str) -> Iterator[Finding]:
-    """Yield a finding for geoms that no contact meets and that `mj_multiRay` misses.
+def _missed_geoms(model: mujoco.MjModel, used: bool) -> Iterator[Finding]:
+    """Yield a finding for geoms that no contact meets and that `mj_multiRay`, if used, misses.
 
     It leaves out a body whose colliding geoms' common bounding sphere a ray does not meet, and with
     it what else of the body sticks out of that sphere.
@@ -124,7 +125,7 @@ def _missed_geoms(model: mujoco.MjModel, engine: str) -> Iterator[Finding]:
     missed = [int(geom) for geom in candidates if _sticks_out(model, int(geom))]
     if missed:
         yield Finding(
-            "error" if engine == "mujoco" else "warning",
+            "error" if used else "warning",
             f"geoms {_names(model, missed)}: got contype = conaffinity = 0 beside colliding geoms, "
             "expected a body of their own: mj_multiRay misses them",
         )

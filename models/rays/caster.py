@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from wayproof.models.rays.bounds import turn_cones, view_geoms
 from wayproof.models.rays.geometry import Geometry
-from wayproof.models.rays.normals import surface_normals
 from wayproof.models.rays.records import Geoms, Pattern, Room, Sweep, Waiting
 from wayproof.models.rays.tile_kernels import cast_blocks
 from wayproof.models.rays.tiles import cut_scattered
@@ -77,51 +76,17 @@ class TileCaster:
         Raises:
             ValueError: Numbers of origins, rotations and pose indices differ.
         """
-        distance, geom_id, _ = self._cast(data, pattern, *_poses(pattern, origins, R_world_sensor))
-        return distance, geom_id
-
-    def cast_with_normals(
-        self,
-        data: mujoco.MjData,
-        pattern: Pattern,
-        origins: NDArray[np.float64],
-        R_world_sensor: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.float64]]:
-        """Cast a sweep as `cast` does, with the normals of the surfaces that the beams meet.
-
-        Returns:
-            Distances (n,), geom ids (n,) and unit normals (n, 3) in the world, zeros for a miss;
-            see `surface_normals`.
-        """
         starts, rotations = _poses(pattern, origins, R_world_sensor)
-        distance, geom_id, face = self._cast(data, pattern, starts, rotations)
-        indices = np.empty(len(distance), np.int32)
-        indices[pattern.places] = pattern.pose_indices if len(starts) > 1 else 0
-        beams = np.empty((len(distance), 3))
-        beams[pattern.places] = pattern.beams.T
-        directions = np.einsum("nij,nj->ni", rotations[indices], beams)
-        points = starts[indices] + distance[:, None] * directions
-        normals = surface_normals(data, self._geometry.soup, geom_id, face, points)
-        return distance, geom_id, normals
-
-    def _cast(
-        self,
-        data: mujoco.MjData,
-        pattern: Pattern,
-        origins: NDArray[np.float64],
-        rotations: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
-        """Return distances, m, geom ids and triangles (n,), or (0,) without any, of a sweep."""
         self._geometry.refresh(data)
-        geoms, soup = self._geometry.geoms, self._geometry.soup
-        sweep = _survey(geoms, pattern, origins, rotations, self._range)
+        geoms = self._geometry.geoms
+        sweep = _survey(geoms, pattern, starts, rotations, self._range)
         beams = len(pattern.places)
         distance, geom_id = np.full(beams, -1.0), np.full(beams, -1, np.int32)
-        face = np.empty(0 if soup is None else beams, np.int32)
         if len(geoms.ids):
             room = _room(pattern, geoms)
-            cast_blocks(pattern, geoms, sweep, room, soup, self._waiting, distance, geom_id, face)
-        return distance, geom_id, face
+            soup = self._geometry.soup
+            cast_blocks(pattern, geoms, sweep, room, soup, self._waiting, distance, geom_id)
+        return distance, geom_id
 
 
 def _poses(
@@ -195,8 +160,6 @@ def _room(pattern: Pattern, geoms: Geoms) -> Room:
         best=best,
         best_bits=best.view(np.int64),
         best_geom=np.empty(w, np.int64),
-        rows=np.empty(w, np.int32),
-        best_rows=np.empty(w, np.int32),
         walls=np.empty((5, 3)),
         slack=np.empty(g),
         block_views=np.empty((6, g)),

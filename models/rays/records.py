@@ -133,8 +133,6 @@ class Room(NamedTuple):
         best: (w + 1,) nearest ones so far, m, and the farthest of these.
         best_bits: (w + 1,) the same memory as integers.
         best_geom: (w,) rows of `Geoms`.
-        rows: (w,) rows of `Soup.corners` that are met of one geom.
-        best_rows: (w,) and of the nearest ones.
         walls: (5, 3) normals of the planes about a tile, by `enclose`.
         slack: (g,) angular slack of each view, by `select_views`.
         block_views: (6, g) views of the geoms that a block may meet.
@@ -149,8 +147,6 @@ class Room(NamedTuple):
     best: Array
     best_bits: NDArray[np.int64]
     best_geom: NDArray[np.int64]
-    rows: NDArray[np.int32]
-    best_rows: NDArray[np.int32]
     walls: Array
     slack: Array
     block_views: Array

@@ -46,13 +46,6 @@ def gather(
     return Soup(*(np.concatenate(tables) for tables in zip(*parts, strict=True))), roots, sides
 
 
-def face_normals(soup: Soup, face: NDArray[np.int32]) -> Array:
-    """Return unit normals (k, 3) of faces (k,) in their geom's frame, out of the solid."""
-    a, b, c = np.moveaxis(soup.vertices[soup.corners[face]], 1, 0)
-    normal = np.cross(a - c, b - c)
-    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
-
-
 def _build(points: Array, faces: NDArray[np.int32]) -> Soup:
     """Return one asset's triangles, given as rows (t, 3) of points (v, 3), under a tree.
 

@@ -26,7 +26,7 @@ from wayproof.models.rays.shapes import (
     plane,
     sphere,
 )
-from wayproof.models.rays.walks import NO_ROW, meet_triangles
+from wayproof.models.rays.walks import meet_triangles
 
 MAX_UNWALLED = 2
 """Maximum number of candidates of a tile that are tried without planes, which cost more."""
@@ -161,7 +161,7 @@ def reach_geom(
 @kernel
 def reach_soup(
     n: int, shape: tuple[int, float, tuple[float, ...], Vector3], local_starts: Array | None,
-    v: Array, best: Array, soup: Soup, waiting: Waiting, reach: Array, rows: NDArray[np.int32],
+    v: Array, best: Array, soup: Soup, waiting: Waiting, reach: Array,
 ) -> None:  # fmt: skip
     """Compute the distances of a tile's first n beams to a geom of triangles, as `reach_geom` does.
 
@@ -175,23 +175,11 @@ def reach_soup(
         soup: Triangles.
         waiting: Scratch.
         reach: (n or more,) is written.
-        rows: (n or more,) triangles are written.
     """
     root, radius, m, origin = shape
     for i in range(n):
         o, d = origin_of(origin, local_starts, i), turn(m, v[0, i], v[1, i], v[2, i])
-        x, rows[i] = meet_triangles(root, o, d, radius, best[i], soup, waiting)
-        reach[i] = x if rows[i] < NO_ROW else np.inf
-
-
-@kernel
-def keep_rows(
-    n: int, geom: int, best_geom: NDArray[np.int64], rows: NDArray[np.int32],
-    best_rows: NDArray[np.int32],
-) -> None:  # fmt: skip
-    """Keep the triangles of the beams whose nearest hit is on a geom."""
-    for i in range(n):
-        best_rows[i] = rows[i] if best_geom[i] == geom else best_rows[i]
+        reach[i] = meet_triangles(root, o, d, radius, best[i], soup, waiting)
 
 
 @kernel
@@ -267,7 +255,6 @@ def cast_blocks(
     waiting: Waiting,
     distance: Array,
     geom_id: NDArray[np.int32],
-    face: NDArray[np.int32],
 ) -> None:
     """Cast the beams of a pattern, block by block.
 
@@ -283,13 +270,11 @@ def cast_blocks(
         waiting: Scratch arrays of walks.
         distance: (n,) hits are written in the pattern's own order, m; misses are not.
         geom_id: (n,) likewise.
-        face: (n,) likewise the triangles that were met; (0,) without any.
     """
     sensor_beams, places, tile_starts, _, block_starts, _, pose_indices = pattern
     ids, kinds, sizes, axes, sides, radii, roots, positions, rotations = geoms
     origins, turns, R, beams, spread, limit, tile_cones, block_cones, order, views, local = sweep
-    (v, starts, local_starts, reach, best, bits, best_geom, met, best_met, walls, slack, near,
-     rows, chosen) = room  # fmt: skip
+    v, starts, local_starts, reach, best, bits, best_geom, walls, slack, near, rows, chosen = room
     rolling = len(origins) > 1
     within = int(np.searchsorted(views[0], limit, "right"))
     up = turns[0, :, 2].copy()
@@ -332,17 +317,12 @@ def cast_blocks(
                 if soup is not None and roots[g] >= 0:
                     shape = roots[g], radii[g], m, origin
                     if rolling:
-                        reach_soup(n, shape, local_starts, v, best, soup, waiting, reach, met)
+                        reach_soup(n, shape, local_starts, v, best, soup, waiting, reach)
                     else:
-                        reach_soup(n, shape, None, v, best, soup, waiting, reach, met)
+                        reach_soup(n, shape, None, v, best, soup, waiting, reach)
                 elif rolling:
                     reach_geom(n, kinds[g], size, m, origin, local_starts, v, reach)
                 else:
                     reach_geom(n, kinds[g], size, m, origin, None, v, reach)
                 farthest = keep_nearest(n, g, reach, best, bits, best_geom)
-                if soup is not None:
-                    keep_rows(n, g, best_geom, met, best_met)
             report(n, start, places, best, best_geom, ids, distance, geom_id)
-            if soup is not None:
-                for i in range(n):
-                    face[places[start + i]] = best_met[i]

@@ -41,9 +41,6 @@ FARTHER = 1.0 + 2e-7
 LOWEST = np.array([0] + [(m & -m).bit_length() - 1 for m in range(1, 1 << CHILDREN)])
 """Lowest element of each set of children, by the bits of its number."""
 
-NO_ROW = np.iinfo(np.int32).max
-"""Sentinel for no triangle: above any row."""
-
 
 @inlined
 def cross(a: Vector3, b: Vector3) -> Vector3:
@@ -168,8 +165,8 @@ def slabs_of(o: Vector3, d: Vector3, reach: float) -> Any:
 @inlined
 def meet_triangles(
     root: int, o: Vector3, d: Vector3, reach: float, limit: float, soup: Soup, waiting: Waiting
-) -> tuple[float, int]:
-    """Return the distance to the nearest triangle of an asset, m, and its row; of equal the lower.
+) -> float:
+    """Return the distance to the nearest triangle of an asset, m; infinite beyond the limit.
 
     Args:
         root: Node that holds the asset.
@@ -179,11 +176,8 @@ def meet_triangles(
         limit: Farthest distance of use, m.
         soup: Triangles of all assets.
         waiting: Scratch.
-
-    Returns:
-        The limit and `NO_ROW` where none is met within it.
     """
-    slabs, moment, best, best_row = slabs_of(o, d, reach), cross(o, d), limit, NO_ROW
+    slabs, moment, best, found = slabs_of(o, d, reach), cross(o, d), limit, math.inf
     waiting.links[0], waiting.ahead[0] = root, np.float32(0.0)
     top = 1
     while top > 0:
@@ -197,6 +191,6 @@ def meet_triangles(
         first, count = (-link) >> LEAF_BITS, (-link) & ((1 << LEAF_BITS) - 1)
         for row in range(first, first + count):
             x = reach_triangle(soup.vertices, soup.corners, row, o, d, moment)
-            if (x < best) | ((x == best) & (row < best_row)):
-                best, best_row = x, row
-    return best, best_row
+            if x <= best:
+                best = found = x
+    return found

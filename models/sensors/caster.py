@@ -25,7 +25,7 @@ from wayproof.models.sensors.beams import (
     rotate,
 )
 from wayproof.models.sensors.devices import Device, Mount, RangeNoise, SensorConfig
-from wayproof.models.sensors.engines import ENGINES
+from wayproof.models.sensors.engines import ENGINES, MujocoCaster
 from wayproof.models.sensors.measure import measure
 
 ROBOT_GROUP = 3
@@ -68,6 +68,8 @@ class SweepCaster:
         groups = np.ones(mujoco.mjNGROUP, np.uint8)
         groups[ROBOT_GROUP] = 0
         reach = _reach(mount.device, self._beams)
+        # Only MuJoCo's caster tells how a beam meets a surface.
+        self._normals = MujocoCaster(model, groups, reach) if mount.device.noise.grazing else None
         self._engine = ENGINES[config.engine](model, groups, reach)
 
     def cast(
@@ -106,8 +108,8 @@ class SweepCaster:
         origins, rotations = self._scan_poses(data, trail)
         sweep = data, self._pattern, origins, rotations
         incidence = None
-        if self.mount.device.noise.grazing > 0.0:  # only then normals are worth their time
-            distance, geom_id, normals = self._engine.cast_with_normals(*sweep)
+        if self._normals is not None:
+            distance, geom_id, normals = self._normals.cast_with_normals(*sweep)
             incidence = self._incidence(normals, rotations)
         else:
             distance, geom_id = self._engine.cast(*sweep)
