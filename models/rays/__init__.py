@@ -4,7 +4,7 @@ MuJoCo's own caster takes every ray alone through every body and geom. A sweep h
 it cannot know: neighbouring beams meet the same few geoms. Here beams are grouped in tiles, whole
 geoms are ruled out for a tile at a time, and the rest is a loop over beams that vectorises. Beams
 form a grid or lie scattered, and leave from one pose or, of a rolling sweep, each from its own.
-What is made of triangles follows in a second pass, down trees and grids that a tile walks together.
+Against what is made of triangles, each beam that is left walks down a tree of boxes.
 """
 
 import mujoco
@@ -19,7 +19,7 @@ __all__ = ["Pattern", "TileCaster", "cut_grid", "cut_scattered", "warm_up"]
 
 
 def warm_up() -> None:
-    """Compile the kernels of primitives; a caster of triangles compiles those for itself."""
+    """Compile the kernels of primitives; a caster of triangles compiles its own."""
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><worldbody><geom type="plane" size="0 0 1"/></worldbody></mujoco>'
     )

@@ -7,10 +7,12 @@ import sys
 from math import radians, sin, sqrt
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
 from tests.models.sensors.lidar import ALONG, reports, with_noise
+from wayproof.models.poses import Trail
 from wayproof.models.random_streams import stream
 from wayproof.models.sensors.beams import (
     DROPPED,
@@ -18,9 +20,13 @@ from wayproof.models.sensors.beams import (
     directions,
     quantise,
 )
+from wayproof.models.sensors.caster import make_caster
 from wayproof.models.sensors.devices import (
     DEVICES,
+    Mount,
     RangeNoise,
+    SensorConfig,
+    SpinningLidar,
 )
 from wayproof.models.sensors.measure import measure, report
 
@@ -155,3 +161,22 @@ def test_streams_differ_by_seed_name_and_sequence_alone():
         env={**os.environ, "PYTHONHASHSEED": "5"},
     )
     assert int(printed.stdout) == first[2]
+
+
+@pytest.mark.parametrize("scan_poses", [1, 5])
+def test_a_sweep_loses_the_beams_that_graze_the_floor(scan_poses):
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="plane" size="0 0 1"/><body name="base" pos="0 0 0.5">'
+        '<freejoint/><geom size="0.1" group="3"/><site name="lidar"/></body></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    device = SpinningLidar(
+        elevations=(radians(-5.0), radians(-15.0)), azimuths=10, scan_poses=scan_poses, range=30.0,
+        rate=10.0, noise=RangeNoise(grazing=radians(10.0)), no_return_is_free=False, source="test",
+    )  # fmt: skip
+    base = model.body("base").id
+    caster = make_caster(model, Mount("lidar", "lidar", device), base, "", SensorConfig())
+    trail = Trail(data.qpos[None, :3].copy(), data.qpos[None, 3:7].copy(), 0.002)
+    steep = round(1000.0 * 0.5 / sin(radians(15.0)))
+    assert caster.cast(data, trail, 0, 0).tolist() == 10 * [DROPPED] + 10 * [steep]
