@@ -145,8 +145,8 @@ class Locator:
             yield folder / name.replace(" ", "_")
             yield folder / name.replace(" ", "_").lower()
         for folder in self._siblings:
-            inner = folder / head
-            if head and (_name_in(inner / "package.xml") or (inner / "model.config").is_file()):
+            beside = folder / head
+            if head and (_name_in(beside / "package.xml") or (beside / "model.config").is_file()):
                 yield folder / name
 
     def _in_caches(self, name: str) -> Iterator[Path]:
