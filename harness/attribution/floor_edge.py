@@ -26,6 +26,19 @@ SPACING = 0.02
 STATES = ((OCCUPIED, "blocked"), (UNKNOWN, "unknown"), (FREE, "admitted"))
 """States of the map, and the verdict of a referee on each."""
 
+HELD = {
+    "blocked": (
+        "disregarded_obstacle",
+        "where the map held a hole at decision {}, and the path led over it",
+    ),
+    "unknown": (
+        "unseen_obstacle",
+        "in space that was unknown at decision {}, and the path led into it",
+    ),
+    "admitted": ("missed_obstacle", "where the map held free space at decision {}"),
+}
+"""Cause of a fall by the verdict on what lay beyond the edge, and what that was, in words."""
+
 
 @dataclass(frozen=True)
 class FloorEdge:
@@ -43,6 +56,20 @@ class FloorEdge:
     decision: int
     verdict: str
     commands: tuple[int, ...]
+
+    @property
+    def cause(self) -> str:
+        """Cause of the fall."""
+        return HELD[self.verdict][0]
+
+    def __str__(self) -> str:
+        """Say where the floor ends, what was held of it, and who went there all the same."""
+        x, y, _ = self.place
+        held = HELD[self.verdict][1].format(self.decision)
+        against = ""
+        if self.commands:
+            against = f"; {len(self.commands)} commands, from {self.commands[0]} on, not admitted"
+        return f"the floor ends at ({x:.2f}, {y:.2f}), {held}{against}"
 
 
 def floor_edge(case: Case) -> FloorEdge | None:

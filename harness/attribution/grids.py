@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,29 +39,6 @@ def clearances(occupied: Cells, size: float) -> Array:
     inner = tuple(slice(a, -b if b else None) for a, b in walls)
     distances: Array = ndimage.distance_transform_edt(~padded)[inner] * size
     return distances
-
-
-def true_clearances(occupied: Cells, size: float) -> Array:
-    """Return the `clearances` of a scene, which is not to be written to: a replay shares it."""
-    return _true_clearances(*packed(occupied), size)
-
-
-@lru_cache(maxsize=2)
-def _true_clearances(bits: bytes, shape: tuple[int, ...], size: float) -> Array:
-    distances = clearances(unpacked(bits, shape), size)
-    distances.setflags(write=False)
-    return distances
-
-
-def packed(cells: Cells) -> tuple[bytes, tuple[int, ...]]:
-    """Return cells as something that can be compared, and their shape."""
-    return np.packbits(cells).tobytes(), cells.shape
-
-
-def unpacked(bits: bytes, shape: tuple[int, ...]) -> Cells:
-    """Return the cells of `packed`."""
-    flat = np.unpackbits(np.frombuffer(bits, np.uint8), count=math.prod(shape))
-    return flat.astype(np.bool_).reshape(shape)
 
 
 def joined(
@@ -174,18 +149,8 @@ def distances_from(free: Cells, goal: tuple[int, ...], reach: int, size: float) 
     """Return the shortest path length from each cell to the surroundings of a cell, m, or inf.
 
     Paths follow edges and diagonals, so they are up to 8 % longer than the shortest one in a plane
-    and 13 % in space: divide by `DETOUR` for a lower bound. The result is not to be written to: an
-    episode and its replay share it.
+    and 13 % in space: divide by `DETOUR` for a lower bound.
     """
-    return _distances_from(*packed(free), goal, reach, size)
-
-
-@lru_cache(maxsize=2)
-def _distances_from(
-    bits: bytes, shape: tuple[int, ...], goal: tuple[int, ...], reach: int, size: float
-) -> Array:
-    """Compute `distances_from` for the cells (shape) that are packed in bits."""
-    free = unpacked(bits, shape)
     nodes = np.full(free.shape, -1, np.int32)
     nodes[free] = np.arange(int(free.sum()), dtype=np.int32)
     ends = nodes[_neighbourhood(goal, reach)]
@@ -196,7 +161,6 @@ def _distances_from(
 
         graph = _graph(free, nodes, size)
         lengths[free] = csgraph.dijkstra(graph, directed=False, indices=ends, min_only=True)
-    lengths.setflags(write=False)
     return lengths
 
 

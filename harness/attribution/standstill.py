@@ -13,13 +13,16 @@ from collections.abc import Callable
 from wayproof.harness.attribution.case import Case
 from wayproof.harness.attribution.contact import BLIND
 from wayproof.harness.attribution.finding import Finding
-from wayproof.harness.attribution.floor_edge import FloorEdge
+from wayproof.harness.attribution.floor_edge import HELD
 from wayproof.harness.attribution.standstill_facts import (
     StandstillFacts,
     standing_since,
     standstill_facts,
 )
 from wayproof.harness.attribution.ways import MapWays, true_ways
+
+Test = Callable[[StandstillFacts], str | None]
+"""Test of facts, with its evidence in words."""
 
 HALF = 0.5
 """Fraction of the last decisions that is decisive."""
@@ -169,54 +172,18 @@ def perception(facts: StandstillFacts) -> str | None:
     return None
 
 
-def over_a_known_edge(facts: StandstillFacts) -> str | None:
-    """The map held the end of the floor, and a trajectory over it was followed."""
-    edge = facts.edge
-    if edge is None or edge.verdict != "blocked":
-        return None
-    return (
-        f"{facts.reason}: {_ends(edge)}, where the map held a hole at decision {edge.decision}, "
-        f"and the path led over it{_against(edge)}"
-    )
+def _over_edge(cause: str) -> Test:
+    """Return a test of a fall over the end of the floor, for one cause of `FloorEdge`."""
+
+    def over_edge(facts: StandstillFacts) -> str | None:
+        edge = facts.edge
+        return f"{facts.reason}: {edge}" if edge is not None and edge.cause == cause else None
+
+    return over_edge
 
 
-def over_an_unseen_edge(facts: StandstillFacts) -> str | None:
-    """The floor ended in unknown space, which the robot entered."""
-    edge = facts.edge
-    if edge is None or edge.verdict != "unknown":
-        return None
-    return (
-        f"{facts.reason}: {_ends(edge)}, in space that was unknown at decision {edge.decision}, "
-        f"and the path led into it{_against(edge)}"
-    )
-
-
-def over_a_missed_edge(facts: StandstillFacts) -> str | None:
-    """The floor ended where the map had it."""
-    if facts.edge is None:
-        return None
-    return (
-        f"{facts.reason}: {_ends(facts.edge)}, where the map held free space at decision "
-        f"{facts.edge.decision}"
-    )
-
-
-def _ends(edge: FloorEdge) -> str:
-    x, y, _ = edge.place
-    return f"the floor ends at ({x:.2f}, {y:.2f})"
-
-
-def _against(edge: FloorEdge) -> str:
-    """Say which commands a stack on trial gave against the referee's verdict."""
-    if not edge.commands:
-        return ""
-    if len(edge.commands) == 1:
-        return f"; command {edge.commands[0]} was not admitted"
-    return f"; {len(edge.commands)} commands from {edge.commands[0]} on were not admitted"
-
-
-OVER_AN_EDGE = (over_a_known_edge, over_an_unseen_edge, over_a_missed_edge)
-"""Tests whose evidence is the end of the floor."""
+OVER_AN_EDGE = tuple((cause, _over_edge(cause)) for cause, _ in HELD.values())
+"""Tests whose evidence is the end of the floor, by cause."""
 
 
 def left_its_path(facts: StandstillFacts) -> str | None:
@@ -389,7 +356,7 @@ def unexplained(facts: StandstillFacts) -> str:
     )
 
 
-TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
+TESTS: tuple[tuple[str, Test], ...] = (
     ("plugin_failed", claimed_elsewhere),
     ("impossible", no_way),
     ("impossible", no_time),
@@ -399,9 +366,7 @@ TESTS: tuple[tuple[str, Callable[[StandstillFacts], str | None]], ...] = (
     ("latency", late_setpoints),
     ("perception", perception),
     ("disregarded_obstacle", left_its_area),
-    ("disregarded_obstacle", over_a_known_edge),
-    ("unseen_obstacle", over_an_unseen_edge),
-    ("missed_obstacle", over_a_missed_edge),
+    *OVER_AN_EDGE,
     ("tracking", left_its_path),
     ("impossible", stuck_clock),
     ("moved_obstacle", moved_obstacle),
@@ -434,7 +399,7 @@ def cause_of_standstill(case: Case) -> Finding:
     for cause, test in TESTS:
         evidence = test(facts)
         if evidence is not None:
-            if facts.edge is not None and test in OVER_AN_EDGE:
+            if facts.edge is not None and (cause, test) in OVER_AN_EDGE:
                 return Finding(cause, evidence, facts.edge.decision, facts.edge.place)
             return Finding(cause, evidence, standing_since(case), (x, y, z))
     raise AssertionError("the last test always answers")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -28,10 +28,7 @@ from wayproof.harness.attribution.grids import (
     joined,
     joined_for,
     offsets_of,
-    packed,
-    true_clearances,
     true_occupancy,
-    unpacked,
     widest,
 )
 from wayproof.harness.recompute.segments import SegmentedStack
@@ -134,7 +131,7 @@ def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
 
     def searched(steepest: float | None) -> tuple[Array, bool]:
         """Return clearances, and whether a path leads over what is climbed."""
-        gaps = true_clearances(true_occupancy(case, navigator, steepest=steepest), size)
+        gaps = clearances(true_occupancy(case, navigator, steepest=steepest), size)
         return gaps, joined_for(offsets, size, gaps > radius, start, goal=goal, reach=reach)
 
     still, exists = searched(None)
@@ -246,64 +243,18 @@ def _search_for_paths(case: Case, navigator: Navigator, moment: Moment) -> _Look
     goal, reach = goal_of(case, navigator)
     believed = cell_of(navigator, moment.true_position + moment.error)
     occupied, unknown = costmap.state == OCCUPIED, costmap.state == UNKNOWN
-    bits, shape = packed(occupied)
-    return _search_map(
-        bits,
-        shape,
-        closed=packed(occupied | unknown)[0],
-        size=costmap.resolution,
-        offsets=offsets_of(case),
-        believed=believed,
-        goal=goal,
-        reach=reach,
-        radius=costmap.inflation_radius,
-        turning=turning_radius(case, navigator),
-        certain=certain_radius(navigator, moment.decision),
-    )
-
-
-@lru_cache(maxsize=2 * LOOKS)
-def _search_map(
-    occupied: bytes,
-    shape: tuple[int, ...],
-    *,
-    closed: bytes,
-    size: float,
-    offsets: tuple[float, ...],
-    believed: tuple[int, ...],
-    goal: tuple[int, ...],
-    reach: int,
-    radius: float,
-    turning: float,
-    certain: float,
-) -> _Look:
-    """Search a map for paths, or take what an episode found for its replay.
-
-    Args:
-        occupied: Occupied cells, `packed`.
-        shape: Shape of the map.
-        closed: Occupied and unknown cells, likewise.
-        size: Side of a cell, m.
-        offsets: As of `joined_for`.
-        believed: Cell of the body by the pose that it had.
-        goal: Cell.
-        reach: As of `joined`.
-        radius: Half the width of the body with its margin, m.
-        turning: Radius of the disc in which it turns, with that margin, m.
-        certain: Half the width of the body with the margin of a certain pose, m.
-    """
-    gaps = clearances(unpacked(occupied, shape), size)
+    size, radius, offsets = costmap.resolution, costmap.inflation_radius, offsets_of(case)
+    gaps = clearances(occupied, size)
 
     def passes(free: Cells) -> bool:
-        return joined_for(
-            offsets, size, free, start=believed, goal=goal, reach=reach, corners=False
-        )
+        return joined_for(offsets, size, free, believed, goal=goal, reach=reach, corners=False)
 
+    turning = gaps > turning_radius(case, navigator)
     return _Look(
-        known=passes(clearances(unpacked(closed, shape), size) > radius),
+        known=passes(clearances(occupied | unknown, size) > radius),
         passable=passes(gaps > radius),
-        roomy=joined(gaps > turning, believed, goal, reach, corners=False),
-        certain=passes(gaps > certain),
+        roomy=joined(turning, believed, goal, reach, corners=False),
+        certain=passes(gaps > certain_radius(navigator, moment.decision)),
     )
 
 
