@@ -76,7 +76,7 @@ WALL = '<geom name="sheet" type="box" size="0.0005 3.2 1.5" pos="{x} 3 1.5" user
     [
         (fence(6.0, 0.0), "quadruped", "no way to the goal exists"),
         (fence(6.05, 0.05), "quadruped", "no way to the goal exists"),
-        (fence(6.03, 0.07, radius=0.002, pitch=0.15), "drone", "no way to the goal exists"),
+        (fence(6.0, 0.0, radius=0.02, pitch=0.3), "drone", "no way to the goal exists"),
         (WALL.format(x=6.0005), "quadruped", "no way to the goal exists"),
         (WALL.format(x=6.0), "quadruped", "no way to the goal exists"),
         (ramps(25), "quadruped", "no way to the goal exists"),
