@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
+from wayproof.harness.attribution import contact, standstill
 from wayproof.harness.attribution.case import Case, read_case
 from wayproof.harness.attribution.finding import CAUSES, Finding
 from wayproof.harness.attribution.procedure import near_causes
@@ -49,7 +50,7 @@ TRUE_MAP = "true_map"
 SENSING = ("true_pose", "true_ranges")
 """Remedies of faults of sensing: where one of them saves the robot, a true map shows nothing."""
 
-ONLY_CONFIRMS = ("guard", "no_guard")
+ONLY_CONFIRMS = ("guard", "no_guard", "no_margin")
 """Remedies that may save the robot from other causes as well, by stopping it or by daring more."""
 
 ONLY_AFTER = {"more_time": ("timeout",)}
@@ -129,9 +130,11 @@ def settle(
 
     A control that ends otherwise than recorded shows nothing. If a remedy of the cause saves the
     robot, the cause is confirmed; a true map confirms only where neither a true pose nor true
-    ranges save it alone. If others do, and what they stand for was near to holding, or they save it
-    on a second seed as well, it is replaced by the first of their causes in the order of `CAUSES`.
-    If none does, a cause that facts alone establish stands, and of any other nothing is shown.
+    ranges save it alone. Other remedies count if the test of what they stand for was near to
+    holding, or if they save it on a second seed as well, and if that is asked for before the cause:
+    what is asked later, the cause can bring about. If such a remedy saves the robot, its cause
+    replaces the one by the facts, the first in the order of `CAUSES`. If none does, a cause that
+    facts alone establish stands, and of any other nothing is shown.
 
     Args:
         finding: Cause by the facts.
@@ -150,6 +153,7 @@ def settle(
         (_led_to(name, checks), name)
         for name in saving
         if name not in (*ONLY_CONFIRMS, *ONLY_SHOWN, TRUE_MAP)
+        and _asked_before(_led_to(name, checks), finding.cause, recorded)
         and (name in again or _led_to(name, checks) in near)
     ]
     if upheld:
@@ -161,6 +165,20 @@ def settle(
     if finding.cause in (*SHOWN_BY_THEIR_OWN_TEST, "unexplained"):
         return finding, "confirmed"
     return finding, "inconclusive"
+
+
+def _asked_before(cause: str, found: str, recorded: str) -> bool:
+    """Return whether a cause is asked for before another one after an outcome.
+
+    After a collision those of the commands of a stack on trial come first; they don't count.
+    """
+    tests = contact.TESTS if recorded == "collision" else standstill.TESTS
+
+    def places(of: str) -> list[int]:
+        return [k for k, (name, _) in enumerate(tests) if name == of] or [len(tests)]
+
+    place = max(places(cause)) if recorded == "collision" else min(places(cause))
+    return place < max(places(found))
 
 
 def _changed(finding: Finding, cause: str, by: str) -> tuple[Finding, str]:
@@ -182,7 +200,13 @@ def _contradicting(finding: Finding, checks: Sequence[Check], recorded: str) -> 
     ):
         return []
     beside = (CONTROL, TRUE_MAP, *ONLY_CONFIRMS, *ONLY_SHOWN)
-    return [one for one in checks if one.saves and one.remedy not in beside]
+    return [
+        one
+        for one in checks
+        if one.saves
+        and one.remedy not in beside
+        and _asked_before(_led_to(one.remedy, checks), finding.cause, recorded)
+    ]
 
 
 def why_inconclusive(finding: Finding, checks: Sequence[Check], recorded: str) -> str:

@@ -18,16 +18,19 @@ from wayproof.harness.recompute.rebuild import rebuild
 from wayproof.harness.replay.fork import fork
 from wayproof.harness.study.checks import check_failures
 
+CONTACTS = ("missed_obstacle", "unseen_obstacle", "disregarded_obstacle", "margin_too_small")
+"""Causes that are shown after a collision."""
 
-def saved_by(*remedies):
+
+def saved_by(recorded, *remedies):
     """A check in which these saved the robot, and no other one of all; `+name` with both seeds."""
     first = {name.removeprefix("+") for name in remedies}
     names = ("control", *REMEDIES)
-    once = [Check(name, 0, "success" if name in first else "stuck", 9.0, name in first)
+    once = [Check(name, 0, "success" if name in first else recorded, 9.0, name in first)
             for name in names]  # fmt: skip
     seeds = [(name, f"+{name}" in remedies) for name in first - {"control"}]
     return once + [
-        Check(name, 0, "success" if saves else "stuck", 9.0, saves, again=True)
+        Check(name, 0, "success" if saves else recorded, 9.0, saves, again=True)
         for name, saves in seeds
     ]
 
@@ -41,6 +44,9 @@ def saved_by(*remedies):
         ("tracking", ("true_pose",), (), "tracking", "confirmed"),
         ("tracking", ("+true_pose", "perfect_tracking"), (), "tracking", "confirmed"),
         ("localization", ("perfect_tracking",), (), "localization", "inconclusive"),
+        ("localization", ("+perfect_tracking",), ("tracking",), "localization", "inconclusive"),
+        ("missed_obstacle", ("+larger_margin",), (), "missed_obstacle", "inconclusive"),
+        ("margin_too_small", ("+perfect_tracking",), (), "tracking", "changed"),
         ("planner", ("larger_margin", "+true_ranges", "true_map"), (), "perception", "changed"),
         ("planner", ("true_map",), ("missed_obstacle",), "planner", "confirmed"),
         ("missed_obstacle", ("true_map", "larger_margin"), (), "missed_obstacle", "confirmed"),
@@ -78,7 +84,8 @@ def saved_by(*remedies):
 )
 def test_a_check_decides_the_cause(found, saving, near, cause, answer):
     finding = Finding(found, "by its facts", 3, (0.0, 0.0, 0.0))
-    settled, given = settle(finding, saved_by(*saving), recorded="stuck", near=near)
+    recorded = "collision" if found in CONTACTS else "stuck"
+    settled, given = settle(finding, saved_by(recorded, *saving), recorded, near)
     assert (settled.cause, given) == (cause, answer)
     assert "by its facts" in settled.evidence
 

@@ -87,6 +87,17 @@ def test_the_same_seed_gives_the_same_observations_and_another_one_others(make):
     assert (same[0]["scan"] != other[0]["scan"]).any()
 
 
+def test_a_drone_that_slides_on_the_floor_has_ended_its_episode(make):
+    env = make("empty", "drone", settings=("episode.time_limit=6",))
+    env.reset(seed=1)
+    rewards, (_, _, terminated, truncated, info) = to_the_end(
+        env, np.array([0.3, 0.0, -1.0, 0.0], np.float32)
+    )
+    assert (terminated, truncated, info["outcome"]) == (True, False, "collision")
+    assert info["truth"]["clearance_m"] < 0.1
+    assert len(rewards) < 30
+
+
 def test_a_log_is_that_of_a_stack_that_commands_the_same(make, tmp_path):
     env = make("cylinders", logs=tmp_path)
     env.reset(seed=2)
