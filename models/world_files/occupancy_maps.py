@@ -76,7 +76,7 @@ def read_occupancy_grid(path: Path) -> OccupancyGrid:
     least = _number(path, entries, "free_thresh", 0.0, 1.0)
     negate = FLAGS[_word(path, entries, "negate", "0", FLAGS)]
     mode = _word(path, entries, "mode", MODES[0], MODES)
-    image = read_map_image(beside(path, str(entries["image"])))
+    image = read_map_image(beside(path, "".join(entries["image"])))
 
     def states(levels: NDArray[Any], white: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         occupancy = _occupancies(white, mode, negate)
@@ -151,10 +151,11 @@ def _walls(
     ]
 
 
-def _entries(path: Path) -> dict[str, Any]:
-    """Return the entries of the first document by name.
+def _entries(path: Path) -> dict[str, list[str]]:
+    """Return the words of the entries of the first document, one but for a list.
 
-    Scalars keep their text: each is read as yaml-cpp reads it for what is wanted of it.
+    Scalars keep their text: each is read as yaml-cpp reads it for what is wanted of it. What is
+    nested deeper, as by aliases of aliases, is not looked at.
     """
     try:
         entries = next(yaml.load_all(read_text(path, LARGEST_YAML), yaml.BaseLoader), None)
@@ -165,31 +166,34 @@ def _entries(path: Path) -> dict[str, Any]:
     missing = [key for key in NEEDED if key not in entries]
     if missing:
         raise WorldFileError(path, f"no {', '.join(missing)}")
-    return entries
+    listed = {key: one if isinstance(one, list) else [one] for key, one in entries.items()}
+    return {key: [word if isinstance(word, str) else "" for word in words]
+            for key, words in listed.items()}  # fmt: skip
 
 
 def _numbers(
-    path: Path, entries: dict[str, Any], key: str, expected: str, count: int = 1,
+    path: Path, entries: dict[str, list[str]], key: str, expected: str, count: int = 1,
     low: float = -math.inf, high: float = math.inf,
 ) -> list[float]:  # fmt: skip
-    words = entries[key] if isinstance(entries[key], list) else [entries[key]]
     try:
-        values = [float(word) for word in words]
-    except (TypeError, ValueError):
+        values = [float(word) for word in entries[key]]
+    except ValueError:
         values = []
     if len(values) != count or not all(math.isfinite(v) and low <= v <= high for v in values):
-        got = ", ".join(map(str, words))[:60]
+        got = ", ".join(entries[key])[:60]
         raise WorldFileError(path, f"{key}: got '{got}', expected {expected}")
     return values
 
 
-def _number(path: Path, entries: dict[str, Any], key: str, low: float, high: float) -> float:
+def _number(path: Path, entries: dict[str, list[str]], key: str, low: float, high: float) -> float:
     return _numbers(path, entries, key, f"{low:g} to {high:g}", 1, low, high)[0]
 
 
-def _word(path: Path, entries: dict[str, Any], key: str, default: str, known: Iterable[str]) -> str:
+def _word(
+    path: Path, entries: dict[str, list[str]], key: str, default: str, known: Iterable[str]
+) -> str:
     """Return an entry in lower case, one of the known words."""
-    word = str(entries.get(key, default)).lower()
+    word = ", ".join(entries.get(key, [default])).lower()
     if word not in known:
         raise WorldFileError(path, f"{key}: got '{word[:60]}', expected {', '.join(known)}")
     return word

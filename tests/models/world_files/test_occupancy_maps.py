@@ -151,6 +151,12 @@ def test_broken_images_are_refused(tmp_path, image, said):
         (MAP.format(yaw=0, negate=0).replace("[1.0", "[1.0, 2"), r"origin: got"),
         ("a: [b\n", "no YAML"),
         ("- a\n", "expected a mapping"),
+        (
+            MAP.format(yaw=0, negate=0).replace(
+                "resolution: 0.5", "a: &a [9, 9]\nresolution: [*a, *a]"
+            ),
+            "resolution: got ', ', expected",
+        ),
         (MAP.format(yaw=0, negate=0) + "mode: row\n", r"mode: got 'row', expected trinary, sc"),
     ],
 )
