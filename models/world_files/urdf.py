@@ -25,7 +25,8 @@ def as_model(path: Path, robot: Element) -> Element:
     if len(links) > MAX_LINKS:
         raise WorldFileError(path, f"{len(links)} links, expected at most {MAX_LINKS}")
     joints = {_link_of(path, joint, "child"): joint for joint in robot.all("joint")}
-    children = [Element("static", {}, robot.line, "1")]
+    fixed = all(joint.attributes.get("type") == "fixed" for joint in joints.values())
+    children = [Element("static", {}, robot.line, str(int(fixed)))]
     for link in links:
         inner = [_shape(one) for one in link.children if one.tag in ("collision", "visual")]
         if (joint := joints.get(link.attributes.get("name", ""))) is not None:

@@ -184,6 +184,19 @@ def test_capsules_and_visuals_of_urdf(tmp_path):
     assert [one.high[2] for one in found.solids] == pytest.approx([0.5, 1.0])
 
 
+def test_the_links_of_an_included_urdf_are_frames(tmp_path):
+    text = (
+        f"<robot name='r'><link name='w'>{CAPSULE}</link><link name='a'/><joint name='j' "
+        "type='revolute'><origin xyz='1 0 0'/><parent link='w'/><child link='a'/></joint></robot>"
+    )
+    write(tmp_path, "r.urdf", text)
+    include = "<include><name>r</name><uri>file://r.urdf</uri><pose>1 1 0.5 0 0 0</pose></include>"
+    placed = box(pose="<pose relative_to='r::a'>2 0 0 0 0 0</pose>")
+    found, notes = import_world(write(tmp_path, "w.sdf", world(ground(), include, placed)), **FAR)
+    np.testing.assert_allclose(found.solids[1].centre, (4.0, 1.0, 0.5), atol=1e-12)
+    assert notes == ["1 models that can move: they stand still here"]
+
+
 def test_compressed_gltf_is_refused_by_name(tmp_path):
     text = '{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}'
     with pytest.raises(WorldFileError, match="glTF extension KHR_draco_mesh_compression: not read"):
