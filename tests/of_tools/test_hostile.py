@@ -49,7 +49,9 @@ def test_a_scene_is_refused_before_mujoco_sees_it(name, tmp_path):
 
 @pytest.mark.parametrize("name", ["map: PNG of 13000 x 13000", "map: PNG of 16384 x 16384"])
 def test_an_image_is_refused_by_its_header(name, tmp_path):
-    with pytest.raises(WorldFileError, match="pixels, expected 1 to 67108864"):
+    with pytest.raises(
+        WorldFileError, match=r"no PNG image \(Image size \(\d+ pixels\) exceeds limit"
+    ):
         read_occupancy_map(made(name, tmp_path), ImportOptions())
 
 
