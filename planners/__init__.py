@@ -132,6 +132,8 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
     corner = np.array([start, [1.75, 0.25, 0.05], goal])
     path = blend_corners(space, corner, blend_length=0.4)
     space.free_length(path)
+    space.first_forbidden(path)
+    space.first_forbidden_pose(np.column_stack((path, np.zeros(len(path)))))
     first_stop(path, 0.0)
     tangent_at(truncate(remaining(path, 0.1), 0.2), 0.0)
     space.nearest_free(start, radius=0.5)
@@ -171,6 +173,7 @@ def _warm_up_poses(start: Floats, goal: Floats) -> None:
     space.free_sweep_length(poses)
     space.free_poses(poses)
     space.free_length(poses[:, :3])
+    space.first_forbidden(poses[:, :3])
     space.nearest_pose(start, 0.2, np.zeros(1))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wayproof.maps import Distances
 from wayproof.planners.body import Disc
-from wayproof.planners.kernels import headed, segment, sweep, sweep_cost
+from wayproof.planners.kernels import headed, obstruction, segment, sweep, sweep_cost
 from wayproof.planners.kernels.grid import BLOCK_BITS, OUTSIDE, Discs, Floats, Grid, Point, Pose
 
 T = TypeVar("T")
@@ -184,6 +184,27 @@ class FreeSpace:
             points = np.ascontiguousarray(path, dtype=np.float64)
             return float(headed.headed_free_length(self.grid, self.shape, points))
         return float(self._walk(path, self.collision_distance_sq, 0.0)[0])
+
+    def first_forbidden(self, path: Floats) -> NDArray[np.int64] | None:
+        """Return the forbidden cell (3,) that ends the free length of a path (n, 3); None if none.
+
+        The body's centre is in it, or that of one of its discs; it may lie outside of the array.
+        """
+        points = np.ascontiguousarray(path, dtype=np.float64)
+        if self.discs:
+            found, cell = obstruction.on_headed_path(self.grid, self.shape, points)
+        else:
+            found, cell = obstruction.on_path(self.grid, self.collision_distance_sq, points)
+        return np.array(cell) if found else None
+
+    def first_forbidden_pose(self, poses: Floats) -> tuple[int, NDArray[np.int64] | None]:
+        """Return the first of poses (n, 4) that the body cannot get to, and the cell (3,) it meets.
+
+        The last one and None if it can get to all.
+        """
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        reached, cell = obstruction.on_poses(self.grid, self.shape, poses)
+        return (reached, np.array(cell)) if reached >= 0 else (len(poses) - 1, None)
 
     def nearest_free(self, point: Floats, radius: float) -> Floats | None:
         """Return the centre (3,) of the nearest free cell at most `radius`, m, away, or None.

@@ -28,9 +28,6 @@ PROGRESS = 0.5
 LOOKS = ("explore", "recover")
 """Actions that look for a way where nothing is known."""
 
-LOST = ("returning_to_held", "pose_lost", "goal_uncertain")
-"""Kinds of reasons of a stack that knows that its pose is lost."""
-
 
 @dataclass(frozen=True)
 class StandstillFacts:
@@ -151,7 +148,7 @@ def standstill_facts(case: Case) -> StandstillFacts:
     tolerance = case.config.behaviour.tracking_tolerance
     navigator = case.empty_navigator_at(numbers[-1])
     left = [
-        one.decision.label == "localization_lost" and one.decision.predicate.kind not in LOST
+        one.decision.label == "localization_lost" and not one.decision.predicate.HasField("sigma_m")
         for one in case.moments
     ]
     verdicts = [one.decision.verdict for one in recent]
@@ -243,7 +240,7 @@ def _did(recent: Sequence[Moment]) -> str:
 def _lost_sigma(last: Moment) -> float | None:
     """Return the standard deviation for which the stack gave up, m; None if it did not."""
     reason = last.decision.predicate
-    gave_up = reason.kind in LOST and last.decision.action == "abort"
+    gave_up = reason.kind == "localization_lost" and last.decision.action == "abort"
     return reason.sigma_m if gave_up else None
 
 

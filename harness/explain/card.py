@@ -327,7 +327,7 @@ def _leads_to(decision: pb.Decision) -> str:
     """Return where a path leads; empty without one."""
     if not len(decision.global_path):
         return ""
-    if decision.predicate.kind in ("looking_elsewhere", "backing_up"):
+    if decision.predicate.kind in ("looking_elsewhere", "going_back"):
         return "a viewpoint"
     return "admitted space" if decision.action == "recover" else "the goal"
 

@@ -33,10 +33,10 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decide import not_yet_superseded
+from wayproof.harness.stack.diagnosis import braking_reason, obstructed
 from wayproof.harness.stack.footprint_mode import FootprintDecision
 from wayproof.harness.stack.maneuvers import brake
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.harness.stack.reasons import Kind, Reason
 from wayproof.harness.stack.shadowing import AtRecordedPoses
 from wayproof.harness.stack.types import Command, PlannerInput, distance, is_stationary
 from wayproof.planners import Trajectory, TrajectorySample, hold, remaining
@@ -199,11 +199,7 @@ class TrialNavigator(Navigator):
     ) -> Command:
         """Follow the stack's command regardless of the verdict."""
         action = self._action(command, trajectory, planner_input)
-        overlap = judgement.overlap
-        if judgement.verdict == "admitted":
-            reason = Reason("commanded", free_m=overlap.free_m)
-        else:
-            reason = _overlap_reason("commanded_without_proof", judgement)
+        reason = obstructed("commanded", judgement.overlap)
         path = planned_path_of(command)
         label: Label = command.label or "none"  # type: ignore[assignment]
         return Command(action, reason, label, trajectory, path)  # type: ignore[arg-type]
@@ -214,7 +210,7 @@ class TrialNavigator(Navigator):
         """Brake along the last trajectory, in the stack's place."""
         unknown = judgement.verdict == "unknown"
         label: Label = "unknown_ahead" if unknown else "path_blocked"
-        reason = _overlap_reason("guard_braking", judgement)
+        reason, _ = braking_reason(judgement.overlap)
         if is_stationary(start):
             trajectory = hold(start.position, planner_input.effect_ns, start.heading)
             return Command("stop_and_wait", reason, label, trajectory)
@@ -256,14 +252,3 @@ def logged_answer(command: sb.Command, time_ns: int) -> pb.StackCommand:
 
 class ShadowTrialNavigator(AtRecordedPoses, TrialNavigator):
     """A stack on trial in shadow mode."""
-
-
-def _overlap_reason(kind: Kind, judgement: Judgement) -> Reason:
-    overlap = judgement.overlap
-    return Reason(
-        kind,
-        free_m=overlap.free_m,
-        cell=overlap.cell,
-        cell_state=overlap.cell_state,
-        place=overlap.place,
-    )

@@ -202,17 +202,13 @@ class PackedDecision(_message.Message):
     def __init__(self, path: _Optional[_Iterable[int]] = ..., arc_length: _Optional[_Iterable[int]] = ..., heading: _Optional[_Iterable[int]] = ..., global_path: _Optional[_Iterable[int]] = ..., hashes: _Optional[bytes] = ...) -> None: ...
 
 class Reason(_message.Message):
-    __slots__ = ("kind", "free_m", "path_m", "short_m", "stop_m", "full_speed_stop_m", "distance_m", "limit_m", "turn_rad", "speed_share", "waited_s", "delay_s", "deadline_s", "since", "places", "iterations", "cell", "cell_state", "place", "target", "sigma_m", "range_sigma_m", "frontier")
+    __slots__ = ("kind", "free_m", "path_m", "distance_m", "limit_m", "turn_rad", "waited_s", "delay_s", "deadline_s", "since", "places", "iterations", "cell", "cell_state", "place", "target", "sigma_m", "range_sigma_m", "frontier")
     KIND_FIELD_NUMBER: _ClassVar[int]
     FREE_M_FIELD_NUMBER: _ClassVar[int]
     PATH_M_FIELD_NUMBER: _ClassVar[int]
-    SHORT_M_FIELD_NUMBER: _ClassVar[int]
-    STOP_M_FIELD_NUMBER: _ClassVar[int]
-    FULL_SPEED_STOP_M_FIELD_NUMBER: _ClassVar[int]
     DISTANCE_M_FIELD_NUMBER: _ClassVar[int]
     LIMIT_M_FIELD_NUMBER: _ClassVar[int]
     TURN_RAD_FIELD_NUMBER: _ClassVar[int]
-    SPEED_SHARE_FIELD_NUMBER: _ClassVar[int]
     WAITED_S_FIELD_NUMBER: _ClassVar[int]
     DELAY_S_FIELD_NUMBER: _ClassVar[int]
     DEADLINE_S_FIELD_NUMBER: _ClassVar[int]
@@ -229,13 +225,9 @@ class Reason(_message.Message):
     kind: str
     free_m: float
     path_m: float
-    short_m: float
-    stop_m: float
-    full_speed_stop_m: float
     distance_m: float
     limit_m: float
     turn_rad: float
-    speed_share: float
     waited_s: float
     delay_s: float
     deadline_s: float
@@ -249,7 +241,7 @@ class Reason(_message.Message):
     sigma_m: float
     range_sigma_m: float
     frontier: str
-    def __init__(self, kind: _Optional[str] = ..., free_m: _Optional[float] = ..., path_m: _Optional[float] = ..., short_m: _Optional[float] = ..., stop_m: _Optional[float] = ..., full_speed_stop_m: _Optional[float] = ..., distance_m: _Optional[float] = ..., limit_m: _Optional[float] = ..., turn_rad: _Optional[float] = ..., speed_share: _Optional[float] = ..., waited_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., since: _Optional[int] = ..., places: _Optional[int] = ..., iterations: _Optional[int] = ..., cell: _Optional[_Union[Point, _Mapping]] = ..., cell_state: _Optional[str] = ..., place: _Optional[_Union[Point, _Mapping]] = ..., target: _Optional[_Union[Point, _Mapping]] = ..., sigma_m: _Optional[float] = ..., range_sigma_m: _Optional[float] = ..., frontier: _Optional[str] = ...) -> None: ...
+    def __init__(self, kind: _Optional[str] = ..., free_m: _Optional[float] = ..., path_m: _Optional[float] = ..., distance_m: _Optional[float] = ..., limit_m: _Optional[float] = ..., turn_rad: _Optional[float] = ..., waited_s: _Optional[float] = ..., delay_s: _Optional[float] = ..., deadline_s: _Optional[float] = ..., since: _Optional[int] = ..., places: _Optional[int] = ..., iterations: _Optional[int] = ..., cell: _Optional[_Union[Point, _Mapping]] = ..., cell_state: _Optional[str] = ..., place: _Optional[_Union[Point, _Mapping]] = ..., target: _Optional[_Union[Point, _Mapping]] = ..., sigma_m: _Optional[float] = ..., range_sigma_m: _Optional[float] = ..., frontier: _Optional[str] = ...) -> None: ...
 
 class StackCommand(_message.Message):
     __slots__ = ("timestamp", "sequence", "command")
@@ -538,14 +530,14 @@ class Exploration(_message.Message):
     def __init__(self, since: _Optional[int] = ..., backtracking: _Optional[bool] = ..., returning: _Optional[bool] = ...) -> None: ...
 
 class PathLoss(_message.Message):
-    __slots__ = ("sequence", "kind", "label")
+    __slots__ = ("sequence", "under_way", "label")
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
-    KIND_FIELD_NUMBER: _ClassVar[int]
+    UNDER_WAY_FIELD_NUMBER: _ClassVar[int]
     LABEL_FIELD_NUMBER: _ClassVar[int]
     sequence: int
-    kind: str
+    under_way: str
     label: str
-    def __init__(self, sequence: _Optional[int] = ..., kind: _Optional[str] = ..., label: _Optional[str] = ...) -> None: ...
+    def __init__(self, sequence: _Optional[int] = ..., under_way: _Optional[str] = ..., label: _Optional[str] = ...) -> None: ...
 
 class PlannerState(_message.Message):
     __slots__ = ("trajectory", "earlier", "global_path", "exploration", "path_loss", "rest_since_ns", "improved_ns", "viewpoints", "breadcrumbs", "backtracks", "oriented", "unheld_trail", "returns", "closed_gaps", "lost_way")

@@ -5,13 +5,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.diagnosis import BRAKES, way_ahead_reason
+from wayproof.harness.stack.diagnosis import braking_reason
 from wayproof.harness.stack.driving import drivable_part, drive_along
 from wayproof.harness.stack.footprint_checks import first_misfit, moves_tail_first, poses_from
 from wayproof.harness.stack.maneuvers import brake
 from wayproof.harness.stack.reasons import Reason
-from wayproof.harness.stack.types import Command, Decided, PlannerInput, PlannerState, is_stationary
-from wayproof.planners import Trajectory, TrajectorySample, remaining, stopping_distance
+from wayproof.harness.stack.types import (
+    Command,
+    Decided,
+    PlannerInput,
+    PlannerState,
+    arc_length,
+    is_stationary,
+)
+from wayproof.planners import Trajectory, TrajectorySample, remaining
 
 
 def keep_admitted_trajectory(
@@ -44,8 +51,7 @@ def keep_course(
     elapsed = (input.effect_ns - trajectory.start_ns) * 1e-9
     found = obstruction.on_poses(input, poses_from(trajectory, elapsed), input.unknown_blocks)
     path = remaining(trajectory.path, start.arc_length)
-    stop = stopping_distance(start.speed, start.acceleration, input.limits)
-    reason, label = way_ahead_reason(BRAKES, found, stop_m=stop)
+    reason, label = braking_reason(found)
     return brake(input, state, start, path, reason, label)
 
 
@@ -59,7 +65,7 @@ def _kept(state: PlannerState, previous: PlannerState) -> Decided:
     """Return the decision to follow the last trajectory."""
     command = Command(
         "follow",
-        Reason("keeping_course"),
+        Reason("following", free_m=arc_length(previous.trajectory.path)),
         label="none",
         trajectory=previous.trajectory,
         global_path=previous.global_path,

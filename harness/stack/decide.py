@@ -76,7 +76,7 @@ def decide(input: PlannerInput, state: PlannerState) -> Decided:
     command, after = _choose_maneuver(input, state, followed=committed[0])
     path_loss = None
     if after.global_path is None:
-        path_loss = PathLoss(input.sequence, command.reason.kind, command.label)
+        path_loss = PathLoss(input.sequence, command.under_way, command.label)
         if state.path_loss is not None and command.reason.since == state.path_loss.sequence:
             path_loss = state.path_loss
     return Decided(command, replace(after, earlier=committed, path_loss=path_loss))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 from wayproof.harness.decision import Action, Label
 from wayproof.harness.geometry import wrap_angle
@@ -18,14 +18,12 @@ from wayproof.harness.stack.types import (
     PlannerInput,
     PlannerState,
     arc_length,
-    distance,
     is_stationary,
 )
 from wayproof.planners import (
     Plan,
     Trajectory,
     TrajectorySample,
-    planner_traits,
     remaining,
     stopping_distance,
     truncate,
@@ -34,74 +32,65 @@ from wayproof.planners import (
 BRAKING_SLACK = 0.01
 """Path left beyond the stopping distance, below which the robot counts as braking, m."""
 
-AT_GOAL = 0.01
-"""Distance from the goal within which a path counts as ending there, m."""
+HERE: tuple[Kind, ...] = ("goal_blocked", "leaving_inflation")
+"""Kinds whose obstruction is where the body, or its goal, is, and not on a way."""
 
 
-class Kinds(NamedTuple):
-    """Kinds of reason by the end of the way ahead: unknown space, or a blocked cell."""
-
-    unknown: Kind
-    blocked: Kind
-
-
-DRIVING = Kinds("unknown_ahead", "blocked_ahead")
-BRAKES = Kinds("braking_before_unknown", "braking_before_blocked")
-WAITS = Kinds("waiting_before_unknown", "waiting_before_blocked")
-
-
-def way_ahead_reason(kinds: Kinds, found: Obstruction, **figures: Any) -> tuple[Reason, Label]:
-    """Return the reason and label that name what is unknown or blocked on the way ahead."""
-    if found.cell_state == "unknown":
-        return _reason(kinds.unknown, found, free_m=found.free_m, **figures), "unknown_ahead"
-    return _reason(kinds.blocked, found, free_m=found.free_m, **figures), "path_blocked"
-
-
-def inflation_reason(kind: Kind, found: Obstruction, **figures: Any) -> Reason:
-    """Return the reason of a body, or of a goal, inside the inflation of a cell."""
-    return _reason(kind, found, **figures)
-
-
-def _reason(kind: Kind, found: Obstruction, **figures: Any) -> Reason:
+def obstructed(kind: Kind, found: Obstruction, **figures: Any) -> Reason:
+    """Return a reason with its obstruction; of what is ahead, with the free length before it."""
+    if kind not in HERE:
+        figures["free_m"] = found.free_m
     return Reason(kind, cell=found.cell, cell_state=found.cell_state, place=found.place, **figures)
+
+
+def label_ahead(found: Obstruction) -> Label:
+    """Return the label of what is ahead: unknown, or blocked."""
+    return "unknown_ahead" if found.cell_state == "unknown" else "path_blocked"
+
+
+def braking_reason(found: Obstruction) -> tuple[Reason, Label]:
+    """Return the reason and label of a robot that brakes for what is ahead."""
+    unknown = found.cell_state == "unknown"
+    kind: Kind = "braking_for_unknown" if unknown else "braking_for_blocked"
+    return obstructed(kind, found), label_ahead(found)
 
 
 def diagnose_driving(
     input: PlannerInput,
     state: PlannerState,
     start: TrajectorySample,
+    trajectory: Trajectory,
     end: float,
-    *,
     blocked: bool,
     slowed: bool,
 ) -> tuple[Action, Reason, Label]:
-    """Return the action, reason and label of a robot that drives its global path.
+    """Return the action, reason and label of a robot that drives part of its global path.
 
     Args:
         input: Planner input of the decision.
         state: Planner state with the global path.
         start: Start of the new trajectory.
-        end: Arc length up to which the path is driven, m.
-        blocked: Whether an obstruction ends it there.
+        trajectory: That trajectory.
+        end: Length of the part, m.
+        blocked: Whether what is not traversable ends it there.
         slowed: Whether unknown space on it costs speed.
     """
-    path = state.path
+    path, full_stop = state.path, stopping_distance(input.limits.speed, 0.0, input.limits)
+    action: Action = "follow"
+    label: Label = "none"
     if slowed:
         driven = truncate(path, end)
         free = input.known_free.free_length(driven)
         found = obstruction.on_path(input, driven, free, unknown_blocks=True)
-        share = input.behaviour.unknown_speed_fraction
-        reason = _reason("through_unknown", found, free_m=found.free_m, speed_share=share)
-        near = found.free_m < stopping_distance(input.limits.speed, 0.0, input.limits)
-        action: Action = "slow" if near else "follow"
-        label: Label = "unknown_ahead"
+        reason, label = obstructed("slowing_for_unknown", found), "unknown_ahead"
+        action = "slow" if free < full_stop else "follow"
     elif blocked:
         found = obstruction.on_path(input, path, end, input.unknown_blocks)
-        needed = stopping_distance(input.limits.speed, 0.0, input.limits)
-        reason, label = way_ahead_reason(DRIVING, found, full_speed_stop_m=needed)
-        action = "slow" if end < needed else "follow"
+        label, action = label_ahead(found), "slow" if end < full_stop else "follow"
+        slowing: Kind = "slowing_for_unknown" if label == "unknown_ahead" else "braking_for_blocked"
+        reason = obstructed(slowing if action == "slow" else "following", found)
     else:
-        action, reason, label = "follow", _unobstructed_reason(input, start, path, end), "none"
+        reason = _unobstructed_reason(input, start, trajectory, arc_length(path) - end)
     if input.uncertain and input.localization is not None:
         action, reason = "slow", replace(reason, sigma_m=input.localization.sigma)
     if input.noisy:
@@ -112,19 +101,14 @@ def diagnose_driving(
 
 
 def _unobstructed_reason(
-    input: PlannerInput, start: TrajectorySample, path: Array, end: float
+    input: PlannerInput, start: TrajectorySample, trajectory: Trajectory, beyond: float
 ) -> Reason:
-    """Return the reason where all of a path is traversable, to its end or to a corner."""
-    whole = arc_length(path)
-    goal = input.goal if input.mission_goal is None else input.mission_goal
-    beside = distance(path[-1], goal)
-    short = beside if beside > AT_GOAL else None
-    if end < whole:
-        return Reason("path_to_corner", free_m=end, path_m=whole, short_m=short)
+    """Return the reason where a path is traversable to its end, or to a corner before, m."""
+    committed = arc_length(trajectory.path)
     stop = stopping_distance(start.speed, start.acceleration, input.limits)
-    if not is_stationary(start) and whole - stop < BRAKING_SLACK:
-        return Reason("braking_to_goal", path_m=whole, stop_m=stop, short_m=short)
-    return Reason("path_to_goal", path_m=whole, short_m=short)
+    if beyond <= 0.0 and not is_stationary(start) and committed - stop < BRAKING_SLACK:
+        return Reason("braking_for_goal", path_m=committed)
+    return Reason("following", free_m=committed)
 
 
 def exploration_reason(
@@ -134,33 +118,24 @@ def exploration_reason(
     exploration = state.exploration
     assert exploration is not None
     x, y, z = path[-1].tolist()
-    left, since, target = arc_length(path), exploration.since, (x, y, z)
+    since, target = exploration.since, (x, y, z)
     if exploration.returning and input.localization is not None:
         limit, sigma = input.behaviour.lost_sigma, input.localization.sigma
         return "recover", Reason(
-            "returning_to_held",
-            path_m=left,
-            since=since,
-            target=target,
-            limit_m=limit,
-            sigma_m=sigma,
+            "going_back", since=since, target=target, limit_m=limit, sigma_m=sigma
         )
     if exploration.backtracking:
-        return "recover", Reason("backing_up", path_m=left, since=since, target=target)
+        return "recover", Reason("going_back", since=since, target=target)
     places = len(state.viewpoints)
-    reason = Reason("looking_elsewhere", path_m=left, since=since, target=target, places=places)
-    return "explore", reason
+    return "explore", Reason("looking_elsewhere", since=since, target=target, places=places)
 
 
 def diagnose_no_path(input: PlannerInput, search: Plan) -> Reason:
     """Return the reason of a robot for which no path to the goal was found."""
     if search.label == "goal_blocked":
         found = obstruction.at_place(input, input.goal, 0.0, unknown_blocks=False)
-        return inflation_reason("goal_blocked", found, limit_m=input.behaviour.goal_search_radius)
-    exhaustive = planner_traits(input.planner.name).complete and not input.traversable.discs
-    if exhaustive and search.label == "no_path" and search.iterations < input.planner.iterations:
-        return Reason("no_path_in_map", iterations=search.iterations)
-    return Reason("no_path_found", iterations=search.iterations)
+        return obstructed("goal_blocked", found)
+    return Reason("no_path", iterations=search.iterations)
 
 
 def diagnose_lost_path(
@@ -176,27 +151,22 @@ def diagnose_lost_path(
     if previous.global_path is None:
         return _diagnose_earlier_loss(input, previous)
     path = remaining(previous.global_path, start.arc_length)
-    if previous.exploring and arc_length(path) < ARRIVED:
-        return Reason("at_viewpoint", path_m=0.0), "none"
+    if previous.exploring and arc_length(path) < ARRIVED:  # at its viewpoint
+        return Reason("waiting", since=input.sequence), "none"
     stop = stopping_distance(start.speed, start.acceleration, input.limits)
     free = input.traversable.free_length(path)
     bendable = min(stop, arc_length(path) - LENGTH_ROUNDING)
     if free < bendable:  # no stretch of it is left that could be bent
-        found = obstruction.on_path(input, path, free, input.unknown_blocks)
-        return way_ahead_reason(BRAKES, found, stop_m=stop)
-    x, y, z = input.goal.tolist()
-    moved = distance(path[-1], input.goal)
-    return Reason("goal_place_moved", distance_m=moved, stop_m=stop, target=(x, y, z)), "none"
+        return braking_reason(obstruction.on_path(input, path, free, input.unknown_blocks))
+    return Reason("braking_for_goal"), "none"  # which has another place now
 
 
 def _diagnose_earlier_loss(input: PlannerInput, previous: PlannerState) -> tuple[Reason, Label]:
     """Return the reason and label where an earlier decision dropped the path."""
     loss = previous.path_loss
     if loss is None:  # a robot in motion without a path has had none from the start
-        return Reason("coming_to_rest", path_m=0.0, since=input.sequence), "none"
-    if loss.kind == "at_viewpoint":
-        return Reason("at_viewpoint", path_m=0.0, since=loss.sequence), "none"
-    return Reason("coming_to_rest", path_m=0.0, since=loss.sequence), loss.label
+        return Reason("waiting", since=input.sequence), "none"
+    return Reason("waiting", since=loss.sequence), loss.label
 
 
 def diagnose_no_room(
@@ -213,6 +183,6 @@ def diagnose_no_room(
     turn = wrap_angle(target - start.heading)
     found = obstruction.on_turn(input, start.position, start.heading, start.heading + turn)
     if found.cell is not None:
-        return _reason("no_room_to_turn", found, turn_rad=turn)
+        return obstructed("waiting", found)
     found = obstruction.on_poses(input, poses_from(along, 0.0), input.unknown_blocks)
-    return _reason("no_room_along_path", found, free_m=found.free_m)
+    return obstructed("waiting", found)

@@ -106,7 +106,13 @@ def drive_along(
     if trajectory is None:
         return None
     action, reason, label = diagnose_driving(
-        input, state, start, part.length, blocked=part.blocked, slowed=slow_end is not None
+        input,
+        state,
+        start,
+        trajectory,
+        part.length,
+        blocked=part.blocked,
+        slowed=slow_end is not None,
     )
     command = Command(action, reason, label, trajectory, state.path)
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))

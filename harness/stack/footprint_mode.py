@@ -16,7 +16,6 @@ from wayproof.harness.stack.closed_gaps import note_lost_way, record_closed_gap,
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import heading_at
 from wayproof.harness.stack.pose_step import is_stepping
-from wayproof.harness.stack.reasons import STUCK_INSIDE
 from wayproof.harness.stack.types import (
     Command,
     Decided,
@@ -133,7 +132,7 @@ def _path_length(state: PlannerState) -> float:
 def _makes_progress(decided: Decided) -> bool:
     """Return whether the robot moves, turns or has arrived."""
     command = decided.command
-    if command.reason.kind in STUCK_INSIDE or command.action == "abort":
+    if command.reason.kind == "leaving_inflation" or command.action == "abort":
         return False
     return command.action != "stop_and_wait"
 
@@ -141,7 +140,7 @@ def _makes_progress(decided: Decided) -> bool:
 def _escapes(decided: Decided) -> bool:
     """Return whether the body moves or turns out of the inflation."""
     command = decided.command
-    return command.reason.kind in STUCK_INSIDE and command.trajectory.duration_s > 0.0
+    return command.reason.kind == "leaving_inflation" and command.trajectory.duration_s > 0.0
 
 
 def _steps_out(decided: Decided) -> bool:

@@ -12,12 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from wayproof.harness.behaviour_config import MIN_ADVANCE
-from wayproof.harness.decision import Action
 from wayproof.harness.stack.global_path import ARRIVED
 from wayproof.harness.stack.maneuvers import brake
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 from wayproof.harness.stack.path_following import follow_global_path
-from wayproof.harness.stack.reasons import Kind, Reason
+from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.types import (
     LENGTH_ROUNDING,
     Command,
@@ -70,7 +69,7 @@ def at_path_end(state: PlannerState, start: TrajectorySample) -> bool:
 
 def give_up_at_goal(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
     """Give up beside a goal that the pose is too uncertain to claim."""
-    return _stand(input, state, start, kind="goal_uncertain", action="abort")
+    return _stand(input, state, start, limit=input.goal_tolerance / MARGIN_SIGMAS)
 
 
 def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
@@ -90,14 +89,14 @@ def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectoryS
             )
     if not is_stationary(start):
         path = remaining(state.trajectory.path, start.arc_length)
-        reason = _reason(input, "pose_lost")
+        reason = _lost(input, input.behaviour.lost_sigma)
         return brake(input, state, start, path, reason, label="localization_lost")
     path = np.vstack([start.position, state.unheld_trail[::-1]])
     path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]
     free = input.traversable.free_length(path) if len(path) > 1 else 0.0
     done = state.returns >= input.behaviour.max_returns
     if done or free < max(arc_length(path) - LENGTH_ROUNDING, MIN_ADVANCE):
-        return _stand(input, state, start, kind="pose_lost", action="abort")
+        return _stand(input, state, start, limit=input.behaviour.lost_sigma)
     state = replace(
         state,
         global_path=path,
@@ -109,18 +108,16 @@ def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectoryS
 
 
 def _stand(
-    input: PlannerInput, state: PlannerState, start: TrajectorySample, kind: Kind, action: Action
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, limit: float
 ) -> Decided:
+    """Give up at rest: the position's standard deviation exceeds a limit, m."""
     trajectory = hold(start.position, input.effect_ns, start.heading)
-    command = Command(action, _reason(input, kind), "localization_lost", trajectory)
+    reason = _lost(input, limit)
+    command = Command("abort", reason, "localization_lost", trajectory)
     state = replace(state, trajectory=trajectory, global_path=None, exploration=None)
     return Decided(command, state)
 
 
-def _reason(input: PlannerInput, kind: Kind) -> Reason:
+def _lost(input: PlannerInput, limit: float) -> Reason:
     assert input.localization is not None
-    sigma = input.localization.sigma
-    if kind == "goal_uncertain":
-        left = distance(input.position, input.goal)
-        return Reason(kind, sigma_m=sigma, distance_m=left, limit_m=input.goal_tolerance)
-    return Reason(kind, sigma_m=sigma, limit_m=input.behaviour.lost_sigma)
+    return Reason("localization_lost", sigma_m=input.localization.sigma, limit_m=limit)

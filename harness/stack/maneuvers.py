@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from wayproof.harness.decision import Action, Label
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.diagnosis import diagnose_lost_path, diagnose_no_path, inflation_reason
+from wayproof.harness.stack.diagnosis import diagnose_lost_path, diagnose_no_path, obstructed
 from wayproof.harness.stack.evasive_stop import clearest_stop
 from wayproof.harness.stack.footprint_checks import first_misfit, moves_tail_first
 from wayproof.harness.stack.global_path import HEADINGS, GlobalPlan
@@ -32,7 +32,6 @@ from wayproof.planners import (
     hold,
     remaining,
     stop_along,
-    stopping_distance,
 )
 
 
@@ -40,7 +39,7 @@ def hold_position(input: PlannerInput, state: PlannerState, setpoint: Trajectory
     """Hold the estimated pose: the robot is too far from its setpoint."""
     trajectory = hold(input.position, input.effect_ns, input.heading)
     reason = Reason(
-        "off_trajectory",
+        "localization_lost",
         distance_m=distance(input.position, setpoint.position),
         limit_m=input.behaviour.tracking_tolerance,
     )
@@ -52,7 +51,7 @@ def arrive(input: PlannerInput, state: PlannerState, start: TrajectorySample) ->
     """Stand at the goal, and claim it."""
     trajectory = hold(start.position, input.effect_ns, start.heading)
     left = distance(input.position, input.goal)
-    reason = Reason("at_goal", distance_m=left, limit_m=input.goal_tolerance)
+    reason = Reason("arrived", distance_m=left, limit_m=input.goal_tolerance)
     command = Command("goal", reason, "none", trajectory)
     return Decided(command, replace(state, trajectory=trajectory))
 
@@ -65,8 +64,7 @@ def wait_at_blocked_goal(
     state = _begin_to_wait(input, state)
     waited = seconds_waited(input, state)
     found = obstruction.at_place(input, input.goal, float(HEADINGS[0]), unknown_blocks=False)
-    away = distance(start.position, input.goal)
-    reason = inflation_reason("goal_inside_inflation", found, distance_m=away, waited_s=waited)
+    reason = obstructed("goal_blocked", found, waited_s=waited)
     action: Action = "abort" if waited >= input.behaviour.goal_wait_timeout else "stop_and_wait"
     command = Command(action, reason, "goal_blocked", trajectory)
     return Decided(command, replace(state, trajectory=trajectory, global_path=None))
@@ -108,6 +106,8 @@ def brake(
     tail_first = moves_tail_first(input, start, path)
     stop = stop_along(path, at_begin(input, start), input.limits, tail_first)
     trajectory = _without_turn(input, start, stop)
+    if reason.kind == "braking_for_goal":
+        reason = replace(reason, path_m=arc_length(trajectory.path))
     command = Command("stop_and_wait", reason, label, trajectory)
     return Decided(
         command, replace(state, trajectory=trajectory, global_path=None, exploration=None)
@@ -138,11 +138,6 @@ def stop_without_path(
         return wait(input, state, start, search.label, reason=diagnose_no_path(input, search))
     path = remaining(state.trajectory.path, start.arc_length)
     if search is not None:
-        stop = stopping_distance(start.speed, start.acceleration, input.limits)
-        reason = replace(diagnose_no_path(input, search), stop_m=stop)
-        return brake(input, state, start, path, reason, search.label)
+        return brake(input, state, start, path, diagnose_no_path(input, search), search.label)
     reason, label = diagnose_lost_path(input, previous, start)
-    command, state = brake(input, state, start, path, reason, label)
-    if reason.path_m is not None:
-        reason = replace(reason, path_m=arc_length(command.trajectory.path))
-    return Decided(replace(command, reason=reason), state)
+    return brake(input, state, start, path, reason, label)

@@ -6,7 +6,7 @@ from wayproof.harness.behaviour_config import MIN_ADVANCE
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.course_keeping import keep_admitted_trajectory, keep_course
-from wayproof.harness.stack.diagnosis import BRAKES, WAITS, way_ahead_reason
+from wayproof.harness.stack.diagnosis import braking_reason, label_ahead, obstructed
 from wayproof.harness.stack.driving import DrivablePart, drivable_part, drive_along
 from wayproof.harness.stack.footprint_checks import moves_tail_first
 from wayproof.harness.stack.global_path import heading_at
@@ -26,7 +26,7 @@ from wayproof.harness.stack.types import (
     arc_length,
     is_stationary,
 )
-from wayproof.planners import TrajectorySample, stopping_distance, truncate
+from wayproof.planners import TrajectorySample, truncate
 
 
 def follow_global_path(
@@ -68,13 +68,12 @@ def brake_on_path(
 ) -> Decided:
     """Brake: less of the global path can be driven than the robot needs to stop."""
     path, end = state.path, part.length
-    braking = stopping_distance(start.speed, start.acceleration, input.limits)
     kept = truncate(path, max(end, 1e-3))
     if not part.blocked:
-        reason = Reason("path_too_short", path_m=end, stop_m=braking)
+        reason = Reason("braking_for_goal")
         return brake(input, state, start, path=kept, reason=reason, label="none")
     found = obstruction.on_path(input, path, end, input.unknown_blocks)
-    reason, label = way_ahead_reason(BRAKES, found, stop_m=braking)
+    reason, label = braking_reason(found)
     return brake(input, state, start, path=kept, reason=reason, label=label)
 
 
@@ -83,5 +82,4 @@ def wait_on_path(
 ) -> Decided:
     """Wait at rest: something blocks the global path before an advance that is worth it."""
     found = obstruction.on_path(input, state.path, part.length, input.unknown_blocks)
-    reason, label = way_ahead_reason(WAITS, found, limit_m=MIN_ADVANCE)
-    return wait(input, state, start, label, reason)
+    return wait(input, state, start, label_ahead(found), obstructed("waiting", found))

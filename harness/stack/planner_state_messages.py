@@ -12,7 +12,6 @@ from wayproof.harness.geometry import polyline_length
 from wayproof.harness.input_messages import MAX_COORDINATE
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.closed_gaps import MOST_GAPS
-from wayproof.harness.stack.reasons import Kind
 from wayproof.harness.stack.types import (
     ClosedGap,
     Exploration,
@@ -20,6 +19,7 @@ from wayproof.harness.stack.types import (
     PathLoss,
     Place,
     PlannerState,
+    UnderWay,
 )
 from wayproof.planners import Trajectory
 from wayproof.planners.jerk_limited import Profile
@@ -67,7 +67,7 @@ def state_message(state: PlannerState) -> pb.PlannerState:
         )
     if (loss := state.path_loss) is not None:
         message.path_loss.CopyFrom(
-            pb.PathLoss(sequence=loss.sequence, kind=loss.kind, label=loss.label)
+            pb.PathLoss(sequence=loss.sequence, under_way=loss.under_way, label=loss.label)
         )
     if (lost := state.lost_way) is not None:
         message.lost_way.CopyFrom(
@@ -188,9 +188,9 @@ def _time(time_ns: int) -> int:
 
 
 def _path_loss(message: pb.PathLoss) -> PathLoss:
-    if message.kind not in get_args(Kind) or message.label not in get_args(Label):
-        raise ValueError(f"path_loss: {message.kind[:40]!r}, {message.label[:40]!r}")
-    return PathLoss(message.sequence, message.kind, message.label)  # type: ignore[arg-type]
+    if message.under_way not in get_args(UnderWay) or message.label not in get_args(Label):
+        raise ValueError(f"path_loss: {message.under_way[:40]!r}, {message.label[:40]!r}")
+    return PathLoss(message.sequence, message.under_way, message.label)  # type: ignore[arg-type]
 
 
 def _lost_way(message: pb.LostWay) -> LostWay:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,6 +18,7 @@ from wayproof.harness.stack.types import (
     Decided,
     PlannerInput,
     PlannerState,
+    arc_length,
     distance,
 )
 from wayproof.planners import Trajectory, TrajectorySample, plan_seed, turn_in_place
@@ -62,7 +62,7 @@ def step_to_pose(
     trajectory = _first_motion(input, start, found.waypoints, found.headings)
     if trajectory is None:
         return None
-    command = _stepping(start, trajectory)
+    command = _stepping(trajectory)
     state = replace(state, trajectory=trajectory, global_path=None, rest_since_ns=-1)
     return Decided(command, state)
 
@@ -73,7 +73,7 @@ def is_stepping(state: PlannerState, start: TrajectorySample) -> bool:
         not start.at_rest
         and state.global_path is None
         and state.path_loss is not None
-        and state.path_loss.kind == "stepping_to_pose"
+        and state.path_loss.under_way == "step"
     )
 
 
@@ -84,18 +84,13 @@ def continue_step(
     elapsed = (input.effect_ns - state.trajectory.start_ns) * 1e-9
     if first_misfit(input.traversable, state.trajectory, elapsed) is not None:
         return None
-    return Decided(_stepping(start, state.trajectory), state)
+    return Decided(_stepping(state.trajectory), state)
 
 
-def _stepping(start: TrajectorySample, trajectory: Trajectory) -> Command:
-    """Return the command to take a step, whose reason states what is left of it."""
-    end = trajectory.at(trajectory.start_ns + math.ceil(trajectory.duration_s * 1e9))
-    reason = Reason(
-        "stepping_to_pose",
-        distance_m=distance(start.position, end.position),
-        turn_rad=wrap_angle(end.heading - start.heading),
-    )
-    return Command("follow", reason, label="none", trajectory=trajectory)
+def _stepping(trajectory: Trajectory) -> Command:
+    """Return the command to take a step."""
+    reason = Reason("following", free_m=arc_length(trajectory.path))
+    return Command("follow", reason, label="none", trajectory=trajectory, under_way="step")
 
 
 def _first_motion(

@@ -1,87 +1,66 @@
-"""Why a decision was made: a closed list of predicates, each with the figures that make it true.
+"""Why a decision was made: one of a few kinds, with the obstruction or the plain fact behind it.
 
-The sentence that a log shows is made from these alone (`reason_sentences`), so the two cannot
-contradict each other. `harness.replay.reasons` holds each against the map.
+The sentence that a log shows is made from these alone, so the two cannot contradict each other.
+`harness.replay.reasons` holds each against the map.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple, get_args
 
-from wayproof.harness.decision import GRAIN
+from wayproof.harness.decision import GRAIN, Action, Label
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 Point = tuple[float, float, float]
 
 Kind = Literal[
-    "path_to_goal",
-    "braking_to_goal",
-    "path_to_corner",
-    "unknown_ahead",
-    "blocked_ahead",
-    "through_unknown",
-    "turning_into_path",
-    "stepping_aside",
-    "stepping_to_pose",
-    "keeping_course",
+    "following",
+    "slowing_for_unknown",
+    "turning",
+    "braking_for_blocked",
+    "braking_for_unknown",
+    "braking_for_goal",
+    "waiting",
     "looking_elsewhere",
-    "at_viewpoint",
-    "backing_up",
-    "off_trajectory",
-    "returning_to_held",
-    "pose_lost",
-    "goal_uncertain",
-    "escaping_inflation",
-    "turning_out_of_inflation",
-    "braking_before_unknown",
-    "braking_before_blocked",
-    "path_too_short",
-    "goal_place_moved",
-    "coming_to_rest",
-    "waiting_before_unknown",
-    "waiting_before_blocked",
-    "no_path_in_map",
-    "no_path_found",
+    "leaving_inflation",
+    "going_back",
+    "no_path",
     "goal_blocked",
-    "goal_inside_inflation",
-    "no_room_to_turn",
-    "no_room_along_path",
-    "no_way_out",
-    "way_out_blocked",
-    "at_goal",
-    "deadline_missed",
+    "localization_lost",
+    "late",
+    "arrived",
     "commanded",
-    "commanded_without_proof",
-    "guard_braking",
 ]
+"""Kinds of reason: those of the built-in stack while it drives, `arrived`, its end, and
+`commanded`, the referee's of a stack on trial."""
 
 
 @dataclass(frozen=True)
 class Reason:
-    """One predicate; a figure that its kind lacks is None.
+    """One reason; a figure that its kind lacks is None.
 
     Attributes:
         kind: One of `Kind`.
-        free_m: Length of the way ahead that the body may enter, m; a long body's ends with a piece
-            of its path, and it overlaps `cell` on the next piece.
-        path_m: Length of the rest of the path, m.
-        short_m: Straight distance from the path's end to the goal, if it ends elsewhere, m.
-        stop_m: Distance that the robot needs to stop, m.
-        full_speed_stop_m: Distance that it would need at full speed, m.
-        distance_m: Distance named by the sentence of the kind, m.
-        limit_m: Limit that the distance is held against, m.
-        turn_rad: Angle by which the body turns, rad.
-        speed_share: Share of full speed.
-        waited_s: Time that it has waited, s.
+        free_m: Length of the way up to the obstruction, or else of what is committed, m; a long
+            body's ends with a piece of its path, and it overlaps `cell` on the next piece.
+        path_m: Length of the committed path, m.
+        distance_m: Distance that the kind is about, m.
+        limit_m: Limit of that distance, or of `sigma_m`, m.
+        turn_rad: Heading that the body turns to, or angle by which it turns out of the inflation,
+            rad.
+        waited_s: Time that it has waited at rest, s.
         delay_s: Delay of the decision, s.
         deadline_s: Deadline of the decision, s.
         since: Number of the decision in which this began.
         places: Number of places that it has looked from.
         iterations: Iterations of the search.
-        cell: Centre of the cell that the body would overlap, m.
-        cell_state: `occupied`, `unknown` or `outside`; empty without a cell.
-        place: Centre of the body, or of one of its discs, that would overlap it, m.
+        cell: Centre of the cell that obstructs, m.
+        cell_state: What that is: one of `maps.costmap.blockers.STATES`, or `outside`; empty without
+            a cell.
+        place: Centre of the cell of the body's centre, or of one of its discs', that is too near to
+            it, m.
         target: Place that it goes to, m.
         frontier: `none` or `out_of_reach`; empty where none was looked for.
         sigma_m: Stated standard deviation of the position where it decides, m.
@@ -91,13 +70,9 @@ class Reason:
     kind: Kind
     free_m: float | None = None
     path_m: float | None = None
-    short_m: float | None = None
-    stop_m: float | None = None
-    full_speed_stop_m: float | None = None
     distance_m: float | None = None
     limit_m: float | None = None
     turn_rad: float | None = None
-    speed_share: float | None = None
     waited_s: float | None = None
     delay_s: float | None = None
     deadline_s: float | None = None
@@ -121,18 +96,123 @@ class Reason:
                 object.__setattr__(self, name, tuple(map(in_grains, value)))
 
 
-STUCK_INSIDE = (
-    "escaping_inflation",
-    "turning_out_of_inflation",
-    "no_way_out",
-    "way_out_blocked",
-)
-"""Kinds of reason of a body that stands inside the inflation."""
+class Meaning(NamedTuple):
+    """Sentence of a kind of reason, with the actions and labels that it occurs with.
+
+    Attributes:
+        text: The sentence, with the figures that every reason of this kind has.
+        actions: Actions that it can explain.
+        labels: Labels that it occurs with.
+    """
+
+    text: str
+    actions: tuple[Action, ...]
+    labels: tuple[Label, ...] = ("none",)
+
+
+DRIVES: tuple[Action, ...] = ("follow", "slow")
+RESTS: tuple[Action, ...] = ("stop_and_wait", "abort")
+AHEAD: tuple[Label, ...] = ("unknown_ahead", "path_blocked")
+
+MEANINGS: dict[Kind, Meaning] = {
+    "following": Meaning("{free_m:.2f} m admitted", DRIVES, ("none", *AHEAD)),
+    "slowing_for_unknown": Meaning("slowing: {free_m:.2f} m known", DRIVES, ("unknown_ahead",)),
+    "turning": Meaning("turning to a heading of {turn_degrees:.0f} degrees", ("follow",)),
+    "braking_for_blocked": Meaning(
+        "braking: {free_m:.2f} m admitted", ("slow", "stop_and_wait"), AHEAD
+    ),
+    "braking_for_unknown": Meaning("braking: {free_m:.2f} m admitted", ("stop_and_wait",), AHEAD),
+    "braking_for_goal": Meaning(
+        "braking to the end of the path, {path_m:.2f} m", (*DRIVES, "stop_and_wait")
+    ),
+    "waiting": Meaning("waiting", RESTS, get_args(Label)),
+    "looking_elsewhere": Meaning(
+        "on the way to {target}, to look from there; looked from {places} places so far",
+        ("explore",),
+        ("none", *AHEAD),
+    ),
+    "leaving_inflation": Meaning(
+        "inside the inflation", ("recover", "stop_and_wait", "abort"), ("start_blocked",)
+    ),
+    "going_back": Meaning(
+        "going back to {target}", ("recover",), ("none", *AHEAD, "localization_lost")
+    ),
+    "no_path": Meaning(
+        "no path to the goal found in {iterations} iterations",
+        RESTS,
+        ("no_path", "start_blocked", "goal_blocked"),
+    ),
+    "goal_blocked": Meaning("the goal is inside the inflation", RESTS, ("goal_blocked",)),
+    "localization_lost": Meaning("localization lost", ("recover", *RESTS), ("localization_lost",)),
+    "late": Meaning(
+        "{delay_ms:.0f} ms, {deadline_ms:.0f} allowed: the last trajectory stands",
+        ("follow", "stop_and_wait"),
+        ("deadline_missed",),
+    ),
+    "arrived": Meaning("at rest {distance_m:.2f} m from the goal", ("goal",)),
+    "commanded": Meaning(
+        "commanded by the stack on trial; the referee admits {free_m:.2f} m of it",
+        get_args(Action),
+        get_args(Label),
+    ),
+}
+"""Sentence, actions and labels by kind of reason."""
 
 FIGURES = tuple(one.name for one in fields(Reason) if one.name != "kind")
 POINTS = ("cell", "place", "target")
 TEXTS = ("cell_state", "frontier")
 COUNTS = ("since", "places", "iterations")
+
+
+def sentence(reason: Reason) -> str:
+    """Return the sentence of a reason, with its figures and nothing else."""
+    values: dict[str, Any] = {name: getattr(reason, name) for name in FIGURES}
+    for name in POINTS:
+        if values[name] is not None:
+            values[name] = "(" + ", ".join(f"{value:.2f}" for value in values[name]) + ")"
+    values["turn_degrees"] = math.degrees(reason.turn_rad or 0.0)
+    values["delay_ms"] = 1e3 * (reason.delay_s or 0.0)
+    values["deadline_ms"] = 1e3 * (reason.deadline_s or 0.0)
+    text = MEANINGS[reason.kind].text.format(**values)
+    if reason.cell is not None:
+        joint = ", then" if reason.free_m is not None else ":"
+        text = f"{text}{joint} {reason.cell_state} at {values['cell']}"
+    return "; ".join([text, *_additions(reason)])
+
+
+def _additions(reason: Reason) -> list[str]:
+    """Return clauses on the figures that only some reasons of a kind have."""
+    found = []
+    if reason.kind == "leaving_inflation":
+        found.append(_way_out(reason))
+    if reason.kind == "localization_lost" and reason.distance_m is not None:
+        found.append(
+            f"{reason.distance_m:.2f} m off the trajectory, {reason.limit_m:.2f} m allowed"
+        )
+    elif reason.sigma_m is not None and reason.limit_m is not None:
+        deviation = f"a standard deviation of {reason.sigma_m:.2f} m"
+        found.append(f"the pose has {deviation}, {reason.limit_m:.2f} m allowed")
+    elif reason.sigma_m is not None:
+        found.append(f"slowed, as the sweeps do not hold the pose to {reason.sigma_m:.2f} m")
+    if reason.range_sigma_m is not None:
+        found.append(f"slowed, as ranges deviate by {reason.range_sigma_m:.2f} m")
+    if reason.kind == "waiting" and reason.since is not None:
+        found.append(f"coming to rest, without a path since decision {reason.since}")
+    if reason.waited_s is not None:
+        found.append(f"waited {reason.waited_s:.1f} s")
+    if reason.frontier:
+        found.append("no frontier is left" if reason.frontier == "none" else "no way to a frontier")
+    if reason.places is not None and reason.kind != "looking_elsewhere":
+        found.append(f"gave up after looking from {reason.places} places")
+    return found
+
+
+def _way_out(reason: Reason) -> str:
+    if reason.distance_m is not None:
+        return f"{reason.distance_m:.2f} m to admitted space"
+    if reason.turn_rad is not None:
+        return f"free when turned by {math.degrees(reason.turn_rad):.0f} degrees"
+    return "no way out of it"
 
 
 def reason_message(reason: Reason) -> pb.Reason:

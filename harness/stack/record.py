@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,9 @@ from wayproof.harness.inputs import Inputs
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.provenance import evidence_along
-from wayproof.harness.stack.reason_sentences import sentence
-from wayproof.harness.stack.reasons import Reason, reason_message
+from wayproof.harness.stack.reasons import Reason, reason_message, sentence
 from wayproof.harness.stack.types import Command, PlannerInput
+from wayproof.maps import Costmap
 from wayproof.planners import Trajectory
 
 Array = NDArray[np.float64]
@@ -40,6 +41,7 @@ def record(
         version: Version of the map.
     """
     path, search, config = command.trajectory.path, command.search, mapper.costmap.config
+    reason = with_named_cell(command.reason, mapper.costmap)
     decision = pb.Decision(
         sequence=inputs.sequence,
         trigger=f"{inputs.sweeps[0].sensor} sweep" if inputs.sweeps else "pose",
@@ -63,8 +65,8 @@ def record(
         path_length_m=_length(command.global_path),
         least_clearance_m=planner_input.known_free.least_clearance(path),
         action=command.action,
-        reason=sentence(command.reason),
-        predicate=reason_message(command.reason),
+        reason=sentence(reason),
+        predicate=reason_message(reason),
         label=command.label,
         trajectory=trajectory_message(command.trajectory),
         committed_length_m=_length(path),
@@ -78,13 +80,21 @@ def record(
     return decision
 
 
+def with_named_cell(reason: Reason, costmap: Costmap) -> Reason:
+    """Return a reason that names the cell of the map for which one of the costmap blocks."""
+    if reason.cell is None or reason.cell_state == "outside":
+        return reason
+    blocker = costmap.blocker(np.array(reason.cell))
+    return replace(reason, cell=blocker.centre, cell_state=blocker.state)
+
+
 def record_missed_deadline(decision: pb.Decision, standing: Trajectory) -> None:
     """Change a decision past its deadline to the robot's actual action: to follow `standing`."""
     late_ns = decision.timestamp.ToNanoseconds() - standing.start_ns
     decision.action = "stop_and_wait" if late_ns >= standing.duration_s * 1e9 else "follow"
     decision.label = "deadline_missed"
     delay_s, deadline_s = decision.delay_s, decision.deadline_s
-    reason = Reason("deadline_missed", delay_s=delay_s, deadline_s=deadline_s)
+    reason = Reason("late", delay_s=delay_s, deadline_s=deadline_s)
     decision.reason = sentence(reason)
     decision.predicate.CopyFrom(reason_message(reason))
     decision.trajectory.CopyFrom(trajectory_message(standing))

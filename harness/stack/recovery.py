@@ -10,7 +10,7 @@ import numpy as np
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.backtrack import backtrack_path
-from wayproof.harness.stack.diagnosis import inflation_reason
+from wayproof.harness.stack.diagnosis import obstructed
 from wayproof.harness.stack.footprint_checks import (
     footprint_free,
     keeps_bare_clearance,
@@ -27,6 +27,7 @@ from wayproof.harness.stack.types import (
     Exploration,
     PlannerInput,
     PlannerState,
+    UnderWay,
     arc_length,
     distance,
     is_stationary,
@@ -64,25 +65,28 @@ def escape_inflation(input: PlannerInput, state: PlannerState, start: Trajectory
     """
     escape = _nearest_escape(input, start)
     found = obstruction.at_place(input, start.position, start.heading, input.unknown_blocks)
-    if escape is None:
-        reason = inflation_reason("no_way_out", found, limit_m=MAX_ESCAPE)
-        return wait(input, state, start, label="start_blocked", reason=reason)
+    if escape is None or not _leads_out(input, start, escape.position, escape.heading):
+        return wait(input, state, start, "start_blocked", obstructed("leaving_inflation", found))
     away = distance(start.position, escape.position)
-    if not _leads_out(input, start, escape.position, escape.heading):
-        reason = inflation_reason("way_out_blocked", found, distance_m=away)
-        return wait(input, state, start, label="start_blocked", reason=reason)
     path = np.stack([start.position, escape.position])
+    under_way: UnderWay = ""
     if escape.heading == start.heading:
         trajectory = _sidestep(input, start, path)
-        reason = inflation_reason("escaping_inflation", found, distance_m=away)
+        reason = obstructed("leaving_inflation", found, distance_m=away)
+        under_way = "escape"
     else:
         trajectory = turn_in_place(
             start.position, input.effect_ns, start.heading, escape.heading, input.limits
         )
         turn = wrap_angle(escape.heading - start.heading)
-        reason = inflation_reason("turning_out_of_inflation", found, turn_rad=turn)
+        reason = obstructed("leaving_inflation", found, turn_rad=turn)
     command = Command(
-        "recover", reason, label="start_blocked", trajectory=trajectory, global_path=path
+        "recover",
+        reason,
+        label="start_blocked",
+        trajectory=trajectory,
+        global_path=path,
+        under_way=under_way,
     )
     state = replace(
         state, trajectory=trajectory, global_path=None, exploration=None, rest_since_ns=-1
@@ -95,7 +99,7 @@ def is_escaping(input: PlannerInput, state: PlannerState, start: TrajectorySampl
     return (
         not is_stationary(start)
         and state.path_loss is not None
-        and state.path_loss.kind == "escaping_inflation"
+        and state.path_loss.under_way == "escape"
         and not footprint_free(input.traversable, start)
     )
 
@@ -110,10 +114,15 @@ def continue_escape(
     if not _leads_out(input, start, path[-1], start.heading):
         return None
     found = obstruction.at_place(input, start.position, start.heading, input.unknown_blocks)
-    reason = inflation_reason("escaping_inflation", found, distance_m=arc_length(path))
+    reason = obstructed("leaving_inflation", found, distance_m=arc_length(path))
     trajectory = _sidestep(input, start, path)
     command = Command(
-        "recover", reason, label="start_blocked", trajectory=trajectory, global_path=path
+        "recover",
+        reason,
+        label="start_blocked",
+        trajectory=trajectory,
+        global_path=path,
+        under_way="escape",
     )
     return Decided(command, replace(state, trajectory=trajectory))
 

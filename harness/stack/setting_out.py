@@ -74,7 +74,7 @@ def step_aside(input: PlannerInput, state: PlannerState, start: TrajectorySample
     )
     if trajectory is None:
         return None
-    reason = Reason("stepping_aside", distance_m=arc_length(trajectory.path))
+    reason = Reason("following", free_m=arc_length(trajectory.path))
     command = Command("follow", reason, label="none", trajectory=trajectory, global_path=state.path)
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
 
@@ -122,7 +122,8 @@ def turn_into_path(
             start.position, input.effect_ns, start.heading, target, input.limits
         )
     action: Action = "follow"
-    reason = Reason("turning_into_path", turn_rad=wrap_angle(target - start.heading))
+    end = trajectory.at(trajectory.start_ns + math.ceil(trajectory.duration_s * 1e9))
+    reason = Reason("turning", turn_rad=wrap_angle(end.heading))
     if state.exploration is not None:
         action, reason = exploration_reason(state, path, input)
     label: Label = "localization_lost" if state.returning else "none"

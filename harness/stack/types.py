@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.decision import Action, Label
-from wayproof.harness.stack.reasons import Kind, Reason
+from wayproof.harness.stack.reasons import Reason
 from wayproof.maps.elementary import norm
 from wayproof.planners import (
     FreeSpace,
@@ -178,18 +178,22 @@ class Exploration:
     returning: bool = False
 
 
+UnderWay = Literal["", "escape", "step"]
+"""A manoeuvre without a global path that the next decision may go on with."""
+
+
 @dataclass(frozen=True)
 class PathLoss:
     """The decision that dropped the global path without a new one.
 
     Attributes:
         sequence: Its number.
-        kind: Kind of its reason.
+        under_way: The manoeuvre that it began or went on with.
         label: Its label.
     """
 
     sequence: int
-    kind: Kind
+    under_way: UnderWay
     label: Label
 
 
@@ -300,12 +304,13 @@ class Command:
 
     Attributes:
         action: Action of the robot.
-        reason: Predicate, with its figures, that explains the action.
+        reason: Why, with its figures.
         label: Failure label; `none` without a failure.
         trajectory: Trajectory that the robot follows.
         global_path: (n, 3) to the goal or to a viewpoint, or none.
         search: The search made for this decision; none if the global path was kept.
         search_seed: Its seed, 0 if none.
+        under_way: The manoeuvre that the next decision may go on with.
     """
 
     action: Action
@@ -315,6 +320,7 @@ class Command:
     global_path: Array | None = None
     search: Plan | None = None
     search_seed: int = 0
+    under_way: UnderWay = ""
 
 
 class Decided(NamedTuple):

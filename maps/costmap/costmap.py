@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wayproof.maps.columns import ColumnMap, Columns, Window, unpack
 from wayproof.maps.config import CostmapConfig
+from wayproof.maps.costmap.blockers import Blocker
 from wayproof.maps.costmap.inflation import collision_distance_sq, inflation_radius_cells
 from wayproof.maps.costmap.lazy_distances import Clearances, Distances
 from wayproof.maps.costmap.projection import Airspace, Projection
@@ -19,7 +20,7 @@ from wayproof.maps.costmap.widening import NOT_WIDENED, Widened, reached, widene
 from wayproof.maps.elementary import exponentials
 from wayproof.maps.kernels import columns as kernels
 from wayproof.maps.kernels.edt import MAX_REACH
-from wayproof.maps.states import FREE, OCCUPIED
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
 T = TypeVar("T")
 
@@ -217,6 +218,27 @@ class Costmap:
         if flat:
             return states[:, 0, y0:y1, None]
         return states[:, :, z0:z1]
+
+    def blocker(self, centre: NDArray[np.float64]) -> Blocker:
+        """Return the cell of the map for which a cell of the costmap blocks.
+
+        Args:
+            centre: (3,) centre of a cell that is not free, by the widened states, m, world.
+        """
+        cell = np.floor((centre - self.origin) / self.resolution).astype(np.int64)
+        occupied = bool(self.states_between(cell, cell + 1)[0, 0, 0] == OCCUPIED)
+        wide = np.array([*self.widening, 0])
+        first, end = np.maximum(cell - wide, 0), np.minimum(cell + wide + 1, self.shape)
+        near = self.state[tuple(slice(a, b) for a, b in zip(first, end, strict=True))]
+        found = first + np.argwhere(near == OCCUPIED if occupied else near == UNKNOWN)
+        if not len(found):  # it is widened from beyond the window
+            beyond = np.where(
+                cell < wide, -1, np.where(cell + wide >= self.shape, self.shape, cell)
+            )
+            x, y, z = (self.origin + (beyond + 0.5) * self.resolution).tolist()
+            return Blocker((x, y, z), "outside")
+        x, y, z = found[np.square(found - cell).sum(axis=1).argmin()].tolist()
+        return self._cells.blocker(self._map, x, y, z, occupied)
 
     @property
     def clearance(self) -> NDArray[np.uint16]:

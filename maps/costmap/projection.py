@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wayproof.maps.columns import WORD_BITS, ColumnMap, Columns, Window, layer_bits
+from wayproof.maps.costmap.blockers import Band, Blocker, blocker_in
 from wayproof.maps.kernels import columns as kernels
 from wayproof.maps.kernels import labels
 
@@ -68,6 +69,14 @@ class Projection:
         voxel_map.rewrite_columns(first, whole, self._held[0], self._held[1])
         self._take(voxel_map.keep_out(*self._part(*box)), *box)
 
+    def blocker(self, voxel_map: ColumnMap, x: int, y: int, z: int, occupied: bool) -> Blocker:
+        """Return the cell of the map for which a cell that is not free blocks."""
+        return blocker_in(voxel_map, self._window, x, y, self._band(x, y, z), occupied)
+
+    def _band(self, x: int, y: int, z: int) -> Band:
+        """Return the layers of the map that make up a cell."""
+        raise NotImplementedError
+
     def _affected(self, x: slice, y: slice) -> Columns:
         """Return the columns whose projection may change with a box of columns of the map."""
         return x, y
@@ -112,6 +121,9 @@ class Airspace(Projection):
         super().__init__(window.layers(first, end))
         self.occupied, self.free = self._held  # as they are
 
+    def _band(self, x: int, y: int, z: int) -> Band:
+        return Band(z, z, z + 1)
+
     def _take(self, blocked: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         if blocked is not None:
             self.occupied[x, y] |= blocked
@@ -145,13 +157,16 @@ class Ground(Projection):
         nx, ny, _ = window.shape
         self.shape, self.rows = (nx, ny, 1), (nx, 1, ny)
         self.origin = window.origin + np.array([0.0, 0.0, first * window.resolution])
-        self._first, self._layers = first, end - first
+        self._floor, self._first, self._layers = floor_layer, first, end - first
         self._flat_layers = kernels.FlatLayers(
             below=layer_bits(0, floor_layer, end),
             footing=layer_bits(floor_layer, first, end),
             band=layer_bits(first, end, end),
         )
         super().__init__(window.layers(0, end))
+
+    def _band(self, x: int, y: int, z: int) -> Band:
+        return Band(self._floor, self._first, self._first + self._layers)
 
     def _affected(self, x: slice, y: slice) -> Columns:
         nx, ny, _ = self.shape  # a column may be the edge of the hole beside it

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wayproof.maps.columns import ColumnMap, Columns, Window
+from wayproof.maps.costmap.blockers import Band
 from wayproof.maps.costmap.projection import ROUNDING, Ground, Projection, walking_layers
 from wayproof.maps.elementary import tangent
 from wayproof.maps.grid import cells_at, finite_vector
@@ -86,6 +87,11 @@ class Terrain(Projection):
         if changed is not None or self._feet == self._stood:
             return changed
         return self._project()
+
+    def _band(self, x: int, y: int, z: int) -> Band:
+        _, foot, tall = self._body
+        ground = int(self.ground[x, y])
+        return Band(ground, ground + foot, ground + tall)
 
     def _take(self, blocked: NDArray[np.uint64] | None, x: slice, y: slice) -> Columns:
         if blocked is not None:

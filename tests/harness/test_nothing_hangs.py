@@ -64,7 +64,7 @@ def test_a_sealed_room_ends_in_an_abort_that_says_why(episode, robot, settings, 
     assert decisions[-1].label == label
     assert result.sim_time_s < 40.0
     assert result.collisions == 0
-    back = [d for d in decisions if d.action == "recover" and d.predicate.kind == "backing_up"]
+    back = [d for d in decisions if d.action == "recover" and d.predicate.kind == "going_back"]
     assert robot == "drone" or 0 < len({d.predicate.since for d in back}) <= 2
 
 

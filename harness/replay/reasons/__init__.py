@@ -1,7 +1,8 @@
 """Check of the reasons of decisions, by code that shares nothing with the planner.
 
-A reason is a predicate with figures (`harness.stack.reasons`). Both are computed again from the map
-of the decision, cell by cell, from the logged pose, and from the decisions before.
+A reason names one obstruction, or one plain fact (`harness.stack.reasons`). Of an obstruction the
+judge asks whether the cell is what it is said to be, whether the body at the place named is too
+near to it, and whether that place is on the way; of a fact, whether it holds.
 """
 
 from __future__ import annotations
@@ -13,16 +14,15 @@ import numpy as np
 
 from wayproof.harness.config import Config
 from wayproof.harness.mission import Mission
+from wayproof.harness.replay.reasons.facts import FACTS
+from wayproof.harness.replay.reasons.obstruction import is_named_truly
 from wayproof.harness.replay.reasons.past import Past
-from wayproof.harness.replay.reasons.predicates import PREDICATES
 from wayproof.harness.replay.reasons.scene import Scene
-from wayproof.harness.replay.reasons.uncertain import slowed, slowed_by_noise
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.reason_sentences import MEANINGS, sentence
-from wayproof.harness.stack.reasons import logged_reason
+from wayproof.harness.stack.reasons import MEANINGS, Kind, logged_reason, sentence
 from wayproof.maps.columns import ColumnMap
 
-__all__ = ["PREDICATES", "ReasonCheck"]
+__all__ = ["FACTS", "ReasonCheck"]
 
 FARTHEST = 10.0
 """Greatest distance of a point outside the operating area, m."""
@@ -30,12 +30,7 @@ FARTHEST = 10.0
 GREATEST = 1e5
 """Greatest length, m, time, s, or angle, rad."""
 
-MADE_OF = {
-    "turn_degrees": "turn_rad",
-    "speed_percent": "speed_share",
-    "delay_ms": "delay_s",
-    "deadline_ms": "deadline_s",
-}
+MADE_OF = {"turn_degrees": "turn_rad", "delay_ms": "delay_s", "deadline_ms": "deadline_s"}
 """Logged figure behind each figure of a sentence that has another unit."""
 
 
@@ -65,15 +60,12 @@ class ReasonCheck:
         Returns:
             One text for each false part.
         """
-        found: list[str] = []
+        found = ["there is no reason with figures"]
         if decision.HasField("predicate"):
             if config.recording is not None:
                 self._past.stand(decision)
-            scene = Scene(decision, built, config, mission)
-            found = list(self._contradictions(scene))
+            found = list(self._contradictions(Scene(decision, built, config, mission)))
             self.checked += 1
-        else:
-            found = ["there is no reason with figures"]
         self._past.take(decision)
         return found
 
@@ -83,14 +75,13 @@ class ReasonCheck:
 
     def _contradictions(self, scene: Scene) -> Iterator[str]:
         decision = scene.decision
-        reason, kind = decision.predicate, decision.predicate.kind
-        meaning = MEANINGS.get(kind)  # type: ignore[call-overload]
-        if meaning is None:
-            yield f"there is no reason '{kind[:40]}'"
+        reason = decision.predicate
+        if reason.kind not in MEANINGS:
+            yield f"there is no reason '{reason.kind[:40]}'"
             return
-        missing = [name for name in figures_of(meaning.text) if not _has(reason, name)]
-        if "cell" in figures_of(meaning.text) and not reason.HasField("place"):
-            missing.append("place")
+        kind: Kind = reason.kind
+        meaning = MEANINGS[kind]
+        missing = [name for name in figures_of(meaning.text) if not reason.HasField(name)]
         if missing:
             yield f"{kind} without {', '.join(missing)}"
             return
@@ -104,12 +95,8 @@ class ReasonCheck:
         if decision.label not in meaning.labels:
             yield f"{kind} does not go with label {decision.label}"
         try:
-            for text in PREDICATES[kind](scene, self._past, reason):
+            for text in (*is_named_truly(scene, self._past), *FACTS[kind](scene, self._past)):
                 yield f"{kind}: {text}"
-            if decision.action == "slow" and reason.HasField("sigma_m"):
-                yield from slowed(scene, reason)
-            if decision.action == "slow" and reason.HasField("range_sigma_m"):
-                yield from slowed_by_noise(scene, reason)
         except (ArithmeticError, LookupError, ValueError) as error:
             yield f"{kind}: nothing can be worked out from its figures ({error})"
 
@@ -131,9 +118,3 @@ def figures_of(text: str) -> list[str]:
     """Return the names of the logged figures in a sentence."""
     names = [name for _, name, _, _ in string.Formatter().parse(text) if name]
     return [MADE_OF.get(name, name) for name in names]
-
-
-def _has(reason: pb.Reason, name: str) -> bool:
-    if name == "cell_state":
-        return bool(reason.cell_state)
-    return reason.HasField(name)

@@ -20,8 +20,6 @@ class Step:
 
     Attributes:
         time_ns: Simulated time, ns.
-        kind: Kind of its reason.
-        label: Label.
         action: Action.
         predicate: Its whole reason.
         moves: Whether its trajectory is no hold.
@@ -29,12 +27,15 @@ class Step:
     """
 
     time_ns: int
-    kind: str
-    label: str
     action: str
     predicate: pb.Reason
     moves: bool
     position: Array
+
+    @property
+    def late(self) -> bool:
+        """Whether the decision was discarded, and the trajectory before it stood."""
+        return self.predicate.kind == "late"
 
 
 @dataclass
@@ -56,8 +57,6 @@ class Past:
         path = path_of(decision.trajectory.path)
         self.steps[decision.sequence] = Step(
             time_ns=decision.timestamp.ToNanoseconds(),
-            kind=decision.predicate.kind,
-            label=decision.label,
             action=decision.action,
             predicate=decision.predicate,
             moves=length(path) >= STILL,
@@ -84,12 +83,11 @@ class Past:
         begun = [one for one in self.trajectories if one.start.ToNanoseconds() <= time_ns]
         return begun[-1] if begun else None
 
+    def at(self, time_ns: int) -> int | None:
+        """Return the number of the decision at a time, ns; figures are logged to a microsecond."""
+        numbers = [k for k, one in self.steps.items() if abs(one.time_ns - time_ns) < 10_000]
+        return numbers[0] if numbers else None
+
     def since(self, first: int, last: int) -> list[Step]:
         """Return the decisions from `first` to `last`, the latter excluded."""
         return [self.steps[k] for k in range(first, last) if k in self.steps]
-
-    def for_this_goal(self) -> list[pb.Reason]:
-        """Return the reasons of the decisions since a goal was reached, or since the start."""
-        steps = list(self.steps.values())
-        reached = [k for k, one in enumerate(steps, 1) if one.action == "goal"]
-        return [one.predicate for one in steps[reached[-1] if reached else 0 :]]

@@ -8,15 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from wayproof.harness.config import Config
+from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.decision import path_of
-from wayproof.harness.judge.cells import NAMES, Cells, cells_around
-from wayproof.harness.log.paths import Array, refined
+from wayproof.harness.log.paths import Array, length, refined
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps.columns import ColumnMap
-
-Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -36,6 +33,11 @@ class Scene:
     mission: Mission
 
     @property
+    def reason(self) -> pb.Reason:
+        """The reason that is checked."""
+        return self.decision.predicate
+
+    @property
     def axes(self) -> int:
         """Number of axes: 2 for a walking body, 3 for a flying one."""
         return self.mission.axes
@@ -46,15 +48,19 @@ class Scene:
         return self.map.resolution
 
     @property
+    def half_diagonal(self) -> float:
+        """Greatest distance between a point and the centre of its cell, m."""
+        return 0.5 * math.sqrt(self.axes) * self.size
+
+    @property
     def effect_ns(self) -> int:
         """Simulated time for which the decision is made, ns."""
         return self.decision.timestamp.ToNanoseconds() + self.config.latency.expected_ns
 
     @property
-    def comparable(self) -> bool:
-        """Whether only cells of the map block: slopes and class margins add others."""
-        config = self.config.costmap
-        return not config.class_margins and config.max_slope == 0.0
+    def on_trial(self) -> bool:
+        """Whether the built-in stack did not decide."""
+        return self.config.stack.name != BUILTIN
 
     @property
     def unknown_blocks(self) -> bool:
@@ -62,39 +68,32 @@ class Scene:
         return self.config.costmap.unknown_policy == "forbid"
 
     @property
-    def offsets(self) -> list[float]:
-        """Offsets of the discs along the body, m; only 0 for the circumscribed disc."""
-        return [0.0] if self.wide else [offset for offset, _ in self.mission.discs]
+    def longest_offset(self) -> float:
+        """Greatest distance of a disc's centre from the body's, m."""
+        return max((abs(offset) for offset, _ in self.mission.discs), default=0.0)
 
     @property
-    def radii(self) -> list[float]:
-        """Radii of the discs of the decision, m."""
-        if not self.mission.discs:
-            return [self.mission.radius]
-        if self.wide:
-            return [max(abs(offset) + radius for offset, radius in self.mission.discs)]
-        return [radius for _, radius in self.mission.discs]
+    def reach(self) -> float:
+        """Distance between the centres of two cells up to which the body overlaps a cell, m.
 
-    @cached_property
-    def wide(self) -> bool:
-        """Whether the decision was made for the circumscribed disc."""
-        if not self.mission.discs:
-            return True
-        about = max(abs(offset) + radius for offset, radius in self.mission.discs)
-        slim = min(radius for _, radius in self.mission.discs)
-        named = self.decision.inflation_radius_m - self.decision.localization_margin_m
-        half = 0.5 * math.sqrt(self.axes) * self.size
-        return abs(named - half - about) < abs(named - half - slim)
-
-    def reach(self, radius: float) -> float:
-        """Return the distance between centres up to which a disc overlaps a cell, cells."""
-        margin = self.decision.localization_margin_m
-        return (radius + margin) / self.size + 0.5 * math.sqrt(self.axes)
+        That of the disc or ball about the body, or of the greatest of its discs: with the margin,
+        and half a cell's diagonal.
+        """
+        radius = max(
+            (abs(offset) + radius for offset, radius in self.mission.discs),
+            default=self.mission.radius,
+        )
+        return radius + self.decision.localization_margin_m + self.half_diagonal
 
     @cached_property
     def path(self) -> Array:
         """Committed path, (n, 3) m."""
         return path_of(self.decision.trajectory.path)
+
+    @property
+    def committed(self) -> float:
+        """Length of the committed path, m."""
+        return length(self.path)
 
     @cached_property
     def global_path(self) -> Array:
@@ -115,25 +114,7 @@ class Scene:
         """Return the distance between points (3,), m; in the plane for a walking body."""
         return float(np.linalg.norm((a - b)[: self.axes]))
 
-    def cells_about(self, points: Array, reach: float) -> Cells:
-        """Return the cells within a reach, m, of points (n, 3), m."""
-        return cells_around(
-            self.map,
-            path=points,
-            reach=reach,
-            config=self.config,
-            mission=self.mission,
-            widening=self.decision.widening,
-        )
 
-    @cached_property
-    def everywhere(self) -> Cells:
-        """Return all cells of the operating area."""
-        bounds = np.array([self.mission.low, self.mission.high])
-        return self.cells_about(bounds, 0.0)
-
-    def state_at(self, place: Point) -> str:
-        """Return the name of the state of the cell at a point."""
-        point = np.array([place])
-        cells = self.cells_about(point, 0.0)
-        return NAMES[int(cells.states[tuple(cells.of(point)[0])])]
+def point_of(point: pb.Point) -> Array:
+    """Return a logged point as an array (3,), m."""
+    return np.array([point.x, point.y, point.z])

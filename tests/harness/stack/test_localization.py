@@ -26,7 +26,7 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.mapping import MOST_DOUBT, margin_of
 from wayproof.harness.stack.planner_input import localization_of
-from wayproof.harness.stack.reason_sentences import sentence
+from wayproof.harness.stack.reasons import sentence
 from wayproof.harness.stack.types import Localization
 from wayproof.harness.trace import read_trace
 
@@ -115,9 +115,9 @@ def test_a_lost_robot_brakes_goes_back_to_where_it_was_held_and_gives_up():
         if command.action == "abort":
             break
     assert list(dict.fromkeys(kinds)) == [
-        ("stop_and_wait", "pose_lost", "localization_lost"),
-        ("recover", "returning_to_held", "localization_lost"),
-        ("abort", "pose_lost", "localization_lost"),
+        ("stop_and_wait", "localization_lost", "localization_lost"),
+        ("recover", "going_back", "localization_lost"),
+        ("abort", "localization_lost", "localization_lost"),
     ]
     assert np.abs(input.position[:2] - (1.05, 2.05)).max() < 0.3  # where it set out, held
 
@@ -140,12 +140,12 @@ def test_it_gives_up_where_the_way_back_is_blocked():
     state = at_rest(position=(3.05, 2.05), unheld_trail=trail)
     blocked = make_states(occupied=[(1.5, 1.7, 0.0, 4.0)])
     command, _ = decide(make_input(blocked, position=(3.05, 2.05), localization=LOST), state)
-    assert (command.action, command.reason.kind) == ("abort", "pose_lost")
+    assert (command.action, command.reason.kind) == ("abort", "localization_lost")
 
 
 def test_it_gives_up_without_a_place_where_it_was_held():
     command, _ = decide(make_input(localization=LOST), at_rest())
-    assert (command.action, command.reason.kind) == ("abort", "pose_lost")
+    assert (command.action, command.reason.kind) == ("abort", "localization_lost")
 
 
 @pytest.mark.parametrize(("sigma", "action"), [(0.09, "goal"), (0.11, "abort")])
@@ -153,7 +153,7 @@ def test_a_goal_is_claimed_only_with_a_pose_that_can_tell(sigma, action):
     input = make_input(position=GOAL, localization=Localization(sigma, False))
     command, _ = decide(input, at_rest(position=GOAL))
     assert command.action == action
-    assert (command.reason.kind == "goal_uncertain") == (action == "abort")
+    assert (command.reason.kind == "localization_lost") == (action == "abort")
 
 
 def test_it_gives_up_at_the_end_of_a_path_to_a_place_in_stead_of_the_goal():
@@ -164,7 +164,7 @@ def test_it_gives_up_at_the_end_of_a_path_to_a_place_in_stead_of_the_goal():
     state = at_rest(position=place_beside, global_path=ended[1:])
     input = make_input(states, position=place_beside, localization=Localization(0.22, True))
     command, _ = decide(input, state)
-    assert (command.action, command.reason.kind) == ("abort", "goal_uncertain")
+    assert (command.action, command.reason.kind) == ("abort", "localization_lost")
     certain, _ = decide(replace(input, localization=HELD), state)
     assert certain.action != "abort"
 
@@ -185,11 +185,11 @@ def lost_episode(tmp_path_factory):
 def test_an_episode_in_a_tunnel_ends_before_it_guesses(lost_episode):
     log = open_log(lost_episode)
     assert log.result["outcome"] == "aborted"
-    assert "the pose is lost" in log.result["reason"]
+    assert "localization lost" in log.result["reason"]
     decisions = list(log.decisions())
     assert decisions[-1].label == "localization_lost"
     assert any(one.widening and one.widening[0] > one.widening[1] == 0 for one in decisions)
-    assert {"pose_lost", "returning_to_held"} <= {one.predicate.kind for one in decisions}
+    assert {"localization_lost", "going_back"} <= {one.predicate.kind for one in decisions}
 
 
 def test_its_log_is_audited_and_replayed(lost_episode):
@@ -211,7 +211,7 @@ def test_noise_that_hides_the_planes_ends_in_a_lost_pose_and_no_collision(tmp_pa
     run_episode(build(config), tmp_path / "noise.mcap")
     log = open_log(tmp_path / "noise.mcap")
     assert log.result["outcome"] == "aborted"
-    assert "the pose is lost" in log.result["reason"]
+    assert "localization lost" in log.result["reason"]
     figures = score(read_trace(log))
     assert figures["coverage_x"] >= 0.9
     assert figures["coverage_y"] >= 0.9

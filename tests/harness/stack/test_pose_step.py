@@ -36,9 +36,9 @@ def test_the_step_ends_at_a_pose_where_the_body_fits():
     trajectory, reason = stepped.command.trajectory, stepped.command.reason
     end = final_sample(trajectory)
     assert first_misfit(input.traversable, trajectory) is None
-    assert reason.kind == "stepping_to_pose"
-    assert reason.turn_rad == pytest.approx(end.heading - ACROSS, abs=1e-5)
-    assert abs(reason.turn_rad) + reason.distance_m > 0.05
+    assert reason.kind == "following"
+    assert reason.free_m == pytest.approx(end.arc_length, abs=1e-5)
+    assert abs(end.heading - ACROSS) + reason.free_m > 0.05
     assert stepped.state.global_path is None
 
 
@@ -46,12 +46,12 @@ def test_a_step_under_way_goes_on_as_long_as_the_body_fits():
     input, state = in_lane(), at_rest(heading=ACROSS)
     stepped = step_to_pose(input, state, state.trajectory.at(input.effect_ns))
     loss = decide(input, replace(stepped.state, path_loss=None)).state.path_loss
-    assert loss is None or loss.kind != "stepping_to_pose"  # not by a decision of another kind
+    assert loss is None or loss.under_way != "step"  # not by a decision of another kind
     later = in_lane(sequence=2)
     start = stepped.state.trajectory.at(later.effect_ns)
     assert not is_stepping(stepped.state, start)
     soon = in_lane(sequence=1)
-    loss = PathLoss(1, stepped.command.reason.kind, "none")
+    loss = PathLoss(1, stepped.command.under_way, "none")
     under_way = replace(stepped.state, path_loss=loss)
     assert is_stepping(under_way, under_way.trajectory.at(soon.effect_ns))
     blocked = make_input(
@@ -91,7 +91,7 @@ def test_a_step_under_way_is_checked_by_the_footprint_that_takes_it():
     state = at_rest(heading=ACROSS)
     first = in_lane()
     step = step_to_pose(first, state, state.trajectory.at(first.effect_ns)).state
-    step = replace(step, oriented=True, path_loss=PathLoss(0, "stepping_to_pose", "none"))
+    step = replace(step, oriented=True, path_loss=PathLoss(0, "step", "none"))
     x, y, _ = (final_sample(step.trajectory).position / CELL).astype(int)
     seen = LANE.copy()
     seen[x - 1 : x + 2, y - 1 : y + 2] = OCCUPIED  # where it leads
@@ -103,4 +103,4 @@ def test_a_step_under_way_is_checked_by_the_footprint_that_takes_it():
     assert first_misfit(narrow.traversable, step.trajectory, 0.2) is not None
     decided = decide_with_footprint(wide, lambda: narrow, step)
     assert decided.command.trajectory is not step.trajectory
-    assert decided.command.reason.kind != "stepping_to_pose"
+    assert decided.command.under_way != "step"

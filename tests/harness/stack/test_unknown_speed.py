@@ -31,7 +31,7 @@ def speeds_of(trajectory, known):
 def test_a_robot_slows_down_where_the_unknown_begins(unknown_from, action):
     input, command = decided(unknown_from)
     known = command.reason.free_m
-    assert (command.action, command.reason.kind) == (action, "through_unknown")
+    assert (command.action, command.reason.kind) == (action, "slowing_for_unknown")
     before, beyond = speeds_of(command.trajectory, known)
     assert beyond.max() <= SHARE * input.limits.speed + 1e-6
     assert beyond.max() > 0.95 * SHARE * input.limits.speed
@@ -51,6 +51,6 @@ def test_a_tiny_share_still_ends_at_the_goal():
 
 def test_a_way_that_is_known_costs_no_speed():
     input, command = decided(7.9)
-    assert (command.action, command.reason.kind) == ("follow", "path_to_goal")
+    assert (command.action, command.reason.kind) == ("follow", "following")
     before, _ = speeds_of(command.trajectory, 1e9)
     assert before.max() == pytest.approx(input.limits.speed)

@@ -36,8 +36,8 @@ class Reckless(Navigator):
                 given.limits.speed,
             )
         straight = self._straight
-        # It claims that the whole path is free, which an audit finds false where it is not.
-        reason = Reason("path_to_goal", path_m=arc_length(straight.path))
+        # It claims that the whole path is admitted, which an audit finds false where it is not.
+        reason = Reason("following", free_m=arc_length(straight.path))
         command = Command(
             "follow", reason, label="none", trajectory=straight, global_path=straight.path
         )

@@ -101,7 +101,11 @@ def _replayed(log: Path) -> list[str]:
 def _audited(path: Path) -> list[str]:
     """Return the violations of a log, but joints where the robot holds a pose that has jumped."""
     decisions = open_log(path).decisions()
-    jumped = {one.sequence for one in decisions if one.predicate.kind == "off_trajectory"}
+    jumped = {
+        one.sequence
+        for one in decisions
+        if one.label == "localization_lost" and not one.predicate.HasField("sigma_m")
+    }
     return [
         f"decision {one.sequence}: {one.rule}: {one.text}"
         for one in audit(path).violations

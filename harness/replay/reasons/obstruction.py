@@ -1,0 +1,152 @@
+"""Whether the cell that a reason names is what it is said to be, and obstructs at its place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.harness.judge.cells import HEIGHT_SHIFT, NAMES, OUTSIDE, SLIVER, cells_around
+from wayproof.harness.log.paths import Array, arc_at, arc_lengths, densely, place_at
+from wayproof.harness.replay.reasons.past import Past
+from wayproof.harness.replay.reasons.scene import Scene, point_of
+from wayproof.maps import OCCUPIED, UNKNOWN, states_in
+
+NEEDED = ("slowing_for_unknown", "leaving_inflation", "goal_blocked")
+"""Kinds that always name a cell; those that brake do, unless a guard brakes at the border."""
+
+ON_THE_WAY = ("following", "slowing_for_unknown", "braking_for_blocked", "braking_for_unknown")
+"""Kinds whose cell gives the label."""
+
+UNKNOWNS = ("unknown", "floor not seen")
+"""What a body may not overlap only because it was not seen."""
+
+BENT = 0.1
+"""Greatest distance of a logged path from the whole one: every fifth point of it is logged, m."""
+
+ROUNDING = 1e-6
+"""Tolerance of distances between centres of cells, m."""
+
+
+def is_named_truly(scene: Scene, past: Past) -> Iterator[str]:
+    """Yield what is false about the cell that a reason names, its state, and its place."""
+    reason = scene.reason
+    if not reason.HasField("cell"):
+        braking = reason.kind.startswith("braking_for_") and reason.kind != "braking_for_goal"
+        if reason.kind in NEEDED or (braking and not scene.decision.verdict.cut):
+            yield "it names no cell"
+        return
+    if not reason.HasField("place") or not reason.cell_state:
+        yield "it names no place, or no state of its cell"
+        return
+    cell, place = point_of(reason.cell), point_of(reason.place)
+    yield from _has_state(scene, cell)
+    yield from _agrees_with_kind(scene)
+    indices = np.floor(np.stack([cell, place]) / scene.size + HEIGHT_SHIFT)[:, : scene.axes]
+    steps = np.abs(indices[0] - indices[1])
+    steps[:2] = np.maximum(steps[:2] - (tuple(scene.decision.widening) or (0, 0)), 0)
+    away = float(np.linalg.norm(steps)) * scene.size
+    if away > scene.reach + ROUNDING:
+        yield f"the cell is {away:.2f} m from the place, out of reach of the body"
+    yield from _is_there(scene, past, place)
+
+
+def _has_state(scene: Scene, cell: Array) -> Iterator[str]:
+    """Check that a cell (3,) is what it is said to be."""
+    claimed = scene.reason.cell_state
+    found = _state_of(scene, cell)
+    if claimed == "class margin":
+        if not scene.config.costmap.class_margins or found == "outside":
+            yield "no class has a margin"
+        return
+    if scene.config.costmap.max_slope > 0.0 and claimed in ("floor not seen", "no floor"):
+        return  # where the floor is, is found from the whole map
+    if found != claimed:
+        yield f"the cell is {found}, not {claimed}"
+
+
+def _state_of(scene: Scene, cell: Array) -> str:
+    """Return what a cell (3,) is; of a walking body's column, for what it blocks."""
+    config, mission = scene.config, scene.mission
+    about = cells_around(scene.map, cell[None], 0.0, config, mission)
+    state = int(about.states[tuple(about.of(cell[None])[0])])
+    if not mission.planar or state == OUTSIDE:
+        return NAMES[state]
+    column, layer = _column_of(scene, cell)
+    itself = NAMES[int(column[layer(cell[2])])]
+    if config.costmap.max_slope > 0.0:
+        return itself
+    band = column[layer(mission.step_height + SLIVER) : layer(mission.height - SLIVER) + 1]
+    if state == UNKNOWN:
+        return itself if (band == UNKNOWN).any() else "floor not seen"
+    if (band == OCCUPIED).any():
+        return itself
+    return "no floor" if state == OCCUPIED else "free"
+
+
+def _column_of(scene: Scene, cell: Array) -> tuple[NDArray[np.uint8], Callable[[float], int]]:
+    """Return the states (nz,) of a cell's column, and the layer of a height, m.
+
+    From below the floor to above the body and the cell.
+    """
+    size, spare = scene.size, np.array([0.25, 0.25, 0.0]) * scene.size
+    first = math.floor(scene.mission.low[2] / size + HEIGHT_SHIFT[2]) - 1
+    top = math.floor(max(scene.mission.height, cell[2]) / size + HEIGHT_SHIFT[2]) + 2
+    low, high = cell.copy(), cell.copy()
+    low[2] = (first - HEIGHT_SHIFT[2] + 0.25) * size
+    high[2] = (top - HEIGHT_SHIFT[2] - 0.25) * size
+    column = states_in(scene.map, low - spare, high + spare)[0, 0]
+    return column, lambda height: math.floor(height / size + HEIGHT_SHIFT[2]) - first
+
+
+def _agrees_with_kind(scene: Scene) -> Iterator[str]:
+    """Check that the cell may not be overlapped, and is what its kind and label say of it."""
+    kind, state, label = scene.reason.kind, scene.reason.cell_state, scene.decision.label
+    unknown = state in UNKNOWNS
+    if unknown and not scene.unknown_blocks and kind != "slowing_for_unknown":
+        yield f"the body may overlap what is {state}"
+    if "unknown" in kind and not unknown:
+        yield f"{state} is not unknown"
+    if kind == "braking_for_blocked" and unknown:
+        yield f"{state} is not blocked"
+    ahead = "unknown_ahead" if unknown else "path_blocked"
+    if kind in ON_THE_WAY and label != ahead and not scene.on_trial:
+        yield f"label {label}, of a cell that is {state}"
+
+
+def _is_there(scene: Scene, past: Past, place: Array) -> Iterator[str]:
+    """Check that the place is where the body, its way or its goal is, and as far as is said."""
+    reason, spare = scene.reason, scene.longest_offset + scene.half_diagonal
+    if scene.decision.verdict.cut:  # of a command that nobody follows
+        return
+    if reason.kind in ("leaving_inflation", "goal_blocked", "waiting"):
+        here = scene.goal if reason.kind == "goal_blocked" else scene.path[0]
+        away = scene.apart(place, here)
+        if away > reason.free_m + spare + ROUNDING:
+            yield f"the place is {away:.2f} m from there"
+        return
+    way = _way(scene, past)
+    if len(way) < 2:
+        yield "no way was named"
+        return
+    points = densely(way, 0.01)
+    gaps = np.linalg.norm((points - place)[:, : scene.axes], axis=1)
+    if gaps.min() > BENT + spare:
+        yield f"the place is {gaps.min():.2f} m beside the way"
+    from_body = np.linalg.norm((points - scene.path[0])[:, : scene.axes], axis=1)
+    arcs = arc_lengths(points)
+    begin = 0.0 if reason.kind == "commanded" else float(arcs[from_body.argmin()])
+    nearest = arcs[gaps <= max(gaps.min(), BENT + spare)] - begin
+    if not nearest.min() - spare <= reason.free_m <= nearest.max() + spare:
+        yield f"free_m is {reason.free_m:.2f}, the place {nearest.min():.2f} m along the way"
+
+
+def _way(scene: Scene, past: Past) -> Array:
+    """Return the way (n, 3) that the obstruction is on, m."""
+    if scene.reason.kind == "commanded":
+        trajectory = scene.decision.trajectory
+        begin, arcs = arc_at(trajectory, scene.effect_ns), arc_lengths(scene.path)
+        return np.vstack((place_at(trajectory, scene.effect_ns), scene.path[arcs > begin]))
+    return scene.way_ahead if len(scene.global_path) > 1 else past.way
