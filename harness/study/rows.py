@@ -12,6 +12,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from wayproof.harness.config import HASH_SEPARATOR
 from wayproof.harness.log.codec.container import Packet, walk
 from wayproof.harness.log.codec.messages import decode
 from wayproof.harness.log.digest import ContentDigest
@@ -27,6 +28,7 @@ from wayproof.harness.study.matching import open_planned
 from wayproof.harness.study.plan import Arm, Planned
 from wayproof.harness.study.store import Store
 from wayproof.harness.trace import trace_of
+from wayproof.models.world_files import shape_digest
 
 READ = {
     kind.DESCRIPTOR.full_name
@@ -59,6 +61,7 @@ class Row:
         hashes: First bytes of all streams' hashes of each decision, concatenated.
         actions: Action of each decision.
         way: Judgement of a recording's way; None of a simulated episode.
+        world: Digest of an imported world's shape, or of a recording; empty of a generated world.
         reference: Arm that it is compared with; None of one that others refer to.
     """
 
@@ -78,6 +81,7 @@ class Row:
     check: str = ""
     actions: tuple[str, ...] = ()
     way: Summary | None = None
+    world: str = ""
     reference: Arm | None = None
 
     @property
@@ -144,8 +148,15 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
         hashes=tuple(_hashes(one, names) for one in streams),
         actions=tuple(one.action for one in decisions),
         way=way,
+        world=_world_of(log),
         reference=planned.reference,
     )
+
+
+def _world_of(log: Log) -> str:
+    """Return the digest of what a world or a recording is, whatever its name and its spelling."""
+    _, imported, digest = log.config.world.partition(HASH_SEPARATOR)
+    return shape_digest(log.scene) if imported and log.scene else digest
 
 
 def _metrics(log: Log, content: Content, way: Summary | None) -> dict[str, float | None]:

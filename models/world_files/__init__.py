@@ -8,6 +8,7 @@ from wayproof.models.world_files.importer import (
 )
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.reading import WorldFileError
+from wayproof.models.world_files.shape import shape_digest
 from wayproof.models.world_files.world_file import (
     FileWorld,
     read_world_file,
@@ -25,6 +26,7 @@ __all__ = [
     "import_world",
     "read_scene",
     "read_world_file",
+    "shape_digest",
     "world_from",
     "world_in_scene",
     "world_of",
