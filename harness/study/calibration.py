@@ -98,7 +98,7 @@ class Calibration:
 
 
 def calibrations_of(study: StudyFile, rows: Sequence[Row], limit: float) -> list[Calibration]:
-    """Derive the setting for each world, robot and stack in which every value has ended.
+    """Derive the setting for each world, robot and stack in which every value has run.
 
     Args:
         study: The study, of one axis.
@@ -108,7 +108,7 @@ def calibrations_of(study: StudyFile, rows: Sequence[Row], limit: float) -> list
     [(setting, values)] = study.axes.items()
     places = {" ".join(variant): place for place, variant in enumerate(variants_of(study))}
     by_arm: dict[Arm, list[list[Row]]] = {}
-    for row in rows:
+    for row in (one for one in rows if one.ran):
         ladder = by_arm.setdefault(replace(row.arm, variant=""), [[] for _ in values])
         ladder[places[row.arm.variant]].append(row)
     return [

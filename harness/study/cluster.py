@@ -89,7 +89,7 @@ def _collect(ray: Any, reference: Any, job: Job) -> Done:
         done, log = ray.get(reference)
     except ray.exceptions.RayError as error:
         lines = str(error).strip().splitlines()
-        return Done(job.key, lines[0] if lines else type(error).__name__)
+        return Done(job.key, lines[0] if lines else type(error).__name__, of_machine=True)
     if log:
         draft = job.log.with_suffix(".partial")
         draft.write_bytes(log)

@@ -1,4 +1,4 @@
-"""Identity of the files that a study names: by their contents, not by their paths."""
+"""Identity of what a study follows from: Wayproof, and files by their contents, not their paths."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.interface.connect import EXEC, SOCKETS, is_ros2
+from wayproof.harness.log.machine import code_digest
 from wayproof.harness.scenario.robots import ENDING as ROBOT_FILE
 from wayproof.harness.scenario.robots import find_robot
 from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
@@ -15,7 +16,10 @@ from wayproof.models.world_files import FileWorld
 from wayproof.plugin import source_digest
 
 Contents = dict[str, str]
-"""Path as given -> name and hash of the file."""
+"""Path as given -> name and hash of the file; `PROGRAM` -> digest of Wayproof itself."""
+
+PROGRAM = "wayproof"
+"""Key of Wayproof among the contents."""
 
 
 def named_by(config: Config) -> tuple[str, ...]:
@@ -24,7 +28,7 @@ def named_by(config: Config) -> tuple[str, ...]:
 
 
 def contents_of(names: Iterable[str]) -> Contents:
-    """Return the identities of the files among names of worlds, robots, planners and stacks.
+    """Return the identities of Wayproof and of the files among names of worlds, robots and so on.
 
     The hash of a robot covers its spec, its MJCF with meshes, and the file of its controller's
     class. The hash of a planner or a stack covers the file of its class, not its imports; a command
@@ -33,7 +37,8 @@ def contents_of(names: Iterable[str]) -> Contents:
     Raises:
         InputError: A file cannot be read.
     """
-    return {name: _identity(name) for name in names if _may_be_file(name)}
+    files = {name: _identity(name) for name in names if _may_be_file(name)}
+    return {PROGRAM: code_digest(), **files}
 
 
 def _may_be_file(name: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import traceback
 from collections.abc import Mapping
@@ -14,8 +15,7 @@ import msgspec
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import document_of, from_json, to_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.log.machine import installed_version
-from wayproof.harness.study.contents import contents_of, named_by
+from wayproof.harness.study.contents import PROGRAM, contents_of, named_by
 from wayproof.harness.study.source import Source
 
 
@@ -24,7 +24,7 @@ class Job:
     """An episode to run.
 
     Attributes:
-        key: Hash of the resolved config and of the version of Wayproof.
+        key: Hash of the resolved config and of the digest of Wayproof.
         config: Config as JSON.
         log: Path of its log.
         source: Recording of its inputs; None for a simulated episode.
@@ -36,12 +36,29 @@ class Job:
     source: Source | None = None
 
 
+LACKS = frozenset(
+    {
+        *(errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS),
+        *(errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.EAGAIN),
+    }
+)
+"""Errors of a machine that lacks disk, memory, files or processes."""
+
+
 @dataclass(frozen=True)
 class Done:
-    """Outcome of a job: its log is written, or there is an error."""
+    """Outcome of a job: its log is written, or there is an error.
+
+    Attributes:
+        key: Key of the episode.
+        error: Error; empty with a log.
+        of_machine: Whether it is the machine's (disk, memory, a killed process) and not the
+            episode's: it is tried again, by this run and by the next one.
+    """
 
     key: str
     error: str = ""
+    of_machine: bool = False
 
 
 def episode_key(config: Config, contents: Mapping[str, str]) -> str:
@@ -49,27 +66,28 @@ def episode_key(config: Config, contents: Mapping[str, str]) -> str:
 
     Args:
         config: Resolved config.
-        contents: Identities of the files that it names (`contents_of`), used instead of paths.
+        contents: Identities of Wayproof and of the files that it names (`contents_of`), which are
+            used instead of paths.
     """
     world, robot, planner, stack = (contents.get(name, name) for name in named_by(config))
     named = replace(config, world=world, robot=robot, stack=replace(config.stack, name=stack))
-    return key_of(named, planner, installed_version("wayproof"))
+    return key_of(named, planner, contents.get(PROGRAM, ""))
 
 
-def key_of(config: Config, planner: str, version: str) -> str:
+def key_of(config: Config, planner: str, program: str) -> str:
     """Return the content address of an episode.
 
     Args:
         config: Resolved config, with name and hash of a world, robot or stack that is a file.
         planner: Name of the planner, with the hash of its file if it has one.
-        version: Version of Wayproof.
+        program: Digest of Wayproof.
     """
     text = to_json(config)
     if planner != config.planner.name:  # which no config takes
         document = document_of(config)
         document["planner"]["name"] = planner
         text = msgspec.json.encode(document)
-    return hashlib.sha256(version.encode() + b"\n" + text).hexdigest()[:24]
+    return hashlib.sha256(program.encode() + b"\n" + text).hexdigest()[:24]
 
 
 def run_job(job: Job) -> Done:
@@ -80,15 +98,26 @@ def run_job(job: Job) -> Done:
         else:
             _run_simulated(job)
     except InputError as error:
-        return Done(job.key, str(error))
+        return Done(job.key, str(error), _is_of_machine(error))
     except MemoryError:
-        return Done(job.key, "took more memory than bounds.memory_mib allows")
+        text = "took more memory than bounds.memory_mib or the machine allows"
+        return Done(job.key, text, of_machine=True)
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         text = " ".join(str(error).split())
         name = f"{Path(place.filename).name}:{place.lineno}"
-        return Done(job.key, f"{type(error).__name__} at {name}: {text}")
+        return Done(job.key, f"{type(error).__name__} at {name}: {text}", _is_of_machine(error))
     return Done(job.key)
+
+
+def _is_of_machine(error: BaseException | None) -> bool:
+    """Return whether an error, or one that led to it, says that the machine lacks something."""
+    while error is not None:
+        lacking = isinstance(error, OSError) and error.errno in LACKS
+        if lacking or isinstance(error, MemoryError):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def _run_recorded(job: Job) -> None:
@@ -105,7 +134,7 @@ def _run_simulated(job: Job) -> None:
 
     config = from_json(job.config, allow_plugins=True)
     if episode_key(config, contents_of(named_by(config))) != job.key:
-        raise InputError("a file that its config names was changed since the plan")
+        raise InputError("Wayproof or a file that its config names was changed since the plan")
     scenario = build(config)
     try:
         run_episode(scenario, job.log)

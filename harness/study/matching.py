@@ -1,7 +1,7 @@
 """Check that a log is that of a planned episode, by its content and not its name.
 
 A log holds the settings that its scenario resolved also as they were asked for. With these its
-config, the hashes of the files of world, robot, planner and stack, and the version of Wayproof must
+config, the hashes of the files of world, robot, planner and stack, and the digest of Wayproof must
 give the key of the episode.
 """
 
@@ -17,6 +17,7 @@ import msgspec
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import as_asked
 from wayproof.harness.errors import InputError
+from wayproof.harness.log.machine import CODE
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.study.contents import class_identity
 from wayproof.harness.study.job import key_of
@@ -75,7 +76,7 @@ def _key_of(config: Config, log: Log) -> str:
         if controller in log.plugins:
             robot = f"{robot} {class_identity(controller, log.plugins[controller])}"
     named = replace(config, robot=robot, stack=replace(config.stack, name=stack))
-    return key_of(named, planner, log.run.get("wayproof", ""))
+    return key_of(named, planner, log.run.get(CODE, ""))
 
 
 def _identity(name: str, log: Log) -> str:
@@ -85,14 +86,19 @@ def _identity(name: str, log: Log) -> str:
 
 def _difference(log: Log, got: Config, expected: Config) -> str:
     """Return the first setting that differs; names of files last, as their hashes may agree."""
-    one, other = (dict(_settings(msgspec.to_builtins(config))) for config in (got, expected))
+    one, other = settings_in(got), settings_in(expected)
     names = sorted(other, key=lambda name: (name in ("world", "robot"), name != "seed"))
     for name in names:
         if one.get(name) != other[name]:
             return f"{name}: got {str(one.get(name))[:60]}, expected {str(other[name])[:60]}"
-    version = f"by Wayproof {log.run.get('wayproof', 'of no version')[:20]}"
+    program = f"by Wayproof {log.run.get('wayproof', '')[:20]}, code {log.run.get(CODE, '')[:16]}"
     files = ", ".join(log.plugins)[:80]
-    return f"{version}, or with another file of {files}" if files else version
+    return f"{program}, or with another file of {files}" if files else program
+
+
+def settings_in(config: Config) -> dict[str, Any]:
+    """Return every setting of a config by its dotted name."""
+    return dict(_settings(msgspec.to_builtins(config)))
 
 
 def _settings(document: dict[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:

@@ -124,10 +124,10 @@ def plan_episodes(study: StudyFile, contents: Contents | None = None) -> list[Pl
     perturbed = perturbed_arms(study)
     if len(stacks) * len(variants) * len(perturbed) == 1:
         _refuse_differences(study)
-    places = list(dict.fromkeys(study.recordings)) or study.worlds
+    places = dict.fromkeys(study.recordings or study.worlds)
     made = []
     for place, robot, stack, variant, (perturbation, severity) in itertools.product(
-        places, study.robots, stacks, variants, perturbed
+        places, dict.fromkeys(study.robots), stacks, variants, perturbed
     ):
         settings = (*settings_of(study), *variant)
         broken = perturbation_at(perturbation, severity)

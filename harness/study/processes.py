@@ -28,6 +28,7 @@ class ProcessEngine:
             fresh: Start a new process for each job.
         """
         self._pool = WorkerPool(workers, bounds, fresh)
+        self._late = bounds.exceeded_time
         self._compiled: set[Stack] = set()
 
     def __enter__(self) -> ProcessEngine:
@@ -53,7 +54,8 @@ class ProcessEngine:
         """
         self._compile(stacks)
         for ended in self._pool.run(run_job, [(job,) for job in jobs]):
-            finished(ended.value or Done(jobs[ended.number].key, ended.failure))
+            key, died = jobs[ended.number].key, ended.failure != self._late
+            finished(ended.value or Done(key, ended.failure, of_machine=died))
 
     def _compile(self, stacks: Sequence[bytes]) -> None:
         """Compile the kernels of new stacks before the clocks of episodes run."""

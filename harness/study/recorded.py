@@ -86,5 +86,5 @@ def run_recorded(job: Job) -> None:
     prepared = _prepare(recording, source, config.perturbation, config.seed)
     contents = contents_of(named_by(prepared.config))
     if episode_key(prepared.config, contents) != job.key:
-        raise InputError("a file that it names was changed since the plan")
+        raise InputError("Wayproof or a file that it names was changed since the plan")
     run_recording(recording, prepared, job.log)

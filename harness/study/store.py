@@ -28,8 +28,8 @@ WORKER_ENDS_S = 5.0
 class Store:
     """Folder of one study.
 
-    `logs/KEY.mcap` is a finished episode, `errors/KEY.json` one that ended
-    in error, with what it had logged as `errors/KEY.mcap`.
+    `logs/KEY.mcap` is a finished episode, `errors/KEY.json` one that ended in error, with what it
+    had logged as `errors/KEY.mcap`. After an error of the machine it has not ended.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -61,6 +61,11 @@ class Store:
                 ) from None
             yield
 
+    @property
+    def is_judged(self) -> bool:
+        """Whether a run of the study has ended, and so its gates may have been looked at."""
+        return self.study.is_file() and (self.folder / "table.parquet").is_file()
+
     def log(self, key: str) -> Path:
         """Return the path of the log of an episode."""
         return self.logs / f"{key}.mcap"
@@ -71,9 +76,15 @@ class Store:
 
     def error(self, key: str) -> str | None:
         """Return the error of an episode; None without one."""
+        found = self._error(key)
+        return None if found is None else found[0]
+
+    def _error(self, key: str) -> tuple[str, bool] | None:
+        """Return the error of an episode, and whether it is the machine's."""
         path = self.errors / f"{key}.json"
         try:
-            return str(json.loads(_bounded(path))["error"])
+            document = json.loads(_bounded(path))
+            return str(document["error"]), bool(document.get("of_machine"))
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
@@ -81,14 +92,18 @@ class Store:
 
     def is_done(self, key: str) -> bool:
         """Return whether an episode has ended."""
-        return self.log(key).is_file() or self.error(key) is not None
+        error = self._error(key)
+        return self.log(key).is_file() if error is None else not error[1]
 
-    def record_error(self, key: str, text: str) -> None:
-        """Record that an episode ended in an error."""
-        path = self.errors / f"{key}.json"
-        draft = path.with_suffix(".partial")
-        draft.write_text(json.dumps({"key": key, "error": text}) + "\n")
-        draft.replace(path)
+    def record_error(self, key: str, text: str, of_machine: bool = False) -> None:
+        """Record that an episode ended in an error, or was ended by one of the machine."""
+        document = {"key": key, "error": text, "of_machine": of_machine}
+        self.keep(f"errors/{key}.json", document)
+
+    def forget_error(self, key: str) -> None:
+        """Delete the error of an episode that is run again, and what it had logged."""
+        for path in (self.errors / f"{key}.json", self.errors / f"{key}.mcap"):
+            path.unlink(missing_ok=True)
 
     def keep_evidence(self, key: str, text: str) -> None:
         """Keep the partial log of an episode in error as `errors/KEY.mcap`.
@@ -132,8 +147,7 @@ class Store:
     def keep_study(self, study: StudyFile, contents: Contents) -> None:
         """Write the study into the folder, so that it can be reported without its files."""
         self.keep("study.json", study)
-        if contents:
-            self.keep("contents.json", contents)
+        self.keep("contents.json", contents)
 
     def keep(self, name: str, document: object) -> None:
         """Write a JSON document into the folder, atomically."""
@@ -143,7 +157,7 @@ class Store:
         draft.replace(path)
 
     def read_contents(self) -> Contents:
-        """Return the identities of the files that the study names.
+        """Return the identities of Wayproof and of the files that the study names.
 
         Raises:
             InputError: The list of them is damaged.
