@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from wayproof.harness.study.file import StudyFile
     from wayproof.harness.study.plan import Planned
     from wayproof.harness.study.store import Store
-    from wayproof.harness.study.study import StudyResult
+    from wayproof.harness.study.study import Engine, StudyResult
 
 SHOWN_FOREIGN = 10
 """Maximum number of lines about logs of other episodes; `--json` has all."""
@@ -39,9 +40,10 @@ VERDICT_STYLES = {
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Run a study, or continue it."""
     from wayproof.harness.study.file import read_study
+    from wayproof.harness.study.looks import continued, run_until_decided, saved_in_words
     from wayproof.harness.study.plan import plan_episodes
     from wayproof.harness.study.store import Store, merge
-    from wayproof.harness.study.study import count_missing, run_study, shard
+    from wayproof.harness.study.study import shard
 
     check_engine(options)
     if options.sample < 1:
@@ -51,28 +53,29 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         raise InputError("--check: of simulated episodes, got a study over recordings")
     if study.searches and (options.check is not None or options.merge):
         raise InputError(f"--check, --merge: of planned episodes, got a study of {study.kind}")
+    if options.until_decided and (options.shard or options.merge or options.check is not None):
+        raise InputError("--until-decided: of a whole study, got --shard, --merge or --check")
+    store = Store(options.out or shared.LOGS / study.folder)
+    if not options.until_decided:
+        study = _going_on(console, study, continued(study, store))
     whole = plan_episodes(study)
     planned = shard(whole, options.shard) if options.shard else whole
-    store = Store(options.out or shared.LOGS / study.folder)
     if options.merge:
         with store.open():
             copied = merge(store, options.merge, whole, options.allow_plugins)
         console.print(f"{copied} episodes copied to {store.folder}")
     if options.retry_errors:
         store.forget_errors()
-    missing = count_missing(planned, store)
-    console.print(
-        f"study {study.name}: {len(planned)} episodes, {missing} to run, {options.jobs} at a time;"
-        f" logs in {store.folder}"
-    )
     with open_engine(options, study.bounds) as engine:
-        with Watch(console, None if study.searches else len(planned), missing) as watch:
-            checks = _checks(options, planned, store)
-            try:
-                result = run_study(study, planned, store, engine, watch.finished, checks)
-            except KeyboardInterrupt:
-                raise kept(len(planned) - count_missing(planned, store), len(planned)) from None
+        run_one = partial(_run, options, console, store, engine)
+        if options.until_decided:
+            result = run_until_decided(study, store, options.at_most, options.jobs, run_one)
+            planned = plan_episodes(store.read_study(allow_plugins=True))
+        else:
+            result = run_one(study, planned)
     print_study(console, result)
+    if options.until_decided:
+        console.print(saved_in_words(study, result, options.at_most))
     if options.check is not None:
         console.print(f"causes checked: {options.tally}")
     console.print(f"next: wayproof report {store.folder}")
@@ -83,6 +86,40 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     certificate = _certify(options, console, study, planned, store)
     code = code if certificate.identical else 1
     return code, {**document, "determinism": asdict(certificate)}
+
+
+def _going_on(console: Console, study: StudyFile, going_on: StudyFile) -> StudyFile:
+    """Say where a study goes on from a look at it, and return it."""
+    if going_on.sequential and not study.sequential:
+        console.print(
+            "seeds were added after a look at the gates, which are now sequential from their first "
+            "seed on: they may be looked at after any"
+        )
+    return going_on
+
+
+def _run(
+    options: argparse.Namespace,
+    console: Console,
+    store: Store,
+    engine: Engine,
+    study: StudyFile,
+    planned: Sequence[Planned],
+) -> StudyResult:
+    """Run the missing episodes of a study and judge it."""
+    from wayproof.harness.study.study import count_missing, run_study
+
+    missing = count_missing(planned, store)
+    console.print(
+        f"study {study.name}: {len(planned)} episodes, {missing} to run, {options.jobs} at a time;"
+        f" logs in {store.folder}"
+    )
+    with Watch(console, None if study.searches else len(planned), missing) as watch:
+        checks = _checks(options, planned, store)
+        try:
+            return run_study(study, planned, store, engine, watch.finished, checks)
+        except KeyboardInterrupt:
+            raise kept(len(planned) - count_missing(planned, store), len(planned)) from None
 
 
 def kept(done: int, episodes: int) -> Interrupted:
@@ -141,6 +178,8 @@ def print_study(console: Console, result: StudyResult) -> None:
     for one in result.arms:
         console.print(name_of(one.arm), style="bold")
         console.print(f"  {_arm_in_words(one)}")
+    if len(result.arms) > 1:
+        console.print("each interval of an arm alone holds at 95 %, not all of them together")
     for gate in result.gates:
         line = Text.assemble(
             (gate.verdict, VERDICT_STYLES[gate.verdict]), f": {gate_in_words(gate)}"
@@ -201,6 +240,8 @@ VERB = Verb(
         ),
         arg("--shard I/N", "run only the I-th of N parts"),
         arg("--merge FOLDER", "copy finished episodes from other folders", Path, nargs="+"),
+        arg("--until-decided", "add seeds until every gate is held or one fails, then stop"),
+        arg("--at-most N", "greatest number of seeds for --until-decided", int, 300),
         arg("--retry-errors", "run episodes again that ended in an error"),
         arg(
             "--check-determinism",

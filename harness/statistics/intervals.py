@@ -121,7 +121,7 @@ def _interval(means: Array, support: Support, confidence: float, greatest: float
     if support.kind == "count":
         low, high = _count(means, support, tail, greatest)
     elif support.kind == "measure":
-        low, high = _measure(means, support, tail)
+        low, high = _measure(means, support, tail, greatest)
     else:
         low, high = bounded(means, *_ends_of(means, support), tail)
     return Interval(float(means.mean()), float(low), float(high))
@@ -140,13 +140,20 @@ def _count(means: Array, support: Support, tail: float, greatest: float) -> Ends
     return low, high
 
 
-def _measure(means: Array, support: Support, tail: float) -> Ends:
-    """Return Student's interval, widened for skewness; the support's if values hardly differ."""
+def _measure(means: Array, support: Support, tail: float, greatest: float) -> Ends:
+    """Return Student's interval, widened for skewness; the support's if values hardly differ.
+
+    Where an episode has the greatest value that there is, as a time has that was cut off, the wider
+    of both: so few values at the end say little of how many there are.
+    """
     low, high = _ends_of(means, support)
     if _distinct(means) < LEAST_CLUSTERS:
         return bounded(means, low, high, tail)
-    spread = studentized(means, tail)
-    return max(spread[0], low), min(spread[1], high)
+    ends = studentized(means, tail)
+    if greatest >= support.high:
+        whole = bounded(means, low, high, tail)
+        ends = min(ends[0], whole[0]), max(ends[1], whole[1])
+    return max(ends[0], low), min(ends[1], high)
 
 
 def _ends_of(means: Array, support: Support) -> Ends:

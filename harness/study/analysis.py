@@ -4,20 +4,31 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.harness.config import HASH_SEPARATOR
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.statistics.exact import CONFIDENCE, Interval, holm, mcnemar, restricted_mean
-from wayproof.harness.statistics.intervals import difference_interval, mean_interval
+from wayproof.harness.statistics.intervals import (
+    cluster_means,
+    difference_interval,
+    mean_interval,
+)
 from wayproof.harness.statistics.support import TIME, Support
 from wayproof.harness.study.plan import Arm
 from wayproof.harness.study.rows import Row, first_difference, prove, share_differing
 
 Pairs = list[tuple[Row, Row]]
+
+Value = Callable[[Row], float | None]
+"""Function that returns the figure of an episode; None of one that has none."""
+
+NOTHING_RAN = Interval(0.0, 0.0, 1.0)
+"""Success rate of an arm of which no episode ran."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +70,8 @@ class ArmSummary:
 
     Attributes:
         arm: The arm.
-        episodes: Number of episodes, with those in error.
-        success: Success rate with its exact 95 % interval over worlds.
+        episodes: Number of episodes, with those that failed to run.
+        success: Success rate of those that ran, with its exact 95 % interval over worlds.
         outcomes: Outcome -> number of episodes.
         causes: Cause of failure -> number of episodes.
         mean_time: Restricted mean time to the goal, s; a failure counts as the time limit.
@@ -135,16 +146,16 @@ def pair(rows: Sequence[Row], references: Sequence[Row]) -> Pairs:
 
 
 def _summary(arm: Arm, rows: Sequence[Row], pairs: Pairs, time_limit: float) -> ArmSummary:
-    times = [row.duration for row in rows]
-    success = values_of(rows, "success").interval()
-    assert success is not None  # every row has it
+    ran = [row for row in rows if row.ran]
+    pairs = [(twin, row) for twin, row in pairs if twin.ran and row.ran]
+    times = [row.duration for row in ran]
     return ArmSummary(
         arm=arm,
         episodes=len(rows),
-        success=success,
+        success=values_of(ran, "success").interval() or NOTHING_RAN,
         outcomes=dict(Counter(row.outcome for row in rows)),
         causes=dict(Counter(row.cause for row in rows if row.cause)),
-        mean_time=restricted_mean(times, [row.success for row in rows], time_limit),
+        mean_time=restricted_mean(times, [row.success for row in ran], time_limit) if ran else 0.0,
         metrics={name: _mean(values_of(rows, name).second) for name in METRICS},
         against=_compare(pairs) if pairs else None,
     )
@@ -191,6 +202,19 @@ class Values:
     clusters: list[tuple[str, int]]
     support: Support
 
+    @property
+    def of_worlds(self) -> NDArray[np.float64]:
+        """Mean of each world, of second less first for pairs, in the order of episodes, (k,)."""
+        own = np.asarray(self.second, np.float64)
+        differences = own if self.first is None else own - np.asarray(self.first, np.float64)
+        return cluster_means(differences, self.clusters)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Ends of the support of what is averaged."""
+        support = self.support if self.first is None else self.support.difference
+        return support.low, support.high
+
     def interval(self, confidence: float = CONFIDENCE) -> Interval | None:
         """Return the mean over worlds, of second less first for pairs; None without a value."""
         if not self.second:
@@ -202,20 +226,31 @@ class Values:
 
 def values_of(rows: Sequence[Row], metric: str, time_limit: float = math.inf) -> Values:
     """Return the values of the episodes that have a metric; a time is at most the limit, s."""
-    known = [(value, cluster_of(row)) for row in rows if (value := row.metrics[metric]) is not None]
     support = METRICS[metric].support.within(time_limit)
-    return Values([value for value, _ in known], None, [world for _, world in known], support)
+    return values_by(rows, lambda row: row.metrics[metric], support)
 
 
 def paired_values(pairs: Pairs, metric: str, time_limit: float = math.inf) -> Values:
     """Return the values of the pairs in which both have a metric."""
-    both = [(a.metrics[metric], b.metrics[metric], cluster_of(b)) for a, b in pairs]
+    support = METRICS[metric].support.within(time_limit)
+    return paired_values_by(pairs, lambda row: row.metrics[metric], support)
+
+
+def values_by(rows: Sequence[Row], value: Value, support: Support) -> Values:
+    """Return the values of the episodes that have one."""
+    known = [(own, cluster_of(row)) for row in rows if (own := value(row)) is not None]
+    return Values([own for own, _ in known], None, [world for _, world in known], support)
+
+
+def paired_values_by(pairs: Pairs, value: Value, support: Support) -> Values:
+    """Return the values of the pairs in which both have one."""
+    both = [(value(a), value(b), cluster_of(b)) for a, b in pairs]
     kept = [(a, b, world) for a, b, world in both if a is not None and b is not None]
     return Values(
         second=[b for _, b, _ in kept],
         first=[a for a, _, _ in kept],
         clusters=[world for _, _, world in kept],
-        support=METRICS[metric].support.within(time_limit),
+        support=support,
     )
 
 
@@ -233,8 +268,8 @@ def drop_of(pairs: Pairs) -> Interval:
 
 
 def cluster_of(row: Row) -> tuple[str, int]:
-    """Return the world of an episode: the seed of a generator, or an imported file."""
-    return (row.arm.world, 0 if is_imported(row.arm.world) else row.seed)
+    """Return the world of an episode: the seed of a generator, or what an imported file holds."""
+    return (row.world or row.arm.world, 0 if is_imported(row.arm.world) else row.seed)
 
 
 def is_imported(world: str) -> bool:

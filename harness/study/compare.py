@@ -7,13 +7,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.study.analysis import Sample, samples_between, summarise
-from wayproof.harness.study.file import read_gate
-from wayproof.harness.study.gates import judge
+from wayproof.harness.study.analysis import Sample, samples_between
+from wayproof.harness.study.contents import PROGRAM, Contents
+from wayproof.harness.study.gate import Gate, SequentialGate, read_gate
+from wayproof.harness.study.matching import settings_in
 from wayproof.harness.study.plan import Arm, Planned, plan_episodes
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import Paired, StudyResult, error_in_words, read_own_rows
+from wayproof.harness.study.study import Paired, StudyResult, judged, read_own_rows
+
+MOST_SHOWN = 4
+"""Maximum number of differences between two folders that are named."""
+
+MOST_LETTERS = 24
+"""Maximum length of a value that differs; of a longer one the end is shown."""
 
 
 @dataclass(frozen=True)
@@ -42,39 +49,96 @@ def compare(
     Raises:
         InputError: A folder is not one of a study, a gate is malformed, or no episode is shared.
     """
-    judged = [read_gate(text) for text in gates]
-    planned, rows, foreign = _read(after, allow_plugins)
-    planned_before, rows_before, foreign_before = _read(before, allow_plugins)
-    renamed = _renamed(planned_before, planned)
-    planned_before = [replace(one, arm=_in_terms_of(renamed, one.arm)) for one in planned_before]
-    rows_before = [replace(one, arm=_in_terms_of(renamed, one.arm)) for one in rows_before]
-    samples = samples_between(rows_before, rows)
+    second, first = (_read(folder, allow_plugins) for folder in (after, before))
+    kind = SequentialGate if second.sequential or first.sequential else Gate
+    read = [read_gate(text, kind) for text in gates]
+    renamed = _renamed(first.planned, second.planned)
+    first = first.in_terms_of(renamed)
+    samples = samples_between(first.rows, second.rows)
     if not any(sample.pairs for sample in samples):
         raise InputError(f"'{before}' and '{after}' have no arm and seed in common")
-    of_recordings = planned[0].source is not None
-    limit = max(one.config.episode.time_limit for one in (*planned_before, *planned))
-    expected = {(one.arm, one.seed) for one in (*planned, *planned_before)}
-    kept, kept_before = ({(row.arm, row.seed) for row in some} for some in (rows, rows_before))
-    errors = [row for row in (*rows, *rows_before) if not row.ran]
+    planned = [*second.planned, *first.planned]
     pairs = [pair for sample in samples for pair in sample.pairs]
-    result = StudyResult(
-        name=f"{after} against {before}",
-        episodes=len(expected),
-        missing=len(expected - (kept & kept_before)),
-        errors=len({(row.arm, row.seed) for row in errors}),
-        first_error=error_in_words(errors[0]) if errors else "",
-        arms=[] if of_recordings else summarise(samples, limit),
-        gates=judge(samples, judged, limit),
-        foreign=(*foreign_before, *foreign),
-        of_recordings=of_recordings,
-        gates_set=len(judged),
+    result = replace(
+        judged(
+            f"{after} against {before}",
+            read,
+            planned,
+            [*second.rows, *first.rows],
+            samples,
+            of_each=2,
+        ),
+        foreign=(*first.foreign, *second.foreign),
         pairs=Paired(
             count=len(pairs),
             reached=sum(row.success for _, row in pairs),
             reached_before=sum(twin.success for twin, _ in pairs),
         ),
+        differences=_differences(first, second, renamed=bool(renamed)),
     )
-    return Compared(result, samples, limit)
+    return Compared(result, samples, max(one.config.episode.time_limit for one in planned))
+
+
+@dataclass(frozen=True)
+class _Folder:
+    """A folder of a study, as read.
+
+    Attributes:
+        planned: Its episodes.
+        rows: Rows of those that have ended.
+        foreign: Lines about logs of other episodes.
+        contents: Identities of Wayproof and of the files that the study names.
+        sequential: Whether seeds were added after a look at it.
+    """
+
+    planned: list[Planned]
+    rows: list[Row]
+    foreign: tuple[str, ...]
+    contents: Contents
+    sequential: bool
+
+    def in_terms_of(self, renamed: Mapping[str, str]) -> _Folder:
+        """Return it with the new names of its stacks."""
+        return replace(
+            self,
+            planned=[replace(one, arm=_in_terms_of(renamed, one.arm)) for one in self.planned],
+            rows=[replace(one, arm=_in_terms_of(renamed, one.arm)) for one in self.rows],
+        )
+
+
+def _differences(first: _Folder, second: _Folder, renamed: bool) -> tuple[str, ...]:
+    """Return what differs between the pairs of two folders, beside a stack that was renamed.
+
+    Raises:
+        InputError: A world or a recording is another one: then its episodes are no pairs.
+    """
+    worlds = {one.arm.world for one in second.planned}
+    found: dict[str, tuple[object, object]] = {}
+    for name in sorted(first.contents.keys() & second.contents.keys()):
+        both = first.contents[name], second.contents[name]
+        if both[0] != both[1] and name in worlds:
+            raise InputError(
+                f"world '{name}': of other content in each folder, so nothing is paired"
+            )
+        if both[0] != both[1]:
+            found["code of Wayproof" if name == PROGRAM else name] = both
+    pairs = {(one.arm, one.seed): one for one in first.planned}
+    by_arm = {
+        one.arm: (pairs[one.arm, one.seed], one)
+        for one in reversed(second.planned)
+        if (one.arm, one.seed) in pairs
+    }
+    for twin, one in by_arm.values():
+        before, after = settings_in(twin.config), settings_in(one.config)
+        for name in dict.fromkeys([*before, *after]):
+            if before.get(name) != after.get(name) and not (renamed and name == "stack.name"):
+                found.setdefault(name, (before.get(name), after.get(name)))
+    lines = [
+        f"{name} ({str(old)[-MOST_LETTERS:]} -> {str(new)[-MOST_LETTERS:]})"
+        for name, (old, new) in found.items()
+    ]
+    more = len(lines) - MOST_SHOWN
+    return (*lines[:MOST_SHOWN], f"{more} more") if more > 0 else tuple(lines)
 
 
 def _renamed(before: Sequence[Planned], after: Sequence[Planned]) -> dict[str, str]:
@@ -89,7 +153,9 @@ def _in_terms_of(renamed: Mapping[str, str], arm: Arm) -> Arm:
     return replace(arm, stack=renamed.get(arm.stack, arm.stack))
 
 
-def _read(folder: Path, allow_plugins: bool) -> tuple[list[Planned], list[Row], tuple[str, ...]]:
+def _read(folder: Path, allow_plugins: bool) -> _Folder:
     store = Store(folder)
-    planned = plan_episodes(store.read_study(allow_plugins), store.read_contents())
-    return planned, *read_own_rows(planned, store, allow_plugins)
+    study, contents = store.read_study(allow_plugins), store.read_contents()
+    planned = plan_episodes(study, contents)
+    rows, foreign = read_own_rows(planned, store, allow_plugins)
+    return _Folder(planned, rows, foreign, contents, study.sequential)

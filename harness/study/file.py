@@ -6,18 +6,17 @@ import math
 import re
 import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from wayproof.harness.config import BUILTIN, CODE, PLUGIN
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.scenario.robots import controller_of
+from wayproof.harness.study.gate import Gate, SequentialGate, read_gate
 from wayproof.harness.study.imported import Imports, import_worlds
 from wayproof.harness.study.randomise import check_ranges
 from wayproof.harness.study.source import ReadOptions
@@ -109,6 +108,8 @@ class StudyFile(
         perturbations: `KIND` or `KIND:MODE` -> severities; each episode is paired with the
             unperturbed twin of its seed. `threshold` and `falsify` choose the severities.
         gates: Conditions on metrics, as `success.drop <= 0.05`.
+        sequential: Whether the gates may be looked at after any seed, in the order of the seeds,
+            and seeds may be added.
         bounds: Limits of one episode.
         threshold: Options of a bisection.
         calibrate: Options of a calibration.
@@ -129,6 +130,7 @@ class StudyFile(
     axes: dict[str, list[Any]] = {}
     perturbations: dict[str, list[float]] = {}
     gates: list[str] = []
+    sequential: bool = False
     bounds: Bounds = Bounds()
     threshold: ThresholdOptions = ThresholdOptions()
     calibrate: CalibrateOptions = CalibrateOptions()
@@ -144,30 +146,6 @@ class StudyFile(
         """Name of its folder: its name, with the kind behind it."""
         plain = self.kind == "grid" or self.name.endswith(self.kind)
         return self.name if plain else f"{self.name}-{self.kind}"
-
-
-Statistic = Literal["drop", "rise", "mean"]
-
-
-@dataclass(frozen=True)
-class Gate:
-    """A bound on a metric.
-
-    Attributes:
-        text: Text of the gate.
-        metric: Key of `METRICS`.
-        statistic: `drop` and `rise` against the reference, by pairs; `mean` of each arm.
-        at_most: Whether the bound is an upper one.
-        bound: Bound, in the unit of the metric.
-        proven: Whether it must be held even with `--allow-inconclusive`.
-    """
-
-    text: str
-    metric: str
-    statistic: Statistic
-    at_most: bool
-    bound: float
-    proven: bool
 
 
 def read_study(name: str, allow_plugins: bool = False, settings: Sequence[str] = ()) -> StudyFile:
@@ -350,7 +328,8 @@ def levels_of(study: StudyFile) -> dict[str, list[float]]:
 
 def gates_of(study: StudyFile) -> list[Gate]:
     """Return the gates; none of a search, whose unperturbed episodes alone are planned."""
-    return [] if study.searches else [read_gate(text) for text in study.gates]
+    kind = SequentialGate if study.sequential else Gate
+    return [] if study.searches else [read_gate(text, kind) for text in study.gates]
 
 
 def episodes_of(study: StudyFile) -> int:
@@ -403,39 +382,6 @@ def seeds_of(study: StudyFile) -> list[int]:
     """Return the seeds without repetition, in the order given."""
     seeds = range(study.seeds) if isinstance(study.seeds, int) else study.seeds
     return list(dict.fromkeys(seeds))
-
-
-def read_gate(text: str) -> Gate:
-    """Parse `metric.statistic <= bound` or `>=`, optionally followed by `proven`.
-
-    Raises:
-        InputError: The text is not a gate.
-    """
-    form = r"\s*(\w+)\.(\w+)\s*(<=|>=)\s*([-+.\deE]+)\s*(proven)?\s*"
-    match = re.fullmatch(form, text)
-    statistics = get_args(Statistic)
-    if match is None or match[2] not in statistics:
-        raise InputError(
-            f"gate '{text}': expected METRIC.STATISTIC <= BOUND, STATISTIC one of "
-            f"{', '.join(statistics)}, as in 'success.drop <= 0.05'"
-        )
-    if match[1] not in METRICS:
-        raise unknown_name(f"metric in gate '{text}'", match[1], METRICS)
-    try:
-        bound = float(match[4])
-    except ValueError:
-        bound = math.nan
-    if not math.isfinite(bound):
-        raise InputError(f"gate '{text}': got the bound '{match[4]}', expected a number")
-    statistic: Statistic = match[2]  # type: ignore[assignment]  # one of them, as checked
-    return Gate(
-        text.strip(),
-        metric=match[1],
-        statistic=statistic,
-        at_most=match[3] == "<=",
-        bound=bound,
-        proven=match[5] is not None,
-    )
 
 
 def files_of(study: StudyFile) -> list[str]:

@@ -7,22 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import numpy as np
-from scipy import stats
-
 from wayproof.harness.config import BUILTIN
-from wayproof.harness.metrics import OF_STACKS_ON_TRIAL
+from wayproof.harness.metrics import METRICS, OF_STACKS_ON_TRIAL
 from wayproof.harness.statistics.exact import CONFIDENCE, Interval
-from wayproof.harness.statistics.intervals import LEAST_CLUSTERS, LEAST_COUNTED, cluster_means
+from wayproof.harness.statistics.support import RATE
 from wayproof.harness.study.analysis import (
     Sample,
     Values,
     is_imported,
-    paired_values,
-    values_of,
+    paired_values_by,
+    values_by,
 )
-from wayproof.harness.study.file import Gate
+from wayproof.harness.study.gate import Figure, Gate
 from wayproof.harness.study.plan import Arm, name_of
+from wayproof.harness.study.rows import Row
 
 Verdict = Literal["held", "failed", "inconclusive"]
 
@@ -42,6 +40,8 @@ class GateResult:
         worlds_needed: Approximate number of worlds that would show the gate to be held at the same
             estimate; None if the gate is decided, or no number would.
         required: Whether the gate is `proven`: it must be held even if inconclusive ones may pass.
+        figure: What is bounded.
+        looks: When the interval may be looked at, in words; empty for once.
     """
 
     gate: str
@@ -52,6 +52,8 @@ class GateResult:
     worlds: int
     worlds_needed: int | None
     required: bool
+    figure: Figure = "mean"
+    looks: str = ""
 
 
 def judge(
@@ -102,11 +104,11 @@ def _pool(samples: Sequence[Sample]) -> Sample:
 def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateResult:
     values = _values(gate, sample, time_limit)
     confidence = 1.0 - (1.0 - CONFIDENCE) / gates
-    interval = values.interval(confidence)
+    interval = gate.interval(values, confidence)
     verdict = "inconclusive" if interval is None else verdict_of(gate, interval)
     needed = None
     if interval is not None and verdict == "inconclusive":
-        needed = _worlds_needed(gate, values, interval, tail=(1.0 - confidence) / 2.0)
+        needed = gate.worlds_needed(values, interval, tail=(1.0 - confidence) / 2.0)
     worlds = len(set(values.clusters))
     return GateResult(
         gate=gate.text,
@@ -117,17 +119,30 @@ def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateRes
         worlds=worlds,
         worlds_needed=needed,
         required=gate.proven,
+        figure=gate.figure,
+        looks=gate.looks,
     )
 
 
 def _values(gate: Gate, sample: Sample, time_limit: float) -> Values:
-    """Return the values of the episodes that ran and have the metric."""
+    """Return the values of the gate's figure in the episodes that ran and have the metric."""
+    support = METRICS[gate.metric].support.within(time_limit)
+
+    def value(row: Row) -> float | None:
+        known = row.metrics[gate.metric]
+        if gate.figure == "share with any":
+            return None if known is None else float(known > 0.0)
+        failed = gate.figure == "restricted mean" and known is None and row.way is None
+        return support.high if failed and math.isfinite(support.high) else known
+
+    if gate.figure == "share with any":
+        support = RATE
     if gate.statistic == "mean":
-        return values_of([row for row in sample.rows if row.ran], gate.metric, time_limit)
+        return values_by([row for row in sample.rows if row.ran], value, support)
     ran = [(twin, row) for twin, row in sample.pairs if twin.ran and row.ran]
     if gate.statistic == "drop":
         ran = [(row, twin) for twin, row in ran]
-    return paired_values(ran, gate.metric, time_limit)
+    return paired_values_by(ran, value, support)
 
 
 def verdict_of(gate: Gate, interval: Interval) -> Verdict:
@@ -136,37 +151,6 @@ def verdict_of(gate: Gate, interval: Interval) -> Verdict:
     if high <= gate.bound if gate.at_most else low >= gate.bound:
         return "held"
     return "failed" if (low > gate.bound if gate.at_most else high < gate.bound) else "inconclusive"
-
-
-def _worlds_needed(gate: Gate, values: Values, interval: Interval, tail: float) -> int | None:
-    """Return about how many worlds would show the gate to be held at the same estimate.
-
-    If all values are alike the interval ends at 1 - tail^(1/k) of the way to the support's end;
-    elsewhere its width falls with the root of the number of worlds.
-    """
-    gap = gate.bound - interval.estimate if gate.at_most else interval.estimate - gate.bound
-    if gap <= 0.0:
-        return None
-    end, support = interval.high if gate.at_most else interval.low, values.support
-    least = LEAST_COUNTED if support.kind == "count" else LEAST_CLUSTERS
-    differences = np.subtract(values.second, values.first or 0.0)
-    means = cluster_means(differences, values.clusters)
-    if np.ptp(means) > 0.0:
-        if math.isinf(end):
-            return max(least, len(means) + 1)
-        width = abs(end - interval.estimate)
-        return max(least, len(means) + 1, math.ceil(len(means) * (width / gap) ** 2))
-    whole = support if values.first is None else support.difference
-    reach = abs((whole.high if gate.at_most else whole.low) - interval.estimate)
-    if support.kind == "count":
-        reach = 1.0
-    if not gap < reach < math.inf:
-        return max(least, len(means) + 1)
-    needed = math.log(tail) / math.log1p(-gap / reach)
-    if values.first is not None and support.kind in ("rate", "count"):  # by Newcombe's interval
-        square = float(stats.norm.ppf(tail)) ** 2
-        needed = max(needed, square * (1.0 - gap) / gap)
-    return max(least, math.ceil(needed))
 
 
 def interval_in_words(interval: Interval, form: str = ".3f") -> str:
@@ -186,6 +170,9 @@ def gate_in_words(result: GateResult) -> str:
         return f"{text}no episode has this figure"
     worlds = "1 world" if result.worlds == 1 else f"{result.worlds} worlds"
     coverage = "95 %" if result.gates == 1 else f"simultaneous 95 % over {result.gates} gates"
+    coverage += result.looks
+    if result.figure != "mean":
+        text += f"{result.figure} "
     text += f"{interval_in_words(result.interval)}, {coverage}, {worlds}"
     advice = gate_advice(result)
     return f"{text}; {advice}" if advice else text

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
-from wayproof.harness.study.analysis import ArmSummary, samples_of, summarise
+from wayproof.harness.study.analysis import ArmSummary, Sample, samples_of, summarise
 from wayproof.harness.study.calibration import calibrations_of
 from wayproof.harness.study.contents import Contents, contents_of
 from wayproof.harness.study.falsify import falsification_of, hunts_of
 from wayproof.harness.study.file import StudyFile, files_of, gates_of
+from wayproof.harness.study.gate import Gate
 from wayproof.harness.study.gates import GateResult, judge
 from wayproof.harness.study.job import Done, Job
 from wayproof.harness.study.matching import ForeignLog
@@ -23,6 +25,7 @@ from wayproof.harness.study.rows import Row, read_row, write_table
 from wayproof.harness.study.search import advance
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.threshold import brackets_of, thresholds_of
+from wayproof.harness.worker_pool import TRIES
 
 Engine = Callable[[Sequence[Job], Sequence[bytes], Finished], None]
 """Function that runs jobs; the configs are of one episode of each stack, compiled first."""
@@ -88,6 +91,7 @@ class StudyResult:
         of_recordings: Whether it is a study over recordings.
         gates_set: Number of gates that the study sets, each for one arm or more.
         pairs: Paired results of a comparison; None of a single study.
+        differences: What else than the episodes differs between the studies of a comparison.
         answers: Answers of a threshold, a calibration, a falsification or of recordings; none of
             another grid.
     """
@@ -104,6 +108,7 @@ class StudyResult:
     gates_set: int = 0
     pairs: Paired | None = None
     answers: Sequence[Answer] = ()
+    differences: tuple[str, ...] = ()
 
     @property
     def verdict(self) -> StudyVerdict:
@@ -133,26 +138,38 @@ class StudyResult:
 def run_missing(
     planned: Sequence[Planned], store: Store, engine: Engine, finished: Finished
 ) -> None:
-    """Run the episodes that are not in the folder yet; each is kept as it ends."""
+    """Run the episodes that are not in the folder yet; each is kept as it ends.
+
+    One that the machine ends, for want of disk or memory, is run again when the others have ended.
+    """
     jobs: dict[str, Job] = {}
     stacks: dict[object, bytes] = {}
     for one in planned:
         if one.key not in jobs and not store.is_done(one.key):
             config = to_json(one.config)
+            store.forget_error(one.key)
             jobs[one.key] = Job(one.key, config, store.log(one.key), one.source)
             if one.source is not None:
                 continue
             stack = (one.config.robot, one.config.map.kind, one.config.planner.name)
             stacks.setdefault(stack, config)
+    waiting = list(jobs)
+    for tries_left in reversed(range(TRIES)):
+        again: list[str] = []
 
-    def keep(done: Done) -> None:
-        if done.error:
-            store.record_error(done.key, done.error)
-            store.keep_evidence(done.key, done.error)
-        finished(done)
+        def keep(done: Done, again: list[str] = again, last: bool = tries_left == 0) -> None:
+            if done.of_machine and not last:
+                again.append(done.key)
+                return
+            if done.error:
+                store.record_error(done.key, done.error, done.of_machine)
+            if done.error and not done.of_machine:
+                store.keep_evidence(done.key, done.error)
+            finished(done)
 
-    if jobs:  # an engine may take seconds to start
-        engine(list(jobs.values()), list(stacks.values()), keep)
+        if waiting:  # an engine may take seconds to start
+            engine([jobs[key] for key in waiting], list(stacks.values()), keep)
+        waiting = again
 
 
 def count_missing(planned: Sequence[Planned], store: Store) -> int:
@@ -215,21 +232,46 @@ def conclude(
     answers: Sequence[Answer] = (),
 ) -> StudyResult:
     """Summarise the rows and judge the gates; a log of another episode counts as missing."""
-    limit = max(one.config.episode.time_limit for one in planned)
-    samples = samples_of(rows)
-    errors = [row for row in rows if not row.ran]
-    return StudyResult(
-        name=study.name,
-        episodes=len(planned),
-        missing=len(planned) - len(rows),
-        errors=len(errors),
-        first_error=error_in_words(errors[0]) if errors else "",
-        arms=[] if study.recordings else summarise(samples, limit),
-        gates=judge(samples, gates_of(study), limit),
+    return replace(
+        judged(study.name, gates_of(study), planned, rows, samples_of(rows)),
         foreign=tuple(foreign),
-        of_recordings=bool(study.recordings),
-        gates_set=len(gates_of(study)),
         answers=answers,
+    )
+
+
+def judged(
+    name: str,
+    gates: Sequence[Gate],
+    planned: Sequence[Planned],
+    rows: Sequence[Row],
+    samples: Sequence[Sample],
+    of_each: int = 1,
+) -> StudyResult:
+    """Summarise samples and judge them by gates.
+
+    Args:
+        name: Name of what is judged.
+        gates: The gates.
+        planned: All episodes, of one study or of two that are compared.
+        rows: Rows of those that have ended.
+        samples: The arms.
+        of_each: Number of episodes of each arm and seed, two in a comparison.
+    """
+    limit = max(one.config.episode.time_limit for one in planned)
+    of_recordings = planned[0].source is not None
+    errors = [row for row in rows if not row.ran]
+    expected = {(one.arm, one.seed) for one in planned}
+    ended = Counter((row.arm, row.seed) for row in rows)
+    return StudyResult(
+        name=name,
+        episodes=len(expected),
+        missing=sum(ended[one] < of_each for one in expected),
+        errors=len({(row.arm, row.seed) for row in errors}),
+        first_error=error_in_words(errors[0]) if errors else "",
+        arms=[] if of_recordings else summarise(samples, limit),
+        gates=judge(samples, gates, limit),
+        of_recordings=of_recordings,
+        gates_set=len(gates),
     )
 
 
@@ -282,6 +324,8 @@ def verdict_in_words(result: StudyResult) -> str:
         )
     if result.of_recordings:
         text = f"{ran} of {result.episodes} passes through recordings judged"
+    if result.differences:
+        text = f"the folders differ in {'; '.join(result.differences)}. {text}"
     if result.missing:
         lacking = "have not run" if result.pairs is None else "have not run in both studies"
         text += f"; {result.missing} of {result.episodes} {lacking}"
@@ -335,6 +379,23 @@ def run_study(
     Raises:
         InputError: The folder cannot be written, another run holds it, or a log is damaged.
     """
+    try:
+        return _run_study(study, planned, store, engine, finished, check)
+    except OSError as error:
+        raise InputError(
+            f"study folder '{store.folder}': {error.strerror}; what has ended is kept, and the "
+            "same command goes on"
+        ) from error
+
+
+def _run_study(
+    study: StudyFile,
+    planned: Sequence[Planned],
+    store: Store,
+    engine: Engine,
+    finished: Finished,
+    check: Callable[[], None] | None,
+) -> StudyResult:
     with store.open():
         store.clear_partial()
         contents = contents_of(files_of(study))

@@ -14,7 +14,8 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_between, samples_of
 from wayproof.harness.study.contents import contents_of
-from wayproof.harness.study.file import PACKAGED, files_of, read_gate, read_study
+from wayproof.harness.study.file import PACKAGED, files_of, read_study
+from wayproof.harness.study.gate import read_gate
 from wayproof.harness.study.gates import GateResult, gate_in_words, judge
 from wayproof.harness.study.plan import Arm, plan_episodes
 from wayproof.harness.study.rows import Row
@@ -125,6 +126,13 @@ def test_all_gates_share_their_error() -> None:
 def test_seeds_of_one_imported_world_are_one_world() -> None:
     one = dataclasses.replace(ARM, world="yard.xml")
     result = judged("success.mean >= 0.5", [row(k, one) for k in range(50)])
+    assert (result.verdict, result.worlds) == ("inconclusive", 1)
+
+
+def test_copies_of_one_world_are_one_world() -> None:
+    arms = [dataclasses.replace(ARM, world=f"yard{k}.xml") for k in range(12)]
+    rows = [dataclasses.replace(row(0, arm), world="the same shape") for arm in arms]
+    result = judged("success.mean >= 0.5", rows)
     assert (result.verdict, result.worlds) == ("inconclusive", 1)
 
 

@@ -1,6 +1,7 @@
 """Stacks as an axis of a study: planned, identified, paired, tabulated and compared."""
 
 import json
+import shutil
 import sys
 
 import pyarrow.parquet as pq
@@ -20,7 +21,7 @@ from wayproof.harness.study.report.charts import COLOURS, Curve, bars_chart
 from wayproof.harness.study.report.sections import stacks_section
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import run_study
+from wayproof.harness.study.study import run_study, verdict_in_words
 
 STUDY = """
 name = "stacks"
@@ -220,7 +221,22 @@ def test_times_are_bounded_by_the_longer_of_two_time_limits(tmp_path):
         place.mkdir()
         folders.append(ran(place, "gap", limit=limit))
     for before, after in (folders, folders[::-1]):
-        assert compare(before, after, ["success.drop <= 0.1"]).time_limit == 2.0
+        compared = compare(before, after, ["success.drop <= 0.1"])
+        assert compared.time_limit == 2.0
+        [difference] = compared.result.differences
+        assert difference.startswith("episode.time_limit (")
+        assert f"the folders differ in {difference}. " in verdict_in_words(compared.result)
+
+
+def test_folders_of_two_builds_of_wayproof_are_compared_as_such(tmp_path):
+    folder = ran(tmp_path, "gap")
+    other = tmp_path / "other"
+    shutil.copytree(folder, other)
+    contents = json.loads((other / "contents.json").read_text())
+    (other / "contents.json").write_text(json.dumps({**contents, "wayproof": "0123456789abcdef"}))
+    result = compare(folder, other, ["success.drop <= 0.1"]).result
+    assert "code of Wayproof" in result.differences[0]
+    assert (result.verdict, result.missing) == ("incomplete", 2)  # its logs are of neither build
 
 
 def test_the_packaged_study_of_stacks():

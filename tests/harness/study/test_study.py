@@ -8,6 +8,7 @@ import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -21,8 +22,10 @@ from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
 from wayproof.harness.log.head import read_head
 from wayproof.harness.log.reader import open_log
+from wayproof.harness.study.analysis import NOTHING_RAN
 from wayproof.harness.study.contents import contents_of
-from wayproof.harness.study.file import files_of, read_gate, read_study
+from wayproof.harness.study.file import files_of, read_study
+from wayproof.harness.study.gate import read_gate
 from wayproof.harness.study.job import Done, Job, run_job
 from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.store import Store, merge
@@ -213,6 +216,30 @@ def test_a_broken_episode_is_a_row_and_not_the_end(tmp_path: Path) -> None:
         if row.outcome == "error"
     ]
     assert "expected inside the geofence" in row.reason
+
+
+def test_an_error_of_the_machine_is_tried_again_and_no_failure_of_its_arm(tmp_path: Path) -> None:
+    text = SHORT.replace("seeds = 2", "seeds = 1")
+    tried: list[str] = []
+
+    def full(jobs: list[Job], stacks: list[bytes], finished: Callable[[Done], None]) -> None:
+        for job in jobs:
+            finished(Done(job.key, "the disk is full", of_machine=True))
+
+    def short_of_memory(
+        jobs: list[Job], stacks: list[bytes], finished: Callable[[Done], None]
+    ) -> None:
+        for job in jobs:
+            tried.append(job.key)
+            lacks = tried.count(job.key) < 3
+            finished(Done(job.key, "no memory", of_machine=True) if lacks else run_job(job))
+
+    keys = [one.key for one in plan_episodes(read_study(written(tmp_path, text)))]
+    stuck = run(tmp_path, text, engine=full)
+    assert (stuck.verdict, stuck.errors, stuck.gates[0].worlds) == ("incomplete", 2, 0)
+    assert stuck.arms[0].success == NOTHING_RAN
+    assert run(tmp_path, text, engine=short_of_memory).errors == 0
+    assert sorted(tried) == sorted(keys * 3)
 
 
 def test_time_and_memory_are_bounded(tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ from wayproof.harness.metrics import METRICS
 from wayproof.harness.statistics.bounds import Array
 from wayproof.harness.study.analysis import samples_between, samples_of
 from wayproof.harness.study.default_gates import DEFAULT_GATES
-from wayproof.harness.study.file import PACKAGED, Gate, read_gate, read_study
+from wayproof.harness.study.file import PACKAGED, read_study
+from wayproof.harness.study.gate import Gate, read_gate
 from wayproof.harness.study.gates import GateResult, judge
 from wayproof.harness.study.plan import Arm, plan_episodes
 from wayproof.harness.study.rows import Row

@@ -1,0 +1,162 @@
+"""A gate: a bound on a figure of an arm, and what is bounded in its place."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+
+import numpy as np
+from scipy import stats
+
+from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.metrics import METRICS
+from wayproof.harness.statistics.exact import Interval, quantile_interval
+from wayproof.harness.statistics.intervals import LEAST_CLUSTERS
+from wayproof.harness.statistics.sequential import evidence, mean_sequence, median_sequence
+
+if TYPE_CHECKING:
+    from wayproof.harness.study.analysis import Values
+
+Statistic = Literal["drop", "rise", "mean"]
+
+Figure = Literal["mean", "share with any", "median", "restricted mean"]
+"""What is bounded: the mean of a rate or a share; the share of the episodes with any event; the
+median; the mean of a time of which a failure counts the time limit."""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A bound on a metric, judged once, over a number of worlds that is set beforehand.
+
+    Attributes:
+        text: Text of the gate.
+        metric: Key of `METRICS`.
+        statistic: `drop` and `rise` against the reference, by pairs; `mean` of each arm.
+        at_most: Whether the bound is an upper one.
+        bound: Bound, in the unit of the metric.
+        proven: Whether it must be held even with `--allow-inconclusive`.
+    """
+
+    text: str
+    metric: str
+    statistic: Statistic
+    at_most: bool
+    bound: float
+    proven: bool
+
+    looks: ClassVar[str] = ""
+    """When the interval may be looked at, in words; empty for once."""
+
+    @property
+    def figure(self) -> Figure:
+        """What is bounded.
+
+        The mean of counts and measures has no bound: an event or a jump too rare to be seen in any
+        world may be of any size.
+        """
+        support = METRICS[self.metric].support
+        if support.timed:
+            return "restricted mean"
+        if support.kind == "count" and abs(self.bound) < 1.0:
+            return "share with any"
+        return "median" if support.kind in ("count", "measure") else "mean"
+
+    def interval(self, values: Values, confidence: float) -> Interval | None:
+        """Return the figure with its interval; None without a value."""
+        if self.figure == "median" and values.second:
+            return quantile_interval(values.of_worlds, confidence=confidence)
+        return values.interval(confidence)
+
+    def worlds_needed(self, values: Values, interval: Interval, tail: float) -> int | None:
+        """Return about how many worlds would show it to be held at the same estimate.
+
+        If all values are alike the interval ends at 1 - tail^(1/k) of the way to the support's end;
+        elsewhere its width falls with the root of the number of worlds.
+
+        Args:
+            values: Values of the worlds so far.
+            interval: Their interval.
+            tail: Share of the samples that an end may miss.
+        """
+        gap = self.bound - interval.estimate if self.at_most else interval.estimate - self.bound
+        if gap <= 0.0:
+            return None
+        means, support = values.of_worlds, values.support
+        more = max(LEAST_CLUSTERS, len(means) + 1)
+        if self.figure == "median":
+            return max(more, math.ceil(math.log2(1.0 / tail)))
+        end = interval.high if self.at_most else interval.low
+        if np.ptp(means) > 0.0:
+            return max(more, math.ceil(len(means) * (abs(end - interval.estimate) / gap) ** 2))
+        whole = support if values.first is None else support.difference
+        reach = abs((whole.high if self.at_most else whole.low) - interval.estimate)
+        if not gap < reach < math.inf:
+            return more
+        needed = math.log(tail) / math.log1p(-gap / reach)
+        if values.first is not None and support.kind == "rate":  # by Newcombe's interval
+            square = float(stats.norm.ppf(tail)) ** 2
+            needed = max(needed, square * (1.0 - gap) / gap)
+        return max(LEAST_CLUSTERS, math.ceil(needed))
+
+
+class SequentialGate(Gate):
+    """A gate that may be looked at after any world, and to which worlds may be added."""
+
+    looks = " at every look"
+
+    def interval(self, values: Values, confidence: float) -> Interval | None:
+        """Return the figure with an interval over all looks; None without a value."""
+        if not values.second:
+            return None
+        if self.figure == "median":
+            return median_sequence(values.of_worlds, confidence)
+        return mean_sequence(values.of_worlds, *values.ends, confidence)
+
+    def worlds_needed(self, values: Values, interval: Interval, tail: float) -> int | None:
+        """Return about how many worlds would show it to be held if the evidence grew as it did."""
+        inside = (1.0 if self.at_most else -1.0) * (self.bound - values.of_worlds)
+        if self.figure == "median":
+            shares, middle = (inside >= 0.0).astype(np.float64), 0.5
+        else:
+            low, high = values.ends
+            shares = (values.of_worlds - low) / (high - low)
+            middle = (self.bound - low) / (high - low)
+            if self.at_most:
+                shares, middle = 1.0 - shares, 1.0 - middle
+        grown = float(evidence(shares, middle)[-1]) if middle > 0.0 else 0.0
+        return math.ceil(len(shares) * math.log(1.0 / tail) / grown) if grown > 0.0 else None
+
+
+def read_gate(text: str, kind: type[Gate] = Gate) -> Gate:
+    """Parse `metric.statistic <= bound` or `>=`, optionally followed by `proven`.
+
+    Raises:
+        InputError: The text is not a gate.
+    """
+    form = r"\s*(\w+)\.(\w+)\s*(<=|>=)\s*([-+.\deE]+)\s*(proven)?\s*"
+    match = re.fullmatch(form, text)
+    statistics = get_args(Statistic)
+    if match is None or match[2] not in statistics:
+        raise InputError(
+            f"gate '{text}': expected METRIC.STATISTIC <= BOUND, STATISTIC one of "
+            f"{', '.join(statistics)}, as in 'success.drop <= 0.05'"
+        )
+    if match[1] not in METRICS:
+        raise unknown_name(f"metric in gate '{text}'", match[1], METRICS)
+    try:
+        bound = float(match[4])
+    except ValueError:
+        bound = math.nan
+    if not math.isfinite(bound):
+        raise InputError(f"gate '{text}': got the bound '{match[4]}', expected a number")
+    statistic: Statistic = match[2]  # type: ignore[assignment]  # one of them, as checked
+    return kind(
+        text.strip(),
+        metric=match[1],
+        statistic=statistic,
+        at_most=match[3] == "<=",
+        bound=bound,
+        proven=match[5] is not None,
+    )
