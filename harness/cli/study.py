@@ -58,7 +58,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     store = Store(options.out or shared.LOGS / study.folder)
     if not options.until_decided:
         study = _going_on(console, study, continued(study, store))
-    whole = plan_episodes(study)
+    whole = [] if options.until_decided else plan_episodes(study)
     planned = shard(whole, options.shard) if options.shard else whole
     if options.merge:
         with store.open():

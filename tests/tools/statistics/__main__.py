@@ -1,4 +1,4 @@
-"""`python -m tests.tools.statistics intervals`: coverage, false alarms, power."""
+"""`python -m tests.tools.statistics intervals`: coverage, false alarms, looks, power."""
 
 import argparse
 import sys

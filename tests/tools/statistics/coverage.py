@@ -14,6 +14,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from tests.tools.statistics.looks import bench_looks
 from tests.tools.statistics.verdicts import bench_alarms, bench_power
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.bench.table import Row as Document
@@ -203,5 +204,6 @@ def _within_limit(first: Array, second: Array) -> Pair:
 PARTS: dict[str, Callable[[int, int, Progress], list[Document]]] = {
     "intervals": _intervals,
     "alarms": lambda repeats, seed, progress: bench_alarms(repeats, seed, CLUSTERS, progress),
+    "looks": bench_looks,
     "power": lambda repeats, seed, progress: bench_power(repeats, seed, CLUSTERS, progress),
 }
