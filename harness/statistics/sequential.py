@@ -26,7 +26,7 @@ WEIGHTS = np.array([5.0, 2.0, 2.0, 2.0, 2.0, 2.0]) / 15.0
 """Share of the first capital that each bet has. The first bet is of all of it, the best one where
 worlds hardly differ: the mixture then needs a quarter more of them than one look."""
 
-HALVINGS = 40
+HALVINGS = 30
 """Number of halvings that find an end of an interval."""
 
 
