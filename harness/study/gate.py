@@ -46,8 +46,8 @@ class Gate:
     bound: float
     proven: bool
 
-    looks: ClassVar[str] = ""
-    """When the interval may be looked at, in words; empty for once."""
+    sequential: ClassVar[bool] = False
+    """Whether its interval holds at every look."""
 
     @property
     def figure(self) -> Figure:
@@ -104,7 +104,7 @@ class Gate:
 class SequentialGate(Gate):
     """A gate that may be looked at after any world, and to which worlds may be added."""
 
-    looks = " at every look"
+    sequential = True
 
     def interval(self, values: Values, confidence: float) -> Interval | None:
         """Return the figure with an interval over all looks; None without a value."""
@@ -116,6 +116,8 @@ class SequentialGate(Gate):
 
     def worlds_needed(self, values: Values, interval: Interval, tail: float) -> int | None:
         """Return about how many worlds would show it to be held if the evidence grew as it did."""
+        if (interval.estimate >= self.bound) == self.at_most and interval.estimate != self.bound:
+            return None
         inside = (1.0 if self.at_most else -1.0) * (self.bound - values.of_worlds)
         if self.figure == "median":
             shares, middle = (inside >= 0.0).astype(np.float64), 0.5
@@ -126,7 +128,9 @@ class SequentialGate(Gate):
             if self.at_most:
                 shares, middle = 1.0 - shares, 1.0 - middle
         grown = float(evidence(shares, middle)[-1]) if middle > 0.0 else 0.0
-        return math.ceil(len(shares) * math.log(1.0 / tail) / grown) if grown > 0.0 else None
+        gap = float(shares.mean()) - middle
+        grown = max(grown, len(shares) * gap**2 / 2.0)  # at least as of values from end to end
+        return math.ceil(len(shares) * math.log(1.0 / tail) / grown) if gap > 0.0 else None
 
 
 def read_gate(text: str, kind: type[Gate] = Gate) -> Gate:

@@ -41,7 +41,7 @@ class GateResult:
             estimate; None if the gate is decided, or no number would.
         required: Whether the gate is `proven`: it must be held even if inconclusive ones may pass.
         figure: What is bounded.
-        looks: When the interval may be looked at, in words; empty for once.
+        sequential: Whether the interval holds at every look.
     """
 
     gate: str
@@ -53,7 +53,7 @@ class GateResult:
     worlds_needed: int | None
     required: bool
     figure: Figure = "mean"
-    looks: str = ""
+    sequential: bool = False
 
 
 def judge(
@@ -120,7 +120,7 @@ def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateRes
         worlds_needed=needed,
         required=gate.proven,
         figure=gate.figure,
-        looks=gate.looks,
+        sequential=gate.sequential,
     )
 
 
@@ -163,6 +163,14 @@ def interval_in_words(interval: Interval, form: str = ".3f") -> str:
     return f"{interval.estimate:{form}} ({low} to {high})"
 
 
+def estimate_in_words(result: GateResult) -> str:
+    """Return what a gate bounds, where it is not the mean, with its interval; empty without one."""
+    if result.interval is None:
+        return ""
+    figure = "" if result.figure == "mean" else f"{result.figure} "
+    return figure + interval_in_words(result.interval)
+
+
 def gate_in_words(result: GateResult) -> str:
     """Return the line of a gate behind its verdict."""
     text = f"{result.gate} for {name_of(result.arm)}: "
@@ -170,10 +178,8 @@ def gate_in_words(result: GateResult) -> str:
         return f"{text}no episode has this figure"
     worlds = "1 world" if result.worlds == 1 else f"{result.worlds} worlds"
     coverage = "95 %" if result.gates == 1 else f"simultaneous 95 % over {result.gates} gates"
-    coverage += result.looks
-    if result.figure != "mean":
-        text += f"{result.figure} "
-    text += f"{interval_in_words(result.interval)}, {coverage}, {worlds}"
+    coverage += " at every look" if result.sequential else ""
+    text += f"{estimate_in_words(result)}, {coverage}, {worlds}"
     advice = gate_advice(result)
     return f"{text}; {advice}" if advice else text
 

@@ -10,7 +10,8 @@ import msgspec
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.study.analysis import is_imported
-from wayproof.harness.study.file import StudyFile, arms_of, seeds_of
+from wayproof.harness.study.contents import Contents, contents_of
+from wayproof.harness.study.file import StudyFile, arms_of, files_of, seeds_of
 from wayproof.harness.study.plan import Planned, plan_episodes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import StudyResult
@@ -29,17 +30,27 @@ def continued(study: StudyFile, store: Store) -> StudyFile:
     longer holds: the gates become sequential, over all seeds in the order in which they were run.
 
     Raises:
-        InputError: It has fewer seeds than its folder was judged over.
+        InputError: It has fewer seeds than its folder was judged over; or other seeds or files, and
+            its worlds are files, of which seeds make no more.
     """
     if study.searches or not store.is_judged:
         return study
-    kept = store.read_study(allow_plugins=True)
+    try:
+        kept = store.read_study(allow_plugins=True)
+    except InputError:  # of another version: its episodes are other ones
+        return study
     seen, asked = seeds_of(kept), seeds_of(study)
     both = [seed for seed in seen if seed in asked]
     again = plan_episodes(with_seeds(study, both)) if both else []
     if not any(store.log(one.key).is_file() for one in again):  # other episodes than were judged
         return study
     added = [seed for seed in asked if seed not in seen]
+    now, before = _files(study, contents_of(files_of(study))), _files(kept, store.read_contents())
+    if study.gates and (now or before) and (now != before or added):
+        raise InputError(
+            f"study folder '{store.folder}': judged before over other files or seeds of them: "
+            "a choice after the fact; expected the same ones, or --out FOLDER"
+        )
     if study.sequential or kept.sequential or added:
         return with_seeds(msgspec.structs.replace(study, sequential=True), [*seen, *added])
     if study.gates and len(both) < len(seen):
@@ -48,6 +59,12 @@ def continued(study: StudyFile, store: Store) -> StudyFile:
             "them are a choice after the fact; expected all of them, or --out FOLDER"
         )
     return study
+
+
+def _files(study: StudyFile, contents: Contents) -> set[str]:
+    """Return what the imported worlds and recordings of a study are."""
+    places = (*study.worlds, *study.recordings)
+    return {contents.get(name, name) for name in places if is_imported(name)}
 
 
 def with_seeds(study: StudyFile, seeds: list[int]) -> StudyFile:

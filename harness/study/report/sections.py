@@ -8,6 +8,7 @@ from dataclasses import replace
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.analysis import ArmSummary, Sample, time_to_goal, values_of
+from wayproof.harness.study.gates import estimate_in_words
 from wayproof.harness.study.plan import CLEAN, Arm, name_of, perturbation_at
 from wayproof.harness.study.report.charts import Curve, bars_chart, stairs
 from wayproof.harness.study.report.page import Cell, Figure, Section
@@ -29,6 +30,8 @@ def gates_section(result: StudyResult) -> Section:
         if len(result.gates) > 1
         else "Intervals at 95 %."
     )
+    if any(one.sequential for one in result.gates):
+        together += " They hold at every look: seeds may be added until they decide."
     return Section(
         "Gates",
         note=f"{together} A gate is held where its whole interval keeps the bound, fails where the "
@@ -39,7 +42,7 @@ def gates_section(result: StudyResult) -> Section:
                 Cell(one.verdict, one.verdict),
                 one.gate,
                 name_of(one.arm),
-                spread(one.interval, ".3f"),
+                estimate_in_words(one),
                 str(one.worlds),
                 gate_reason(one),
             )
@@ -105,7 +108,8 @@ def arm_cells(one: ArmSummary) -> list[Cell]:
 def arms_section(result: StudyResult) -> Section:
     """Return the table of the arms, with their comparisons."""
     note = (
-        "Success with its exact 95 % interval over worlds. Mean time is restricted: a failure "
+        "Success with its exact 95 % interval over worlds; each interval holds alone, not all of "
+        "them together. Mean time is restricted: a failure "
         "counts the time limit."
     )
     heads, rows = list(ARM_HEADS[:4]), [arm_cells(one)[:4] for one in result.arms]
@@ -153,9 +157,9 @@ def stacks_section(samples: Sequence[Sample], time_limit: float) -> Section | No
         return None
     return Section(
         "Stacks",
-        note="Each with its 95 % interval over worlds. Time is restricted: a failure counts the "
-        "time limit. Not admitted: share of decisions whose command the referee did not admit; the "
-        "built-in stack has no referee. Guard: decisions at which the referee braked in the "
+        note="Each with its 95 % interval over worlds, which holds alone, not all together. Time "
+        "is restricted: a failure counts the time limit. Not admitted: share of decisions whose "
+        "command the referee did not admit; the built-in stack has no referee. Guard: decisions at which the referee braked in the "
         "stack's place.",
         heads=(
             *("conditions", "stack", "episodes", "success", "collisions", "time, s"),
@@ -179,8 +183,8 @@ def doses_section(samples: Sequence[Sample], time_limit: float) -> Section | Non
     return Section(
         "Dose and response",
         note="By the amount of the perturbation; 0 is the unperturbed twin. Bars are 95 % "
-        "intervals over worlds, with an arrow where one goes on beyond the plot. Time is "
-        "restricted: a failure counts the time limit.",
+        "intervals over worlds, each alone, with an arrow where one goes on beyond the plot. Time "
+        "is restricted: a failure counts the time limit.",
         figures=[_dose(arm, stacks, time_limit) for arm, stacks in families.items()],
     )
 

@@ -20,6 +20,8 @@ from wayproof.harness.study.looks import continued, run_until_decided, saved_in_
 from wayproof.harness.study.plan import Planned, plan_episodes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import StudyResult, run_study
+from wayproof.models.world_files.options import Ends, Found
+from wayproof.models.world_files.world_file import world_text
 
 STUDY = """
 name = "looked"
@@ -103,7 +105,7 @@ def test_seeds_added_after_a_look_make_gates_sequential_from_their_start(tmp_pat
     study = written(tmp_path)
     assert continued(study, store) == study
     [first] = ran(study, store).gates
-    assert (first.looks, continued(study, store)) == ("", study)
+    assert (first.sequential, continued(study, store)) == (False, study)
     more = continued(written(tmp_path, "seeds=[7, 1, 0]"), store)
     assert (more.sequential, seeds_of(more)) == (True, [0, 1, 7])
     [second] = ran(more, store).gates
@@ -164,3 +166,22 @@ def test_the_command_says_what_it_saved(tmp_path: Path, capsys: pytest.CaptureFi
     assert "decided by 7 of at most 20 seeds: 13 episodes saved" in capsys.readouterr().out
     kept = json.loads((tmp_path / "out" / "study.json").read_text())
     assert (kept["sequential"], kept["seeds"]) == (True, list(range(7)))
+
+
+def test_files_and_their_seeds_are_set_before_the_first_look(tmp_path: Path) -> None:
+    """A second seed of a file is no other world, and a second file a choice after the fact."""
+    ends = Ends((-3.0, -3.0, -0.5), (3.0, 3.0, 3.0), (-2.0, 0.0, 0.0), 0.0, (2.0, 0.0, 0.0))
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.xml").write_text(world_text(Found(), ends, name))
+    store, first, both = Store(tmp_path / "out"), f"{tmp_path}/a.xml", f"{tmp_path}/b.xml"
+
+    def study(worlds: str, *settings: str) -> StudyFile:
+        return written(tmp_path, f"worlds={worlds}", "seeds=1", *settings)
+
+    ran(study(f"{first},{both}"), store)
+    [gate] = ran(study(f"{first},{both}"), store).gates
+    assert gate.worlds == 1  # both are one empty room
+    assert continued(study(f"{first},{both}"), store).sequential is False
+    for other in (study(first), study(f"{first},{both}", "seeds=2")):
+        with pytest.raises(InputError, match="a choice after the fact"):
+            continued(other, store)
