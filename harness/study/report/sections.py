@@ -159,8 +159,8 @@ def stacks_section(samples: Sequence[Sample], time_limit: float) -> Section | No
         "Stacks",
         note="Each with its 95 % interval over worlds, which holds alone, not all together. Time "
         "is restricted: a failure counts the time limit. Not admitted: share of decisions whose "
-        "command the referee did not admit; the built-in stack has no referee. Guard: decisions at which the referee braked in the "
-        "stack's place.",
+        "command the referee did not admit; the built-in stack has no referee. Guard: decisions "
+        "at which the referee braked in the stack's place.",
         heads=(
             *("conditions", "stack", "episodes", "success", "collisions", "time, s"),
             *("not admitted", "guard"),
