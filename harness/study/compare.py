@@ -49,7 +49,7 @@ def compare(
     Raises:
         InputError: A folder is not one of a study, a gate is malformed, or no episode is shared.
     """
-    second, first = (_read(folder, allow_plugins) for folder in (after, before))
+    second, first = (read_folder(folder, allow_plugins) for folder in (after, before))
     kind = SequentialGate if second.sequential or first.sequential else Gate
     read = [read_gate(text, kind) for text in gates]
     renamed = _renamed(first.planned, second.planned)
@@ -74,13 +74,13 @@ def compare(
             reached=sum(row.success for _, row in pairs),
             reached_before=sum(twin.success for twin, _ in pairs),
         ),
-        differences=_differences(first, second, renamed=bool(renamed)),
+        differences=differences_of(first, second, renamed=bool(renamed)),
     )
     return Compared(result, samples, max(one.config.episode.time_limit for one in planned))
 
 
 @dataclass(frozen=True)
-class _Folder:
+class Folder:
     """A folder of a study, as read.
 
     Attributes:
@@ -97,7 +97,7 @@ class _Folder:
     contents: Contents
     sequential: bool
 
-    def in_terms_of(self, renamed: Mapping[str, str]) -> _Folder:
+    def in_terms_of(self, renamed: Mapping[str, str]) -> Folder:
         """Return it with the new names of its stacks."""
         return replace(
             self,
@@ -106,7 +106,7 @@ class _Folder:
         )
 
 
-def _differences(first: _Folder, second: _Folder, renamed: bool) -> tuple[str, ...]:
+def differences_of(first: Folder, second: Folder, renamed: bool) -> tuple[str, ...]:
     """Return what differs between the pairs of two folders, beside a stack that was renamed.
 
     Raises:
@@ -153,9 +153,14 @@ def _in_terms_of(renamed: Mapping[str, str], arm: Arm) -> Arm:
     return replace(arm, stack=renamed.get(arm.stack, arm.stack))
 
 
-def _read(folder: Path, allow_plugins: bool) -> _Folder:
+def read_folder(folder: Path, allow_plugins: bool) -> Folder:
+    """Read a folder with all rows.
+
+    Raises:
+        InputError: It is no folder of a study, or a log in it is damaged.
+    """
     store = Store(folder)
     study, contents = store.read_study(allow_plugins), store.read_contents()
     planned = plan_episodes(study, contents)
     rows, foreign = read_own_rows(planned, store, allow_plugins)
-    return _Folder(planned, rows, foreign, contents, study.sequential)
+    return Folder(planned, rows, foreign, contents, study.sequential)
