@@ -37,10 +37,11 @@ def evidence(values: Array, mean: float) -> Array:
         values: (n,) not below 0, in the order in which they came.
         mean: The mean that is doubted, more than 0.
     """
-    with np.errstate(divide="ignore"):
-        growth = np.log1p(FRACTIONS * (values[:, None] / mean - 1.0))
-        capital: Array = np.logaddexp.reduce(np.cumsum(growth, 0) + np.log(WEIGHTS), axis=1)
-    return capital
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        capital = np.cumprod(1.0 + FRACTIONS * (values[:, None] / mean - 1.0), axis=0)
+        # A bet of all that lost is worth nothing, whatever it had won: not 0 times infinity.
+        logarithm: Array = np.log(np.where(np.isnan(capital), 0.0, capital) @ WEIGHTS)
+    return logarithm
 
 
 def mean_sequence(values: Array, low: float, high: float, confidence: float) -> Interval:

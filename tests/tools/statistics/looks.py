@@ -19,7 +19,7 @@ from wayproof.harness.study.gates import verdict_of
 
 WORLDS = 300
 
-SIZES = (5, 10, 20, 35, 50, 75, 100, 150, 200, 300)
+SIZES = (5, 10, 20, 35, 50, 75, 100, 200, 300)
 """Looks at a gate of a fixed size, and the sizes at which it is judged once."""
 
 POWER = 0.8
@@ -132,7 +132,7 @@ def _values(case: Case, sample: Sample, size: int) -> Values:
 def _needed(gate: Gate, case: Case, samples: list[Sample]) -> str:
     """Return the worlds of a sequential gate in half and in `POWER` of the samples."""
     needed = []
-    for one in samples[: max(1, len(samples) // 4)]:
+    for one in samples[: max(1, len(samples) // 5)]:
         low, high = 1, WORLDS + 1
         while low < high:  # once decided, it stays so
             middle = (low + high) // 2
