@@ -148,15 +148,15 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
         hashes=tuple(_hashes(one, names) for one in streams),
         actions=tuple(one.action for one in decisions),
         way=way,
-        world=_world_of(log),
+        world=_world_of(log, planned),
         reference=planned.reference,
     )
 
 
-def _world_of(log: Log) -> str:
+def _world_of(log: Log, planned: Planned) -> str:
     """Return the digest of what a world or a recording is, whatever its name and its spelling."""
     _, imported, digest = log.config.world.partition(HASH_SEPARATOR)
-    return shape_digest(log.scene) if imported and log.scene else digest
+    return shape_digest(log.scene) if imported and planned.source is None else digest
 
 
 def _metrics(log: Log, content: Content, way: Summary | None) -> dict[str, float | None]:
