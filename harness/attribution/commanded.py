@@ -12,13 +12,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution.case import Case, Moment
 from wayproof.harness.decision import path_of
-from wayproof.harness.log.paths import arc_at, densely
+from wayproof.harness.interface.command_messages import CommandError, planned_path_of
+from wayproof.harness.log.paths import arc_at, arc_lengths, densely
+from wayproof.harness.mission import Mission
+from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps import Costmap
 from wayproof.maps.states import OCCUPIED
 
 Array = NDArray[np.float64]
@@ -174,3 +179,43 @@ def _solid_cells(case: Case, navigator: Navigator, columns: Array) -> Array:
     cells[:, 2] = np.tile(heights, len(columns))
     solid: Array = cells[navigator.map.state_at(cells) == OCCUPIED]
     return solid
+
+
+def admitted_length(
+    decision: pb.Decision, mission: Mission, costmap: Costmap, path: Array
+) -> float:
+    """Return the length of a path (n, 3) up to the first cell that the body may not enter, m.
+
+    The body is that of the decision: its circumscribed disc or ball, or its discs headed along the
+    path.
+    """
+    points = densely(path, 0.5 * costmap.resolution)
+    ahead = np.gradient(points, axis=0)
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+    body = decision.inflation_radius_m - decision.localization_margin_m
+    offsets = [along for along, _ in mission.discs] if body < mission.radius - 1e-6 else [0.0]
+    closed: NDArray[np.bool_] = np.zeros(len(points), np.bool_)
+    for along in offsets:
+        closed |= _is_closed(costmap, points + along * ahead, decision.collision_distance_sq)
+    return float(arc_lengths(points)[closed.argmax() if closed.any() else -1])
+
+
+def _is_closed(costmap: Costmap, points: Array, limit: int) -> NDArray[np.bool_]:
+    """Return whether each point (n, 3) is too near to forbidden cells, or off the map."""
+    cells = np.floor((points - costmap.origin) / costmap.resolution).astype(int)
+    if costmap.shape[2] == 1:  # on the ground, whatever height the stack plans at
+        cells[:, 2] = 0
+    inside = ((cells >= 0) & (cells < costmap.shape)).all(axis=1)
+    closed: NDArray[np.bool_] = np.logical_not(inside)
+    closed[inside] = costmap.field()[tuple(cells[inside].T)] <= limit
+    return closed
+
+
+def own_plan(moment: Moment) -> Array | None:
+    """Return the path (n, 3) that a stack on trial says it plans, m; None without one."""
+    if moment.answer is None:
+        return None
+    try:
+        return planned_path_of(sb.Command.FromString(moment.answer.command))
+    except (DecodeError, CommandError):
+        return None

@@ -300,7 +300,7 @@ def exploration(facts: StandstillFacts) -> str | None:
     ways = facts.map()
     if not _only_unknown(facts):
         return None
-    who = f"the stack on trial {facts.did} and" if facts.on_trial else "the stack"
+    who = f"the stack on trial {_did(facts)}; it" if facts.on_trial else "the stack"
     return (
         f"in {ways.passable:.0%} of the maps at the end a way led around all that was occupied, "
         f"through unknown space ({ways.unknown:.0%} was unknown), and none through known space "
@@ -333,19 +333,28 @@ def _too_slow(facts: StandstillFacts) -> str:
         f"the shortest way takes {truth.shortest_s:.1f} s at {facts.speed_in_words}, the limit was "
         f"{facts.limit_s:.1f} s, and {facts.map().passable:.0%} of the maps at the end had a way; "
         f"{truth.left_m:.1f} m were left, {'' if facts.on_trial else searches}"
-        f"and {_effort(facts, 'one')}"
+        f"and {_effort(facts)}"
     )
 
 
-def _effort(facts: StandstillFacts, search: str = "search") -> str:
+def _effort(facts: StandstillFacts) -> str:
     """Say the effort of the last search in words; a stack on trial logs none."""
     if facts.cut:
         return f"the guard cut {facts.cut} of the last {facts.window} commands"
     if facts.on_trial:
-        return f"the stack on trial {facts.did}"
-    if not facts.iterations:
-        return "no search is in the log"
-    return f"the last {search} spent {facts.iterations} iterations"
+        return f"the stack on trial {_did(facts)}"
+    return f"the last search spent {facts.iterations} iterations"
+
+
+def _did(facts: StandstillFacts) -> str:
+    """Say what a stack on trial did, and what the map held of the plan that it gave."""
+    ways = facts.map()
+    if not ways.own_plan_m:
+        return facts.did
+    clear = f"{ways.own_plan_clear_m:.1f} m of its {ways.own_plan_m:.1f} m"
+    if ways.own_plan_clear_m >= ways.own_plan_m - facts.cell:
+        clear = f"all {ways.own_plan_m:.1f} m"
+    return f"{facts.did}, and its own last plan was clear for {clear}"
 
 
 def unexplained(facts: StandstillFacts) -> str:

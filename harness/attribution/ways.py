@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from wayproof.harness.attribution.case import Case, Moment, update_as_decided
+from wayproof.harness.attribution.commanded import admitted_length, own_plan
 from wayproof.harness.attribution.ghosts import (
     ghosts,
     goal_of,
@@ -31,6 +32,7 @@ from wayproof.harness.attribution.grids import (
     true_occupancy,
     widest,
 )
+from wayproof.harness.log.paths import length
 from wayproof.harness.recompute.segments import SegmentedStack
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
@@ -100,6 +102,8 @@ class MapWays:
         held_up: Fraction of all searches without a path whose map had one without movers; 0 unless
             time ran out.
         unknown: Fraction of the cells in the plane or space of motion that are unknown.
+        own_plan_m: Length of the last plan of a stack on trial, m; 0 without one.
+        own_plan_clear_m: Length of it up to the first cell that the body may not enter, m.
     """
 
     known: float
@@ -117,6 +121,8 @@ class MapWays:
     without_movers: bool
     held_up: float
     unknown: float
+    own_plan_m: float = 0.0
+    own_plan_clear_m: float = 0.0
 
 
 def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
@@ -225,7 +231,15 @@ def map_ways(case: Case, since: int) -> MapWays:
         if number in some_ever:
             held_up.append(not looks[number].passable and without_movers(case, navigator, number))
     assert navigator is not None
+    last = case.moments[-1]
+    plan = own_plan(last)
+    planned = clear = 0.0
+    if plan is not None and len(plan) >= 2:
+        planned = length(plan)
+        clear = admitted_length(last.decision, case.mission, navigator.costmap, plan)
     return MapWays(
+        own_plan_m=planned,
+        own_plan_clear_m=clear,
         known=float(np.mean([looks[k].known for k in some])),
         passable=float(np.mean([looks[k].passable for k in some])),
         roomy=float(np.mean([looks[k].roomy for k in some])),

@@ -42,30 +42,28 @@ def check_by_guard(log: Log, case: Case, finding: Finding) -> Verdict:
         checks.append(_simulate(log, case, GUARD, first, silent_from=first + 1))
     begin_s = case.moments[first].time_ns * 1e-9
     simulated = sum(one.end_s - begin_s for one in checks)
-    settled, answer, note = settle_by_guard(finding, checks)
-    return Verdict(settled, answer, checks=tuple(checks), simulated_s=simulated, note=note)
+    answer, note = settle_by_guard(finding, checks)
+    return Verdict(finding, answer, checks=tuple(checks), simulated_s=simulated, note=note)
 
 
-def settle_by_guard(finding: Finding, checks: list[Check]) -> tuple[Finding, str, str]:
-    """Return the cause that the checks leave, the answer, and a note.
+def settle_by_guard(finding: Finding, checks: list[Check]) -> tuple[str, str]:
+    """Return the answer, and a note; the guard can confirm a cause, and shows nothing else.
 
     Args:
         finding: Cause by the facts.
         checks: The control, and the guard if the control failed as recorded.
     """
     if len(checks) == 1:
-        note = f"with all recorded answers it ended as {checks[0].outcome}, not as recorded"
-        return finding, "inconclusive", note
+        outcome = checks[0].outcome
+        note = f"with all recorded answers it ended as {outcome}, not as recorded"
+        return "inconclusive", note
     first, saves = checks[-1].begin, checks[-1].saves
     against_verdict = finding.cause in REMEDIES[GUARD][1]
     if saves and against_verdict:
-        return finding, "confirmed", ""
-    if not against_verdict:
-        does = "keeps the robot from it" if saves else "does not keep the robot from it"
-        note = f"cutting decision {first} {does}, which says nothing about {finding.cause}"
-        return finding, "inconclusive", note
-    note = f"the guard would have cut decision {first}, and that does not save the robot"
-    return finding, "inconclusive", note
+        return "confirmed", ""
+    does = "keeps the robot from it" if saves else "does not keep the robot from it"
+    beside = "" if against_verdict else f", which says nothing about {finding.cause}"
+    return "inconclusive", f"cutting decision {first} {does}{beside}"
 
 
 def _undecided(log: Log, case: Case, commands: tuple[int, ...]) -> str:

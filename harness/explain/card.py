@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution import Case, Moment
+from wayproof.harness.attribution.commanded import admitted_length
 from wayproof.harness.clearance import map_clearance_is_bound, true_clearance_is_bound
 from wayproof.harness.decision import path_of, widened_in_words
 from wayproof.harness.errors import InputError
@@ -19,14 +20,12 @@ from wayproof.harness.explain.blocking_cells import BlockingCell, blocking_cells
 from wayproof.harness.explain.commanded import Commanded, command_in_words, commanded
 from wayproof.harness.explain.floor import floor_in_words
 from wayproof.harness.goals import goal_name
-from wayproof.harness.log.paths import arc_lengths, densely, length
-from wayproof.harness.mission import Mission
+from wayproof.harness.log.paths import densely, length
 from wayproof.harness.prediction_config import NO_PREDICTOR
 from wayproof.harness.prior_config import NO_PRIOR
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.labels import combined_version
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.maps import Costmap
 
 Array = NDArray[np.float64]
 
@@ -279,38 +278,8 @@ def _with_stack(card: Card, case: Case, number: int, navigator: Navigator) -> Ca
     if len(plan) < 2:
         return replace(card, answer=answer)
     decision = case.moments[number].decision
-    admitted = _admitted_length(decision, case.mission, navigator.costmap, plan)
+    admitted = admitted_length(decision, case.mission, navigator.costmap, plan)
     return replace(card, answer=answer, planned_m=length(plan), planned_admitted_m=admitted)
-
-
-def _admitted_length(
-    decision: pb.Decision, mission: Mission, costmap: Costmap, path: Array
-) -> float:
-    """Return the length of a path (n, 3) up to the first cell that the body may not enter, m.
-
-    The body is that of the decision: its circumscribed disc or ball, or its discs headed along the
-    path.
-    """
-    points = densely(path, 0.5 * costmap.resolution)
-    ahead = np.gradient(points, axis=0)
-    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
-    body = decision.inflation_radius_m - decision.localization_margin_m
-    offsets = [along for along, _ in mission.discs] if body < mission.radius - 1e-6 else [0.0]
-    closed: NDArray[np.bool_] = np.zeros(len(points), np.bool_)
-    for along in offsets:
-        closed |= _is_closed(costmap, points + along * ahead, decision.collision_distance_sq)
-    return float(arc_lengths(points)[closed.argmax() if closed.any() else -1])
-
-
-def _is_closed(costmap: Costmap, points: Array, limit: int) -> NDArray[np.bool_]:
-    """Return whether each point (n, 3) is too near to forbidden cells, or off the map."""
-    cells = np.floor((points - costmap.origin) / costmap.resolution).astype(int)
-    if costmap.shape[2] == 1:  # on the ground, whatever height the stack plans at
-        cells[:, 2] = 0
-    inside = ((cells >= 0) & (cells < costmap.shape)).all(axis=1)
-    closed: NDArray[np.bool_] = np.logical_not(inside)
-    closed[inside] = costmap.field()[tuple(cells[inside].T)] <= limit
-    return closed
 
 
 def _verdict(decision: pb.Decision) -> str:

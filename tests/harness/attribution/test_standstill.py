@@ -190,8 +190,17 @@ def evidence(change):
             {**CLOSED, "map.of_prior": 5},
             "7 cells mapped occupied are truly free, 5 of them held by",
         ),
+        (
+            {
+                "on_trial": True,
+                "map.known": 1.0,
+                "map.own_plan_m": 3.0,
+                "map.own_plan_clear_m": 3.0,
+            },
+            "its own last plan was clear for all 3.0 m",
+        ),
         ({"on_trial": True, "map.known": 1.0, "did": "stood still"}, "the stack on trial stood"),
-        ({"on_trial": True, "did": "gave up itself"}, "the stack on trial gave up itself and did"),
+        ({"on_trial": True, "did": "gave up itself"}, "the stack on trial gave up itself; it did"),
     ],
 )
 def test_a_sentence_names_the_setting_or_what_a_stack_did(change, says):
