@@ -14,7 +14,7 @@ from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.prediction_config import PredictionConfig
-from wayproof.harness.prior_config import PriorConfig
+from wayproof.harness.prior_config import NO_PRIOR, PriorConfig
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.maps import MAPS
 from wayproof.models.sensors.devices import DEVICES, OWN
@@ -36,6 +36,12 @@ FILLED_IN = ("prior_map",)
 
 NUMBERS = ("int", "float")
 """Types of settings that are numbers; a bool is none."""
+
+FOR_STACKS = (
+    "sensors", "estimate", "map", "costmap", "planner", "prior", "prior_map", "prediction",
+    "motion", "behaviour", "latency", "episode", "recording",
+)  # fmt: skip
+"""Settings that a stack on trial is sent: none tells the world, its seed or what is off in it."""
 
 RECORDING = "recording"
 """Section of the settings that only a recording has."""
@@ -163,6 +169,18 @@ def to_json(config: Config) -> bytes:
     return msgspec.json.format(msgspec.json.encode(document), indent=1)
 
 
+def settings_for_stacks(config: Config) -> str:
+    """Return the settings of `FOR_STACKS` as JSON, without the names of files behind them."""
+    if config.prior.source != NO_PRIOR:
+        config = dataclasses.replace(config, prior=dataclasses.replace(config.prior, source="sent"))
+    if config.recording is not None:
+        unnamed = dataclasses.replace(config.recording, format="", sha256="", options=())
+        config = dataclasses.replace(config, recording=unnamed)
+    document = document_of(config)
+    sent = {name: document[name] for name in FOR_STACKS if name in document}
+    return msgspec.json.encode(sent).decode()
+
+
 def from_json(data: bytes, allow_plugins: bool = False) -> Config:
     """Read back what `to_json` wrote; floats come back bit by bit.
 
@@ -262,7 +280,7 @@ def _parse(text: str) -> Any:
     """Parse a text as JSON; return the text itself where it is none."""
     try:
         return json.loads(text, parse_constant=_refuse_constant)
-    except ValueError:
+    except (ValueError, RecursionError):
         return text
 
 

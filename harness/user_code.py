@@ -17,7 +17,12 @@ from types import FrameType
 
 from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.errors import InputError, NeverReturned, printable
-from wayproof.harness.interface.connect import file_digest, runs_elsewhere, runs_in_process
+from wayproof.harness.interface.connect import (
+    file_digest,
+    is_isolated,
+    runs_elsewhere,
+    runs_in_process,
+)
 from wayproof.harness.interface.errors import OutsideError
 from wayproof.harness.supervision import stacks_file
 from wayproof.plugin import UserCodeError
@@ -128,7 +133,8 @@ class Watchdog:
 
     def __init__(self, config: Config) -> None:
         """Watch the user's classes of a config."""
-        self.names = plugins_of(config)
+        elsewhere = (config.stack.name, config.prediction.source) if is_isolated() else ()
+        self.names = [name for name in plugins_of(config) if name not in elsewhere]
         self._wall_s = config.plugins.wall_s
         in_main = threading.current_thread() is threading.main_thread()
         self._active = bool(self.names) and in_main

@@ -91,7 +91,7 @@ struct Task {
   double delay_s = 0.0;              // from an observation to the effect of its command
   double deadline_s = 0.0;           // a command with a longer delay is discarded
   std::vector<Sensor> sensors;
-  std::string settings;              // the resolved config, JSON
+  std::string settings;              // of sensors, map, costmap, planner, JSON
 
   const Sensor& sensor(const std::string& name) const {
     for (const Sensor& one : sensors)

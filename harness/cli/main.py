@@ -18,7 +18,7 @@ from wayproof.harness.cli import COMMANDS, VERBS, Document, Verb
 from wayproof.harness.cli.arguments import Parser, refusing_unusable_paths
 from wayproof.harness.cli.fast_exit import FastExit, runs_only_our_code
 from wayproof.harness.cli.parent_process import fork_child, names_user_code
-from wayproof.harness.cli.stdout import CheckedStdout, OutputError
+from wayproof.harness.cli.stdout import CheckedStdout, OutputError, PlainConsole
 from wayproof.harness.errors import InputError, Interrupted, unknown_name
 from wayproof.harness.supervision import ended
 
@@ -44,8 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     as_json = "--json" in arguments
     stdout = CheckedStdout(sys.stdout)
-    # Printed text may come from a log of unknown origin: no markup in it; `Text` sets the styles.
-    console = Console(
+    # Printed text may come from a log of unknown origin: no markup in it, and no control of the
+    # terminal; `Text` sets the styles.
+    console = PlainConsole(
         file=stdout,  # type: ignore[arg-type]
         quiet=as_json,
         markup=False,

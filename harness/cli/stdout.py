@@ -1,11 +1,17 @@
-"""Standard output with errors of its own class."""
+"""Standard output: errors of its own class, and a console that no printed text controls."""
 
 from __future__ import annotations
 
 import errno
 import os
 import sys
+from collections.abc import Iterable
 from typing import Any, TextIO
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+
+from wayproof.harness.errors import printable
 
 BROKEN_PIPE = 141
 """Exit code of a command whose reader has closed the pipe: 128 + SIGPIPE, as in a shell."""
@@ -59,3 +65,21 @@ class CheckedStdout:
     def __getattr__(self, name: str) -> Any:
         """Return any other attribute of the stream."""
         return getattr(self._stream, name)
+
+
+class PlainConsole(Console):
+    """Console on which printed text, of whatever origin, does not control the terminal."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Render, with control characters escaped but for line breaks and tabs."""
+        for segment in super().render(renderable, options):
+            text = segment.text
+            if not (segment.control or text.isprintable()):
+                text = "\n".join(map(_escaped, text.split("\n")))
+            yield segment._replace(text=text)
+
+
+def _escaped(line: str) -> str:
+    return "\t".join(map(printable, line.split("\t")))

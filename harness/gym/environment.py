@@ -110,10 +110,14 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
         self.observation_space: spaces.Dict = observation_space(observation, self._beams)  # type: ignore[assignment]  # its own type is wider
         self.action_space: spaces.Box = action_space(action)  # type: ignore[assignment]
         self._scratch = Path(tempfile.mkdtemp(prefix="wayproof-"))  # of logs that are not kept
-        self._remove_scratch = weakref.finalize(self, shutil.rmtree, self._scratch, True)
-        self._episode: AgentEpisode | None = None
+        self._episodes: list[AgentEpisode] = []  # the one that reset began
+        self._remove = weakref.finalize(self, _end, self._episodes, self._scratch)
         self._arrays: Arrays = {}
         self._observer: PolicyObserver
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make this one from the arguments: another would end with what is made for it."""
+        WayproofEnv.__init__(self, *state["_ezpickle_args"], **state["_ezpickle_kwargs"])
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -134,11 +138,11 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
         own_seed = int(self.np_random.integers(2**31)) if seed is None else seed
         config = self._config(options or {}, own_seed)
         scenario = build(config)
-        self._episode = AgentEpisode(scenario, self._log_path(options or {}, config))
+        self._episodes.append(AgentEpisode(scenario, self._log_path(options or {}, config)))
         self._observer = PolicyObserver(self.task)
         self._arrays = self._observed()
         info = {"seed": own_seed, "world": scenario.config.world, "robot": scenario.config.robot}
-        return self._arrays, {**info, "truth": self._truth()}
+        return self._copied(), {**info, "truth": self._truth()}
 
     def step(self, action: NDArray[np.float32]) -> tuple[Arrays, float, bool, bool, Info]:
         """Command one motion, and simulate up to the next observation.
@@ -152,8 +156,8 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
             InputError: The action has another shape.
             ResetNeeded: No episode is under way.
         """
-        episode = self._episode
-        if episode is None or episode.result is not None:
+        episode = self._current()
+        if episode.result is not None:
             raise gymnasium.error.ResetNeeded("step: expected an episode that reset began")
         before_m, before_ns = episode.goal_distance(), episode.seen.time_ns
         episode.command(motion_of(self._action, action, episode.task, episode.seen))
@@ -172,12 +176,12 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
         else:
             info |= _summary(result, kept=self._log is not None)
         truncated = outcome in TRUNCATIONS
-        return self._arrays, reward, outcome is not None and not truncated, truncated, info
+        return self._copied(), reward, outcome is not None and not truncated, truncated, info
 
     def close(self) -> None:
         """End the episode under way, and remove logs that are not kept."""
         self._leave("the environment was closed")
-        self._remove_scratch()
+        self._remove()
 
     @property
     def task(self) -> Task:
@@ -198,14 +202,13 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
         return self._current().seen
 
     def _current(self) -> AgentEpisode:
-        if self._episode is None:
+        if not self._episodes:
             raise gymnasium.error.ResetNeeded("expected an episode that reset began")
-        return self._episode
+        return self._episodes[0]
 
     def _leave(self, why: str) -> None:
-        episode, self._episode = self._episode, None
-        if episode is not None:
-            episode.leave(why)
+        while self._episodes:
+            self._episodes.pop().leave(why)
 
     def _config(self, options: Mapping[str, Any], seed: int) -> Config:
         """Return the config of an episode.
@@ -234,6 +237,10 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
             self._log = self._logs / "{}-{}-{}.mcap".format(*names)
         return self._log or self._scratch / "episode.mcap"
 
+    def _copied(self) -> Arrays:
+        """Return the newest arrays as a caller may keep and change them."""
+        return {name: array.copy() for name, array in self._arrays.items()}
+
     def _observed(self) -> Arrays:
         return observed(self._observation, self._observer, self.seen, self._beams)
 
@@ -249,6 +256,13 @@ class WayproofEnv(gymnasium.Env[Arrays, NDArray[np.float32]], EzPickle):
             "goal_distance_m": episode.goal_distance(),
             "collisions": truth.collisions,
         }
+
+
+def _end(episodes: list[AgentEpisode], scratch: Path) -> None:
+    """End the episode of an environment that nobody closed, and remove logs that are not kept."""
+    for episode in episodes:
+        episode.leave("the environment was not closed")
+    shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _summary(result: Result, *, kept: bool) -> Info:

@@ -19,7 +19,8 @@ class BuiltinStack:
 
     def start(self, task: Task) -> None:
         """Build the navigator of this mission."""
-        config = from_document(json.loads(task.settings))
+        named = {"world": "", "robot": task.robot, "seed": task.seed}
+        config = from_document({**named, **json.loads(task.settings)})
         self._deadline_s, self._planar = task.deadline_s, task.mission.planar
         self._limits = motion_limits(config, task.mission)
         beams = {name: sensor.beams for name, sensor in task.sensors.items()}

@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import shlex
+import sys
+from collections.abc import Iterator
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -41,6 +45,24 @@ from wayproof.plugin import UserCodeError, load_class, source_digest, user_code
 EXEC, SOCKETS, ROS2, POLICY = "exec:", ("unix:", "tcp:"), "ros2", "policy:"
 
 PREDICTOR_SETTING = "prediction.source"
+
+
+_isolated = ContextVar("isolated", default=False)
+
+
+@contextlib.contextmanager
+def isolating() -> Iterator[None]:
+    """Run classes of the user's own in processes of their own: here they could change the judge."""
+    before = _isolated.set(True)
+    try:
+        yield
+    finally:
+        _isolated.reset(before)
+
+
+def is_isolated() -> bool:
+    """Return whether a stack or predictor of the user's own runs in a process of its own."""
+    return _isolated.get()
 
 
 class Session(Protocol):
@@ -212,7 +234,7 @@ def connect(name: str, wall_s: float) -> Session:
         InputError: There is no such stack, or it does not answer.
     """
     who = f"stack '{name}'"
-    if runs_elsewhere(name):
+    if runs_elsewhere(name) or (is_isolated() and runs_in_process(name)):
         return RemoteStack(_connection(name, wall_s, "--stack", "stack"), who, wall_s)
     if is_ros2(name):
         from wayproof.harness.interface.ros2.stack import Ros2Stack  # of an extra
@@ -232,7 +254,7 @@ def connect_predictor(source: str, wall_s: float) -> PredictorSession:
     Raises:
         InputError: There is no such predictor, or it does not answer.
     """
-    if runs_elsewhere(source):
+    if runs_elsewhere(source) or is_isolated():
         connection = _connection(source, wall_s, PREDICTOR_SETTING, "predictor")
         return RemotePredictor(connection, f"predictor '{source}'", wall_s)
     return InProcessPredictor(source)
@@ -328,4 +350,8 @@ def runs_elsewhere(name: str) -> bool:
 def _connection(name: str, wall_s: float, given: str, who: str) -> Connection:
     if name.startswith(EXEC):
         return ChildProcess(name.removeprefix(EXEC), given)
-    return Socket(name, wall_s, given, who)
+    if name.startswith(SOCKETS):
+        return Socket(name, wall_s, given, who)
+    serve = [sys.executable, "-m", "wayproof", "serve", name]
+    serve += ["--predictor"] if who == "predictor" else []
+    return ChildProcess(shlex.join(serve), given, sys.path)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import collections
 import contextlib
-import ctypes
+import errno
 import fcntl
 import os
 import select
 import shlex
+import shutil
 import signal
 import socket
 import subprocess
@@ -16,9 +17,11 @@ import sys
 import threading
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import IO
 
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface import keeper
 
 STDERR_KEPT = 64 * 2**10
 """Part of a stack's standard error that is kept: its end, bytes."""
@@ -32,10 +35,11 @@ POLLED_S = 5e-4
 """Time for which an answer is polled for before this process sleeps, s: to wake a core of a virtual
 machine takes longer than a simple stack takes to answer."""
 
+LOOPBACK = "127.0.0.1"
+"""Address that `tcp::PORT` means, which names none."""
+
 PIPE_BYTES = 2**20
 """Capacity of the pipe to a child: Linux's greatest without privileges."""
-
-PR_SET_PDEATHSIG = 1
 
 
 class Connection(ABC):
@@ -128,12 +132,15 @@ def _wait_for(readable: list[int], writable: list[int], until: float) -> None:
 class ChildProcess(FileDescriptors):
     """A command as a child: its standard input and output; nothing of it outlives the episode."""
 
-    def __init__(self, command: str, given: str = "--stack") -> None:
-        """Start it in a session of its own.
+    def __init__(
+        self, command: str, given: str = "--stack", paths: Sequence[str] | None = None
+    ) -> None:
+        """Start it in a session of its own, on Linux by a `keeper`.
 
         Args:
             command: Its words, as a shell splits them.
             given: Option or setting that names it.
+            paths: Folders of Python's modules in it; by default those of the environment.
 
         Raises:
             InputError: There is no such command.
@@ -144,17 +151,18 @@ class ChildProcess(FileDescriptors):
             raise InputError(f"{given} exec:{command}: {error}") from None
         if not words:
             raise InputError(f"{given} exec: got no command, expected exec:COMMAND")
-        try:
-            self._child = subprocess.Popen(
-                words,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                start_new_session=True,
-                preexec_fn=_die_with_parent if sys.platform == "linux" else None,
-            )
-        except OSError as error:
-            raise InputError(f"{given} exec:{command}: {words[0]}: {error.strerror}") from None
+        if shutil.which(words[0]) is None:
+            why = os.strerror(errno.EACCES if os.path.exists(words[0]) else errno.ENOENT)
+            raise InputError(f"{given} exec:{command}: {words[0]}: {why}")
+        kept = [sys.executable, "-I", "-S", keeper.__file__, str(os.getpid())]
+        self._child = subprocess.Popen(
+            [*kept, *words] if sys.platform == "linux" else words,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            env=None if paths is None else {**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        )
         assert self._child.stdin is not None
         assert self._child.stdout is not None
         assert self._child.stderr is not None
@@ -178,10 +186,13 @@ class ChildProcess(FileDescriptors):
                     size -= len(self._stderr.popleft())
 
     def close(self) -> None:
-        """Close the pipes, wait a moment, then kill the whole session."""
+        """Close the pipes, wait a moment, then end it and all that it started."""
         super().close()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._child.wait(CLOSING_S)
+        for end in (lambda: None, self._child.terminate):
+            end()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._child.wait(CLOSING_S)
+                break
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self._child.pid, signal.SIGKILL)
         self._child.wait()
@@ -205,11 +216,6 @@ def _widen(pipe: int) -> None:
     if sys.platform == "linux":
         with contextlib.suppress(OSError):  # an unprivileged user's pipes are limited
             fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
-
-
-def _die_with_parent() -> None:
-    """Have the kernel kill this child when the harness is gone; called before its command."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 class Socket(FileDescriptors):
@@ -254,7 +260,18 @@ def _connected(address: str, wall_s: float) -> socket.socket:
             connected.close()
             raise
         return connected
-    host, _, port = place.rpartition(":")
-    connected = socket.create_connection((host, int(port)), wall_s)
+    connected = socket.create_connection(host_and_port(place), wall_s)
     connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return connected
+
+
+def host_and_port(place: str) -> tuple[str, int]:
+    """Return the two of `HOST:PORT`; of `:PORT` this machine's own address.
+
+    Raises:
+        ValueError: It is none.
+    """
+    host, _, port = place.rpartition(":")
+    if not 0 <= int(port) < 2**16:
+        raise ValueError(f"port {port}")
+    return host or LOOPBACK, int(port)

@@ -8,12 +8,15 @@ a trajectory that stops dead before a wall is no proof that the body does.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from wayproof.harness.decision import trajectory_message
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.interface.types import Array, Reference, Velocity
+from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps.elementary import norm
 from wayproof.planners import MotionLimits, Setpoints, Trajectory
 
@@ -25,6 +28,9 @@ PERIOD_S = 0.1
 
 STILL_MPS = 0.02
 """Tolerance of a speed beyond the factor, m/s, as in the audit."""
+
+JOINED_M = 0.04
+"""Distance between two trajectories up to which one goes on from the other, m, as in the audit."""
 
 FOLLOWED_S = 10.0
 """Time for which a motion beyond the limits is followed before the body brakes, s: as long as a
@@ -62,6 +68,59 @@ def clips(velocity: Velocity, limits: MotionLimits, *, planar: bool) -> bool:
     return speed > limits.speed * SLACK or abs(velocity.yaw_rate) > limits.yaw_rate * SLACK
 
 
+def sample_at(trajectory: pb.Trajectory, samples: Sequence[float], time_ns: int) -> float:
+    """Return the logged samples of a trajectory at a simulated time, interpolated."""
+    since_s = (time_ns - trajectory.start.ToNanoseconds()) * 1e-9
+    times_s = np.arange(len(samples)) * trajectory.sample_period_s
+    return float(np.interp(since_s, times_s, samples))
+
+
+def mean_speed(trajectory: pb.Trajectory, time_ns: int) -> float:
+    """Return the mean speed over `PERIOD_S` after a simulated time, by the logged samples, m/s."""
+    arcs, after_ns = trajectory.arc_length, time_ns + round(PERIOD_S * 1e9)
+    way = sample_at(trajectory, arcs, after_ns) - sample_at(trajectory, arcs, time_ns)
+    return way / PERIOD_S
+
+
+def speeds_join(speed: float, before: float, acceleration: float) -> bool:
+    """Return whether a body can go over from one trajectory to another, by a `mean_speed` of each.
+
+    Each differs from the speed at the joint by the acceleration times `PERIOD_S` at most. The audit
+    judges a joint of logged trajectories so, and the limiter one that is to be logged.
+    """
+    return abs(speed - before) <= acceleration * PERIOD_S * SLACK + STILL_MPS
+
+
+def joins(
+    trajectory: Trajectory,
+    followed: Trajectory,
+    effect_ns: int,
+    limits: MotionLimits,
+    *,
+    planar: bool,
+) -> bool:
+    """Return whether a trajectory goes on from the followed one where it starts, as it is logged.
+
+    One that starts before it takes effect has to have been there as well. The heading counts on the
+    ground.
+    """
+    start_ns = trajectory.start_ns
+    if start_ns < followed.start_ns:
+        return False
+    if start_ns < effect_ns:
+        apart = trajectory.at(start_ns).position - followed.at(start_ns).position
+        if norm(apart) > JOINED_M:
+            return False
+    logged, before = trajectory_message(trajectory), trajectory_message(followed)
+    turn = wrap_angle(
+        sample_at(logged, logged.heading, start_ns) - sample_at(before, before.heading, start_ns)
+    )
+    if planar and abs(turn) > limits.yaw_rate * PERIOD_S * SLACK:
+        return False
+    speeds = mean_speed(logged, start_ns), mean_speed(before, start_ns)
+    return speeds_join(*speeds, limits.acceleration)
+
+
 def exceeds(
     trajectory: Trajectory, reference: Reference, effect_ns: int, limits: MotionLimits
 ) -> bool:
@@ -93,7 +152,7 @@ def heading_jumps(
 ) -> bool:
     """Return whether a trajectory begins at another heading than the body can have by then."""
     jump = wrap_angle(trajectory.at(effect_ns).heading - reference.heading)
-    return abs(jump) > limits.yaw_rate * PERIOD_S * SLACK + STILL_MPS
+    return abs(jump) > limits.yaw_rate * PERIOD_S * SLACK
 
 
 def leaves_course(

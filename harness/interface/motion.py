@@ -18,6 +18,7 @@ from wayproof.harness.interface.limits import (
     exceeds,
     follow_within,
     heading_jumps,
+    joins,
     leaves_course,
 )
 from wayproof.harness.interface.motion_checks import (
@@ -82,6 +83,7 @@ def trajectory_of(
     planar: bool,
     acceleration: float = 0.0,
     sideways_speed: float = 0.0,
+    followed: Trajectory | None = None,
 ) -> Followed:
     """Return the trajectory that the body follows for a motion.
 
@@ -95,6 +97,7 @@ def trajectory_of(
         acceleration: Commanded along waypoints at the time of effect, m/s^2.
         sideways_speed: Speed along waypoints until the heading has turned into them, m/s; 0 for no
             such limit.
+        followed: Trajectory that the motion has to go on from, as the audit has it; None for any.
 
     Raises:
         MotionError: It is not finite, starts elsewhere, goes back along its path or has no end.
@@ -118,6 +121,8 @@ def trajectory_of(
             f"{MAX_TRAJECTORY_S:g} s"
         )
     beyond = exceeds(trajectory, reference, effect_ns, limits)
+    if not beyond and followed is not None:
+        beyond = not joins(trajectory, followed, effect_ns, limits, planar=planar)
     if not beyond:
         jumps = planar and heading_jumps(trajectory, reference, effect_ns, limits)
         beyond = jumps or leaves_course(trajectory, reference, effect_ns, limits, STEP_S)

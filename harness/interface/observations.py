@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import hashlib
 from collections.abc import Mapping
 from functools import partial
 from typing import Any, TypeVar
@@ -10,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
-from wayproof.harness.config_document import to_json
+from wayproof.harness.config_document import settings_for_stacks
 from wayproof.harness.geometry import wrap_angle
-from wayproof.harness.inputs import Beams, Inputs, SweepInput
+from wayproof.harness.inputs import Beams, Inputs, Pose, SweepInput
 from wayproof.harness.interface.types import (
     Array,
     Fate,
@@ -41,16 +43,21 @@ def task_of(config: Config, mission: Mission, infos: Mapping[str, pb.SensorInfo]
     """
     return Task(
         robot=config.robot,
-        seed=config.seed,
-        mission=mission,
+        seed=seed_of_stack(config.seed),
+        mission=copy.deepcopy(mission),
         goal_tolerance=config.episode.goal_tolerance,
         period_s=1.0 / next(iter(infos.values())).rate_hz,
         delay_s=config.latency.expected,
         deadline_s=config.latency.deadline,
         sensors={name: Sensor(_copy_info(info)) for name, info in infos.items()},
-        settings=to_json(config).decode(),
+        settings=settings_for_stacks(config),
         prior=logged_cells(config) if config.prior.policy != "ignore" else None,
     )
+
+
+def seed_of_stack(seed: int) -> int:
+    """Return the seed of a stack's own random numbers in an episode: not that of its world."""
+    return int.from_bytes(hashlib.sha256(f"stack {seed}".encode()).digest()[:7], "big")
 
 
 def reference_at(trajectory: Trajectory, time_ns: int, height_m: float | None) -> Reference:
@@ -62,18 +69,20 @@ def reference_at(trajectory: Trajectory, time_ns: int, height_m: float | None) -
         height_m: Height of the base above the plane that a ground robot is planned in; else none.
     """
     sample = trajectory.at(time_ns)
-    position = sample.position.copy()
+    position, velocity = sample.position.copy(), sample.velocity.copy()
     if height_m is not None:
         position[2] = height_m
-    velocity = read_only(sample.velocity)
     return Reference(position, velocity, sample.heading, sample.yaw_rate, sample.at_rest)
 
 
 def read_only(array: AnyArray) -> AnyArray:
-    """Return a read-only view of an array: the referee judges by the same array."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
+    """Return a read-only copy of an array: whoever writes to it all the same has memory of its own.
+
+    The referee judges by the array itself.
+    """
+    own = array.copy()
+    own.flags.writeable = False
+    return own
 
 
 class ObservationBuilder:
@@ -81,7 +90,7 @@ class ObservationBuilder:
 
     def __init__(self, config: Config, mission: Mission, beams: Mapping[str, Beams]) -> None:
         """Start before the first observation."""
-        self._config, self._mission, self._beams = config, mission, beams
+        self._config, self._mission, self._beams = config, mission, copy.deepcopy(beams)
         self._before: tuple[int, Array, float] | None = None  # time, position and heading
 
     def take_over(self, before: ObservationBuilder) -> None:
@@ -100,6 +109,9 @@ class ObservationBuilder:
         velocity, yaw_rate = self._twist(inputs)
         covariance = inputs.pose.covariance
         height = float(inputs.pose.position[2]) if self._mission.motion == "ground" else None
+        reference = reference_at(followed, effect_ns, height)
+        reference.position.flags.writeable = reference.velocity.flags.writeable = False
+        own_pose = copy.deepcopy(inputs.pose)
         return Observation(
             time_ns=inputs.time_ns,
             sequence=inputs.sequence,
@@ -109,9 +121,9 @@ class ObservationBuilder:
             heading_sigma=inputs.pose.heading_sigma,
             velocity=velocity,
             yaw_rate=yaw_rate,
-            sweeps=tuple(self._sweep(sweep, inputs) for sweep in inputs.sweeps),
+            sweeps=tuple(self._sweep(sweep, own_pose, inputs.sequence) for sweep in inputs.sweeps),
             effect_ns=effect_ns,
-            reference=reference_at(followed, effect_ns, height),
+            reference=reference,
             last=last,
             trail=_read_only_trail(inputs.pose.trail),
             covariance=None if covariance is None else read_only(covariance),
@@ -120,8 +132,8 @@ class ObservationBuilder:
             goals_reached=inputs.goals_reached,
         )
 
-    def _sweep(self, sweep: SweepInput, inputs: Inputs) -> Sweep:
-        place = partial(self._beams[sweep.sensor].place, sweep, inputs.pose, inputs.sequence)
+    def _sweep(self, sweep: SweepInput, pose: Pose, sequence: int) -> Sweep:
+        place = partial(self._beams[sweep.sensor].place, copy.deepcopy(sweep), pose, sequence)
         classes = None if sweep.classes is None else read_only(sweep.classes)
         return Sweep(sweep.sensor, read_only(sweep.ranges_mm), classes, place)
 

@@ -5,18 +5,13 @@ It is the other end of `exec:` and of sockets.
 
 from __future__ import annotations
 
-import contextlib
 import os
-import select
 import socket
 import struct
 import sys
-import time
 import traceback
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from io import RawIOBase
 from typing import IO, Protocol
 
 import numpy as np
@@ -32,6 +27,8 @@ from wayproof.harness.interface.connect import (
     make_stack,
     runs_elsewhere,
 )
+from wayproof.harness.interface.connection import host_and_port
+from wayproof.harness.interface.incoming import MESSAGE_S, Incoming, NotHarness
 from wayproof.harness.interface.observation_messages import (
     fate_from,
     hello,
@@ -45,8 +42,11 @@ from wayproof.harness.interface.types import Observation, Sensor, Stack, Sweep, 
 from wayproof.harness.prediction.predicted_box import PredictionError, in_steps
 from wayproof.harness.schema import stack_pb2 as sb
 
-POLLED_S = 2e-3
-"""Time for which an announced observation is polled for, s: the harness makes it in a tenth."""
+HELLO_S = 10.0
+"""Wall time within which whoever connects says hello, s."""
+
+IDLE_S = 900.0
+"""Wall time between two messages on a socket, s: a harness compiles and simulates in between."""
 
 
 def serve(name: str, predictor: bool = False) -> None:
@@ -57,11 +57,11 @@ def serve(name: str, predictor: bool = False) -> None:
         predictor: Whether it is a predictor.
     """
     made = _served(name, predictor)  # an unknown one is refused before the pipes are taken
-    read = os.fdopen(os.dup(0), "rb", buffering=0)
-    write = os.fdopen(os.dup(1), "wb", buffering=2**20)
-    os.dup2(2, 1)
-    sys.stdout = sys.stderr
-    answer_all(made, read, write)
+    read = os.dup(0)
+    with os.fdopen(os.dup(1), "wb", buffering=2**20) as write:
+        os.dup2(2, 1)
+        sys.stdout = sys.stderr
+        answer_all(made, read, write)
 
 
 def listen(name: str, address: str, predictor: bool = False) -> None:
@@ -79,12 +79,22 @@ def listen(name: str, address: str, predictor: bool = False) -> None:
     with _listening(address) as server:
         while True:
             connection, _ = server.accept()
-            with connection:
-                if connection.family != socket.AF_UNIX:
-                    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                read, write = connection.makefile("rb", buffering=0), connection.makefile("wb")
-                with contextlib.suppress(BrokenPipeError, ConnectionResetError), read, write:
-                    answer_all(_served(name, predictor), read, write)
+            try:
+                with connection:
+                    _answer_connection(_served(name, predictor), connection)
+            except (InputError, OSError) as error:
+                print(f"wayproof: connection ended: {error}", file=sys.stderr)
+            except Exception:  # of the stack as it is closed: the next harness gets one of its own
+                traceback.print_exc()
+
+
+def _answer_connection(served: Served, connection: socket.socket) -> None:
+    """Answer one harness; see `answer_all`."""
+    if connection.family != socket.AF_UNIX:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.settimeout(MESSAGE_S)
+    with connection.makefile("wb") as write:
+        answer_all(served, connection.fileno(), write, HELLO_S, IDLE_S)
 
 
 def _listening(address: str) -> socket.socket:
@@ -94,8 +104,7 @@ def _listening(address: str) -> socket.socket:
             server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             server.bind(place)
         elif kind == "tcp":
-            host, _, port = place.rpartition(":")
-            server = socket.create_server((host, int(port)))
+            server = socket.create_server(host_and_port(place))
         else:
             raise ValueError
         server.listen()
@@ -124,21 +133,39 @@ class Served(Protocol):
         """End it."""
 
 
-def answer_all(served: Served, read: RawIOBase, write: IO[bytes]) -> None:
+def answer_all(
+    served: Served,
+    read: int,
+    write: IO[bytes],
+    hello_s: float | None = None,
+    idle_s: float | None = None,
+) -> None:
     """Answer the harness until it closes the connection, or the stack or predictor fails.
 
     Args:
         served: Stack or predictor that answers.
-        read: Messages of the harness.
+        read: Descriptor of the harness's messages.
         write: Answers.
+        hello_s: Wall time for the first message, s; None for any.
+        idle_s: Wall time from one message to the next, s; None for any.
+
+    Raises:
+        NotHarness: What came is no message, too long, too late, or begins without a hello.
     """
-    while (message := _receive(read, served.rehearse)) is not None:
-        answer, fails = _answer(served, message)
-        if answer is not None:
-            _send(write, answer)
-        if fails or message.WhichOneof("kind") == "close":
-            break
-    served.close()
+    incoming = Incoming(read)
+    try:
+        message = incoming.next(hello_s)
+        if message is not None and message.WhichOneof("kind") != "hello":
+            raise NotHarness(f"got {message.WhichOneof('kind')}, expected hello")
+        while message is not None:
+            answer, fails = _answer(served, message)
+            if answer is not None:
+                _send(write, answer)
+            if fails or message.WhichOneof("kind") == "close":
+                break
+            message = incoming.next(idle_s, served.rehearse)
+    finally:
+        served.close()
 
 
 def _answer(served: Served, message: sb.ToStack) -> tuple[sb.FromStack | None, bool]:
@@ -149,6 +176,8 @@ def _answer(served: Served, message: sb.ToStack) -> tuple[sb.FromStack | None, b
         failure = sb.Failure(text=f"returned no valid command: {error}"[:300])
     except PredictionError as error:
         failure = sb.Failure(text=f"predicted what is none: {error}"[:300])
+    except NotHarness:
+        raise
     except Exception as error:
         text = printable(f"{type(error).__name__}: {' '.join(str(error).split())}")[:300]
         failure = sb.Failure(text=text, traceback=traceback.format_exc()[-16_000:])
@@ -238,7 +267,8 @@ class ServedStack:
             observation_from(self._observed, self._task)
 
     def _step(self, message: sb.Observation) -> sb.Command:
-        assert self._task is not None
+        if self._task is None:
+            raise NotHarness("got an observation, expected the task before it")
         self._observed = message
         command = self._stack.step(observation_from(message, self._task))
         return command_message(command, message.sequence)
@@ -291,39 +321,6 @@ def _placed(sensor: Sensor, sweep: SweepInput, pose: Pose, sequence: int) -> Wor
     """Place a sweep in the world frame, with writable ranges, which kernels are compiled for."""
     own = replace(sweep, ranges_mm=sweep.ranges_mm.copy())
     return sensor.beams.place(own, pose, sequence)
-
-
-def _receive(read: RawIOBase, rehearse: Callable[[], None]) -> sb.ToStack | None:
-    """Read the next message; None at the end. Rehearse whenever an observation is announced."""
-    while (head := _read_exactly(read, 4)) is not None:
-        (length,) = struct.unpack("<I", head)
-        if length:
-            data = _read_exactly(read, length)
-            return None if data is None else sb.ToStack.FromString(data)
-        rehearse()
-        _poll(read)
-    return None
-
-
-def _read_exactly(read: RawIOBase, count: int) -> bytes | None:
-    """Read a number of bytes; None if the input ends before."""
-    data = bytearray(count)
-    left = memoryview(data)
-    while left:
-        got = read.readinto(left)
-        if not got:
-            return None
-        left = left[got:]
-    return bytes(data)
-
-
-def _poll(read: RawIOBase) -> None:
-    """Stay awake until an announced observation comes, or for `POLLED_S`."""
-    until = time.monotonic() + POLLED_S
-    poll = select.poll()
-    poll.register(read.fileno(), select.POLLIN)
-    while not poll.poll(0) and time.monotonic() < until:
-        os.sched_yield()  # the harness may be waiting for this very core
 
 
 def _send(write: IO[bytes], message: sb.FromStack) -> None:

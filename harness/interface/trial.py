@@ -186,6 +186,7 @@ class TrialNavigator(Navigator):
                 planar=self._mission.motion == "ground",
                 acceleration=self.state.trajectory.at(effect_ns).acceleration,
                 sideways_speed=planner_input.sideways_speed,
+                followed=self.state.trajectory,
             )
         except (CommandError, MotionError) as error:
             raise StackError(self._who, f"sent a command with {error}") from None

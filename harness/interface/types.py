@@ -79,7 +79,7 @@ class Task:
 
     Attributes:
         robot: Name of the robot.
-        seed: Seed for the stack's own random numbers.
+        seed: Seed for the stack's own random numbers, which is not that of the world.
         mission: Body, motion limits, operating area, start and goals; `Observation.goal` is the one
             to go to now.
         goal_tolerance: Distance from a goal within which the base has to come to rest, m.
@@ -87,7 +87,8 @@ class Task:
         delay_s: Time from an observation to the effect of its command, s.
         deadline_s: A command with a longer delay is discarded, s.
         sensors: Sensors by name.
-        settings: The resolved config of the episode, JSON.
+        settings: Settings of sensors, map, costmap, planner, motion and latency, JSON: nothing of
+            the world.
         prior: A prior map as the settings place it; none without one, and where it is ignored.
     """
 
@@ -177,7 +178,7 @@ class Fate:
 
 @dataclass(frozen=True)
 class Observation:
-    """Knowledge of the robot at one instant; its arrays are read-only, as the referee shares them.
+    """Knowledge of the robot at one instant; its arrays are read-only copies.
 
     Attributes:
         time_ns: Time of the sweeps, ns.

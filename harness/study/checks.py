@@ -11,6 +11,7 @@ from wayproof.harness.attribution.procedure import find_cause
 from wayproof.harness.counterfactual.check import check, checkable
 from wayproof.harness.counterfactual.record import record_check
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface.connect import isolating
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.plan import Planned
 from wayproof.harness.study.store import Store
@@ -73,7 +74,8 @@ def check_failures(
             tally.refused += 1
             continue
         try:
-            verdict = check(log, finding, thorough=False, most_s=max_s - tally.simulated_s)
+            with isolating():
+                verdict = check(log, finding, thorough=False, most_s=max_s - tally.simulated_s)
         except InputError:
             tally.refused += 1
             continue

@@ -39,6 +39,12 @@ MOST_BYTES = 2**20
 LEAST_SEVERITY = 0.05
 """Least severity of a falsification."""
 
+Word = bool | int | float | str | None
+Value = Word | list[Word | list[Word]] | dict[str, Word | list[Word]]
+"""A setting: no date, and nested no deeper than a list of points or a perturbation is."""
+
+Seed = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+
 Kind = Literal["grid", "threshold", "calibrate", "falsify"]
 
 
@@ -76,7 +82,7 @@ class FalsifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     window: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)] = 2.0
     greatest: Annotated[float, msgspec.Meta(gt=LEAST_SEVERITY, le=MAX_SEVERITY)] = MAX_SEVERITY
     budget: Annotated[int, msgspec.Meta(ge=1)] = 100
-    seed: int = 0
+    seed: Seed = 0
 
 
 class StudyFile(
@@ -118,16 +124,16 @@ class StudyFile(
 
     name: str
     robots: list[str]
-    seeds: int | list[int]
+    seeds: int | list[Seed]
     kind: Kind = "grid"
     worlds: list[str] = []
     imports: Imports | None = None
     recordings: list[str] = []
     read: ReadOptions = ReadOptions()
     stacks: list[str] = []
-    settings: dict[str, Any] = {}
+    settings: dict[str, Value] = {}
     randomise: dict[str, list[int | float]] = {}
-    axes: dict[str, list[Any]] = {}
+    axes: dict[str, list[Value]] = {}
     perturbations: dict[str, list[float]] = {}
     gates: list[str] = []
     sequential: bool = False

@@ -92,11 +92,14 @@ def key_of(config: Config, planner: str, program: str) -> str:
 
 def run_job(job: Job) -> Done:
     """Run one episode; an exception becomes its error text."""
+    from wayproof.harness.interface.connect import isolating
+
     try:
-        if job.source is not None:
-            _run_recorded(job)
-        else:
-            _run_simulated(job)
+        with isolating():
+            if job.source is not None:
+                _run_recorded(job)
+            else:
+                _run_simulated(job)
     except InputError as error:
         return Done(job.key, str(error), _is_of_machine(error))
     except MemoryError:

@@ -88,8 +88,11 @@ class McapFile:
         """Close the open chunk and pass it to the thread once the one before is written."""
         self.settle()
         if self._messages:
-            self._in_hand = self._pool.submit(self._write, self._messages)
-            self._messages, self._size = [], 0
+            messages, self._messages, self._size = self._messages, [], 0
+            try:
+                self._in_hand = self._pool.submit(self._write, messages)
+            except RuntimeError:  # Python is shutting down, and gives threads no more work
+                self._write(messages)
 
     def settle(self) -> None:
         """Wait until everything passed on is with the operating system."""

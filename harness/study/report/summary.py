@@ -29,7 +29,7 @@ def markdown(result: StudyResult) -> str:
         marks = {verdict: f"{mark} {verdict}" for verdict, mark in MARKS.items()}
         gates = gates_section(result).cells
         rows = [
-            [marks[verdict.text], f"`{gate.text}`", arm.text, estimate.text, reason.text]
+            [marks[verdict.text], gate.text, arm.text, estimate.text, reason.text]
             for verdict, gate, arm, estimate, _, reason in gates
         ]
         heads = ["", "gate", "arm", "estimate (95 %, all gates together)", "reason"]
@@ -47,9 +47,16 @@ def _row(cells: Sequence[str]) -> str:
     return f"| {' | '.join(_text(cell) for cell in cells)} |"
 
 
+MARKUP = str.maketrans(
+    {one: f"\\{one}" for one in "\\`*[]|~"}
+    | {"&": "&amp;", "<": "&lt;", "@": "@&#8203;", "_": "&#95;", "#": "&#35;"}
+)
+"""What would be Markdown, HTML or a mention of somebody -> the same as text."""
+
+
 def _text(text: str) -> str:
     """Return a text in which nothing is markup and no line ends."""
-    return printable(text).replace("&", "&amp;").replace("<", "&lt;").replace("|", "\\|")
+    return printable(text).translate(MARKUP).replace("://", "&#58;//")
 
 
 def junit(result: StudyResult, allow_inconclusive: bool = False) -> str:

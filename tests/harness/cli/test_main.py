@@ -1,4 +1,5 @@
 import errno
+import io
 import json
 import os
 import subprocess
@@ -6,9 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from rich.text import Text
 
 from wayproof.harness.cli.arguments import refusing_unusable_paths
 from wayproof.harness.cli.main import main
+from wayproof.harness.cli.stdout import PlainConsole
 from wayproof.harness.errors import InputError
 
 RUN = ["run", "empty", "--robot", "drone", "--seed", "1"]
@@ -333,3 +336,10 @@ def test_a_log_that_may_not_be_read_is_one_line(capsys, tmp_path):
     log.chmod(0)
     for verb in ("explain", "audit", "replay", "verify", "view"):
         assert "a.mcap': Permission denied" in bad_input(capsys, [verb, str(log)])
+
+
+def test_printed_text_does_not_control_the_terminal():
+    written = io.StringIO()
+    console = PlainConsole(file=written, force_terminal=True, color_system="standard")
+    console.print(Text.assemble(("held", "green"), ": a\x1b]0;title\x07b\u202ec\td"))
+    assert written.getvalue() == "\x1b[32mheld\x1b[0m: a\\x1b]0;titleb\\u202ec       d\n"

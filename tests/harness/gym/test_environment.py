@@ -3,6 +3,8 @@
 import gc
 import multiprocessing
 import pickle
+import subprocess
+import sys
 import threading
 
 import gymnasium
@@ -281,6 +283,36 @@ def test_environments_are_vectorized():
     assert ended.all()
     envs.close()
     assert not multiprocessing.active_children()
+
+
+def test_an_agent_may_change_what_it_observes(make):
+    """The last observation of an episode is the one before, and in the space all the same."""
+    env = make("empty", "drone", settings=("episode.time_limit=0.5",))
+    arrays, _ = env.reset(seed=1)
+    ended = False
+    while not ended:
+        for array in arrays.values():
+            array -= 50.0
+        arrays, _, terminated, truncated, _ = env.step(AHEAD)
+        ended = terminated or truncated
+    assert env.observation_space.contains(arrays)
+
+
+UNCLOSED = """
+import pickle
+import numpy as np
+from wayproof.harness.gym.environment import WayproofEnv
+env = WayproofEnv("empty", "drone")
+again = pickle.loads(pickle.dumps(env))
+for one in env, again:
+    one.reset(seed=1)
+    one.step(np.zeros(4, np.float32))
+"""
+
+
+def test_a_program_that_closes_no_environment_ends_silently():
+    ended = subprocess.run([sys.executable, "-c", UNCLOSED], capture_output=True, check=True)
+    assert ended.stderr == b""
 
 
 def test_an_environment_that_nobody_closed_leaves_nothing(tmp_path, monkeypatch):

@@ -88,6 +88,6 @@ def test_an_announcement_without_an_observation_is_no_step(tmp_path, kept):
     (tmp_path / "input").write_bytes(data + ending[:kept])
     stack, written = Counts(), io.BytesIO()
     with open(tmp_path / "input", "rb", buffering=0) as read:
-        answer_all(ServedStack(stack, "counts"), read, written)
+        answer_all(ServedStack(stack, "counts"), read.fileno(), written)
     assert stack.steps == 0
     assert sb.FromStack.FromString(written.getvalue()[4:]).hello.announced

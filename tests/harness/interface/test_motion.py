@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from wayproof.harness.interface.limits import joins
 from wayproof.harness.interface.motion import trajectory_of
 from wayproof.harness.interface.motion_checks import MotionError
 from wayproof.harness.interface.types import Reference, Samples, Velocity, Waypoints
-from wayproof.planners import MotionLimits, Trajectory, hold
+from wayproof.planners import MotionLimits, PathState, Trajectory, follow_path, hold
 from wayproof.planners.jerk_limited import Profile, at_rest, ramped
 
 LIMITS = MotionLimits(1.0, 2.0, 10.0, 2.0, 1.0)
@@ -276,3 +277,24 @@ def test_a_motion_that_no_body_can_follow_is_one_line(motion, text):
     with pytest.raises(MotionError, match=text) as error:
         made(motion)
     assert "\n" not in str(error.value)
+
+
+def test_a_trajectory_joins_the_one_before_by_the_speed_that_the_audit_measures():
+    """Little at once and much in the next 0.1 s, as of samples that creep: 0.01, then 0.04 m."""
+    before = follow_path(
+        HERE.position + np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]),
+        PathState(EFFECT_NS, 0.0, 0.3, 0.0, 0.0, 0.0),
+        LIMITS,
+        0.3,
+    )
+    moving = replace(HERE, velocity=np.array([0.3, 0.0, 0.0]), at_rest=False)
+    for speeds, joined in (((0.3, 0.1, 0.0), True), ((0.02, 0.02, 0.0), False)):
+        arcs = 0.1 * np.cumsum([0.0, *speeds])
+        samples = Samples(0.1, HERE.position + np.outer(arcs, [1.0, 0.0, 0.0]), np.zeros(4))
+        result = trajectory_of(
+            samples, (moving, moving), EFFECT_NS, LIMITS, planar=True, followed=before
+        )
+        assert result.limited != joined
+        assert joins(result.trajectory, before, EFFECT_NS, LIMITS, planar=True)
+    late = replace(before, start_ns=before.start_ns - 1)
+    assert not joins(late, before, EFFECT_NS, LIMITS, planar=True)

@@ -1,5 +1,6 @@
 """Stacks on trial, end to end: the same by every way in, judged, logged, replayed and broken."""
 
+import contextlib
 import json
 import subprocess
 import sys
@@ -13,12 +14,17 @@ import pytest
 from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface import trial as trial_module
+from wayproof.harness.interface.connect import isolating
 from wayproof.harness.interface.observation_messages import task_from, task_message
+from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.types import Task
+from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.compare_answers import compare_answers
 from wayproof.harness.replay.replay import replay
+from wayproof.harness.scenario.scenario import sensor_info
 from wayproof.harness.schema import stack_pb2 as sb
 
 STACKS = Path(__file__).with_name("stacks_on_trial.py")
@@ -178,6 +184,33 @@ def test_a_broken_stack_ends_the_episode_in_one_line(tmp_path, kind, remote, tex
     assert text in result.reason
     assert "at decision 3" in result.reason
     assert replay(Path(result.log)).identical  # the decisions before
+
+
+def test_a_stack_reaches_nothing_that_the_referee_judges_by(tried):
+    assert tried(own("BlindsItsReferee")).chain == tried(own("Ahead")).chain
+
+
+def test_a_stack_is_not_told_its_world():
+    perturbation = perturbation_from("pose_drift:2")
+    config = Config("warehouse", "quadruped", 4711, difficulty=0.75, perturbation=perturbation)
+    scenario = build(config)
+    infos = {info.name: info for info in map(sensor_info, scenario.scene.casters)}
+    sent = str(task_message(task_of(scenario.config, scenario.mission, infos)))
+    assert "unknown_policy" in sent
+    for told in ("warehouse", "4711", "0.75", "pose_drift", "aisle", '"world', '"seed', '"start'):
+        assert told not in sent
+
+
+def test_an_isolated_class_cannot_change_its_judge(tmp_path, monkeypatch):
+    monkeypatch.setattr(trial_module, "judge", trial_module.judge)  # what it changes here is undone
+    verdicts = {}
+    for name, where in (("inside", contextlib.nullcontext()), ("outside", isolating())):
+        with where:
+            log = trial(tmp_path, own("JudgesItself"), "cylinders", name=name).log
+        verdicts[name] = {one.verdict.verdict for one in open_log(Path(log)).decisions}
+        monkeypatch.undo()
+    assert verdicts["inside"] == {"admitted"}
+    assert verdicts["outside"] > {"admitted"}
 
 
 def test_a_step_that_returns_nothing_is_named(tmp_path):

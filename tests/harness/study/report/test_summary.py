@@ -93,11 +93,14 @@ def test_markdown_has_a_line_for_each_gate_and_arm():
 
 
 def test_names_are_text_and_not_markup():
-    strange = "a|b <img src=x>\n# c\x1b"
+    strange = "a|b <img src=x>\n# c\x1b ![d](https://e.f/g.png) `@h`"
     shown = markdown(result(gate("held"), name=strange))
     assert "<img" not in shown
     assert "\n# c" not in shown
     assert "a\\|b" in shown
+    assert "![d](" not in shown
+    assert "https://" not in shown
+    assert "@h" not in shown
     suite, _ = cases(junit(result(gate("held"), name=strange)))
     assert "\\x1b" in suite.get("name")
 
