@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.interface.observation_messages import vector_message, window_at
+from wayproof.harness.interface.message_values import triple, values_for
+from wayproof.harness.interface.observation_messages import window_at
 from wayproof.harness.prediction.map_box import MapBox
 from wayproof.harness.prediction.predicted_box import PredictionError
 from wayproof.harness.schema import stack_pb2 as sb
@@ -27,16 +28,7 @@ class Answer(NamedTuple):
 
 def box_message(box: MapBox) -> sb.MapBox:
     """Return a box as another process gets it."""
-    return sb.MapBox(
-        time_ns=box.time_ns,
-        sequence=box.sequence,
-        resolution=box.resolution,
-        origin=vector_message(box.origin),
-        shape=box.states.shape,
-        states=box.states.tobytes(),
-        position=vector_message(box.position),
-        quaternion=box.quaternion.tolist(),
-    )
+    return sb.MapBox(**values_for(sb.MapBox, box), shape=box.states.shape)
 
 
 def box_from(message: sb.MapBox) -> MapBox:
@@ -47,7 +39,7 @@ def box_from(message: sb.MapBox) -> MapBox:
         sequence=message.sequence,
         window=window,
         states=np.frombuffer(message.states, np.uint8).reshape(window.shape),
-        position=np.array([message.position.x, message.position.y, message.position.z]),
+        position=np.array(triple(message.position)),
         quaternion=np.array(message.quaternion[:]),
     )
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import get_args
 
 import numpy as np
 
 from wayproof.harness.decision import Action, Label
 from wayproof.harness.errors import printable
+from wayproof.harness.interface.message_values import values_for, values_of
 from wayproof.harness.interface.motion_checks import MAX_DISTANCE_M
 from wayproof.harness.interface.types import (
     Array,
@@ -101,8 +103,7 @@ def motion_of(message: sb.Command) -> Motion | None:
     if kind is None:
         return None
     if kind == "velocity":
-        one = message.velocity
-        return Velocity(one.forward, one.left, one.up, one.yaw_rate, one.duration_s)
+        return Velocity(**values_of(message.velocity, Velocity))
     if kind == "waypoints":
         points = _points("waypoints.points", message.waypoints.points)
         return Waypoints(points, message.waypoints.speed)
@@ -166,15 +167,8 @@ def _check_costmap(grid: sb.Grid) -> None:
 
 def _put_motion(message: sb.Command, motion: Motion) -> None:
     if isinstance(motion, Velocity):
-        message.velocity.CopyFrom(
-            sb.Velocity(
-                forward=float(motion.forward),
-                left=float(motion.left),
-                up=float(motion.up),
-                yaw_rate=float(motion.yaw_rate),
-                duration_s=float(motion.duration_s),
-            )
-        )
+        values = {name: float(value) for name, value in asdict(motion).items()}
+        message.velocity.CopyFrom(sb.Velocity(**values))
     elif isinstance(motion, Waypoints):
         points = _flat("waypoints.points", motion.points, 3)
         message.waypoints.CopyFrom(sb.Waypoints(points=points, speed=float(motion.speed)))
@@ -191,8 +185,8 @@ def _put_motion(message: sb.Command, motion: Motion) -> None:
             sb.ProfiledTrajectory(
                 start_ns=motion.start_ns,
                 path=_flat("trajectory.path", motion.path, 3),
-                motion=_profile_message(motion.motion),
-                turning=_profile_message(motion.turning),
+                motion=sb.Profile(**values_for(sb.Profile, motion.motion)),
+                turning=sb.Profile(**values_for(sb.Profile, motion.turning)),
                 overshoot_m=motion.overshoot_m,
             )
         )
@@ -201,16 +195,6 @@ def _put_motion(message: sb.Command, motion: Motion) -> None:
         raise CommandError(
             f"motion: got {got}, expected Velocity, Waypoints, Samples, Trajectory or None"
         )
-
-
-def _profile_message(profile: Profile) -> sb.Profile:
-    return sb.Profile(
-        times=profile.times.tolist(),
-        states=profile.states.ravel().tolist(),
-        jerks=profile.jerks.tolist(),
-        duration=profile.duration,
-        end=profile.end,
-    )
 
 
 def _profile(message: sb.Profile) -> Profile:

@@ -92,44 +92,6 @@ class ShowsReferee(Protocol):
         """Show the costmap and its updates from now on."""
 
 
-class InProcess:
-    """A class of this process as a session."""
-
-    def __init__(self, stack: Stack, who: str) -> None:
-        """Call its methods, and name it in messages."""
-        self._stack, self._who = stack, who
-
-    def start(self, task: Task) -> None:
-        """Start it."""
-        with code_from_outside(self._who, StackError):
-            self._stack.start(task)
-
-    def announce(self) -> None:
-        """Do nothing: a class of this process does not sleep."""
-
-    def query(self, observation: Observation) -> sb.Command:
-        """Return the command that answers an observation.
-
-        Raises:
-            StackError: It raised, or returned what is no command.
-        """
-        with code_from_outside(self._who, StackError):
-            command = self._stack.step(observation)
-        try:
-            return command_message(command, observation.sequence)
-        except CommandError as error:
-            raise StackError(self._who, f"returned no valid command: {error}") from None
-
-    def close(self) -> None:
-        """Close it; what it raises then changes nothing, as in a process of its own."""
-        with contextlib.suppress(StackError), code_from_outside(self._who, StackError):
-            self._stack.close()
-
-    def stderr(self) -> str:
-        """Return nothing: it shares this process's."""
-        return ""
-
-
 class PredictorSession(Protocol):
     """A predictor that is connected.
 
@@ -155,8 +117,56 @@ class PredictorSession(Protocol):
         """Return the end of its standard error; empty of a class."""
 
 
-class InProcessPredictor:
-    """A class of this process as a session."""
+class Here:
+    """A session that is no other process: nothing to wake, to end or to hear."""
+
+    def start(self, task: Task) -> None:
+        """Do nothing."""
+
+    def announce(self) -> None:
+        """Do nothing: a class of this process does not sleep."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def stderr(self) -> str:
+        """Return nothing: it shares this process's."""
+        return ""
+
+
+class InProcess(Here):
+    """A stack of this process as a session."""
+
+    def __init__(self, stack: Stack, who: str) -> None:
+        """Call its methods, and name it in messages."""
+        self._stack, self._who = stack, who
+
+    def start(self, task: Task) -> None:
+        """Start it."""
+        with code_from_outside(self._who, StackError):
+            self._stack.start(task)
+
+    def query(self, observation: Observation) -> sb.Command:
+        """Return the command that answers an observation.
+
+        Raises:
+            StackError: It raised, or returned what is no command.
+        """
+        with code_from_outside(self._who, StackError):
+            command = self._stack.step(observation)
+        try:
+            return command_message(command, observation.sequence)
+        except CommandError as error:
+            raise StackError(self._who, f"returned no valid command: {error}") from None
+
+    def close(self) -> None:
+        """Close it; what it raises then changes nothing, as in a process of its own."""
+        with contextlib.suppress(StackError), code_from_outside(self._who, StackError):
+            self._stack.close()
+
+
+class InProcessPredictor(Here):
+    """A predictor of this process as a session."""
 
     def __init__(self, source: str) -> None:
         """Make the predictor of a source; see `make_predictor`."""
@@ -173,26 +183,13 @@ class InProcessPredictor:
         except PredictionError as error:
             raise PredictorError(self._who, f"predicted what is none: {error}") from None
 
-    def close(self) -> None:
-        """Do nothing: a class needs no end."""
 
-    def stderr(self) -> str:
-        """Return nothing: it shares this process's."""
-        return ""
-
-
-class FailedInStart:
+class FailedInStart(Here):
     """A stack that failed as it was started, as a session that fails at the first observation."""
 
     def __init__(self, failure: StackError) -> None:
         """Take the failure."""
         self._failure = failure
-
-    def start(self, task: Task) -> None:
-        """Do nothing: it failed."""
-
-    def announce(self) -> None:
-        """Do nothing: it failed."""
 
     def query(self, observation: Observation) -> sb.Command:
         """Fail.
@@ -201,13 +198,6 @@ class FailedInStart:
             StackError: The failure.
         """
         raise self._failure
-
-    def close(self) -> None:
-        """Do nothing: it is closed."""
-
-    def stderr(self) -> str:
-        """Return nothing: its failure has the traceback."""
-        return ""
 
 
 def start_session(session: Session, task: Task) -> None:

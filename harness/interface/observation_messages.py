@@ -8,9 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.inputs import SweepInput
+from wayproof.harness.interface.message_values import (
+    triple,
+    values_for,
+    values_of,
+    vector_message,
+)
 from wayproof.harness.interface.types import (
     INTERFACE_VERSION,
-    Array,
     Fate,
     Observation,
     Reference,
@@ -41,47 +46,14 @@ def hello(name: str, *, announced: bool = False, role: str = "") -> sb.Hello:
 
 def task_message(task: Task) -> sb.Task:
     """Encode the task for another process."""
-    mission = task.mission
-    message = sb.Task(
-        robot=task.robot,
-        seed=task.seed,
-        motion=mission.motion,
-        radius=mission.radius,
-        height=mission.height,
-        step_height=mission.step_height,
-        max_speed=mission.max_speed,
-        max_acceleration=mission.max_acceleration,
-        max_jerk=mission.max_jerk,
-        max_yaw_rate=mission.max_yaw_rate,
-        discs=[sb.Disc(offset=offset, radius=radius) for offset, radius in mission.discs],
-        low=vector_message(mission.low),
-        high=vector_message(mission.high),
-        start=vector_message(mission.start),
-        start_heading=mission.start_heading,
-        goal=vector_message(mission.goal),
-        goal_tolerance=task.goal_tolerance,
-        period_s=task.period_s,
-        delay_s=task.delay_s,
-        deadline_s=task.deadline_s,
-        settings=task.settings,
-        waypoints=map(vector_message, mission.waypoints),
-        sideways_speed=mission.sideways_speed,
-        rest_height=mission.rest_height,
-        max_yaw_acceleration=mission.max_yaw_acceleration,
-    )
+    discs = [sb.Disc(offset=offset, radius=radius) for offset, radius in task.mission.discs]
+    values = values_for(sb.Task, task.mission) | values_for(sb.Task, task)
+    message = sb.Task(**values, discs=discs)
     for sensor in task.sensors.values():
-        info = sensor.info
         message.sensors.add(
-            name=info.name,
-            kind=info.kind,
-            range_m=info.range_m,
-            rate_hz=info.rate_hz,
-            position_base_sensor=info.position_base_sensor,
-            rotation_base_sensor=info.rotation_base_sensor,
+            **values_for(sb.Sensor, sensor.info),
             directions=b"" if _varies(sensor) else _directions(sensor, 0),
-            beams=info.beams,
-            info=info.SerializeToString(deterministic=True),
-            measures=info.measures,
+            info=sensor.info.SerializeToString(deterministic=True),
         )
     if task.prior is not None:
         message.prior.CopyFrom(_prior_message(task.prior))
@@ -99,37 +71,12 @@ def _prior_message(cells: PriorCells) -> sb.PriorMap:
 
 def task_from(message: sb.Task) -> Task:
     """Decode the task, in another process."""
-    mission = Mission(
-        motion=message.motion,  # type: ignore[arg-type]
-        radius=message.radius,
-        height=message.height,
-        step_height=message.step_height,
-        max_speed=message.max_speed,
-        max_acceleration=message.max_acceleration,
-        max_jerk=message.max_jerk,
-        max_yaw_rate=message.max_yaw_rate,
-        low=_triple(message.low),
-        high=_triple(message.high),
-        start=_triple(message.start),
-        start_heading=message.start_heading,
-        goal=_triple(message.goal),
-        discs=tuple((disc.offset, disc.radius) for disc in message.discs),
-        waypoints=tuple(map(_triple, message.waypoints)),
-        sideways_speed=message.sideways_speed,
-        rest_height=message.rest_height,
-        max_yaw_acceleration=message.max_yaw_acceleration,
-    )
+    discs = tuple((disc.offset, disc.radius) for disc in message.discs)
     sensors = [Sensor(pb.SensorInfo.FromString(sensor.info)) for sensor in message.sensors]
     return Task(
-        robot=message.robot,
-        seed=message.seed,
-        mission=mission,
-        goal_tolerance=message.goal_tolerance,
-        period_s=message.period_s,
-        delay_s=message.delay_s,
-        deadline_s=message.deadline_s,
+        **values_of(message, Task),
+        mission=Mission(**values_of(message, Mission), discs=discs),
         sensors={sensor.info.name: sensor for sensor in sensors},
-        settings=message.settings,
         prior=_prior_from(message.prior) if message.HasField("prior") else None,
     )
 
@@ -153,28 +100,15 @@ def observation_message(observation: Observation, task: Task) -> sb.Observation:
     """Encode an observation for another process."""
     reference, last, trail = observation.reference, observation.last, observation.trail
     message = sb.Observation(
-        time_ns=observation.time_ns,
-        sequence=observation.sequence,
-        position=vector_message(observation.position),
-        quaternion=observation.quaternion.tolist(),
-        position_sigma=observation.position_sigma,
-        heading_sigma=observation.heading_sigma,
-        velocity=vector_message(observation.velocity),
-        yaw_rate=observation.yaw_rate,
-        effect_ns=observation.effect_ns,
+        **values_for(sb.Observation, observation),
         reference_position=vector_message(reference.position),
         reference_velocity=vector_message(reference.velocity),
         reference_heading=reference.heading,
         reference_yaw_rate=reference.yaw_rate,
         at_rest=reference.at_rest,
-        goal=vector_message(observation.goal),
-        goals_reached=observation.goals_reached,
     )
     if last is not None:
-        message.last.CopyFrom(sb.Fate(sequence=last.sequence, fate=last.fate, verdict=last.verdict))
-    if observation.covariance is not None:
-        message.covariance.extend(observation.covariance.ravel().tolist())
-        message.unheld.extend(observation.unheld.ravel().tolist())
+        message.last.CopyFrom(sb.Fate(**values_for(sb.Fate, last)))
     if trail is not None:
         message.trail_positions.extend(trail.positions.ravel().tolist())
         message.trail_quaternions.extend(trail.quaternions.ravel().tolist())
@@ -223,8 +157,8 @@ def trail_from(message: sb.Observation) -> Trail | None:
 def reference_from(message: sb.Observation) -> Reference:
     """Decode the commanded state at the time of effect, in another process."""
     return Reference(
-        np.array(_triple(message.reference_position)),
-        velocity=np.array(_triple(message.reference_velocity)),
+        np.array(triple(message.reference_position)),
+        velocity=np.array(triple(message.reference_velocity)),
         heading=message.reference_heading,
         yaw_rate=message.reference_yaw_rate,
         at_rest=message.at_rest,
@@ -235,8 +169,7 @@ def fate_from(message: sb.Observation) -> Fate | None:
     """Decode the fate of the previous command, in another process."""
     if not message.HasField("last"):
         return None
-    last = message.last
-    return Fate(last.sequence, last.fate, last.verdict)  # type: ignore[arg-type]
+    return Fate(**values_of(message.last, Fate))
 
 
 def _varies(sensor: Sensor) -> bool:
@@ -246,13 +179,3 @@ def _varies(sensor: Sensor) -> bool:
 
 def _directions(sensor: Sensor, sequence: int) -> bytes:
     return sensor.directions(sequence).astype("<f4").tobytes()
-
-
-def vector_message(values: Array | tuple[float, ...]) -> sb.Vector:
-    """Encode three numbers."""
-    x, y, z = (float(value) for value in values)
-    return sb.Vector(x=x, y=y, z=z)
-
-
-def _triple(message: sb.Vector) -> tuple[float, float, float]:
-    return message.x, message.y, message.z

@@ -19,7 +19,6 @@ from wayproof.harness.interface.policy_tensors import (
     ACTION,
     OBSERVATION,
     PolicyObserver,
-    Space,
     velocity_of,
 )
 from wayproof.harness.interface.types import Command, Observation, Task
@@ -184,20 +183,34 @@ def _check_nodes(path: Path, inputs: Sequence[Node], outputs: Sequence[Node]) ->
         raise InputError(f"policy '{path}': got outputs {got}; expected one named '{OUTPUT}'")
     spaces = [*(OBSERVATION[node.name] for node in inputs), ACTION]
     for node, space in zip([*inputs, *actions], spaces, strict=True):
-        if node.type != FLOAT or not _has_shape(node.shape, space):
-            shape = ", ".join(map(str, node.shape))
-            expected = ", ".join(map(str, (1, *space.shape)))
-            raise InputError(
-                f"policy '{path}': '{node.name}' is a {node.type} of shape ({shape}); expected a "
-                f"{FLOAT} of shape ({expected})"
-            )
+        check_node(f"policy '{path}'", node, (1, *space.shape))
 
 
-def _has_shape(shape: Sequence[int | str | None], space: Space) -> bool:
-    """Return whether a tensor of the space, in a batch of one, has a shape; names fit any size."""
-    sizes = (1, *space.shape)
-    return len(shape) == len(sizes) and all(
-        got == size for got, size in zip(shape, sizes, strict=True) if isinstance(got, int)
+def check_node(who: str, node: Node, *shapes: tuple[int | str, ...]) -> None:
+    """Refuse an input or output that is no float32 of one of the shapes; names stand for any size.
+
+    Args:
+        who: Model, in messages.
+        node: Its input or output.
+        shapes: Sizes along each axis.
+
+    Raises:
+        InputError: It is another.
+    """
+    if node.type == FLOAT and any(_has_shape(node.shape, shape) for shape in shapes):
+        return
+    got, *expected = (f"({', '.join(map(str, shape))})" for shape in (node.shape, *shapes))
+    raise InputError(
+        f"{who}: '{node.name}' is a {node.type} of shape {got}; expected a {FLOAT} of shape "
+        f"{' or '.join(expected)}"
+    )
+
+
+def _has_shape(got: Sequence[int | str | None], expected: Sequence[int | str]) -> bool:
+    return len(got) == len(expected) and all(
+        one == size
+        for one, size in zip(got, expected, strict=True)
+        if isinstance(one, int) and isinstance(size, int)
     )
 
 

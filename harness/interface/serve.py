@@ -10,7 +10,7 @@ import socket
 import struct
 import sys
 import traceback
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from typing import IO, Protocol
 
@@ -29,6 +29,7 @@ from wayproof.harness.interface.connect import (
 )
 from wayproof.harness.interface.connection import host_and_port
 from wayproof.harness.interface.incoming import MESSAGE_S, Incoming, NotHarness
+from wayproof.harness.interface.message_values import values_of
 from wayproof.harness.interface.observation_messages import (
     fate_from,
     hello,
@@ -276,44 +277,30 @@ class ServedStack:
 
 def observation_from(message: sb.Observation, task: Task) -> Observation:
     """Decode an observation, in the stack's process."""
-    position = message.position
+    values = values_of(message, Observation)
+    for name in ("position", "quaternion", "velocity", "goal"):
+        values[name] = np.array(values[name])
+    values |= {"covariance": covariance_of(message), "unheld": unheld_of(message)}
     pose = Pose(
-        position=np.array([position.x, position.y, position.z]),
-        quaternion=np.array(message.quaternion[:]),
-        position_sigma=message.position_sigma,
+        **{one.name: values[one.name] for one in fields(Pose) if one.name in values},
         trail=trail_from(message),
-        heading_sigma=message.heading_sigma,
-        covariance=covariance_of(message),
-        unheld=unheld_of(message),
     )
-    velocity, sequence = message.velocity, message.sequence
     sweeps = tuple(
         Sweep(
             sweep.sensor,
             sweep.ranges_mm,
             sweep.classes,
-            partial(_placed, task.sensors[sweep.sensor], sweep, pose, sequence),
+            partial(_placed, task.sensors[sweep.sensor], sweep, pose, message.sequence),
         )
         for sweep in sweep_inputs(message)
     )
+    values |= {name: read_only(values[name]) for name in ("position", "quaternion")}
     return Observation(
-        time_ns=message.time_ns,
-        sequence=sequence,
-        position=read_only(pose.position),
-        quaternion=read_only(pose.quaternion),
-        position_sigma=pose.position_sigma,
-        heading_sigma=pose.heading_sigma,
-        velocity=np.array([velocity.x, velocity.y, velocity.z]),
-        yaw_rate=message.yaw_rate,
+        **values,
         sweeps=sweeps,
-        effect_ns=message.effect_ns,
         reference=reference_from(message),
         last=fate_from(message),
         trail=pose.trail,
-        covariance=pose.covariance,
-        unheld=pose.unheld,
-        goal=np.array([message.goal.x, message.goal.y, message.goal.z]),
-        goals_reached=message.goals_reached,
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.interface.policy import FLOAT, Node, load_model
+from wayproof.harness.interface.policy import check_node, load_model
 from wayproof.harness.prediction.map_box import MapBox
 from wayproof.maps.states import FREE, OCCUPIED
 
@@ -45,7 +45,8 @@ class OnnxPredictor:
             )
         self._input, self._output = inputs[0], outputs[0].name
         self._columns = len(self._input.shape) == 4
-        _check_input(path, self._input)
+        cells = 1, 2, "nx", "ny", "nz"
+        check_node(f"{WHAT} '{path}'", self._input, cells, cells[:4])
         sizes = [size if isinstance(size, int) else None for size in self._input.shape[2:]]
         self.shape = sizes[0], sizes[1], None if self._columns else sizes[2]
 
@@ -61,17 +62,3 @@ class OnnxPredictor:
         if answer.shape in ((1, *expected), (1, 1, *expected)):
             return answer.reshape(expected)
         return answer  # refused with its shape
-
-
-def _check_input(path: Path, node: Node) -> None:
-    """Refuse an input that is no box of cells or columns with two channels."""
-    sizes = node.shape
-    fits = len(sizes) in (4, 5) and all(
-        got == size for got, size in zip(sizes, (1, 2), strict=False) if isinstance(got, int)
-    )
-    if node.type != FLOAT or not fits:
-        shape = ", ".join(map(str, sizes))
-        raise InputError(
-            f"{WHAT} '{path}': '{node.name}' is a {node.type} of shape ({shape}); expected a "
-            f"{FLOAT} of shape (1, 2, nx, ny, nz), or (1, 2, nx, ny) for columns"
-        )
