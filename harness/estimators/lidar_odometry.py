@@ -17,6 +17,7 @@ from wayproof.harness.estimators.motion_filter import MotionFilter
 from wayproof.harness.estimators.motion_sensors import Motion, MotionSource, turned_by
 from wayproof.harness.estimators.registration import Registration
 from wayproof.harness.estimators.slip import Slip
+from wayproof.harness.estimators.snapshot import Kept
 from wayproof.harness.estimators.stated_covariance import StatedCovariance
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -42,7 +43,7 @@ PLANAR_NAME = "lidar-planar/2"
 """Name and version of the estimator by planar lasers: `lidar/8`, before it had its own map."""
 
 
-class LidarOdometry:
+class LidarOdometry(Kept):
     """The pose of one body by its sweeps and its sensors of motion.
 
     Attributes:
@@ -50,6 +51,11 @@ class LidarOdometry:
         covariance: Stated covariance of its error.
         name: Name and version of the estimator.
     """
+
+    KEPT = (
+        *("_position", "_heading", "_velocity", "_bias", "_true_position", "_true_heading"),
+        *("travelled", "_begun", "_residual"),
+    )
 
     def __init__(
         self,
@@ -177,42 +183,27 @@ class LidarOdometry:
 
     def state(self) -> dict[str, Array]:
         """Return the state but for the map, which follows from the sweeps and poses of the log."""
-        return {
-            "position": self._position.copy(),
-            "heading": np.array(self._heading),
-            "velocity": self._velocity.copy(),
-            "bias": self._bias.copy(),
-            "true_position": self._true_position.copy(),
-            "true_heading": np.array(self._true_heading),
-            "travelled": np.array(self.travelled),
-            "begun": np.array(self._begun),
-            **{f"sensors.{name}": one for name, one in self._sensors.state().items()},
-            "residual": np.array(self._residual),
-            **{f"filter.{name}": one for name, one in self._filter.state().items()},
-            **(
-                {}
-                if self._slip is None
-                else {f"slip.{n}": a for n, a in self._slip.state().items()}
-            ),
-            **{f"covariance.{name}": one for name, one in self.covariance.state().items()},
+        parts = {
+            f"{name}.{key}": a for name, part in self._parts for key, a in part.state().items()
         }
+        return super().state() | parts
 
     def restore(self, state: dict[str, Array]) -> None:
         """Continue from what `state` returned."""
-        self._sensors.restore(_part(state, "sensors."))
-        self.covariance.restore(_part(state, "covariance."))
-        self._filter.restore(_part(state, "filter."))
-        if self._slip is not None:
-            self._slip.restore(_part(state, "slip."))
-        self._residual = float(state["residual"])
-        self._position = np.array(state["position"], np.float64)
-        self._heading = float(state["heading"])
-        self._velocity = np.array(state["velocity"], np.float64)
-        self._bias = np.array(state["bias"], np.float64)
-        self._true_position = np.array(state["true_position"], np.float64)
-        self._true_heading = float(state["true_heading"])
-        self.travelled = float(state["travelled"])
-        self._begun = bool(state["begun"])
+        super().restore(state)
+        for name, part in self._parts:
+            head = f"{name}."
+            part.restore({k.removeprefix(head): a for k, a in state.items() if k.startswith(head)})
+
+    @property
+    def _parts(self) -> list[tuple[str, Kept | MotionSource]]:
+        """Parts with a state of their own, by name."""
+        parts = (
+            ("sensors", self._sensors),
+            ("filter", self._filter),
+            ("covariance", self.covariance),
+        )
+        return [*parts, *([] if self._slip is None else [("slip", self._slip)])]
 
     def _information(self, registration: Registration) -> Array:
         """Return the information (4, 4) of a sweep: none along directions that it does not hold."""
@@ -277,10 +268,6 @@ def regained(before: Array, unheld: Array) -> Array:
         if length > LEAST_TURNED:
             found.append(rest / length)
     return np.array(found).reshape(-1, 3)
-
-
-def _part(state: dict[str, Array], prefix: str) -> dict[str, Array]:
-    return {name.removeprefix(prefix): a for name, a in state.items() if name.startswith(prefix)}
 
 
 def _turned(vector: Array, angle: float) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.matrices import inverse, product
+from wayproof.harness.estimators.snapshot import Kept
 from wayproof.models.arrays import Array
 
 GYRO_CORRELATION_S = 10.0
@@ -35,7 +36,7 @@ BEYOND = slice(3, 9)
 """Rows that no sweep measures: velocity and bias."""
 
 
-class MotionFilter:
+class MotionFilter(Kept):
     """Covariances of position, velocity, the accelerometer's bias, and heading as predicted.
 
     The bias is a state beside the velocity (Xu et al. 2022, T-RO 38, "FAST-LIO2"). As noise of the
@@ -43,6 +44,8 @@ class MotionFilter:
     millimetres in a room, by centimetres where sweeps are noisy and count little. Where feet or an
     odometry give the step, its error is a share of it.
     """
+
+    KEPT = ("_covariance", "_heading", "_axes")
 
     def __init__(self, config: EstimateConfig) -> None:
         """Start at rest at a known pose, with a bias of the standard deviation of `config`."""
@@ -135,20 +138,6 @@ class MotionFilter:
         self._covariance = updated
         change: Array = (gain * shift).sum(axis=1)
         return change
-
-    def state(self) -> dict[str, Array]:
-        """Return all of it."""
-        return {
-            "covariance": self._covariance.copy(),
-            "heading": np.array(self._heading),
-            "axes": self._axes.copy(),
-        }
-
-    def restore(self, state: dict[str, Array]) -> None:
-        """Continue from what `state` returned."""
-        self._covariance = np.array(state["covariance"], np.float64)
-        self._heading = float(state["heading"])
-        self._axes = np.array(state["axes"], np.float64)
 
     @property
     def covariance(self) -> Array:

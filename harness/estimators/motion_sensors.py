@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.estimator_config import EstimateConfig
+from wayproof.harness.estimators.snapshot import Kept
 from wayproof.harness.perturbations import UNPERTURBED, Perturbation
 from wayproof.harness.perturbations.inertial_bias import InertialBias
 from wayproof.models.arrays import Array
@@ -88,12 +89,15 @@ class Body:
     legs: bool
 
 
-class MotionSensors:
+class MotionSensors(Kept):
     """The inertial sensors and the legs of one body.
 
     Attributes:
         period: Time between two measurements, s.
     """
+
+    KEPT = ("_sequence", "_before")
+    """Biases and noise follow from the seed."""
 
     def __init__(
         self,
@@ -125,15 +129,6 @@ class MotionSensors:
         self._velocity: Array = body.data.qvel[speeds : speeds + 3]
         self._quaternion: Array = body.data.qpos[places + 3 : places + 7]
         self._before = self._velocity.copy()
-
-    def state(self) -> dict[str, Array]:
-        """Return the state kept between measurements; biases and noise follow from the seed."""
-        return {"sequence": np.array(self._sequence, np.int64), "velocity": self._before.copy()}
-
-    def restore(self, state: dict[str, Array]) -> None:
-        """Continue from what `state` returned."""
-        self._sequence = int(state["sequence"])
-        self._before = np.array(state["velocity"], np.float64)
 
     def measure(self, turn: float) -> Motion:
         """Measure the motion since the last measurement.

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
+from wayproof.harness.estimators.snapshot import Kept
 from wayproof.models.arrays import Array
 
 NEWS = 0.3
@@ -32,13 +33,15 @@ LEAST_PERIOD = 1e-3
 """Least time since the last registered scan that counts, s."""
 
 
-class Slip:
+class Slip(Kept):
     """Error of an odometry beyond its noise, and how far it has come since a scan was registered.
 
     Attributes:
         mean: (3,) of its velocity along and across the body, m/s, and of its turn, rad/s.
         scatter: (2,) mean squares of what is left of these, m^2/s^2 and rad^2/s^2.
     """
+
+    KEPT = ("mean", "scatter", "_believed", "_way", "_time", "_turned", "_slid", "_walked")
 
     def __init__(self, config: EstimateConfig) -> None:
         """Start with an odometry that errs as it states."""
@@ -104,24 +107,6 @@ class Slip:
         """Variances (2,) by the noise of the odometry, m^2 and rad^2."""
         share, walk = self._config.motion_share, self._config.motion_walk
         return np.array([(share * self._way) ** 2 + walk**2 * self._way, self._turned])
-
-    def state(self) -> dict[str, Array]:
-        """Return all of it."""
-        return {
-            "mean": self.mean.copy(),
-            "scatter": self.scatter.copy(),
-            "since": np.array([self._believed, self._way, self._time, self._turned]),
-            "slid": self._slid.copy(),
-            "walked": self._walked.copy(),
-        }
-
-    def restore(self, state: dict[str, Array]) -> None:
-        """Continue from what `state` returned."""
-        self.mean = np.array(state["mean"], np.float64)
-        self.scatter = np.array(state["scatter"], np.float64)
-        self._believed, self._way, self._time, self._turned = state["since"].tolist()
-        self._slid = np.array(state["slid"], np.float64)
-        self._walked = np.array(state["walked"], np.float64)
 
 
 def _sizes(motion: Array) -> Array:

@@ -23,6 +23,7 @@ from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.kernels.alignment import FIXED
 from wayproof.harness.estimators.matrices import inverse, projected
 from wayproof.harness.estimators.registration import Registration
+from wayproof.harness.estimators.snapshot import Kept
 from wayproof.models.arrays import Array
 
 HEADING = 3
@@ -46,13 +47,19 @@ SYSTEMATIC = 5.0
 """Variance of the error that all distances of a sweep have alike, in that of one distance."""
 
 
-class StatedCovariance:
+class StatedCovariance(Kept):
     """Covariance (4, 4) of x, y, z, m, and heading, rad, in world axes.
 
     Attributes:
         axes: (k, 3) unit directions that the last sweep did not hold.
         information: (3,) of the last registration.
     """
+
+    KEPT = (
+        *("_held", "_moved", "_turned_s", "_slid", "_slid_turn", "_heading_held"),
+        *("axes", "information"),
+    )
+    """All but the kept map, which follows from the poses."""
 
     def __init__(self, config: EstimateConfig) -> None:
         """Start at a known pose."""
@@ -157,29 +164,6 @@ class StatedCovariance:
     def heading(self) -> float:
         """Variance of the heading, rad^2."""
         return float(self._held[HEADING, HEADING])
-
-    def state(self) -> dict[str, Array]:
-        """Return the state without the kept map, which follows from the poses."""
-        slid = [self._slid, self._slid_turn]
-        return {
-            **({"slid": np.array(slid)} if any(slid) else {}),  # snapshots of others as before
-            "held": self._held.copy(),
-            "moved": self._moved.copy(),
-            "turned_s": np.array(self._turned_s),
-            "heading_held": np.array(self._heading_held),
-            "axes": self.axes.copy(),
-            "information": self.information.copy(),
-        }
-
-    def restore(self, state: dict[str, Array]) -> None:
-        """Continue from what `state` returned."""
-        self._held = np.array(state["held"], np.float64)
-        self._moved = np.array(state["moved"], np.float64)
-        self._turned_s = float(state["turned_s"])
-        self._slid, self._slid_turn = state.get("slid", np.zeros(2)).tolist()
-        self._heading_held = bool(state["heading_held"])
-        self.axes = np.array(state["axes"], np.float64)
-        self.information = np.array(state["information"], np.float64)
 
     def _by_map(self, registration: Registration, position: Array) -> Array:
         """Return the covariance (4, 4) of a registered pose: that of its sweeps, and its own error.
