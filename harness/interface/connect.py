@@ -224,7 +224,7 @@ def connect(name: str, wall_s: float) -> Session:
         InputError: There is no such stack, or it does not answer.
     """
     who = f"stack '{name}'"
-    if runs_elsewhere(name) or (is_isolated() and runs_in_process(name)):
+    if runs_elsewhere(name) or (runs_in_process(name) and _leaves(name)):
         return RemoteStack(_connection(name, wall_s, "--stack", "stack"), who, wall_s)
     if is_ros2(name):
         from wayproof.harness.interface.ros2.stack import Ros2Stack  # of an extra
@@ -244,7 +244,7 @@ def connect_predictor(source: str, wall_s: float) -> PredictorSession:
     Raises:
         InputError: There is no such predictor, or it does not answer.
     """
-    if runs_elsewhere(source) or is_isolated():
+    if runs_elsewhere(source) or _leaves(source):
         connection = _connection(source, wall_s, PREDICTOR_SETTING, "predictor")
         return RemotePredictor(connection, f"predictor '{source}'", wall_s)
     return InProcessPredictor(source)
@@ -335,6 +335,11 @@ def runs_in_process(name: str) -> bool:
 def runs_elsewhere(name: str) -> bool:
     """Return whether a stack's or predictor's name is a command or the address of a socket."""
     return name.startswith((EXEC, *SOCKETS))
+
+
+def _leaves(name: str) -> bool:
+    """Return whether a class, but no network, runs in a process of its own."""
+    return is_isolated() and not name.startswith(POLICY) and not name.endswith(ONNX_FILE)
 
 
 def _connection(name: str, wall_s: float, given: str, who: str) -> Connection:
