@@ -12,12 +12,12 @@ import os
 import signal
 import sys
 import tempfile
-import tomllib
 from argparse import Namespace
 from pathlib import Path
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.supervision import ENDED, connect
+from wayproof.models.toml_text import parse_toml
 
 OTHER_PROCESSES = ("exec:", "unix:", "tcp:", "ros2:")
 """Beginnings of names of stacks that run in a process of their own."""
@@ -32,7 +32,7 @@ def names_user_code(options: Namespace) -> bool:
     if any(":" in name and not name.startswith(OTHER_PROCESSES) for name in stacks):
         return True
     with contextlib.suppress(OSError, ValueError):  # bad specs are refused where they are read
-        spec = tomllib.loads(Path(options.robot).read_text(encoding="utf-8"))
+        spec = parse_toml(Path(options.robot).read_text(encoding="utf-8"))
         return ":" in str(spec.get("controller", ""))
     return False
 

@@ -17,6 +17,7 @@ import msgspec
 
 from wayproof.harness.config import HASH_SEPARATOR
 from wayproof.harness.errors import InputError, unknown_name
+from wayproof.models.toml_text import parse_toml
 
 ENDING = ".toml"
 """Suffix of a spec file, given in place of a robot's name."""
@@ -126,10 +127,10 @@ def _from_file(path: Path) -> Body:
     if len(data) > MAX_SPEC_BYTES:
         raise InputError(f"robot '{path}': {len(data)} bytes, expected a spec file")
     try:
-        document = tomllib.loads(data.decode())
+        document = parse_toml(data.decode())
         _refuse_unknown(path, document)
         spec = msgspec.convert(document, BodyFile)
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"robot '{path}': no TOML: {error}") from None
     except msgspec.ValidationError as error:
         raise InputError(f"robot '{path}': {' '.join(str(error).split())}") from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,6 +20,7 @@ from wayproof.harness.study.imported import Imports, import_worlds
 from wayproof.harness.study.randomise import check_ranges
 from wayproof.harness.study.source import ReadOptions
 from wayproof.harness.worker_pool import Bounds
+from wayproof.models.toml_text import parse_toml
 
 PACKAGED = Path(__file__).parent / "packaged"
 """Folder of the packaged studies: `wayproof study NAME`."""
@@ -173,7 +173,7 @@ def read_study(name: str, allow_plugins: bool = False, settings: Sequence[str] =
         if not path.is_file():
             raise unknown_name("study", name, [one.stem for one in PACKAGED.glob("*.toml")])
     try:
-        document = tomllib.loads(_text_of(path, name))
+        document = parse_toml(_text_of(path, name))
         for text in settings:
             _set(document, text)
         study = _imported(msgspec.convert(document, StudyFile))

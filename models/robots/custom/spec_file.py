@@ -9,6 +9,7 @@ import msgspec
 
 from wayproof.models.robots.custom.source import RobotSpecError
 from wayproof.models.sensors.devices import DEVICES, Mount
+from wayproof.models.toml_text import parse_toml
 
 CLASS_SEPARATOR = ":"
 """Separator in the name of the user's own controller, `module:Class`."""
@@ -140,8 +141,8 @@ def parse_spec(text: str) -> SpecFile:
         RobotSpecError: Naming the field, what was got and what was expected.
     """
     try:
-        spec = msgspec.convert(tomllib.loads(text), SpecFile)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        spec = msgspec.convert(parse_toml(text), SpecFile)
+    except tomllib.TOMLDecodeError as error:
         raise RobotSpecError(f"no TOML: {error}") from None
     except msgspec.ValidationError as error:
         raise RobotSpecError(" ".join(str(error).split())) from None

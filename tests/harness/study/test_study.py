@@ -108,7 +108,7 @@ def test_shards_are_a_partition_that_keeps_twins_together(tmp_path: Path) -> Non
         (SHORT + "[bounds]\nwall_s = 0", "bounds of 0 s"),
         (SHORT.replace("seeds = 2", "seeds = [-1]"), "`int` >= 0"),
         (SHORT.replace("seeds = 2", f"seeds = [{2**63}]"), "seeds"),
-        (SHORT + f"[set]\n{'a.' * 9999}a = 1", "set"),
+        (SHORT + f"[set]\n{'a.' * 9999}a = 1", "nested too deeply"),
         (SHORT + f"[set]\n'start' = {'[' * 99}{']' * 99}", "set"),
         (SHORT + "[set]\n'map.resolution' = 1979-05-27", "set"),
         (SHORT + "[colour]\nred = 1", "unknown field `colour`"),
