@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from typing import Any
 
 DEEPEST = 16
 """Most tables and arrays within each other; a spec of a robot has three."""
+
+LONG_KEY = re.compile(rf"(?:[\w-]+\s*\.\s*){{{DEEPEST}}}")
+"""Dotted key as deep, whose reading takes time by the cube of its length."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -15,6 +19,8 @@ def parse_toml(text: str) -> dict[str, Any]:
     Raises:
         TOMLDecodeError: It is no TOML, or its tables and arrays are nested too deeply to be walked.
     """
+    if LONG_KEY.search(text):
+        raise _too_deep()
     try:
         document = tomllib.loads(text)
     except RecursionError:
