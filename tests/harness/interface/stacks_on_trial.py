@@ -183,6 +183,23 @@ class Daring(BuiltinStack):
         super().start(dataclasses.replace(task, settings=json.dumps(settings)))
 
 
+class OfSeed0(BuiltinStack):
+    """The built-in stack, which draws as if it were told the seed of the world."""
+
+    SEED = 0
+
+    def start(self, task):
+        super().start(dataclasses.replace(task, seed=self.SEED))
+
+
+class OfSeed1(OfSeed0):
+    SEED = 1
+
+
+class OfSeed2(OfSeed0):
+    SEED = 2
+
+
 class Straight(Blind):
     """Drives straight at the goal, and says that it plans to."""
 

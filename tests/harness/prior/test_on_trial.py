@@ -21,7 +21,7 @@ from wayproof.harness.replay.verify import verify
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 
-BUILTIN = "wayproof.harness.interface.builtin:BuiltinStack"
+BUILTIN = f"{Path(__file__).parents[1] / 'interface' / 'stacks_on_trial.py'}:OfSeed1"
 SHORT = "episode.time_limit=3"
 
 
