@@ -188,11 +188,12 @@ class ChildProcess(FileDescriptors):
     def close(self) -> None:
         """Close the pipes, wait a moment, then end it and all that it started."""
         super().close()
-        for end in (lambda: None, self._child.terminate):
-            end()
+        try:
+            self._child.wait(CLOSING_S)
+        except subprocess.TimeoutExpired:
+            self._child.terminate()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._child.wait(CLOSING_S)
-                break
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self._child.pid, signal.SIGKILL)
         self._child.wait()
