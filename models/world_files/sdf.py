@@ -59,7 +59,6 @@ class _Reading:
 
     def __init__(self, path: Path, options: ImportOptions) -> None:
         self.found = Found()
-        self._options = options
         locator = Locator(path, options.model_paths)
         self._shapes = Shapes(self.found, options, locator)
         self.includes = Includes(locator, self._shapes)

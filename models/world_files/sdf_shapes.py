@@ -95,10 +95,9 @@ class Shapes:
         if outlines:
             yield from _polylines(path, outlines, scale)
             return
-        for child in children:
-            yield from self.geometry(path, child, placed, model, scale)
+        yield from self._geometry(path, children[0], placed, model, scale)
 
-    def geometry(
+    def _geometry(
         self, path: Path, shape: Element, placed: Placement, model: str, scale: NDArray[np.float64]
     ) -> Iterator[Part]:
         """Return the parts of one geometry, in its own frame; arguments as for `parts`."""
@@ -189,20 +188,10 @@ class Shapes:
             named, centre = submesh.first("name"), submesh.first("center")
             name = submesh.text.strip() if named is None else named.text.strip()
             centred = centre is not None and centre.text.strip() in ("1", "true")
-        return self.mesh(file, own * scale, name, centred)
-
-    def mesh(
-        self,
-        file: Path,
-        scale: NDArray[np.float64],
-        submesh: str | None = None,
-        centred: bool = False,
-    ) -> list[Part]:
-        """Return the convex parts of a mesh file; read once for each scale and submesh."""
-        key = (file, *scale.tolist(), submesh, centred)
-        if key not in self._meshes:
+        key = (file, *(own * scale).tolist(), name, centred)
+        if key not in self._meshes:  # read once for each scale and submesh
             self._meshes[key] = mesh_parts(
-                file, scale, self._found.notes, cuts=self._cuts, submesh=submesh,
+                file, own * scale, self._found.notes, cuts=self._cuts, submesh=name,
                 centred=centred,
             )  # fmt: skip
         return self._meshes[key]
