@@ -84,13 +84,18 @@ def choose_ends(
     for band in (END_BAND, (0.05, options.robot_height)):
         seen = survey(found, low, high, band, radius + SPARE[0] + LEAST_CELL)
         rises = options.robot_step and np.ptp(seen.heights)
+        low_roof = f"ends chosen for a height of {band[1]:g} m: too low to fly"
+        notes = [] if band is END_BAND else [low_roof]
+        short: _Ends | None = None
         for step in (options.robot_step, 0.0) if rises else (0.0,):
             for spare in SPARE:
                 ends = _pair(seen, seen.gaps > radius + spare, start, goal, step)
-                if ends is not None and (ends.way >= SHORT or not step):
-                    low_roof = f"ends chosen for a height of {band[1]:g} m: too low to fly"
-                    notes = [] if band is END_BAND else [low_roof]
+                if ends is not None and ends.way >= SHORT:
                     return _described(seen, ends, start, goal, notes)
+                if ends is not None and (short is None or ends.way > short.way):
+                    short = ends
+        if short is not None:
+            return _described(seen, short, start, goal, notes)
     widest = np.unravel_index(int(np.argmax(seen.gaps)), seen.gaps.shape)
     x, y = seen.grid.centres(*(np.array([n]) for n in widest))[0]
     most = float(seen.gaps.max())
