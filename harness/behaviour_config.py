@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from wayproof.maps.bounds import Bounds, check_fields
+from wayproof.bounds import Bounds, check_fields
 
 MIN_ADVANCE = 0.3
 """Shortest committed part worth leaving rest for, m; chosen: two to three cells."""

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
+from wayproof.bounds import Bounds, check_fields
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.perturbations import AnyPerturbation
@@ -14,7 +15,6 @@ from wayproof.harness.prior_config import NO_PRIOR, PriorConfig
 from wayproof.harness.recording_config import RecordingConfig
 from wayproof.kernel_cache import load_without_compiler
 from wayproof.maps import CostmapConfig, MapConfig
-from wayproof.maps.bounds import Bounds, check_fields
 from wayproof.models.classes import CLASSES
 from wayproof.models.places import PLACES
 from wayproof.models.pose_model import PoseModelConfig

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
-from wayproof.maps.bounds import Bounds, check_fields
+from wayproof.bounds import Bounds, check_fields
 
 EstimatorKind = Literal["model", "truth", "lidar"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from wayproof.maps.bounds import Bounds, check_fields
+from wayproof.bounds import Bounds, check_fields
 
 NO_PREDICTOR = "none"
 """Source of no prediction."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from wayproof.maps.bounds import Bounds, check_fields
+from wayproof.bounds import Bounds, check_fields
 
 SET_BY_RUN = ("format", "sha256", "options", "origin")
 """Fields that follow from the recording, and that `--set` refuses."""

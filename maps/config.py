@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from wayproof.maps.bounds import Bounds, check_fields
+from wayproof.bounds import Bounds, check_fields
 
 UnknownPolicy = Literal["forbid", "penalize", "allow"]
 """Rule of a planner for a cell that was never observed."""

@@ -10,9 +10,11 @@ from __future__ import annotations
 import math
 import operator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from wayproof.bounds import Bounds, check_fields
 from wayproof.models.arrays import Array
 from wayproof.models.poses import Trail
 from wayproof.models.random_streams import stream
@@ -23,6 +25,9 @@ ERROR_STEP = 1e-6
 X, Y, Z, HEADING, SCALE, TURN_SCALE = range(6)
 """Components of the dead-reckoning covariance."""
 
+Share = Annotated[float, Bounds(0.0, 0.5)]
+Length = Annotated[float, Bounds(0.0, 5.0, "m")]
+Angle = Annotated[float, Bounds(0.0, 1.0, "rad")]
 
 STREAM = "odometry"
 """Name of the random streams."""
@@ -61,35 +66,21 @@ class PoseModelConfig:
         ValueError: A value is out of its bounds.
     """
 
-    rate: float = 100.0
-    scale_sigma: float = 0.0
-    yaw_scale_sigma: float = 0.0
-    random_walk: float = 0.0
-    yaw_random_walk: float = 0.0
-    bias_sigma: float = 0.01
-    yaw_bias_sigma: float = 0.002
-    leg_height_sigma: float = 0.001
-    correlation_time: float = 5.0
-    white_noise: float = 0.0
-    yaw_white_noise: float = 0.0
+    rate: Annotated[float, Bounds(1.0, 1000.0, "Hz")] = 100.0
+    scale_sigma: Share = 0.0
+    yaw_scale_sigma: Share = 0.0
+    random_walk: Length = 0.0
+    yaw_random_walk: Angle = 0.0
+    bias_sigma: Length = 0.01
+    yaw_bias_sigma: Angle = 0.002
+    leg_height_sigma: Length = 0.001
+    correlation_time: Annotated[float, Bounds(0.01, 3600.0, "s")] = 5.0
+    white_noise: Length = 0.0
+    yaw_white_noise: Angle = 0.0
 
     def __post_init__(self) -> None:
         """Check every field."""
-        self._check("rate", 1.0, 1000.0, " Hz")
-        self._check("correlation_time", 0.01, 3600.0, " s")
-        for name in ("scale_sigma", "yaw_scale_sigma"):
-            self._check(name, 0.0, 0.5, "")
-        for name in ("random_walk", "bias_sigma", "leg_height_sigma", "white_noise"):
-            self._check(name, 0.0, 5.0, " m")
-        for name in ("yaw_random_walk", "yaw_bias_sigma", "yaw_white_noise"):
-            self._check(name, 0.0, 1.0, " rad")
-
-    def _check(self, name: str, low: float, high: float, unit: str) -> None:
-        value = getattr(self, name)
-        if not low <= value <= high:  # also refuses NaN
-            raise ValueError(
-                f"pose_model.{name}: got {value:g}, expected {low:g} to {high:g}{unit}"
-            )
+        check_fields(self, "pose_model.")
 
 
 @dataclass(frozen=True)

@@ -7,53 +7,13 @@ arithmetic, as every config is read with it.
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, field
-from typing import Annotated, NamedTuple, get_type_hints
+from typing import Annotated
 
+from wayproof.bounds import Bounds, check_fields
 
-class Interval(NamedTuple):
-    """Closed interval of a parameter.
-
-    Attributes:
-        low: Least value.
-        high: Greatest value.
-        unit: Unit of both.
-    """
-
-    low: float
-    high: float
-    unit: str = ""
-
-
-Size = Annotated[float, Interval(8.0, 60.0, "m")]
-Count = Annotated[int | None, Interval(0, 200)]
-
-
-@functools.cache
-def intervals_of(kind: type) -> dict[str, Interval]:
-    """Return the interval of each parameter of a world."""
-    hints = get_type_hints(kind, include_extras=True)
-    return {
-        name: bound
-        for name, hint in hints.items()
-        for bound in getattr(hint, "__metadata__", ())
-        if isinstance(bound, Interval)
-    }
-
-
-def check(parameters: object, section: str) -> None:
-    """Check that every parameter given is in its interval.
-
-    Raises:
-        ValueError: One is not, or is NaN.
-    """
-    kind: type = type(parameters)
-    for name, (low, high, unit) in intervals_of(kind).items():
-        value = getattr(parameters, name)
-        if value is not None and not low <= value <= high:  # nor NaN
-            expected = f"{low:g} to {high:g} {unit}".rstrip()
-            raise ValueError(f"{section}.{name}: got {value:g}, expected {expected}")
+Size = Annotated[float, Bounds(8.0, 60.0, "m")]
+Count = Annotated[int | None, Bounds(0, 200)]
 
 
 @dataclass(frozen=True)
@@ -66,12 +26,12 @@ class Warehouse:
             nowhere is left out.
     """
 
-    aisle_width: Annotated[float, Interval(0.8, 2.6, "m")] = 1.8
+    aisle_width: Annotated[float, Bounds(0.8, 2.6, "m")] = 1.8
     crates: Count = None
 
     def __post_init__(self) -> None:
         """Check every parameter."""
-        check(self, "world.warehouse")
+        check_fields(self, "world.warehouse.")
 
 
 @dataclass(frozen=True)
@@ -83,12 +43,12 @@ class Corridor:
         crates: Number of crates; by default 2 to 4 times twice the difficulty.
     """
 
-    width: Annotated[float | None, Interval(0.9, 3.5, "m")] = None
+    width: Annotated[float | None, Bounds(0.9, 3.5, "m")] = None
     crates: Count = None
 
     def __post_init__(self) -> None:
         """Check every parameter."""
-        check(self, "world.corridor")
+        check_fields(self, "world.corridor.")
 
 
 @dataclass(frozen=True)
@@ -105,7 +65,7 @@ class Empty:
 
     def __post_init__(self) -> None:
         """Check every parameter."""
-        check(self, "world.empty")
+        check_fields(self, "world.empty.")
 
 
 @dataclass(frozen=True)
@@ -123,13 +83,13 @@ class WorldParameters:
         empty: Parameters of `empty`.
     """
 
-    passage_radius: Annotated[float | None, Interval(0.2, 1.5, "m")] = None
-    passers_by: Annotated[int, Interval(0, 30)] = 0
-    passers_by_speed: Annotated[float, Interval(0.0, 3.0, "m/s")] = 1.0
+    passage_radius: Annotated[float | None, Bounds(0.2, 1.5, "m")] = None
+    passers_by: Annotated[int, Bounds(0, 30)] = 0
+    passers_by_speed: Annotated[float, Bounds(0.0, 3.0, "m/s")] = 1.0
     warehouse: Warehouse = field(default_factory=Warehouse)
     corridor: Corridor = field(default_factory=Corridor)
     empty: Empty = field(default_factory=Empty)
 
     def __post_init__(self) -> None:
         """Check every parameter."""
-        check(self, "world")
+        check_fields(self, "world.")

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from wayproof.maps.bounds import Bounds, check_fields
+from wayproof.bounds import Bounds, check_fields
 from wayproof.planners.free_space import CLEARANCE_WEIGHT, FreeSpace
 from wayproof.planners.kernels import angles, polyline, pose_shortcut, shortcut
 from wayproof.planners.kernels.grid import Floats, Pose

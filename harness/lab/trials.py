@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wayproof.bounds import check_fields
 from wayproof.harness.lab.ghosts import GhostWatch
 from wayproof.harness.lab.source import Source
 from wayproof.maps import FREE, MAPS, OCCUPIED, MapConfig, Representation, VoxelMap, states_in
-from wayproof.maps.bounds import check_fields
 
 RESOLUTIONS = (0.01, 0.05, 0.1, 0.2)
 """Resolutions that are compared, m."""

@@ -1,11 +1,12 @@
 """Parameters of the generated worlds: bounds, and what each changes."""
 
 import dataclasses
+from typing import get_type_hints
 
 import numpy as np
 import pytest
 
-from wayproof.models.world_parameters import WorldParameters, intervals_of
+from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds import WORLDS, with_traffic
 
 KINDS = {"world": WorldParameters} | {
@@ -28,7 +29,8 @@ def sizes(world, kind):
 @pytest.mark.parametrize("section", sorted(KINDS))
 def test_every_number_has_bounds_that_are_checked(section):
     kind = KINDS[section]
-    intervals = intervals_of(kind)
+    hints = get_type_hints(kind, include_extras=True)
+    intervals = {name: hint.__metadata__[0] for name, hint in hints.items() if name not in WORLDS}
     assert {entry.name for entry in dataclasses.fields(kind)} - set(WORLDS) == set(intervals)
     for name, (low, high, unit) in intervals.items():
         for value in (low - 1e-3, high + 1e-3, float("nan")):

@@ -10,8 +10,8 @@ from typing import Annotated, Literal, get_args
 
 import msgspec
 
+from wayproof.bounds import Bounds, check_fields
 from wayproof.harness.errors import InputError
-from wayproof.maps.bounds import Bounds, check_fields
 
 Pace = Literal["auto", "lockstep", "controller"]
 

@@ -28,11 +28,14 @@ def check_fields(config: object, section: str) -> None:
         section: Name of its section, for messages.
 
     Raises:
-        ValueError: A value lies outside of its bounds, is NaN, or is none of its choices.
+        ValueError: A value lies outside of its bounds, is NaN, or is none of its choices. None is
+            none of these: it stands for a value that something else gives.
     """
     kind: type = type(config)
     for name, choices, intervals in _checks_of(kind):
         value = getattr(config, name)
+        if value is None:
+            continue
         if choices and value not in choices:
             raise ValueError(
                 f"{section}{name}: got {value!r}, expected one of {', '.join(choices)}"
