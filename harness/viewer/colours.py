@@ -11,6 +11,8 @@ PLANNED, REFUSED = (150, 60, 190), (235, 20, 90)
 """Colours of a stack's own plan, and of its command beyond what the referee admits."""
 
 ROBOT, MARK = (255, 212, 0), (208, 0, 208)
+HIT, FAILURE = (150, 80, 200), (255, 0, 0)
+PRIOR: Shade = (200, 120, 0, 90)
 
 OBSTACLES, GLASS, GROUND, MOVERS = "obstacles", "glass", "floor", "movers"
 """Parts of a scene: glass is what no beam meets; the floor is what may be stepped on, unless it is

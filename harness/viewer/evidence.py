@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.mission import Mission
+from wayproof.harness.viewer.layer import COLOURS
 from wayproof.maps import UNKNOWN, Costmap, Representation
 
 Array = NDArray[np.float64]
 
 OLD_S = 30.0
 """Age from which on evidence has one colour, s."""
-
-UNKNOWN_COLOUR = (112, 137, 134)
-"""Colour of unknown cells, that of RViz: red, green, blue."""
 
 AGE, PROBABILITY = mpl.colormaps["viridis_r"], mpl.colormaps["YlOrRd"]
 """Colours of ages, young to old, and of probabilities, 0 to 1; neither has a grey."""
@@ -84,5 +82,5 @@ def evidence_at(
 
 def _image(colours: Array, unknown: NDArray[np.bool_]) -> NDArray[np.uint8]:
     image = np.round(255.0 * colours[..., :3]).astype(np.uint8)
-    image[unknown] = UNKNOWN_COLOUR
+    image[unknown] = COLOURS[UNKNOWN]
     return image.transpose(1, 0, 2)

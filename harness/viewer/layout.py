@@ -12,13 +12,15 @@ from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.shadow.picture import COLOURS_OF_WAY
 from wayproof.harness.viewer.curves import PLOTS
 from wayproof.harness.viewer.events import COLOURS, name_of
-from wayproof.harness.viewer.evidence import UNKNOWN_COLOUR, WORDS
+from wayproof.harness.viewer.evidence import WORDS
+from wayproof.harness.viewer.layer import COLOURS as CELL_COLOURS
 from wayproof.harness.viewer.snapshots import layer_period_ns
+from wayproof.maps import UNKNOWN
 
 FLOORS = ("layer", "age", "probability", "stack_costmap")
 """Grids on the floor, of which a view shows one."""
 
-FROM_ABOVE = ("occupied/**", "sweep", "scene/**")
+FROM_ABOVE = ("cells/**", "sweep", "scene/**")
 """Entities that would hide a grid on the floor from above."""
 
 TRACKS = ("trail", "believed_trail", *(f"way/{verdict}" for verdict in COLOURS_OF_WAY))
@@ -137,6 +139,6 @@ def _space(
         name=name,
         eye_controls=eye,
         line_grid=False,
-        background=list(UNKNOWN_COLOUR),
+        background=list(CELL_COLOURS[UNKNOWN]),
         overrides={f"{world}/{one}": [so_far] for one in (*TRACKS, *marks)},
     )

@@ -1,4 +1,4 @@
-"""Rerun recording of a log: map, robot, truth and decisions on one timeline.
+"""One log in Rerun: shapes in space, texts, lanes of states, and curves.
 
 Rerun is large and headless runs do not need it, so `rerun_view.py` imports this late.
 """
@@ -6,44 +6,43 @@ Rerun is large and headless runs do not need it, so `rerun_view.py` imports this
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from wayproof.harness.decision import path_of
-from wayproof.harness.interface.types import Grid
 from wayproof.harness.log.follow import FollowedLog
 from wayproof.harness.log.reader import Log
 from wayproof.harness.result import RECORDED
-from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.legs import Leg
 from wayproof.harness.shadow.picture import COLOURS_OF_WAY
-from wayproof.harness.viewer.curves import curves
-from wayproof.harness.viewer.events import CONTACT, LAST_CHANCE, PLOTS, Events, name_of
-from wayproof.harness.viewer.layer import FRONTIER, INFLATED, MOST
+from wayproof.harness.viewer import colours, events, scene
+from wayproof.harness.viewer.curves import curves, styles
 from wayproof.harness.viewer.moments import Moment
-from wayproof.harness.viewer.rerun_static import FAILURE, show_lanes, show_static, words_at
-from wayproof.harness.viewer.snapshots import MOST_HITS, Layer, Snapshot, tiles_of
-from wayproof.harness.viewer.tiles import Tile
+from wayproof.harness.viewer.snapshots import Snapshot
 from wayproof.harness.viewer.words import describe, is_warning
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 
-RVIZ_MAP = {UNKNOWN: 255, FREE: 0, OCCUPIED: 100, INFLATED: 200, FRONTIER: 110}
-"""Values that RViz's map colours show as grey, white, black, orange and green."""
-
-_CODES = np.array([RVIZ_MAP[kind] for kind in range(len(RVIZ_MAP))], np.uint8)
-
-_COSTS = np.full(256, RVIZ_MAP[UNKNOWN], np.uint8)
-_COSTS[1 : MOST + 1] = np.linspace(254, 128, MOST).round()
-_COSTS[0], _COSTS[MOST + 1] = RVIZ_MAP[FREE], RVIZ_MAP[OCCUPIED]
-"""Values for a stack's costs, 0 to 100, that RViz's map colours show as white, yellow to red, and
-black; whatever is no cost is unknown."""
+LANES = {
+    "action": {
+        "follow": 0x2E9E4FFF,
+        "slow": 0xE0B000FF,
+        "stop_and_wait": 0xD2691EFF,
+        "explore": 0x3C6EEBFF,
+        "recover": 0x9650C8FF,
+        "goal": 0x1E8C8CFF,
+        "abort": 0xD22828FF,
+    },
+    "verdict": {"admitted": 0x2E9E4FFF, "unknown": 0xE0A000FF, "blocked": 0xD22828FF},
+    "event": {kind: colours.packed(colour) for kind, colour in events.COLOURS.items()},
+}
+"""Colours of the states of the lanes."""
 
 WAY_LINE, WAY_ABOVE = rr.Radius.ui_points(2.0), 0.05
 """Radius of the way of a recorded robot, which is seen as a whole, and its height above the body's
 origin, m: the layer of the map lies on the floor."""
+
+PIXELS, MARK = rr.Radius.ui_points(1.5), rr.Radius.ui_points(6.0)
 
 
 def show_log(
@@ -65,64 +64,58 @@ def show_log(
     Raises:
         InputError: The scene in the log cannot be compiled, or the log is damaged.
     """
-    artist = _Artist(stream, log, root, with_trail=not legs)
+    shown = _Shown(stream, log, root, with_trail=not legs)
     if legs:
-        artist.show_way(legs)
+        shown.show_way(legs)
     for snapshot in snapshots:
-        artist.show(snapshot)
+        shown.show(snapshot)
     if isinstance(log, FollowedLog):
         log = log.finished()
-        artist.mark_last_chance(log)
-    return artist.finish(log)
+        shown.mark_last_chance(log)
+    return shown.finish(log)
 
 
-class _Artist:
-    """Views of each moment; unchanged ones are not repeated."""
+class _Shown:
+    """What is shown of one log."""
 
     def __init__(self, stream: rr.RecordingStream, log: Log, root: str, with_trail: bool) -> None:
-        self._stream, self._root = stream, root
-        self._movers = show_static(stream, log, root)
-        self._with_trail = with_trail
-        self._tiles = tiles_of(log)
+        self._stream, self._root, self._with_trail = stream, root, with_trail
+        self._artist = scene.Artist(log)
         self._top = max(log.mission.high[2], 1.0)
         self._cost_range, self._axes = log.config.costmap.cost_range, log.mission.axes
-        self._half = 0.5 * log.config.map.resolution
-        self._events = Events(log)
         self._marked = False  # whether the lane of events shows one
-        self._shown: list[tuple[int, list[float]]] = []  # time, ns, and true position
+        self._movers: set[str] = set()  # whose surfaces were sent
+        self._places: list[tuple[int, list[float]]] = []  # time, ns, and true position
         self._last: Moment | None = None
-        self._layer: NDArray[np.uint8] | None = None
+        self._log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._draw(self._artist.still(), static=True)
+        self._show_lanes(LANES)
+        for kind, plot in events.PLOTS.items():
+            dots = rr.SeriesPoints(colors=events.COLOURS[kind], marker_sizes=4.0, names=kind)
+            self._log(f"plots/{plot}/{events.name_of(kind)}", dots, static=True)
+        for curve, (name, line) in styles(log.config).items():
+            self._log(f"plots/{curve}", rr.SeriesLines(colors=line, names=name), static=True)
 
     def show(self, snapshot: Snapshot) -> None:
         """Show one moment."""
         moment = snapshot.moment
         self._set_time(moment.time_ns, moment.decision.sequence)
-        if len(self._shown) <= moment.decision.sequence:
-            self._show_decision(moment)
-            self._show_tracks(moment)
-            self._show_movers(moment.truth)
-            for name, value in curves(moment, self._axes).items():
-                self._log(f"plots/{name}", rr.Scalars(value))
-            self._show_events(moment)
-            self._shown.append((moment.time_ns, list(moment.truth.position)))
-            self._last = moment
-        if snapshot.layer is not None:
-            self._show_layer(snapshot.layer)
-        if snapshot.with_costmap and moment.stack_costmap is not None:
-            self._log("world/stack_costmap", _costs(moment.stack_costmap.grid))
-        if snapshot.with_hits:
-            hits = moment.hits(MOST_HITS).astype(np.float32)
-            self._log("world/sweep", rr.Points3D.from_fields(positions=hits))
-        for tile in snapshot.tiles:
-            self._show_cells(tile)
+        self._draw(self._artist.shapes(snapshot))
+        if len(self._places) > moment.decision.sequence:
+            return
+        self._show_decision(moment)
+        for name, value in curves(moment, self._axes).items():
+            self._log(f"plots/{name}", rr.Scalars(value))
+        self._show_events(moment)
+        if self._last is not None and self._with_trail:
+            self._draw(_trails(self._last, moment))
+        self._places.append((moment.time_ns, list(moment.truth.position)))
+        self._last = moment
 
     def show_way(self, legs: Sequence[Leg]) -> None:
         """Show each leg of a recorded way at the time of its end, and its verdicts on a lane."""
-        colours = {name: int(colour[1:] + "ff", 16) for name, colour in COLOURS_OF_WAY.items()}
-        show_lanes(self._stream, self._root, {"way": colours})
-        for verdict, colour in colours.items():
-            style = rr.LineStrips3D.from_fields(radii=WAY_LINE, colors=colour)
-            self._stream.log(f"{self._root}/world/way/{verdict}", style, static=True)
+        way = {name: int(colour[1:] + "ff", 16) for name, colour in COLOURS_OF_WAY.items()}
+        self._show_lanes({"way": way})
         before = ""
         for leg in legs:
             verdict = "admitted" if leg.admitted else leg.why
@@ -132,16 +125,16 @@ class _Artist:
                 before = verdict
             self._set_time(leg.end_ns, leg.sequence)
             line = leg.poses[:, :3] + np.array([0.0, 0.0, WAY_ABOVE])
-            self._log(f"world/way/{verdict}", rr.LineStrips3D.from_fields(strips=[line]))
+            strip = rr.LineStrips3D([line], radii=WAY_LINE, colors=way[verdict])
+            self._log(f"world/way/{verdict}", strip)
 
     def mark_last_chance(self, log: Log) -> None:
         """Mark the last chance, which only a finished log names, of one that was followed."""
-        number = Events(log).last_chance
-        if 0 <= number < len(self._shown):
-            time_ns, place = self._shown[number]
+        number = events.Events(log).last_chance
+        if 0 <= number < len(self._places):
+            time_ns, place = self._places[number]
             self._set_time(time_ns, number)
-            mark = rr.Points3D.from_fields(positions=[place], labels=[LAST_CHANCE])
-            self._log(f"world/events/{name_of(LAST_CHANCE)}", mark)
+            self._draw([self._artist.mark(events.LAST_CHANCE, place, [events.LAST_CHANCE])])
 
     def finish(self, log: Log) -> int:
         """Show the outcome at the end, a failure with a mark; return the number of moments."""
@@ -156,35 +149,30 @@ class _Artist:
         if end_ns > last.time_ns:  # otherwise the last action would seem to go on
             for lane in ("action", "label", *(["verdict"] if last.commanded else [])):
                 self._log(lane, rr.StateChange(state=""))
-        self._log("event", rr.StateChange(state=CONTACT if outcome == "collision" else ""))
-        if not good:
-            place = list(last.truth.position)
-            self._log("world/failure", rr.Points3D([place], radii=0.25, colors=FAILURE))
-            self._log("world/failure/words", words_at(place, f"{outcome}: {reason}"))
-        return len(self._shown)
+        collided = outcome == "collision"
+        self._log("event", rr.StateChange(state=events.CONTACT if collided else ""))
+        self._draw(self._artist.ending(last, log.result))
+        return len(self._places)
 
     def _set_time(self, time_ns: int, sequence: int) -> None:
         self._stream.set_time("time", duration=np.timedelta64(time_ns, "ns"))
         self._stream.set_time("decision", sequence=sequence)
 
-    def _log(self, entity: str, content: rr.AsComponents) -> None:
-        self._stream.log(f"{self._root}/{entity}", content)
+    def _log(self, entity: str, content: rr.AsComponents, static: bool = False) -> None:
+        self._stream.log(f"{self._root}/{entity}", content, static=static)
 
-    def _line(self, name: str, points: NDArray[np.float64]) -> None:
-        """Show a line through points (n, 3), m, in its static style."""
-        self._log(f"world/{name}", rr.LineStrips3D.from_fields(strips=[points]))
+    def _show_lanes(self, lanes: Mapping[str, Mapping[str, int]]) -> None:
+        """Send the colours of the states of lanes."""
+        for lane, states in lanes.items():
+            # An array: a list of three would be taken for one colour.
+            shown = np.array(list(states.values()), np.uint32)
+            look = rr.StateConfiguration(values=list(states), colors=shown)
+            self._log(lane, look, static=True)
 
     def _show_decision(self, moment: Moment) -> None:
-        decision, pose = moment.decision, moment.record.inputs.pose
-        self._log("world/robot", _transform(pose.position, pose.quaternion))
-        global_path, command = path_of(decision.global_path), moment.commanded
+        decision, pose, command = moment.decision, moment.record.inputs.pose, moment.commanded
         if command is not None:
-            global_path = global_path[:0]  # it would be the stack's own, in the colour of ours
-            self._line("planned_path", command.planned_path)
-            self._line("not_admitted", command.refused)
             self._log("verdict", rr.StateChange(state=command.verdict))
-        self._line("global_path", global_path)
-        self._line("trajectory", path_of(decision.trajectory.path))
         words = describe(decision, self._cost_range, command, pose, moment.truth)
         self._log("decision", rr.TextDocument(words, media_type="text/markdown"))
         self._log("action", rr.StateChange(state=decision.action))
@@ -192,95 +180,97 @@ class _Artist:
         level = "WARN" if is_warning(decision) else "INFO"
         self._log("reasons", rr.TextLog(f"{decision.action}: {decision.reason}", level=level))
 
-    def _show_tracks(self, moment: Moment) -> None:
-        """Show the true pose, the true and the believed track, and the error between them."""
-        truth = moment.truth
-        self._log("world/truth", _transform(truth.position, truth.quaternion))
-        both = np.array([truth.position, moment.record.inputs.pose.position])
-        self._line("pose_error", both)
-        if self._last is not None and self._with_trail:
-            last = self._last
-            before = np.array([last.truth.position, last.record.inputs.pose.position])
-            # One piece per time; the layout shows all up to now.
-            self._line("trail", np.array([before[0], both[0]]))
-            self._line("believed_trail", np.array([before[1], both[1]]))
-
-    def _show_movers(self, truth: pb.Truth) -> None:
-        if not truth.movers:
-            return
-        present = [mover for mover in truth.movers if mover.present]
-        places = np.array([mover.position for mover in present]).reshape(-1, 3)
-        names = [mover.name for mover in present]
-        self._log("world/movers", rr.Points3D.from_fields(positions=places, labels=names))
-        for mover in truth.movers:
-            if mover.name in self._movers:
-                scale = 1.0 if mover.present else 0.0
-                pose = _transform(mover.position, mover.quaternion, scale)
-                self._log(f"world/scene/movers/{mover.name}", pose)
-
     def _show_events(self, moment: Moment) -> None:
-        """Mark the events of a decision in space, on their lane, in the text and on a curve."""
-        truth = moment.truth
-        found = list(self._events.at(moment.decision, truth))
+        """Show the events of a decision on their lane, in the text and on a curve."""
+        found = self._artist.found
         for event in found:
-            name, place = name_of(event.kind), [truth.position]
-            mark = rr.Points3D.from_fields(positions=place, labels=[event.mark])
-            self._log(f"world/events/{name}", mark)
             self._log("reasons", rr.TextLog(f"{event.kind}: {event.words}", level="WARN"))
-            plot = PLOTS[event.kind]
-            value = truth.clearance_m if plot == "clearance" else moment.decision.delay_s * 1e3
+            plot = events.PLOTS[event.kind]
+            late = moment.decision.delay_s * 1e3
+            value = moment.truth.clearance_m if plot == "clearance" else late
             if not math.isnan(value):
-                self._log(f"plots/{plot}/{name}", rr.Scalars(value))
+                self._log(f"plots/{plot}/{events.name_of(event.kind)}", rr.Scalars(value))
         if found or self._marked:
             self._log("event", rr.StateChange(state=found[-1].kind if found else ""))
         self._marked = bool(found)
 
-    def _show_layer(self, layer: Layer) -> None:
-        """Show a layer if it differs from the last one, and its evidence if it has any."""
-        if layer.evidence is not None:
-            for name, image in layer.evidence.images().items():
-                self._log(f"world/{name}", _grid(image, layer.corner, layer.resolution))
-        if self._layer is None or not np.array_equal(self._layer, layer.kinds):
-            self._layer = layer.kinds
-            self._log("world/layer", _grid(_CODES[layer.kinds.T], layer.corner, layer.resolution))
+    def _draw(self, shapes: Iterable[scene.Named], static: bool = False) -> None:
+        for name, shape in shapes:
+            entity = f"world/{name}"
+            if isinstance(shape, scene.Surface) and shape.pose is not None:
+                if name not in self._movers:
+                    self._movers.add(name)
+                    self._log(entity, _mesh(shape), static=True)
+                scale = 1.0 if shape.present else 0.0
+                self._log(entity, _transform(shape.pose, scale))
+                continue
+            self._log(entity, self._content(shape), static)
 
-    def _show_cells(self, tile: Tile) -> None:
-        """Show the occupied cells of a tile, in colours by height."""
-        centres = self._tiles.centres(tile).astype(np.float32)
-        shade = (50 + 170 * np.clip(centres[:, 2] / self._top, 0.0, 1.0)).astype(np.uint32)
-        colours = (shade // 2) << 24 | shade << 16 | (255 - shade // 2) << 8 | 255
-        cells = rr.Points3D.from_fields(positions=centres, colors=colours, radii=self._half)
-        self._log(f"world/occupied/{tile.name}", cells)
+    def _content(self, shape: scene.Shape) -> rr.AsComponents:
+        """Return a shape as Rerun has it."""
+        if isinstance(shape, scene.Frame):
+            return _transform(shape)
+        if isinstance(shape, scene.Line):
+            return rr.LineStrips3D([shape.points], radii=0.5 * shape.width, colors=shape.colour)
+        if isinstance(shape, scene.Balls):
+            radius = 0.5 * shape.diameter or MARK
+            return rr.Points3D(
+                shape.places, radii=radius, colors=shape.colour, labels=shape.words or None
+            )
+        if isinstance(shape, scene.Body):
+            half = [0.5 * size for size in shape.size]
+            fill = rr.components.FillMode.TransparentFillMajorWireframe
+            return rr.Ellipsoids3D(half_sizes=[half], colors=shape.colour, fill_mode=fill)
+        if isinstance(shape, scene.Cloud):
+            radius = 0.5 * shape.diameter or PIXELS
+            points = shape.points.astype(np.float32)
+            shade = self._by_height(points) if shape.colour is None else shape.colour
+            return rr.Points3D.from_fields(positions=points, colors=shade, radii=radius)
+        if isinstance(shape, scene.Grid):
+            return _grid(shape)
+        return _mesh(shape)
+
+    def _by_height(self, points: NDArray[np.float32]) -> NDArray[np.uint32]:
+        """Return colours of points by their heights."""
+        shade = (50 + 170 * np.clip(points[:, 2] / self._top, 0.0, 1.0)).astype(np.uint32)
+        packed: NDArray[np.uint32] = shade // 2 << 24 | shade << 16 | 255 - shade // 2 << 8 | 255
+        return packed
 
 
-def _costs(grid: Grid) -> rr.GridMap:
-    """Return a stack's own costmap."""
-    cells = _COSTS[np.ascontiguousarray(grid.cells).view(np.uint8)]
-    return _grid(cells, grid.origin, grid.resolution)
+def _trails(before: Moment, now: Moment) -> Iterable[scene.Named]:
+    """Yield the true and the believed way since the moment before; the layout shows all so far."""
+    true = np.array([one.truth.position for one in (before, now)])
+    believed = np.array([one.record.inputs.pose.position for one in (before, now)])
+    yield "trail", scene.Line(true, scene.WIDTH, colours.TRUE)
+    yield "believed_trail", scene.Line(believed, scene.WIDTH, colours.BELIEVED)
 
 
-def _grid(image: NDArray[np.uint8], corner: NDArray[np.float64], side: float) -> rr.GridMap:
-    """Return cells, least y first, on the floor: (ny, nx) of RViz's map colours, or (ny, nx, 3)."""
-    height, width = image.shape[:2]
-    flat = image.ndim == 2
+def _grid(grid: scene.Grid) -> rr.GridMap:
+    height, width, _ = grid.cells.shape
     return rr.GridMap(
-        data=np.ascontiguousarray(image[::-1]).tobytes(),
+        data=np.ascontiguousarray(grid.cells[::-1]).tobytes(),
         format=rr.components.ImageFormat(
-            width=width,
-            height=height,
-            color_model="L" if flat else "RGB",
-            channel_datatype="U8",
+            width=width, height=height, color_model="RGB", channel_datatype="U8"
         ),
-        cell_size=side,
-        translation=[*corner.tolist(), 0.0],
-        colormap=rr.components.Colormap.RvizMap if flat else None,
-        opacity=0.9 if flat else None,
+        cell_size=grid.side,
+        translation=[*np.asarray(grid.corner)[:2].tolist(), 0.0],
     )
 
 
-def _transform(
-    position: Iterable[float], quaternion: Iterable[float], scale: float = 1.0
-) -> rr.Transform3D:
-    w, x, y, z = quaternion
+def _mesh(surface: scene.Surface) -> rr.Mesh3D:
+    """Return triangles as a translucent mesh, lit by their own normals."""
+    triangles = surface.triangles
+    along, across = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    normals = np.cross(along, across)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return rr.Mesh3D(
+        vertex_positions=triangles.reshape(-1, 3).astype(np.float32),
+        vertex_normals=np.repeat(normals, 3, axis=0).astype(np.float32),
+        albedo_factor=colours.SURFACES[surface.part],
+    )
+
+
+def _transform(pose: scene.Frame, scale: float = 1.0) -> rr.Transform3D:
+    w, x, y, z = pose.quaternion
     turn = rr.Quaternion(xyzw=[x, y, z, w])
-    return rr.Transform3D(translation=list(position), quaternion=turn, scale=scale)
+    return rr.Transform3D(translation=list(pose.position), quaternion=turn, scale=scale)

@@ -3,11 +3,11 @@
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.timestamp_pb2 import Timestamp
 from mcap.reader import make_reader
 
 from wayproof.harness.cli.main import main
@@ -15,9 +15,9 @@ from wayproof.harness.config import Config
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.viewer.evidence import UNKNOWN_COLOUR
-from wayproof.harness.viewer.foxglove import _Artist
+from wayproof.harness.viewer.foxglove import _entity
 from wayproof.harness.viewer.layer import COLOURS
+from wayproof.harness.viewer.scene import Artist
 from wayproof.harness.viewer.true_scene import true_scene
 from wayproof.maps import FREE, UNKNOWN
 from wayproof.models.worlds import WORLDS
@@ -77,7 +77,7 @@ def test_each_topic_has_the_schema_that_a_viewer_knows(converted):
 def test_the_true_scene_comes_once_as_triangles(converted, log):
     (update,) = of(converted, "/viz/scene")
     (entity,) = update.entities
-    assert entity.id == "obstacles"
+    assert entity.id == "scene/obstacles"
     points = np.array([[p.x, p.y, p.z] for p in entity.triangles[0].points])
     assert entity.triangles[0].color.a < 0.5
     expected = true_scene(open_log(log)).still["obstacles"].reshape(-1, 3)
@@ -86,7 +86,7 @@ def test_the_true_scene_comes_once_as_triangles(converted, log):
 
 def test_movers_move_and_absent_ones_have_no_surface(log):
     mjcf = build(Config("ghosts", "drone", 1)).scene.mjcf
-    artist = _Artist(replace(open_log(log), scene=mjcf))
+    artist = Artist(replace(open_log(log), scene=mjcf))
     names = [mover.name for mover in WORLDS["ghosts"](1, 0.5).movers]
     movers = [
         pb.MoverPose(
@@ -94,39 +94,35 @@ def test_movers_move_and_absent_ones_have_no_surface(log):
         )
         for number, name in enumerate(names)
     ]
-    shown = {entity.id: entity for entity in artist._surfaces(pb.Truth(movers=movers), True)}
-    assert not shown[f"mover {names[0]}"].triangles
-    (surface,) = shown[f"mover {names[2]}"].triangles
+    shown = dict(artist.movers(pb.Truth(movers=movers)))
+    assert shown.keys() == {f"scene/movers/{name}" for name in names}
+    assert not shown[f"scene/movers/{names[0]}"].present
+    assert not _entity("x", shown[f"scene/movers/{names[0]}"], Timestamp()).triangles
+    (surface,) = _entity("x", shown[f"scene/movers/{names[2]}"], Timestamp()).triangles
     assert (surface.pose.position.x, surface.pose.position.z) == (1.0, 2.0)
-    again = artist._surfaces(pb.Truth(movers=movers), False)
-    assert {entity.id for entity in again} == {f"mover {name}" for name in names}
 
 
-def test_events_stay_where_they_were(log):
-    artist = _Artist(open_log(log))
-    truth = pb.Truth(position=[1.0, 2.0, 3.0])
-    stop = SimpleNamespace(decision=pb.Decision(action="stop_and_wait"), truth=truth)
-    hit = SimpleNamespace(
-        decision=pb.Decision(action="stop_and_wait"),
-        truth=pb.Truth(position=[1.0, 2.0, 3.0], collisions=1),
-    )
-    (first,), (second,) = (artist._event_marks(one) for one in (stop, hit))
-    assert not list(artist._event_marks(hit))
-    assert (first.id, second.id) == ("event 0", "event 1")
-    assert not first.texts
-    assert second.texts[0].text == "contact 1"
-    assert second.spheres[0].pose.position.y == 2.0
+def test_stops_are_marked_without_words_and_contacts_once(log):
+    artist = Artist(open_log(log))
+    stop = pb.Decision(action="stop_and_wait")
+    there = pb.Truth(position=[1.0, 2.0, 3.0])
+    hit = pb.Truth(position=[1.0, 2.0, 3.0], collisions=1)
+    (first,), (second,) = (list(artist.marks(stop, truth)) for truth in (there, hit))
+    assert not list(artist.marks(stop, hit))
+    assert (first[0], second[0]) == ("events/stop", "events/contact")
+    assert not first[1].words
+    assert second[1].words == ["contact 1"]
+    assert second[1].places.tolist() == [[1.0, 2.0, 3.0]]
 
 
 def test_evidence_is_grey_where_the_layer_is_unknown(converted):
     layer, age = of(converted, "/viz/layer")[0], of(converted, "/viz/age")[0]
-    edge = (layer.column_count - age.column_count) // 2
 
     def cells(grid):
         return np.frombuffer(grid.data, np.uint8).reshape(-1, grid.column_count, 4)[..., :3]
 
-    unknown = (cells(layer)[edge:-edge, edge:-edge] == COLOURS[UNKNOWN]).all(axis=2)
-    grey = (cells(age) == UNKNOWN_COLOUR).all(axis=2)
+    unknown = (cells(layer) == COLOURS[UNKNOWN]).all(axis=2)
+    grey = (cells(age) == COLOURS[UNKNOWN]).all(axis=2)
     np.testing.assert_array_equal(grey, unknown)
 
 
@@ -157,8 +153,6 @@ def test_the_layer_fits_the_world_and_is_free_about_the_start(converted, log):
     x = int((mission.start[0] - grid.pose.position.x) / grid.cell_size.x)
     y = int((mission.start[1] - grid.pose.position.y) / grid.cell_size.y)
     assert tuple(cells[y, x, :3]) == COLOURS[FREE]
-    for edge in (cells[0], cells[-1], cells[:, 0], cells[:, -1]):  # outside the map
-        assert (edge[:, :3] == COLOURS[UNKNOWN]).all()
 
 
 def test_the_failure_is_marked_at_the_end_alone(converted):

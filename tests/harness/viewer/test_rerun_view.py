@@ -20,8 +20,9 @@ RUN = ["run", "empty", "--robot", "drone", "--seed", "1", "--set", "episode.time
 def test_the_viewer_s_background_is_unknown_and_not_free(log):
     """What lies outside the map has the colour that the unknown has in it."""
     pytest.importorskip("rerun")
-    from wayproof.harness.viewer.evidence import UNKNOWN_COLOUR
+    from wayproof.harness.viewer.layer import COLOURS
     from wayproof.harness.viewer.layout import layout
+    from wayproof.maps import UNKNOWN
 
     column = layout({"log": open_log(log)}).root_container
     space, maps = column.contents[0].contents
@@ -31,8 +32,7 @@ def test_the_viewer_s_background_is_unknown_and_not_free(log):
     ]  # fmt: skip
     for view in spaces:
         (packed,) = view.properties["Background"].color.as_arrow_array().to_pylist()
-        assert [packed >> shift & 255 for shift in (24, 16, 8)] == list(UNKNOWN_COLOUR)
-    assert max(UNKNOWN_COLOUR) < 150  # free cells are white
+        assert [packed >> shift & 255 for shift in (24, 16, 8)] == list(COLOURS[UNKNOWN])
 
 
 def entities(recording, *options):
