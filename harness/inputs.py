@@ -175,14 +175,6 @@ class Beams:
         ranges = ray_ranges(self.table, self._directions, sweep.ranges_mm)
         return WorldSweep(origins, beams, ranges, self._moments)
 
-    def ages_of(self, placed: WorldSweep) -> NDArray[np.float64]:
-        """Return the ages of a placed sweep's returns at its end, (k,) s; 0 if taken at once."""
-        returned = (placed.ranges_mm != DROPPED) & (placed.ranges_mm != NO_RETURN)
-        if self.table.listed or self.table.scan_poses == 1:
-            return np.zeros(int(np.count_nonzero(returned)))
-        ages: NDArray[np.float64] = self._ages[placed.moments[returned]]
-        return ages
-
     def _place_listed(self, sweep: SweepInput, pose: Pose) -> WorldSweep:
         beams = sweep.beams
         if beams is None:

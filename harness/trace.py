@@ -14,7 +14,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.goals import distance_left, goals_before_last, goals_reached
 from wayproof.harness.input_messages import covariance_of
 from wayproof.harness.log.codec.messages import read_messages
-from wayproof.harness.log.reader import Log
+from wayproof.harness.log.reader import Log, as_truth
 from wayproof.harness.result import RECORDED
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.trajectory_error import Track
@@ -134,32 +134,32 @@ def trace_of(
     poses: Sequence[pb.Pose] = (),
 ) -> Trace:
     """Return the trace of a log whose messages were read already."""
-    if log.config.recording is not None:
-        return _recorded_trace(log, decisions, motions)
-    if not truths:
+    recorded = log.config.recording is not None
+    known = [as_truth(motion) for motion in motions] if recorded else truths
+    if not known:
         raise InputError(f"log '{log.path}': no decisions in it")
-    known = _known_without_result(log, decisions, truths[-1])
-    result = {**known, **log.result}
-    route = result.get("route_length_m")
+    result = {**_without_result(log, decisions, known[-1], recorded), **log.result}
+    route, outcome = result.get("route_length_m"), result["outcome"]
     verdicts = [one.verdict for one in decisions if one.HasField("verdict")]
+    start = distance_left(log.mission, 0, np.array(log.mission.start))
     return Trace(
-        outcome=result["outcome"],
+        outcome=outcome,
         duration=float(result["sim_time_s"]),
         collisions=int(result["collisions"]),
         goal_distance=float(result["goal_distance_m"]),
         route_length=float(route) if route not in (None, "", "None") else None,
-        times=np.array([truth.timestamp.ToNanoseconds() * 1e-9 for truth in truths]),
-        positions=np.array([truth.position for truth in truths]).reshape(-1, 3),
-        velocities=np.array([truth.velocity for truth in truths]).reshape(-1, 3),
-        clearances=np.array([truth.clearance_m for truth in truths]),
+        times=np.array([truth.timestamp.ToNanoseconds() * 1e-9 for truth in known]),
+        positions=np.array([truth.position for truth in known]).reshape(-1, 3),
+        velocities=np.array([truth.velocity for truth in known]).reshape(-1, 3),
+        clearances=np.array([truth.clearance_m for truth in known]),
         actions=tuple(one.action for one in decisions),
         latencies=_latencies(decisions),
         predicting=_predicting(decisions),
         missed=np.array([decision.deadline_missed for decision in decisions], bool),
-        arrival=_arrival(log, decisions, truths, result["outcome"]),
-        start_distance=distance_left(log.mission, 0, np.array(log.mission.start)),
-        goals=len(log.mission.goals),
-        goals_reached=goals_reached(decisions, result["outcome"]),
+        arrival=None if recorded else _arrival(log, decisions, truths, outcome),
+        start_distance=math.nan if recorded else start,
+        goals=1 if recorded else len(log.mission.goals),
+        goals_reached=0 if recorded else goals_reached(decisions, outcome),
         verdicts=tuple(one.verdict for one in verdicts) if verdicts else None,
         cuts=np.array([one.cut for one in verdicts], bool) if verdicts else None,
         tracks=_tracks(decisions, truths),
@@ -231,33 +231,6 @@ def _track(messages: Sequence[pb.Decision | pb.Truth]) -> Track:
     return Track(positions, np.array([one.quaternion for one in messages]).reshape(-1, 4))
 
 
-def _recorded_trace(
-    log: Log, decisions: Sequence[pb.Decision], motions: Sequence[pb.RecordedMotion]
-) -> Trace:
-    """Return the trace of a recording: the motion is the recorded one, and there is no truth."""
-    if not motions:
-        raise InputError(f"log '{log.path}': no decisions in it")
-    judged = all(one.HasField("verdict") for one in decisions)
-    return Trace(
-        outcome=log.result["outcome"],
-        duration=float(log.result.get("sim_time_s", "nan")),
-        collisions=0,
-        goal_distance=math.nan,
-        route_length=None,
-        times=np.array([motion.timestamp.ToNanoseconds() * 1e-9 for motion in motions]),
-        positions=np.array([motion.position for motion in motions]).reshape(-1, 3),
-        velocities=np.array([motion.velocity for motion in motions]).reshape(-1, 3),
-        clearances=np.full(len(motions), math.nan),
-        actions=tuple(one.action for one in decisions),
-        latencies=_latencies(decisions),
-        predicting=_predicting(decisions),
-        missed=np.array([decision.deadline_missed for decision in decisions], bool),
-        start_distance=math.nan,
-        verdicts=tuple(one.verdict.verdict for one in decisions) if judged else None,
-        cuts=np.array([one.verdict.cut for one in decisions], bool) if judged else None,
-    )
-
-
 def _latencies(decisions: Sequence[pb.Decision]) -> Array:
     stages = [decision.stages for decision in decisions]
     return np.array([s.sense_ms + s.map_ms + s.costmap_ms + s.plan_ms for s in stages])
@@ -268,11 +241,12 @@ def _predicting(decisions: Sequence[pb.Decision]) -> Array | None:
     return np.array(took) if took else None
 
 
-def _known_without_result(
-    log: Log, decisions: Sequence[pb.Decision], last: pb.Truth
+def _without_result(
+    log: Log, decisions: Sequence[pb.Decision], last: pb.Truth, recorded: bool
 ) -> dict[str, str]:
-    """Return figures of an episode's end as its last truth has them."""
-    left = distance_left(log.mission, goals_before_last(decisions), np.array(last.position))
+    """Return figures of the end as the last truth has them; a recording has no goal to reach."""
+    reached, place = goals_before_last(decisions), np.array(last.position)
+    left = math.nan if recorded else distance_left(log.mission, reached, place)
     return {
         "sim_time_s": str(last.timestamp.ToNanoseconds() * 1e-9),
         "collisions": str(last.collisions),

@@ -80,11 +80,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 def _source(options: argparse.Namespace) -> Source:
     """Return the sweeps of a log, or of a recording."""
     from wayproof.harness.lab.source import of_log, of_recording
-    from wayproof.harness.log.reader import open_log
 
     path: Path = options.recording
-    if options.format is None and _is_log(path):
-        open_log(path)  # says what is wrong with it
+    if _names_log(options):
         return of_log(path, options.sweeps)
     from wayproof.harness.recordings.formats import open_recording
     from wayproof.harness.shadow.body import find_body
@@ -103,9 +101,17 @@ def _policies(options: argparse.Namespace) -> list[Policy]:
     from wayproof.harness.log.reader import open_log
 
     path: Path = options.recording
-    if not _is_log(path) or options.format is not None:
+    if not _names_log(options) or open_log(path).config.recording is None:
         return []
-    return policies_of(path) if open_log(path).config.recording is not None else []
+    return policies_of(path)
+
+
+def _names_log(options: argparse.Namespace) -> bool:
+    """Return whether the recording is a log of Wayproof, and not a bag."""
+    from wayproof.harness.log.codec.container import is_log
+
+    path: Path = options.recording
+    return options.format is None and path.is_file() and is_log(path)
 
 
 def _print_policies(console: Console, policies: list[Policy]) -> None:
@@ -118,23 +124,6 @@ def _print_policies(console: Console, policies: list[Policy]) -> None:
             f"  unknown {one.policy}: {share} of {one.driven_m:.2f} m admitted"
             f"{f'; not: {refused}' if refused else ''}"
         )
-
-
-def _is_log(path: Path) -> bool:
-    """Return whether a path is an MCAP file that is a log of Wayproof, and not a bag."""
-    from wayproof.harness.log.codec.container import MAGIC
-    from wayproof.harness.log.reader import open_log
-
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
-            return False
-    try:
-        open_log(path)
-    except InputError as error:
-        return "not a Wayproof log" not in str(error)
-    return True
 
 
 def _print(

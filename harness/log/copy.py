@@ -8,7 +8,7 @@ from pathlib import Path
 from google.protobuf.message import Message
 
 from wayproof.harness.log.codec.container import walk
-from wayproof.harness.log.codec.messages import read_messages
+from wayproof.harness.log.codec.messages import read_messages, time_of, topic_of
 from wayproof.harness.log.head import ATTACHMENTS, Head, read_head
 from wayproof.harness.log.reader import LONGEST_NS, open_log
 from wayproof.harness.log.writer import PREDICTOR_STDERR, STDERR, TRACEBACK, LogWriter
@@ -16,22 +16,6 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 
 GLOBAL_PATH_PERIOD_NS = 1_000_000_000
 """Simulated time between the kept global paths that a log of decisions holds, ns."""
-
-TOPICS: dict[type[Message], str] = {
-    pb.Pose: "/pose",
-    pb.Goal: "/goal",
-    pb.Prediction: "/prediction",
-    pb.RecordedMotion: "/recorded",
-    pb.Latency: "/latency",
-    pb.StackCommand: "/command",
-    pb.State: "/state",
-    pb.Keyframe: "/keyframe",
-    pb.Decision: "/decision",
-    pb.Truth: "/truth",
-    pb.Streams: "/streams",
-    pb.Perturbation: "/perturbation",
-}
-"""Topic of each message type but those of sensors."""
 
 
 def thin(path: Path, target: Path | None = None) -> None:
@@ -101,20 +85,3 @@ def write_copy(
             if name in head.attachments:
                 log.attach(name, head.attachments[name].decode(errors="replace"))
         log.finish(result)
-
-
-def topic_of(message: Message) -> str:
-    """Return the topic of a message."""
-    if isinstance(message, pb.SensorInfo):
-        return f"/sensor/{message.name}/info"
-    if isinstance(message, pb.Sweep):
-        return f"/sensor/{message.sensor}"
-    return TOPICS[type(message)]
-
-
-def time_of(message: Message) -> int:
-    """Return the simulated time of a message, ns; 0 for beam tables."""
-    if isinstance(message, pb.SensorInfo):
-        return 0
-    time_ns: int = message.timestamp.ToNanoseconds()  # type: ignore[attr-defined]
-    return time_ns

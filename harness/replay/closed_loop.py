@@ -15,8 +15,7 @@ from google.protobuf.message import Message
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.decision import Difference, differences, message_differences
 from wayproof.harness.errors import InputError
-from wayproof.harness.log.codec.messages import read_messages
-from wayproof.harness.log.copy import topic_of
+from wayproof.harness.log.codec.messages import read_messages, topic_of
 from wayproof.harness.log.digest import CONTENT
 from wayproof.harness.log.machine import other_than_here
 from wayproof.harness.log.reader import Log, open_log

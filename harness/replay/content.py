@@ -11,8 +11,7 @@ from wayproof.harness.decision import Difference
 from wayproof.harness.errors import InputError
 from wayproof.harness.input_messages import inputs_digest, serialized
 from wayproof.harness.log.codec.container import Attachment, Item, Metadata, Packet, walk
-from wayproof.harness.log.codec.messages import decode, is_ours
-from wayproof.harness.log.copy import time_of, topic_of
+from wayproof.harness.log.codec.messages import decode, is_ours, time_of, topic_of
 from wayproof.harness.log.digest import RESULT, ContentDigest
 from wayproof.harness.log.head import ATTACHMENTS
 from wayproof.harness.log.reader import CHECK, Log, before, fork_note

@@ -16,8 +16,7 @@ from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.predictors.live import predictions_for
 from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.log.codec.container import walk
-from wayproof.harness.log.codec.messages import read_messages
-from wayproof.harness.log.copy import time_of, topic_of
+from wayproof.harness.log.codec.messages import read_messages, time_of, topic_of
 from wayproof.harness.log.head import read_head
 from wayproof.harness.log.reader import Log, before, fork_note, open_log
 from wayproof.harness.log.writer import PLUGINS, STDERR, LogWriter, hold_log

@@ -15,7 +15,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.input_messages import inputs_from_messages, serialized
 from wayproof.harness.interface.build import live_navigator
 from wayproof.harness.interface.predictors.live import predictions_for
-from wayproof.harness.log.copy import topic_of
+from wayproof.harness.log.codec.messages import topic_of
 from wayproof.harness.log.streams import PRIOR, StreamHashes, own_streams
 from wayproof.harness.log.writer import LogWriter, hold_log
 from wayproof.harness.outputs import Draft

@@ -8,7 +8,7 @@ import numpy as np
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
-from wayproof.harness.log.copy import topic_of
+from wayproof.harness.log.codec.messages import topic_of
 from wayproof.harness.log.streams import CONTROL, PRIOR, StreamHashes, own_streams
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.result import figures

@@ -57,25 +57,42 @@ def read_unfinished(path: Path) -> Iterator[Message]:
         yield from read_messages(path)
 
 
-_MESSAGES: dict[str, type[Message]] = {
-    kind.DESCRIPTOR.full_name: kind
-    for kind in (
-        pb.SensorInfo,
-        pb.Sweep,
-        pb.Pose,
-        pb.Goal,
-        pb.Prediction,
-        pb.RecordedMotion,
-        pb.Latency,
-        pb.StackCommand,
-        pb.Decision,
-        pb.Truth,
-        pb.Streams,
-        pb.Perturbation,
-        pb.State,
-        pb.Keyframe,
-    )
+TOPICS: dict[type[Message], str] = {
+    pb.Pose: "/pose",
+    pb.Goal: "/goal",
+    pb.Prediction: "/prediction",
+    pb.RecordedMotion: "/recorded",
+    pb.Latency: "/latency",
+    pb.StackCommand: "/command",
+    pb.State: "/state",
+    pb.Keyframe: "/keyframe",
+    pb.Decision: "/decision",
+    pb.Truth: "/truth",
+    pb.Streams: "/streams",
+    pb.Perturbation: "/perturbation",
 }
+"""Topic of each message type but those of sensors."""
+
+KINDS: tuple[type[Message], ...] = (pb.SensorInfo, pb.Sweep, *TOPICS)
+
+_MESSAGES = {kind.DESCRIPTOR.full_name: kind for kind in KINDS}
+
+
+def topic_of(message: Message) -> str:
+    """Return the topic of a message."""
+    if isinstance(message, pb.SensorInfo):
+        return f"/sensor/{message.name}/info"
+    if isinstance(message, pb.Sweep):
+        return f"/sensor/{message.sensor}"
+    return TOPICS[type(message)]
+
+
+def time_of(message: Message) -> int:
+    """Return the simulated time of a message, ns; 0 for beam tables."""
+    if isinstance(message, pb.SensorInfo):
+        return 0
+    time_ns: int = message.timestamp.ToNanoseconds()  # type: ignore[attr-defined]
+    return time_ns
 
 
 def is_ours(packet: Packet) -> bool:

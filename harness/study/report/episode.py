@@ -139,7 +139,7 @@ def _first_lines(row: Row, twin: Row | None, view: View | None) -> list[str]:
     if view is not None and (chance := view.chance) is not None:
         lines.append(
             f"Last chance: decision {chance} at {view.times[chance]:.1f} s, "
-            f"{view.actions[chance]}: {view.reasons[chance]}"
+            f"{view.decisions[chance].action}: {view.decisions[chance].reason}"
         )
     if twin is not None and view is not None:
         differs = first_difference(row, twin)
@@ -171,10 +171,11 @@ def _pictures(view: View, other: View | None) -> list[Section]:
 
 
 def _action_legend(view: View) -> Legend:
-    shown = [(action_colour(name), name) for name in dict.fromkeys(view.actions)]
-    if any(label not in ("", "none") for label in view.labels):
+    actions = [one.action for one in view.decisions]
+    shown = [(action_colour(name), name) for name in dict.fromkeys(actions)]
+    if any(one.label not in ("", "none") for one in view.decisions):
         shown.append((LABEL, "failure label (lower bar)"))
-    if any(view.late):
+    if any(one.deadline_missed for one in view.decisions):
         shown.append(("#000000", "deadline missed (line)"))
     return shown
 

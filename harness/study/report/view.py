@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,51 +25,44 @@ Array = NDArray[np.float64]
 READ = {kind.DESCRIPTOR.full_name for kind in (pb.Decision, pb.Truth)}
 """Schemas of the messages that are decoded."""
 
+SHOWN = ("action", "label")
+"""Fields of decisions in the strip."""
+
 SHOWN_LATENCY = 99.0
 """Percentile of the latency after the first decision at which the chart of it ends."""
 
 
+UNKNOWN = pb.Truth(
+    position=[math.nan] * 3, velocity=[math.nan] * 3, clearance_m=math.nan, collisions=0
+)
+"""Truth where nothing knows it."""
+
+
 @dataclass(frozen=True)
 class View:
-    """Series of an episode; one entry for each of n decisions, NaN where nothing knows it.
+    """What the page of an episode shows.
 
     Attributes:
         log: Head of the log.
-        times: (n,) s.
-        actions: Names of the actions.
-        labels: Failure labels.
-        reasons: Reasons in words.
-        late: Whether the decision was past its deadline.
-        believed: (n, 3) estimated positions, m.
-        true: (n, 3) true positions, m.
-        speeds: (n,) true, m/s.
-        clearances: (n,) true, m.
-        planned: (n,) least clearance in the map along the committed path, m.
-        margins: (n,) localization margin, m.
-        stages: (n, 4) wall time by stage, ms.
-        contact: Time of the first contact, s; None without one.
+        decisions: All of them.
+        truths: One for each; `UNKNOWN` where nothing knows it.
+        times: (n,) their times, s.
     """
 
     log: Log
+    decisions: Sequence[pb.Decision]
+    truths: Sequence[pb.Truth]
     times: Array
-    actions: list[str]
-    labels: list[str]
-    reasons: list[str]
-    late: list[bool]
-    believed: Array
-    true: Array
-    speeds: Array
-    clearances: Array
-    planned: Array
-    margins: Array
-    stages: Array
-    contact: float | None
 
     @property
-    def errors(self) -> Array:  # (n,)
-        """Return the distance between estimated and true position, m."""
-        distances: Array = np.sqrt(np.square(self.believed - self.true).sum(axis=1))
-        return distances
+    def believed(self) -> Array:  # (n, 3)
+        """Return the estimated positions, m."""
+        return np.array([one.position for one in self.decisions])
+
+    @property
+    def true(self) -> Array:  # (n, 3)
+        """Return the true positions, m."""
+        return np.array([one.position for one in self.truths])
 
     @property
     def chance(self) -> int | None:
@@ -76,9 +70,15 @@ class View:
         number = int(self.log.result.get("cause_decision", "-1"))
         return number if 0 <= number < len(self.times) else None
 
+    @property
+    def contact(self) -> float | None:
+        """Return the time of the first contact, s; None without one."""
+        touched = [number for number, one in enumerate(self.truths) if one.collisions]
+        return float(self.times[touched[0]]) if touched else None
+
 
 def read_view(path: Path, allow_plugins: bool = False) -> View | None:
-    """Read the series of a log; None if it holds no decision.
+    """Read a log for its page; None if it holds no decision.
 
     Raises:
         InputError: The log is damaged.
@@ -93,46 +93,26 @@ def read_view(path: Path, allow_plugins: bool = False) -> View | None:
                 decisions.append(message)
             elif isinstance(message, pb.Truth):
                 truths[message.sequence] = message
-    return _view(log, decisions, truths) if decisions else None
-
-
-def _view(log: Log, decisions: Sequence[pb.Decision], truths: dict[int, pb.Truth]) -> View:
-    nothing = (np.nan, np.nan, np.nan)
-    known = [truths.get(one.sequence) for one in decisions]
-    touched = [one for one in known if one is not None and one.collisions]
-    stages = [[getattr(one.stages, f"{name}_ms") for name in STAGES] for one in decisions]
-    velocities = np.array([one.velocity if one else nothing for one in known])
-    return View(
-        log=log,
-        times=np.array([one.timestamp.ToNanoseconds() * 1e-9 for one in decisions]),
-        actions=[one.action for one in decisions],
-        labels=[one.label for one in decisions],
-        reasons=[one.reason for one in decisions],
-        late=[one.deadline_missed for one in decisions],
-        believed=np.array([one.position for one in decisions]),
-        true=np.array([one.position if one else nothing for one in known]),
-        speeds=np.sqrt(np.square(velocities).sum(axis=1)),
-        clearances=np.array([one.clearance_m if one else np.nan for one in known]),
-        planned=np.array([one.least_clearance_m for one in decisions]),
-        margins=np.array([one.localization_margin_m for one in decisions]),
-        stages=np.array(stages),
-        contact=touched[0].timestamp.ToNanoseconds() * 1e-9 if touched else None,
-    )
+    if not decisions:
+        return None
+    times = np.array([one.timestamp.ToNanoseconds() * 1e-9 for one in decisions])
+    return View(log, decisions, [truths.get(one.sequence, UNKNOWN) for one in decisions], times)
 
 
 def actions_strip(view: View) -> str:
     """Draw the actions and failure labels of an episode."""
-    return strip(view.times, view.actions, view.labels, view.late)
+    actions, labels = ([getattr(one, name) for one in view.decisions] for name in SHOWN)
+    return strip(view.times, actions, labels, [one.deadline_missed for one in view.decisions])
 
 
 def map_picture(view: View) -> str:
     """Draw an episode from above."""
-    known = np.isfinite(view.true[:, 0])
-    chance = view.chance
-    place = None if chance is None or not known[chance] else view.true[chance]
+    true, chance = view.true, view.chance
+    known = np.isfinite(true[:, 0])
+    place = None if chance is None or not known[chance] else true[chance]
     tracks = Tracks(
         believed=view.believed[:, :2],
-        true=view.true[known, :2],
+        true=true[known, :2],
         goals=tuple((x, y) for x, y, _ in view.log.mission.goals),
         failed=view.log.result["outcome"] != "success",
         chance=None if place is None else (float(place[0]), float(place[1])),
@@ -147,32 +127,28 @@ def charts_of(view: View) -> list[Figure]:
         marks.append(Mark("last chance", CHANCE, float(view.times[view.chance])))
     if view.contact is not None:
         marks.append(Mark("contact", LIMIT, view.contact))
-    stages = [Line(name, STAGES[name], view.stages[:, k]) for k, name in enumerate(STAGES)]
-    later = view.stages[1:] if len(view.stages) > 1 else view.stages
-    top = float(np.percentile(later.sum(axis=1), SHOWN_LATENCY))
-    first = float(view.stages[0].sum())
-    bound = (
-        "; 2 m is 2 m or more"
-        if true_clearance_is_bound(float(np.nanmax(view.clearances, initial=0.0)))
-        else ""
+    took = np.array(
+        [[getattr(one.stages, f"{name}_ms") for name in STAGES] for one in view.decisions]
     )
+    stages = [Line(name, STAGES[name], took[:, k]) for k, name in enumerate(STAGES)]
+    later = took[1:] if len(took) > 1 else took
+    top = float(np.percentile(later.sum(axis=1), SHOWN_LATENCY))
+    clearances = np.array([one.clearance_m for one in view.truths])
+    planned = np.array([one.least_clearance_m for one in view.decisions])
+    speeds = np.array([math.hypot(*one.velocity) for one in view.truths])
+    errors = np.sqrt(np.square(view.believed - view.true).sum(axis=1))
+    margins = np.array([one.localization_margin_m for one in view.decisions])
+    is_bound = true_clearance_is_bound(float(np.nanmax(clearances, initial=0.0)))
+    bound = "; 2 m is 2 m or more" if is_bound else ""
     ahead = "in the map along the committed path, at least"
+    margin = Line("localization margin", LIMIT, margins, True)
     charts: list[tuple[str, list[Line]]] = [
         (
             f"Clearance, m{bound}",
-            [
-                Line("true", TRUE, view.clearances),
-                Line(ahead, BELIEVED, view.planned, True),
-            ],
+            [Line("true", TRUE, clearances), Line(ahead, BELIEVED, planned, True)],
         ),
-        ("Speed, m/s", [Line("true", TRUE, view.speeds)]),
-        (
-            "Error of the position, m",
-            [
-                Line("true error", TRUE, view.errors),
-                Line("localization margin", LIMIT, view.margins, True),
-            ],
-        ),
+        ("Speed, m/s", [Line("true", TRUE, speeds)]),
+        ("Error of the position, m", [Line("true error", TRUE, errors), margin]),
     ]
     figures = [
         Figure(
@@ -186,8 +162,8 @@ def charts_of(view: View) -> list[Figure]:
         "Latency by stage, ms, on top of each other",
         legend=_legend(stages, marks),
         pictures=[line_chart(view.times, stages, marks, top if top > 0.0 else None, stacked=True)],
-        note=f"The first decision took {first:.0f} ms. What exceeds the 99th percentile of the "
-        "others is cut off.",
+        note=f"The first decision took {took[0].sum():.0f} ms. What exceeds the 99th percentile of "
+        "the others is cut off.",
     )
     return [*figures, latency]
 
