@@ -11,6 +11,8 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from typing import TypeVar
 
+from wayproof.harness.errors import InputError
+
 T = TypeVar("T")
 U = TypeVar("U")
 
@@ -32,8 +34,9 @@ def beside(calls: Sequence[Callable[[], T]], own: Callable[[], U]) -> tuple[U, l
         own: The call in this process.
 
     Raises:
-        ForkFailed: One of the calls failed, with its error in words.
-        Exception: Whatever `own` raises.
+        InputError: What one of the calls refuses, else what `own` does.
+        ForkFailed: One of the calls failed otherwise, with its error in words.
+        Exception: Whatever else `own` raises.
     """
     context = multiprocessing.get_context("fork")
     started = []
@@ -44,7 +47,12 @@ def beside(calls: Sequence[Callable[[], T]], own: Callable[[], U]) -> tuple[U, l
             process.start()
             sender.close()
             started.append((process, receiver))
-        value = own()
+        try:
+            value = own()
+        except InputError:
+            for _, receiver in started:
+                _result(receiver)
+            raise
         return value, [_result(receiver) for _, receiver in started]
     finally:
         for process, receiver in started:
@@ -55,9 +63,11 @@ def beside(calls: Sequence[Callable[[], T]], own: Callable[[], U]) -> tuple[U, l
 
 def _call(call: Callable[[], T], sender: Connection) -> None:
     try:
-        sender.send((call(), ""))
+        sender.send((call(), None))
+    except InputError as error:
+        sender.send((None, error))
     except Exception as error:
-        sender.send((None, f"{type(error).__name__}: {error}"))
+        sender.send((None, ForkFailed(f"{type(error).__name__}: {error}")))
     sender.close()
 
 
@@ -66,6 +76,6 @@ def _result(receiver: Connection) -> T:  # type: ignore[type-var]
         value, failure = receiver.recv()
     except EOFError:
         raise ForkFailed("its process ended without a result") from None
-    if failure:
-        raise ForkFailed(failure)
+    if failure is not None:
+        raise failure
     return value  # type: ignore[no-any-return]

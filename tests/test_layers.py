@@ -18,13 +18,14 @@ GROUND = {"bounds", "plugin"}
 """Modules beside these folders that each may import."""
 
 LAYERS = {
-    "words": ("errors", "forked", "geometry", "schema", "statistics", "supervision"),
+    "words": ("errors", "geometry", "schema", "statistics", "supervision"),
     "sections": (
         *("behaviour_config", "estimator_config", "prediction_config", "prior_config"),
         *("recording_config", "perturbations", "trajectory_error"),
     ),
     "records": (
         "decision",
+        "forked",
         "listed_beams",
         "mission",
         "outputs",

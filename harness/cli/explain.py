@@ -101,33 +101,12 @@ def _explain_decision(
         check_log(path, options)
         case, card, navigator = _card(log, number)
     else:
-        check = partial(_refusal, path, options)
-        made, (refusal,) = beside([check], partial(_card_or_error, log, number))
-        if refusal:
-            raise InputError(refusal)
-        if isinstance(made, InputError):
-            raise made
-        case, card, navigator = made
+        check = partial(check_log, path, options)
+        (case, card, navigator), _ = beside([check], partial(_card, log, number))
     print_card(console, card)
     if options.png is not None:
         _draw(log, case, card, navigator, target=options.png, console=console)
     return asdict(card)
-
-
-def _refusal(path: Path, options: argparse.Namespace) -> str:
-    """Return why a log is not read; empty if it is."""
-    try:
-        check_log(path, options)
-    except InputError as error:
-        return str(error)
-    return ""
-
-
-def _card_or_error(log: Log, number: int) -> tuple[Case, Card, Navigator] | InputError:
-    try:
-        return _card(log, number)
-    except InputError as error:
-        return error
 
 
 def _card(log: Log, number: int) -> tuple[Case, Card, Navigator]:

@@ -93,11 +93,7 @@ def _log(path: Path, options: argparse.Namespace) -> Document:
     """Write the readable part of an unfinished or damaged log as a valid one."""
     from wayproof.harness.log.recover import recover
 
-    recovery = recover(options.log, path, options.allow_plugins)
-    if recovery.written is None:
-        raise InputError(f"log '{options.log}': whole, nothing to recover")
-    damage = recovery.damage or "the log ends without a result"
-    return {"decisions": recovery.decisions, "sim_time_s": recovery.sim_time_s, "damage": damage}
+    return recover(options.log, path, options.allow_plugins)._asdict()
 
 
 OUTPUTS: dict[str, Output] = {

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from google.protobuf.message import Message
@@ -27,71 +27,56 @@ PARTIAL_NAME = re.compile(rf"{re.escape(ENDING)}(\.\d+)?$")
 """Ending of the name of an unfinished log."""
 
 
-@dataclass(frozen=True)
-class Recovery:
+class Recovery(NamedTuple):
     """Outcome of the recovery of a broken log.
 
     Attributes:
-        log: Path of the broken log.
-        written: Path of the new log; None if the log is whole and nothing was recovered.
         decisions: Number of decisions that could be read completely.
         sim_time_s: Simulated time of the last of them, s.
-        damage: Place and cause of the damage; empty if the whole file could be read.
+        damage: Place and cause of the damage.
     """
 
-    log: str
-    written: str | None
     decisions: int
     sim_time_s: float
     damage: str
 
 
-def recover(path: Path, target: Path | None = None, allow_plugins: bool = False) -> Recovery:
+def recover(path: Path, target: Path, allow_plugins: bool = False) -> Recovery:
     """Write the readable part of a log as a log of its own.
 
-    Nothing is written for a whole log, unless it still has its partial name because the process was
-    killed before the rename. Then the copy is the log, with its result.
+    A log that is whole but for its name, because the process was killed before the rename, is
+    copied with its result.
 
     Args:
         path: The broken log; its bytes are left unchanged. One whose name the new log has while it
             is written is renamed to end in `.ended`.
-        target: Name of the new log; by default that of the broken one with `-recovered`.
+        target: Name of the new log.
         allow_plugins: Whether code that its config names may be imported.
 
     Raises:
-        InputError: No such file, or it may not be read; no whole decision in it, or the folder
-            cannot be written to.
+        InputError: No such file, or it may not be read; the log is whole; no whole decision in it,
+            or the folder cannot be written to.
     """
     check_readable(path)
-    target = target or recovered_name(path)
     if target.resolve() == path.resolve():
         raise InputError(f"--log {target}: the log itself, expected another name")
     if target.with_name(f"{target.name}{ENDING}").resolve() == path.resolve():
         path = path.rename(path.with_name(f"{path.name}.ended"))  # the copy is written by its name
     reading = _Reading(path)
     head = read_head(reading.items(), path, allow_plugins)
+    damage = reading.damage or "the log ends without a result"
     decisions = len(reading.decisions)
     if not decisions:
         raise InputError(
             f"log '{path}': no whole decision in it ({reading.damage or 'at its end'})"
         )
-    sim_time_s = reading.decisions[-1].timestamp.ToNanoseconds() * 1e-9
     result = None if reading.damage else head.metadata.get("result")
     if result is not None and not PARTIAL_NAME.search(path.name.removesuffix(".ended")):
-        return Recovery(
-            str(path), written=None, decisions=decisions, sim_time_s=sim_time_s, damage=""
-        )
-    reason = f"{RECOVERED}{reading.damage or 'the log ends without a result'}"
-    result = result or _result_of(reading, head.mission, reason)
+        raise InputError(f"log '{path}': whole, nothing to recover")
+    result = result or _result_of(reading, head.mission, f"{RECOVERED}{damage}")
     record = "full" if reading.sweeps else "decisions"
     write_copy(target, head, messages=reading.whole_decisions(), result=result, record=record)
-    return Recovery(
-        str(path),
-        written=str(target),
-        decisions=decisions,
-        sim_time_s=sim_time_s,
-        damage=reading.damage,
-    )
+    return Recovery(decisions, reading.decisions[-1].timestamp.ToNanoseconds() * 1e-9, damage)
 
 
 def _result_of(reading: _Reading, mission: Mission, reason: str) -> dict[str, str]:
@@ -99,23 +84,19 @@ def _result_of(reading: _Reading, mission: Mission, reason: str) -> dict[str, st
     decisions, truths = reading.decisions, reading.truths
     result: dict[str, object] = {"outcome": "error", "reason": reason, "decisions": len(decisions)}
     result |= {"sim_time_s": 0.0, "chain": ""}
-    if not decisions:
-        return {name: str(value) for name, value in result.items()}
     if reading.motions:
         result |= recorded_figures(decisions, reading.motions)
-        return {name: str(value) for name, value in result.items()}
-    last = truths[-1]
-    result |= {
-        "goal_distance_m": distance_left(
-            mission, goals_before_last(decisions), np.array(last.position)
-        ),
-        "sim_time_s": decisions[-1].timestamp.ToNanoseconds() * 1e-9,
-        "collisions": last.collisions,
-        "struck": last.hit_by_mover,
-        **figures_of(decisions, truths),
-        "route_length_m": None,
-        "chain": decisions[-1].chain,
-    }
+    elif decisions:
+        last, reached = truths[-1], goals_before_last(decisions)
+        result |= {
+            "goal_distance_m": distance_left(mission, reached, np.array(last.position)),
+            "sim_time_s": decisions[-1].timestamp.ToNanoseconds() * 1e-9,
+            "collisions": last.collisions,
+            "struck": last.hit_by_mover,
+            **figures_of(decisions, truths),
+            "route_length_m": None,
+            "chain": decisions[-1].chain,
+        }
     return {name: str(value) for name, value in result.items()}
 
 
@@ -157,13 +138,6 @@ def finish_partial(
     write_copy(target, head, messages=reading.whole_decisions(), result=result, record=record)
     source.unlink()
     return reason, decisions
-
-
-def recovered_name(path: Path) -> Path:
-    """Return the name: `run.mcap.partial` gives `run-recovered.mcap`, `.partial.2` gives `-2`."""
-    stem, _, number = path.name.partition(f"{ENDING}.")
-    stem = stem.removesuffix(ENDING).removesuffix(".mcap")
-    return path.with_name(f"{stem}-recovered{number and '-'}{number}.mcap")
 
 
 class _Reading:

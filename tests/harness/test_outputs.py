@@ -10,7 +10,6 @@ from mcap.writer import Writer
 from tests.tools.soak.child import in_child
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
-from wayproof.harness.log.recover import recovered_name
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.outputs import Draft, remove_abandoned, written_whole
 
@@ -54,8 +53,6 @@ def test_what_a_killed_writer_left_is_kept(tmp_path):
             draft.publish()
     assert (tmp_path / "a.mcap.partial.1").read_bytes() == b"evidence 1"
     assert (tmp_path / "a.mcap.partial.2").read_bytes() == b"evidence 2"
-    assert recovered_name(tmp_path / "a.mcap.partial.2").name == "a-recovered-2.mcap"
-    assert recovered_name(tmp_path / "a.mcap.partial").name == "a-recovered.mcap"
 
 
 def test_what_was_written_stays_partial_and_nothing_does_not(tmp_path):
