@@ -44,7 +44,19 @@ class Parser(argparse.ArgumentParser):
                 near = near_name(name, known)
                 hint = f"; did you mean '{near}'?" if near else ""
                 self.error(f"unknown option '{name}'{hint}")
-        return self.parse_args(words, argparse.Namespace(verb=verb))
+        options = self.parse_args(words, argparse.Namespace(verb=verb))
+        self._refuse_useless(options)
+        return options
+
+    def _refuse_useless(self, options: argparse.Namespace) -> None:
+        """Refuse an option that was given without any of those that it goes with."""
+        given = options.__dict__.setdefault("given", set())
+        given |= {name for name, value in vars(options).items() if value is True}
+        for action in self._actions:
+            needs = getattr(action, "needs", ())
+            known = {self._option_string_actions[name].dest for name in needs}
+            if needs and action.dest in given and given.isdisjoint(known):
+                self.error(f"{action.option_strings[0]}: goes with {' or '.join(needs)}")
 
     def error(self, message: str) -> NoReturn:
         """Raise an InputError, which says how a value with a minus sign is written."""

@@ -71,10 +71,6 @@ def _check_options(options: argparse.Namespace, paths: Sequence[Path], number: i
         raise InputError("--check: goes with the whole episode, expected no decision's number")
     if options.metrics and (options.check or options.png or number is not None):
         raise InputError("--metrics: of the whole episode, goes with neither N, --png nor --check")
-    if options.long and not options.metrics:
-        raise InputError("--long: goes with --metrics")
-    if options.stack is not None and not options.check:
-        raise InputError("--stack: goes with --check, which lets the stack go on")
 
 
 def open_checked(path: Path, options: argparse.Namespace) -> Log:
@@ -261,10 +257,11 @@ VERB = Verb(
         arg("--check", "check the cause by simulating again with one thing corrected at a time"),
         arg(
             "--stack STACK",
-            "with --check: the stack that was on trial, which is run and goes on itself",
+            "stack that was on trial, which is run and goes on itself",
+            needs=["--check"],
         ),
         arg("--metrics", "print the metrics of each log instead, computed from it alone"),
-        arg("--long", "with --metrics: print the formula and source of each as well"),
+        arg("--long", "print the formula and source of each metric as well", needs=["--metrics"]),
         shared.unchecked,
         shared.plugins,
     ),

@@ -118,6 +118,9 @@ OUTPUTS: dict[str, Output] = {
 }
 """Option -> kind of file that it writes."""
 
+TABLES = ("--parquet", "--csv", "--tum", "--kitti")
+"""Options that write a table."""
+
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Write each requested file."""
@@ -168,13 +171,15 @@ VERB = Verb(
             "--table TABLE",
             "decisions, truth, poses (the estimated ones) or sweeps (default: decisions; of a "
             "trajectory: poses)",
+            needs=TABLES,
         ),
-        arg("--at N", "decision whose map is written (default: the last)", int),
+        arg("--at N", "decision whose map is written (default: the last)", int, needs=["--map"]),
         arg(
             "--storage KIND",
             "storage of a bag of ROS 2",
             default="mcap",
             choices=("mcap", "sqlite"),
+            needs=["--bag"],
         ),
         shared.sensors,
         shared.unchecked,

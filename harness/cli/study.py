@@ -247,7 +247,7 @@ VERB = Verb(
             "--check-determinism",
             "run a sample again in other processes and orders; write a certificate",
         ),
-        arg("--sample N", "number of episodes for --check-determinism", int, 8),
+        arg("--sample N", "number of episodes run again", int, 8, needs=["--check-determinism"]),
         shared.inconclusive,
         shared.check,
         add_engine,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,7 +56,12 @@ def arguments(*each: AddArguments) -> AddArguments:
 
 
 def arg(
-    spec: str, text: str, kind: Callable[[str], Any] = str, default: Any = None, **more: Any
+    spec: str,
+    text: str,
+    kind: Callable[[str], Any] = str,
+    default: Any = None,
+    needs: Sequence[str] = (),
+    **more: Any,
 ) -> AddArguments:
     """Return the declaration of one argument.
 
@@ -65,9 +70,11 @@ def arg(
         text: Help; the default is added to it, unless it names one.
         kind: Makes the value of its word.
         default: Value where none is given.
+        needs: Options without all of which it would have no effect, and is refused.
         more: Further settings of `ArgumentParser.add_argument`.
     """
     name, _, value = spec.partition(" ")
+    text = f"with {' or '.join(needs)}: {text}" if needs else text
     settings: dict[str, Any] = {"help": text, "default": default, **more}
     if not name.startswith("--"):
         settings["metavar"], name = name, settings.pop("dest", name.lower())
@@ -79,7 +86,11 @@ def arg(
         settings["type"] = kind
         if default not in (None, []) and "(default:" not in text:
             settings["help"] += f" (default: {default})"
-    return lambda parser: parser.add_argument(name, **settings)
+
+    def add(parser: argparse.ArgumentParser) -> None:
+        parser.add_argument(name, **settings).needs = needs  # type: ignore[attr-defined]
+
+    return add
 
 
 def given(kind: type[Any], options: argparse.Namespace) -> dict[str, Any]:

@@ -40,8 +40,6 @@ def _check(options: argparse.Namespace) -> None:
     drawn = [f"--{name}" for name in ("png", "movie") if getattr(options, name) is not None]
     if len(drawn) > 1 or (drawn and (options.save or options.compare or options.live)):
         raise InputError(f"{' and '.join(drawn)}: goes with no other way to show a log")
-    if options.decision is not None and options.png is None:
-        raise InputError("--decision: goes with --png FILE")
     if options.decision is not None and options.decision < 0:
         raise InputError(f"--decision: got {options.decision}, expected 0 or more")
     if options.live and options.compare:
@@ -176,9 +174,9 @@ VERB = Verb(
         arg(
             "--png FILE.png", "draw the map, the truth and the plans at a decision from above", Path
         ),
-        arg("--decision N", "with --png: number of the decision (default: the last)", int),
+        arg("--decision N", "number of the decision (default: the last)", int, needs=["--png"]),
         arg("--movie FILE", "draw all of it as a movie: a .gif or .mp4", Path),
-        arg("--period S", "simulated time between frames of a movie, s", float, 0.2),
+        arg("--period S", "simulated time between frames, s", float, 0.2, needs=["--movie"]),
         arg("--compare LOG2", "second log to show beside the first", Path),
         arg("--live", "follow a log that is being written, up to its end"),
         arg("--twin", "show the episode of a study beside its twin"),

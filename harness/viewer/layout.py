@@ -8,7 +8,6 @@ import rerun.blueprint as rrb
 
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.log.reader import Log
-from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.shadow.picture import COLOURS_OF_WAY
 from wayproof.harness.viewer.curves import PLOTS
 from wayproof.harness.viewer.events import COLOURS, name_of
@@ -58,7 +57,7 @@ def _column(root: str, log: Log) -> rrb.Vertical:
         _space(world, WORDS["age"], above, "age", FROM_ABOVE),
         _space(world, WORDS["probability"], above, "probability", FROM_ABOVE),
     ]
-    if gives_costmap(log):
+    if log.config.stack.name != BUILTIN:
         name = "the stack's own costmap"
         maps.insert(1, _space(world, name, above, "stack_costmap", FROM_ABOVE))
     return rrb.Vertical(
@@ -98,19 +97,6 @@ def _plot(root: str, name: str, legend: bool = False) -> rrb.TimeSeriesView:
         origin=f"/{root}/plots/{name}",
         name=PLOTS[name],
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=visible),
-    )
-
-
-def gives_costmap(log: Log) -> bool:
-    """Return whether a stack on trial gave, or may yet give, a costmap of its own."""
-    if log.config.stack.name == BUILTIN:
-        return False
-    if log.under_way:
-        return True  # it may yet
-    return any(
-        record.answer is not None
-        and sb.Command.FromString(record.answer.command).HasField("costmap")
-        for record in log.records()
     )
 
 
