@@ -31,7 +31,10 @@ NAMED: dict[str, Iterable[str]] = {
 LEFT_OPEN = ("start", "goal", "waypoints", "sensors", "motion.limits")
 """Settings that a scenario resolves from its world and robot."""
 
-FILLED_IN = ("prior_map",)
+RECORDING = "recording"
+"""Section of the settings that only a recording has."""
+
+FILLED_IN = ("prior_map", "robot_file", RECORDING)
 """Fields that only a run sets."""
 
 NUMBERS = ("int", "float")
@@ -42,9 +45,6 @@ FOR_STACKS = (
     "motion", "behaviour", "latency", "episode", "recording",
 )  # fmt: skip
 """Settings that a stack on trial is sent: none tells the world, its seed or what is off in it."""
-
-RECORDING = "recording"
-"""Section of the settings that only a recording has."""
 
 
 def override(config: Config, settings: Iterable[str]) -> Config:

@@ -36,6 +36,8 @@ def test_json_round_trip_is_exact():
         ("costmap.unknown_policy=maybe", "costmap.unknown_policy"),
         ("map.resolutoin=0.1", "did you mean 'map.resolution'?"),
         ("nothing=1", "unknown setting 'nothing'"),
+        ("robot_file=x", "unknown setting 'robot_file'"),
+        ("recording={}", "unknown setting 'recording'"),
         ("map=1", "unknown setting 'map'"),
         ("map.resolution", "expected section.field=value"),
         ("latency.deadline=0", "latency.deadline: got 0"),

@@ -22,7 +22,7 @@ VERSIONS = ("wayproof", "code", "format_version", "python", "mujoco", "numpy", "
 
 MACHINE = ("machine", "cpu", "libc")
 
-APART = ("world", "robot", "seed", "perturbation", "robot_file", "prior_map", "stack.name")
+APART = ("world", "robot", "seed", "perturbation", "stack.name")
 """Settings that a command has as options of their own."""
 
 
