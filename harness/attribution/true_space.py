@@ -279,7 +279,9 @@ class TrueSpace:
             gaps = self._distances(geom, centres)
             held, doubtful = gaps <= half, (gaps > half) & (gaps <= np.sqrt(3.0) * half)
         model.geom_size[self._cell] = half
-        held[doubtful] = [self._measured(self._cell, geom, one) <= 0.0 for one in centres[doubtful]]
+        held[doubtful] = [
+            self._measured(self._cell, geom, one, limit=TOUCHES) <= 0.0 for one in centres[doubtful]
+        ]
         return held
 
     def _distances(self, geom: int, points: Array) -> Array:
@@ -291,11 +293,11 @@ class TrueSpace:
             return PRIMITIVES[kind](local, size)
         return np.array([self._measured(self._probe, geom, point) for point in points])
 
-    def _measured(self, probe: int, geom: int, point: Array) -> float:
-        """Return the distance from a probe at a point (3,) to a geom, m."""
+    def _measured(self, probe: int, geom: int, point: Array, limit: float = FARTHEST) -> float:
+        """Return the distance from a probe at a point (3,) to a geom, m, up to a limit."""
         self._data.geom_xpos[probe] = point
         return float(
-            mujoco.mj_geomDistance(self._model, self._data, probe, geom, FARTHEST, self._fromto)
+            mujoco.mj_geomDistance(self._model, self._data, probe, geom, limit, self._fromto)
         )
 
 
