@@ -30,6 +30,9 @@ HALF = 0.5
 FEW = 0.1
 """Fraction of the last decisions that matters."""
 
+NEARLY = 0.8
+"""Share of the time limit of which the least time leaves too little for what it does not count."""
+
 TURNED = 0.5
 """Angle beyond which a body that stays in its place counts as turning on its way, rad."""
 
@@ -62,7 +65,12 @@ def no_time(facts: StandstillFacts) -> str | None:
     takes = f"the shortest way takes {least:.1f} s at {facts.speed_in_words}"
     if least > limit:
         return f"{takes}, the limit was {limit:.1f} s"
-    if least >= HALF * limit < limit < least + facts.explored_s:
+    if facts.on_its_way and least >= NEARLY * limit:
+        return (
+            f"{takes}, which leaves {limit - least:.1f} s of the limit of {limit:.1f} s for turns, "
+            "bends and changes of speed; the robot was under way"
+        )
+    if least >= HALF * limit and least + facts.explored_s > limit:
         return (
             f"{takes}, {facts.explored_s:.1f} s more went into looking where nothing was known, "
             f"and the limit was {limit:.1f} s"
