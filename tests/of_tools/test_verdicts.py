@@ -4,9 +4,7 @@ import numpy as np
 
 from tests.tools.statistics.verdicts import CHANGES, compared, share_failing, study_of
 from wayproof.harness.cli.compare import DEFAULT_GATES
-from wayproof.harness.study.file import (
-    read_gate,
-)
+from wayproof.harness.study.gate import read_gate
 
 
 def test_a_against_a_hardly_ever_fails_a_default_gate() -> None:
