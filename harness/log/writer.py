@@ -13,6 +13,7 @@ forks, and `/keyframe` to replay from there.
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
 import hashlib
 import os
@@ -248,7 +249,7 @@ def check_folder(folder: Path) -> None:
         raise InputError(
             f"log folder '{folder}': {free / 2**20:.1f} MiB free, "
             f"expected at least {LEAST_FREE_BYTES / 2**20:.0f} MiB"
-        )
+        ) from OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def hold_log(path: Path) -> Draft:

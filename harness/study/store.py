@@ -18,6 +18,7 @@ from wayproof.harness.log.recover import finish_partial
 from wayproof.harness.outputs import ENDING, remove_abandoned
 from wayproof.harness.study.contents import Contents
 from wayproof.harness.study.file import MOST_BYTES, StudyFile, check_study, refuse_code
+from wayproof.harness.study.job import LACKS
 from wayproof.harness.study.matching import open_planned
 from wayproof.harness.study.plan import Planned
 
@@ -44,7 +45,7 @@ class Store:
         """Make and lock the folder: two runs of one study would write the same logs.
 
         Raises:
-            InputError: The folder cannot be made, or another run holds it.
+            InputError: The folder cannot be made, another run holds it, or the disk is full.
         """
         try:
             self.logs.mkdir(parents=True, exist_ok=True)
@@ -59,7 +60,15 @@ class Store:
                 raise InputError(
                     f"study folder '{self.folder}': another run is writing to it"
                 ) from None
-            yield
+            try:
+                yield
+            except OSError as error:
+                if error.errno not in LACKS:
+                    raise
+                raise InputError(
+                    f"study folder '{self.folder}': {error.strerror}; what has ended is kept, and "
+                    "the same command goes on"
+                ) from error
 
     @property
     def is_judged(self) -> bool:

@@ -379,23 +379,6 @@ def run_study(
     Raises:
         InputError: The folder cannot be written, another run holds it, or a log is damaged.
     """
-    try:
-        return _run_study(study, planned, store, engine, finished, check)
-    except OSError as error:
-        raise InputError(
-            f"study folder '{store.folder}': {error.strerror}; what has ended is kept, and the "
-            "same command goes on"
-        ) from error
-
-
-def _run_study(
-    study: StudyFile,
-    planned: Sequence[Planned],
-    store: Store,
-    engine: Engine,
-    finished: Finished,
-    check: Callable[[], None] | None,
-) -> StudyResult:
     with store.open():
         store.clear_partial()
         contents = contents_of(files_of(study))
