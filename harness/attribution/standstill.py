@@ -70,7 +70,7 @@ def no_time(facts: StandstillFacts) -> str | None:
             f"{takes}, which leaves {limit - least:.1f} s of the limit of {limit:.1f} s for turns, "
             "bends and changes of speed; the robot was under way"
         )
-    if least >= HALF * limit and least + facts.explored_s > limit:
+    if not facts.hidden_by and least >= HALF * limit and least + facts.explored_s > limit:
         return (
             f"{takes}, {facts.explored_s:.1f} s more went into looking where nothing was known, "
             f"and the limit was {limit:.1f} s"

@@ -98,6 +98,7 @@ IN_VAIN = {"map.in_vain": 0.4, "map.not_found": 0.8}
         ({"truth.shortest_s": 61.0, "pose": LIED}, "impossible"),
         ({"truth.shortest_s": 55.0, "explored_s": 9.0}, "impossible"),
         ({"truth.shortest_s": 55.0, "explored_s": 3.0}, "exploration"),
+        ({"truth.shortest_s": 55.0, "explored_s": 9.0, "hidden_by": "sensors"}, "perception"),
         ({"truth.shortest_s": 20.0, "explored_s": 55.0}, "exploration"),
         ({"truth.exists": False, "truth.over_ramps": True, "outcome": "fall"}, "tracking"),
         ({"turned": 1.2}, "impossible"),
