@@ -16,7 +16,7 @@ from wayproof.harness.errors import InputError, printable
 from wayproof.harness.input_messages import inputs_from_messages
 from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.log.codec.container import walk
-from wayproof.harness.log.codec.messages import read_keyframes, read_messages
+from wayproof.harness.log.codec.messages import Kind, read_messages, read_only
 from wayproof.harness.log.decision_messages import DecisionMessages
 from wayproof.harness.log.head import Head, check_file, read_head
 from wayproof.harness.log.writer import ASKED, PLUGINS, STDERR, TRACEBACK
@@ -159,7 +159,7 @@ class Log:
         """
         if not any(one.keyframe_period for one in (self.config, *(f.config for f in self.forks))):
             return []
-        keyframes = list(read_keyframes(self.path))
+        keyframes = list(self.only(pb.Keyframe))
         for before, one in itertools.pairwise(keyframes):
             if one.sequence <= before.sequence:
                 raise InputError(
@@ -256,10 +256,8 @@ class Log:
         return self.result.get("record", "full")
 
     def decisions(self) -> Iterator[pb.Decision]:
-        """Yield every decision without its inputs."""
-        for message in self.messages():
-            if isinstance(message, pb.Decision):
-                yield message
+        """Return every decision without its inputs."""
+        return self.only(pb.Decision)
 
     def _check_order(self, inputs: Inputs, count: int, before_ns: int) -> None:
         """Check that decisions count from 0 and that simulated time increases."""
@@ -277,15 +275,21 @@ class Log:
 
     def motions(self) -> Iterator[pb.RecordedMotion]:
         """Yield the recorded motion up to each decision; none of an episode."""
-        for message in self.messages():
-            if isinstance(message, pb.RecordedMotion):
-                yield message
+        return self.only(pb.RecordedMotion)
 
     def truth(self) -> Iterator[pb.Truth]:
         """Yield the ground truth of each decision, for scoring."""
-        for message in self.messages():
-            if isinstance(message, pb.Truth):
-                yield message
+        return self.only(pb.Truth)
+
+    def only(self, kind: type[Kind]) -> Iterator[Kind]:
+        """Yield the messages of one kind in file order.
+
+        Raises:
+            InputError: The file breaks off or a checksum does not hold.
+        """
+        if self.under_way:  # which is read but once, as it grows
+            return (one for one in self.messages() if isinstance(one, kind))
+        return read_only(self.path, kind)
 
 
 def as_truth(motion: pb.RecordedMotion) -> pb.Truth:

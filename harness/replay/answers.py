@@ -36,11 +36,7 @@ class RecordedAnswers:
                 no motion, so the body goes on to its rest. By default it never is.
         """
         self._silent_from = silent_from
-        self._commands = {
-            message.sequence: message.command
-            for message in read_messages(log.path)
-            if isinstance(message, pb.StackCommand)
-        }
+        self._commands = {one.sequence: one.command for one in log.only(pb.StackCommand)}
 
     def start(self, task: Task) -> None:
         """Do nothing: no stack is run."""
@@ -74,11 +70,7 @@ class RecordedPredictions:
 
     def __init__(self, log: Log) -> None:
         """Read them all."""
-        self._messages = {
-            message.sequence: message
-            for message in read_messages(log.path)
-            if isinstance(message, pb.Prediction)
-        }
+        self._messages = {one.sequence: one for one in log.only(pb.Prediction)}
 
     def of(
         self, measured: ColumnMap, newest: Inputs, sequence: int, time_ns: int

@@ -233,11 +233,7 @@ def _answers(log: Log, end: int | None) -> RecordedAnswers | None:
 
 def _delays(log: Log) -> dict[int, float]:
     """Return the delay of each decision, s; delays are inputs, and measured ones do not recur."""
-    return {
-        message.sequence: message.delay_s
-        for message in read_messages(log.path)
-        if isinstance(message, pb.Latency)
-    }
+    return {latency.sequence: latency.delay_s for latency in log.only(pb.Latency)}
 
 
 @dataclass

@@ -52,7 +52,8 @@ class Verification:
         elsewhere: Fields of the metadata `run` that differ here, which may affect a simulation.
         violations: Number of violations in the audit; None if it was not reached. They concern the
             robot, not the log.
-        decisions: Number of decisions in the log.
+        decisions: Number of decisions in the log; 0 if its content was not read, as its signature
+            is not valid.
         outcome: Recorded outcome.
         chain: Recorded chain hash.
         signed_by: Fingerprint of the given key if its signature is valid.
@@ -108,7 +109,7 @@ def verify(
         scope=trial.scope(),
         elsewhere=trial.elsewhere,
         violations=trial.violations,
-        decisions=sum(1 for _ in log.decisions()),
+        decisions=trial.decisions,
         outcome=log.result["outcome"],
         chain=log.result["chain"],
         signed_by=None if key is None or failed == "signature" else fingerprint(key),
@@ -133,6 +134,7 @@ class _Trial:
         self.steps: list[Step] = []
         self.elsewhere: tuple[Difference, ...] = ()
         self.violations: int | None = None
+        self.decisions = 0  # until the content is read
         self._with_cause = False
 
     def run(self) -> tuple[Step | None, list[Difference]]:
@@ -195,6 +197,7 @@ class _Trial:
 
     def _check_content(self) -> list[Difference]:
         content = read_content(self._log)
+        self.decisions = len(content.decisions)
         found = [*_code_and_version(self._log), *contradictions(self._log, content)]
         return [*found, *content.described]
 

@@ -99,7 +99,7 @@ def pose_pairs(log: Log) -> list[PosePair]:
 
 def _sweeps(log: Log) -> Iterator[pb.Sweep]:
     log.check_sweeps()
-    return (one for one in read_messages(log.path) if isinstance(one, pb.Sweep))
+    return log.only(pb.Sweep)
 
 
 def _ranges_m(sweep: pb.Sweep) -> NDArray[np.float32]:  # (rows * columns,)

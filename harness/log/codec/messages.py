@@ -6,6 +6,7 @@ import contextlib
 import functools
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeVar
 
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import DecodeError, Message
@@ -15,6 +16,8 @@ from wayproof.harness.input_messages import MAX_COORDINATE
 from wayproof.harness.log.codec.container import Packet, walk
 from wayproof.harness.log.codec.packed import unpack
 from wayproof.harness.schema import wayproof_pb2 as pb
+
+Kind = TypeVar("Kind", bound=Message)
 
 LONGEST_DELAY_S = 1e9
 """Longest delay of a decision that a log can hold, s."""
@@ -35,16 +38,16 @@ def read_messages(path: Path, after_ns: int = -1) -> Iterator[Message]:
             yield decode(item, path)
 
 
-def read_keyframes(path: Path) -> Iterator[pb.Keyframe]:
-    """Yield the keyframes of a log.
+def read_only(path: Path, kind: type[Kind]) -> Iterator[Kind]:
+    """Yield the messages of one kind of a log in file order; no other is decoded.
 
     Raises:
         InputError: The file breaks off or a checksum does not hold.
     """
     for item in walk(path):
-        if isinstance(item, Packet) and item.schema == pb.Keyframe.DESCRIPTOR.full_name:
+        if isinstance(item, Packet) and item.schema == kind.DESCRIPTOR.full_name:
             message = decode(item, path)
-            assert isinstance(message, pb.Keyframe)
+            assert isinstance(message, kind)
             yield message
 
 
