@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from wayproof.harness.config import Config
-from wayproof.harness.decision import path_of
+from wayproof.harness.decision import SAMPLE_PERIOD, path_of
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.judge.body import Body
-from wayproof.harness.judge.margin import believed_of
-from wayproof.harness.log.paths import Array
+from wayproof.harness.judge.margin import MOST_MORE, believed_of
+from wayproof.harness.log.paths import Array, length
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -22,6 +22,18 @@ from wayproof.maps.columns import ColumnMap
 
 SAME = 2.0**-20
 """Grain of logged samples, m and rad: values that differ by no more are equal."""
+
+FALL = 1e-3
+"""Fall of the arc length that counts as rounding, m."""
+
+ROUNDING = 1e-9
+"""Tolerance of a sample period, s."""
+
+FARTHEST = 20.0
+"""Greatest distance of an estimated position outside the operating area, m."""
+
+LONGEST = 1000.0
+"""Greatest length of a path, m."""
 
 HEADING_ERROR = 0.05
 """Heading error that the margin of a body of discs covers at each disc, rad."""
@@ -123,6 +135,34 @@ class Committed:
     def moves(self) -> bool:
         """Whether the body moves, or an elongated one turns in place."""
         return self.body.moves(self.decision.trajectory)
+
+    @cached_property
+    def malformed(self) -> str:
+        """Why the trajectory is malformed, so that no other check applies; empty if it is not."""
+        trajectory, mission = self.decision.trajectory, self.mission
+        arcs, headings = np.array(trajectory.arc_length), np.array(trajectory.heading)
+        if min(len(self.path), len(arcs)) == 0 or len(arcs) != len(headings):
+            return (
+                f"a path of {len(self.path)} points, {len(arcs)} samples of the way and "
+                f"{len(headings)} of the heading; expected one or more, and as many of both"
+            )
+        period = trajectory.sample_period_s
+        finite = np.isfinite(arcs).all() and np.isfinite(headings).all()
+        if not (finite and abs(period - SAMPLE_PERIOD) <= ROUNDING):
+            return (
+                f"samples that are not finite, or {period:g} s apart, expected {SAMPLE_PERIOD:g} s"
+            )
+        if arcs[0] < -FALL or (np.maximum.accumulate(arcs) - arcs).max() > FALL:
+            return "an arc length that does not rise from 0 on"
+        widening = self.decision.widening
+        if len(widening) not in (0, 2) or max(widening, default=0) > MOST_MORE:
+            return f"a widening by {tuple(widening)} cells, expected two of at most {MOST_MORE}"
+        away = np.maximum(np.array(mission.low) - self.path, self.path - np.array(mission.high))
+        if not (away <= FARTHEST).all() or length(self.path) > LONGEST:
+            return (
+                f"a path that leaves the operating area by more than {FARTHEST:g} m, or has no end"
+            )
+        return ""
 
     def broken(self, rule: str, text: str) -> Violation:
         """Return a violation by this decision."""

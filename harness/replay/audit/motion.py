@@ -8,7 +8,6 @@ import numpy as np
 
 from wayproof.harness.decision import SAMPLE_PERIOD
 from wayproof.harness.geometry import wrap_angle
-from wayproof.harness.judge.margin import MOST_MORE
 from wayproof.harness.log.paths import SAME_PLACE, heading_at, length, place_at, speed_at
 from wayproof.harness.replay.audit.committed import Committed, Violation, apart
 
@@ -19,44 +18,6 @@ the limiter of a stack on trial has the same."""
 REST = 0.02
 """Speed below which a body is at rest, m/s; and the tolerance of speeds, m/s, and rates, rad/s,
 beyond the factor."""
-
-FALL = 1e-3
-"""Fall of the arc length that counts as rounding, m."""
-
-ROUNDING = 1e-9
-"""Tolerance of a sample period, s."""
-
-FARTHEST = 20.0
-"""Greatest distance of an estimated position outside the operating area, m."""
-
-LONGEST = 1000.0
-"""Greatest length of a path, m."""
-
-
-def is_malformed(committed: Committed) -> str:
-    """Return why a trajectory is malformed, so that no other check applies; empty if it is not."""
-    trajectory, mission = committed.decision.trajectory, committed.mission
-    arcs, headings = np.array(trajectory.arc_length), np.array(trajectory.heading)
-    if min(len(committed.path), len(arcs)) == 0 or len(arcs) != len(headings):
-        return (
-            f"a path of {len(committed.path)} points, {len(arcs)} samples of the way and "
-            f"{len(headings)} of the heading; expected one or more, and as many of both"
-        )
-    period = trajectory.sample_period_s
-    finite = np.isfinite(arcs).all() and np.isfinite(headings).all()
-    if not (finite and abs(period - SAMPLE_PERIOD) <= ROUNDING):
-        return f"samples that are not finite, or {period:g} s apart, expected {SAMPLE_PERIOD:g} s"
-    if arcs[0] < -FALL or (np.maximum.accumulate(arcs) - arcs).max() > FALL:
-        return "an arc length that does not rise from 0 on"
-    widening = committed.decision.widening
-    if len(widening) not in (0, 2) or max(widening, default=0) > MOST_MORE:
-        return f"a widening by {tuple(widening)} cells, expected two of at most {MOST_MORE}"
-    away = np.maximum(
-        np.array(mission.low) - committed.path, committed.path - np.array(mission.high)
-    )
-    if not (away <= FARTHEST).all() or length(committed.path) > LONGEST:
-        return f"a path that leaves the operating area by more than {FARTHEST:g} m, or has no end"
-    return ""
 
 
 def check_limits(committed: Committed) -> list[Violation]:

@@ -33,7 +33,6 @@ from wayproof.harness.replay.audit.motion import (
     check_joint,
     check_limits,
     check_rest,
-    is_malformed,
 )
 from wayproof.harness.replay.audit.record import (
     check_figures,
@@ -171,7 +170,7 @@ class Auditor:
         """Check the next decision."""
         committed = self.committed(moment)
         kind, found = judge(committed, as_measured=self._as_measured)
-        if not is_malformed(committed):
+        if not committed.malformed:
             found += self._check_reason(committed)
         self.follow(committed)
         self.violations += found
@@ -211,7 +210,7 @@ class Auditor:
 
     def follow(self, committed: Committed) -> None:
         """Let the next decision begin on the trajectory of this one, if it is one."""
-        if not is_malformed(committed):
+        if not committed.malformed:
             self._before = (*committed.before[-1:], committed.decision.trajectory)
 
     def audit(self, log: Log) -> Audit:
@@ -253,7 +252,7 @@ def judge(committed: Committed, *, as_measured: bool = False) -> tuple[str, list
         committed: What the decision committed to.
         as_measured: Whether its path is checked against the map of the returns as they came.
     """
-    if text := is_malformed(committed):
+    if text := committed.malformed:
         return "", [committed.broken("form", text)]
     swept = committed
     if as_measured:
