@@ -32,6 +32,19 @@ INPUTS = (pb.Sweep, pb.Pose, pb.Goal, pb.Prediction, pb.Latency, pb.StackCommand
 """Messages that are hashed stream by stream."""
 
 
+LISTS: dict[type[Message], str] = {
+    pb.Decision: "decisions",
+    pb.Truth: "truths",
+    pb.Streams: "streams",
+    pb.Perturbation: "perturbations",
+    pb.Pose: "poses",
+    pb.Latency: "latencies",
+    pb.Goal: "goals",
+    pb.RecordedMotion: "motions",
+}
+"""List of a `Content` by kind of message."""
+
+
 @dataclass(frozen=True)
 class InputRecord:
     """Hashes of the inputs of one decision.
@@ -83,22 +96,8 @@ class Content:
 
     def add(self, message: Message) -> None:
         """Append a message, unless it is of another kind."""
-        if isinstance(message, pb.Decision):
-            self.decisions.append(message)
-        elif isinstance(message, pb.Truth):
-            self.truths.append(message)
-        elif isinstance(message, pb.Streams):
-            self.streams.append(message)
-        elif isinstance(message, pb.Perturbation):
-            self.perturbations.append(message)
-        elif isinstance(message, pb.Pose):
-            self.poses.append(message)
-        elif isinstance(message, pb.Latency):
-            self.latencies.append(message)
-        elif isinstance(message, pb.Goal):
-            self.goals.append(message)
-        elif isinstance(message, pb.RecordedMotion):
-            self.motions.append(message)
+        if (name := LISTS.get(type(message))) is not None:
+            getattr(self, name).append(message)
 
 
 def read_content(log: Log) -> Content:
