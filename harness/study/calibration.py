@@ -105,7 +105,8 @@ def calibrations_of(study: StudyFile, rows: Sequence[Row], limit: float) -> list
         rows: Its episodes.
         limit: Time limit of an episode, s.
     """
-    [(setting, values)] = study.axes.items()
+    [(setting, tried)] = study.axes.items()
+    values = [value for value in tried if isinstance(value, int | float)]
     places = {" ".join(variant): place for place, variant in enumerate(variants_of(study))}
     by_arm: dict[Arm, list[list[Row]]] = {}
     for row in (one for one in rows if one.ran):

@@ -290,8 +290,8 @@ def _check_kind(study: StudyFile) -> None:
         )
     if study.kind == "calibrate":
         values = [value for some in study.axes.values() for value in some]
-        numbers = all(isinstance(value, int | float) for value in values)
-        if len(study.axes) != 1 or len(values) < 2 or not numbers or values != sorted(values):
+        numbers = [value for value in values if isinstance(value, int | float)]
+        if len(study.axes) != 1 or len(values) < 2 or values != sorted(numbers):
             raise InputError(
                 f"study '{study.name}': a calibration has one axis of at least two rising numbers"
             )
