@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wayproof.harness.config import HASH_SEPARATOR
+from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import Packet, walk
 from wayproof.harness.log.codec.messages import decode
 from wayproof.harness.log.digest import ContentDigest
@@ -21,6 +22,7 @@ from wayproof.harness.log.streams import Pairing, compare_hashes
 from wayproof.harness.metrics import METRICS, score
 from wayproof.harness.replay.consistency import refuse_contradictions
 from wayproof.harness.replay.content import Content
+from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.assess import assess
 from wayproof.harness.shadow.summary import Summary, summarize
@@ -29,6 +31,7 @@ from wayproof.harness.study.plan import Arm, Planned
 from wayproof.harness.study.store import Store
 from wayproof.harness.trace import trace_of
 from wayproof.models.world_files import shape_digest
+from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
 
 READ = {
     kind.DESCRIPTOR.full_name
@@ -154,9 +157,20 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
 
 
 def _world_of(log: Log, planned: Planned) -> str:
-    """Return the digest of what a world or a recording is, whatever its name and its spelling."""
+    """Return the digest of what a world or a recording is, whatever its name and its spelling.
+
+    Raises:
+        InputError: The scene is not one of ours.
+    """
     _, imported, digest = log.config.world.partition(HASH_SEPARATOR)
-    return shape_digest(log.scene) if imported and planned.source is None else digest
+    if not imported or planned.source is not None:
+        return digest
+    try:
+        return shape_digest(safe_scene(log.scene))
+    except NOT_COMPILED as error:
+        raise InputError(
+            f"log '{log.path}': its scene: {' '.join(str(error).split())[:200]}"
+        ) from None
 
 
 def _metrics(log: Log, content: Content, way: Summary | None) -> dict[str, float | None]:

@@ -13,7 +13,7 @@ from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.contents import contents_of, named_by
-from wayproof.harness.study.file import read_study
+from wayproof.harness.study.file import files_of, read_study
 from wayproof.harness.study.matching import mismatch
 from wayproof.harness.study.plan import CLEAN, Arm, plan_episodes, planned_for
 from wayproof.harness.study.store import Store, merge
@@ -118,7 +118,7 @@ def finished(tmp_path, recorded):
         for one in planned:
             result = recorded("empty", "drone", one.seed, *SHORT)
             shutil.copyfile(result.log, store.log(one.key))
-        store.keep_study(study, {})
+        store.keep_study(study, contents_of(files_of(study)))
     return store, planned
 
 

@@ -17,8 +17,10 @@ from tests.tools.small_log import COMMITTED
 from tests.tools.soak.hostile_files import Maker
 from wayproof.harness.config import Config
 from wayproof.harness.log.codec.container import HEAD, MAGIC
+from wayproof.harness.log.machine import CODE
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.study.contents import PROGRAM
 from wayproof.harness.study.file import read_study
 from wayproof.harness.study.matching import mismatch
 from wayproof.harness.study.plan import plan_episodes
@@ -103,16 +105,18 @@ for scene in SCENES:
 
 def study_with_log(folder: Path, log: Path) -> Path:
     """Return a study's folder of one episode, whose log is given."""
-    config: Config = open_log(log).config
+    opened = open_log(log)
+    config: Config = opened.config
     written = folder / "study.toml"
     written.write_text(STUDY.format(config=config))
     study = read_study(str(written))
     store = Store(folder / "study")
-    [planned] = plan_episodes(study)
+    contents = {PROGRAM: opened.run[CODE]}
+    [planned] = plan_episodes(study, contents)
     assert (unlike := mismatch(open_log(source()), planned)) == "", unlike  # or nothing reads it
     with store.open():
         shutil.copyfile(log, store.log(planned.key))
-        store.keep_study(study, {})
+        store.keep_study(study, contents)
     return store.folder
 
 
