@@ -50,7 +50,7 @@ TOO_MUCH = {
     "severities": (f"seeds = 1\n[perturbations]\nlatency = {values(6000)}\n", "6001 arms"),
     "both": (axes(60, *FOUR[:2]).replace("seeds = 1", "seeds = 100"), "360000 episodes"),
     "bytes": (f"seeds = 1\n# {'x' * 2**20}\n", "bytes, expected at most 1048576"),
-    "depth": (f"seeds = {'[' * 50000}{']' * 50000}\n", "recursion"),
+    "depth": (f"seeds = {'[' * 50000}{']' * 50000}\n", "nested too deeply"),
 }
 
 
