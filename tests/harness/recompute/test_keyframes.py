@@ -219,7 +219,7 @@ def test_a_broken_keyframe_is_a_difference_of_the_log(recorded, tmp_path, capsys
     assert not again.identical
     assert again.differing == 0
     assert any(one.field.startswith("/keyframe[") for one in again.contradictions)
-    assert not verify(path, simulate=False, jobs=jobs).verified
+    assert not verify(path, simulate=False).verified
     if change not in (lose, leave):  # of the map alone, which a card is made of
         assert main(["explain", str(path), "25", "--unchecked"]) == 2
         assert "wayproof: keyframe after decision" in capsys.readouterr().err
