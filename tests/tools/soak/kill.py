@@ -18,11 +18,11 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.recover import recover
 from wayproof.harness.log.writer import FLUSH_PERIOD_NS
+from wayproof.harness.recompute.moments import Moment
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import Scenario, build
-from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.warm_up import warm_up
 
 EPISODES = (("empty", "drone"), ("corridor", "quadruped"))
@@ -72,7 +72,8 @@ def _kill_one(
     failures: list[str],
 ) -> None:
     def work(report: Callable[[str], None]) -> None:
-        def note(decision: pb.Decision, _: pb.Truth) -> None:
+        def note(moment: Moment) -> None:
+            decision = moment.decision
             report(f"{decision.sequence} {decision.timestamp.ToNanoseconds()} {decision.chain}")
 
         run_episode(scenario, path, note)
