@@ -18,6 +18,7 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.perturbations import AnyPerturbation, perturbation_from
 from wayproof.harness.scenario.scenario import build
+from wayproof.harness.study.contents import contents_of
 from wayproof.harness.study.falsify import Falsification, Hunt, Space, falsification_of
 from wayproof.harness.study.file import FalsifyOptions, StudyFile, read_study
 from wayproof.harness.study.job import Done, Job
@@ -142,7 +143,7 @@ def falsified(folder: Path, engine: Engine, study: StudyFile = STUDY) -> Falsifi
         run_missing(some, store, engine, lambda done: None)
 
     with store.open():
-        [found] = answers_of(study, plan_episodes(study), store, {}, run=run)
+        [found] = answers_of(study, plan_episodes(study), store, contents_of([]), run=run)
     assert isinstance(found, Falsification)
     return found
 

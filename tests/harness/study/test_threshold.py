@@ -18,6 +18,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.statistics.exact import quantile_interval
+from wayproof.harness.study.contents import contents_of
 from wayproof.harness.study.file import StudyFile, read_study
 from wayproof.harness.study.job import Done, Job
 from wayproof.harness.study.plan import Planned, plan_episodes
@@ -67,7 +68,7 @@ def bisect(folder: Path, engine: Engine) -> Thresholds:
         run_missing(some, store, engine, lambda done: None)
 
     with store.open():
-        [found] = answers_of(STUDY, planned, store, {}, run=run)
+        [found] = answers_of(STUDY, planned, store, contents_of([]), run=run)
     assert isinstance(found, Thresholds)
     return found
 
@@ -132,7 +133,7 @@ def test_what_was_interrupted_goes_on(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         bisect(tmp_path / "parts", first)
     store = Store(tmp_path / "parts")
-    [halfway] = answers_of(STUDY, plan_episodes(STUDY), store, {})
+    [halfway] = answers_of(STUDY, plan_episodes(STUDY), store, contents_of([]))
     assert isinstance(halfway, Thresholds)
     assert (halfway.unfinished, halfway.episodes) == (9, 25)
     rest = Pretended(lambda seed: seed / 3)
