@@ -104,7 +104,7 @@ def unplanned_in_words(folder: Path, allow_plugins: bool = False) -> str:
         return ""
     logs = "1 log is" if count == 1 else f"{count} logs are"
     return (
-        f"{logs} of no planned episode: another version of Wayproof or of the study file made "
+        f"{logs} of no planned episode: another build of Wayproof or of the study file made "
         f"them; 'wayproof view {store.logs}/KEY.mcap' shows one"
     )
 

@@ -433,7 +433,7 @@ def test_a_planner_s_changed_file_makes_other_episodes_of_a_study(tmp_path):
     changed = planned(tmp_path / "mine.py", f"{PLANNERS}\n# other words\n")
     assert changed.key != first.key
     done = run_job(Job(first.key, to_json(first.config), tmp_path / "a.mcap"))
-    assert done.error == "a file that its config names was changed since the plan"
+    assert done.error == "Wayproof or a file that its config names was changed since the plan"
     assert not (tmp_path / "a.mcap").exists()
 
 
