@@ -123,8 +123,10 @@ def _is_there(scene: Scene, past: Past, place: Array) -> Iterator[str]:
         return
     if reason.kind in ("leaving_inflation", "goal_blocked", "waiting"):
         here = scene.goal if reason.kind == "goal_blocked" else scene.path[0]
-        away = scene.apart(place, here)
-        if away > reason.free_m + spare + ROUNDING:
+        away, most = scene.apart(place, here), reason.free_m
+        if reason.kind == "waiting":
+            most = _end_of_edge(scene, _way(scene, past), most)
+        if away > most + spare + ROUNDING:
             yield f"the place is {away:.2f} m from there"
         return
     way = _way(scene, past)
@@ -139,8 +141,20 @@ def _is_there(scene: Scene, past: Past, place: Array) -> Iterator[str]:
     arcs = arc_lengths(points)
     begin = 0.0 if reason.kind == "commanded" else float(arcs[from_body.argmin()])
     nearest = arcs[gaps <= max(gaps.min(), BENT + spare)] - begin
-    if not nearest.min() - spare <= reason.free_m <= nearest.max() + spare:
+    most = _end_of_edge(scene, way, begin + reason.free_m) - begin
+    if nearest.min() - spare > most or reason.free_m > nearest.max() + spare:
         yield f"free_m is {reason.free_m:.2f}, the place {nearest.min():.2f} m along the way"
+
+
+def _end_of_edge(scene: Scene, way: Array, free_m: float) -> float:
+    """Return the length up to which an obstruction may lie on a way that is free up to a length, m.
+
+    A long body turns at the points of its way: the length that is free ends before a whole edge.
+    """
+    if scene.longest_offset == 0.0 or len(way) < 2:
+        return free_m
+    arcs = arc_lengths(way)
+    return float(arcs[min(int(np.searchsorted(arcs, free_m + ROUNDING)), len(arcs) - 1)])
 
 
 def _way(scene: Scene, past: Past) -> Array:
