@@ -167,7 +167,7 @@ def test_a_wall_hits_no_robot_at_rest():
         mujoco.mj_kinematics(scene.model, data)
         mujoco.mj_collision(scene.model, data)
         watch(truth, data, scene.base)
-    assert (truth.hits_by_movers, truth.collisions, truth.touched) == (0, 1, "")
+    assert (truth.hits_by_movers, truth.collisions, truth.touched) == (0, 1, "an obstacle")
 
 
 @pytest.mark.parametrize("steps", [0, 3, 100, 101, 102, 250])
