@@ -15,6 +15,7 @@ import ctypes
 import os
 import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
@@ -105,6 +106,7 @@ def _status_of(command: int) -> int:
 if __name__ == "__main__":
     outcome = main(int(sys.argv[1]), sys.argv[2:])
     if os.WIFSIGNALED(outcome):
-        signal.signal(os.WTERMSIG(outcome), signal.SIG_DFL)
+        with suppress(OSError):  # nobody handles SIGKILL
+            signal.signal(os.WTERMSIG(outcome), signal.SIG_DFL)
         os.kill(os.getpid(), os.WTERMSIG(outcome))
     os._exit(os.waitstatus_to_exitcode(outcome))

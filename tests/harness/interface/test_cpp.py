@@ -104,7 +104,7 @@ def test_the_header_reads_and_writes_every_field_it_knows(
         assert np.abs(middle - points.mean(axis=0)).max() < (
             error_m if count else 1e-3
         )  # at rest at first
-        assert (got.scalars["seed"], got.scalars["below_zero"]) == (3.0, -1.5)
+        assert (got.scalars["seed"], got.scalars["below_zero"]) == (float(task.seed), -1.5)
         assert got.scalars["time_s"] == pytest.approx(record.inputs.time_ns * 1e-9)
         at = np.array(got.planned_path).reshape(2, 3)[0]
         expected = Command(
