@@ -12,7 +12,6 @@ bit, so that no ray slips through between two triangles.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +39,10 @@ FARTHER = 1.0 + 2e-7
 
 LOWEST = np.array([0] + [(m & -m).bit_length() - 1 for m in range(1, 1 << CHILDREN)])
 """Lowest element of each set of children, by the bits of its number."""
+
+
+Slab = tuple[np.uint64, np.uint64, np.float32, np.float32, np.float32]
+"""How a ray enters and leaves boxes along one axis, by `slab_of`."""
 
 
 @inlined
@@ -94,7 +97,7 @@ def reach_triangle(
 
 
 @inlined
-def slab_of(o: float, d: float, margin: float, axis: int) -> tuple[Any, ...]:
+def slab_of(o: float, d: float, margin: float, axis: int) -> Slab:
     """Return how a ray enters and leaves boxes along one axis.
 
     Returns:
@@ -110,7 +113,7 @@ def slab_of(o: float, d: float, margin: float, axis: int) -> tuple[Any, ...]:
 
 @inlined
 def open_node(
-    boxes: NDArray[np.float32], links: NDArray[np.int32], node: int, slabs: Any,
+    boxes: NDArray[np.float32], links: NDArray[np.int32], node: int, slabs: tuple[Slab, Slab, Slab],
     farthest: np.float32, bottom: int, waiting: Waiting,
 ) -> int:  # fmt: skip
     """Let the children of a node that a ray enters wait, nearest on top; return the top.
@@ -152,7 +155,7 @@ def open_node(
 
 
 @inlined
-def slabs_of(o: Vector3, d: Vector3, reach: float) -> Any:
+def slabs_of(o: Vector3, d: Vector3, reach: float) -> tuple[Slab, Slab, Slab]:
     """Return how a ray enters and leaves boxes within `reach` of the frame's origin, m."""
     margin = ROUNDING * (reach + abs(o[0]) + abs(o[1]) + abs(o[2]))
     return (
