@@ -89,7 +89,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 
 
 def _going_on(console: Console, study: StudyFile, going_on: StudyFile) -> StudyFile:
-    """Say where a study goes on from a look at it, and return it."""
+    """Say where a study continues from a look at it, and return it."""
     if going_on.sequential and not study.sequential:
         console.print(
             "seeds were added after a look at the gates, which are now sequential from their first "

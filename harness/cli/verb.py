@@ -70,7 +70,7 @@ def arg(
         text: Help; the default is added to it, unless it names one.
         kind: Makes the value of its word.
         default: Value where none is given.
-        needs: Options without all of which it would have no effect, and is refused.
+        needs: Options that it needs; it is refused without them.
         more: Further settings of `ArgumentParser.add_argument`.
     """
     name, _, value = spec.partition(" ")

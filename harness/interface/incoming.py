@@ -19,7 +19,7 @@ POLLED_S = 2e-3
 """Time for which an announced observation is polled for, s: the harness makes it in a tenth."""
 
 READ_AT_ONCE = 2**20
-"""Bytes that one call reads: memory grows as they come, not with the length that is told."""
+"""Bytes that one call reads: memory grows as they come, not with the length that is stated."""
 
 MESSAGE_S = 30.0
 """Wall time within which a message that has begun is there, or an answer is taken, s."""

@@ -28,7 +28,7 @@ Value = Callable[[Row], float | None]
 """Function that returns the figure of an episode; None of one that has none."""
 
 NOTHING_RAN = Interval(0.0, 0.0, 1.0)
-"""Success rate of an arm of which no episode ran."""
+"""Success rate of an arm without an episode."""
 
 
 @dataclass(frozen=True)

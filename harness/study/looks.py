@@ -24,7 +24,7 @@ GROWTH = 1.125
 
 
 def continued(study: StudyFile, store: Store) -> StudyFile:
-    """Return a study that goes on where its folder was judged before.
+    """Return a study that continues from where its folder was judged before.
 
     Whoever adds seeds because a gate was inconclusive has looked, so an interval of a fixed size no
     longer holds: the gates become sequential, over all seeds in the order in which they were run.

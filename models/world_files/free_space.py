@@ -145,7 +145,7 @@ def survey(found: Found, low: Vector3, high: Vector3, band: Band, reach: float) 
         low: Lower corner of the area, m.
         high: Upper corner, m.
         band: Heights above the floor, m.
-        reach: Distance beyond which gaps are not told apart, m.
+        reach: Distance beyond which gaps are not measured, m.
     """
     grid, ground = Grid(low, high), Ground(found.parts)
     i, j = np.indices(grid.shape).reshape(2, -1)

@@ -184,7 +184,7 @@ class Daring(BuiltinStack):
 
 
 class OfSeed0(BuiltinStack):
-    """The built-in stack, which draws as if it were told the seed of the world."""
+    """The built-in stack, which draws as by the seed of the world."""
 
     SEED = 0
 

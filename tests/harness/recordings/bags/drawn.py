@@ -90,7 +90,7 @@ class Recorder:
         return cast(position + turned, yaws + heading + angles)
 
     def coded(self, ranges):
-        """Return ranges of which each tenth is a code for nothing measured."""
+        """Return ranges; each tenth is a code for nothing measured."""
         ranges = ranges.copy()
         for k, code in enumerate(self.plan.codes):
             ranges[5 + 3 * k :: 10 * len(self.plan.codes)] = code
@@ -228,7 +228,7 @@ class Recorder:
         self.info(stamp, (rows, columns), focal, centre, binning, cut)
 
     def info(self, stamp, shape, focal, centre, binning, cut):
-        """Write a CameraInfo of the whole sensor, of which the image may be a part, binned."""
+        """Write a CameraInfo of the whole sensor; the image may be a part of it, binned."""
         rows, columns = shape
         fx, cx = focal * binning, (centre + 0.5) * binning - 0.5 + cut
         cy = ((rows - 1) / 2 + 0.5) * binning - 0.5 + cut
