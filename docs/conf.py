@@ -26,7 +26,7 @@ CHAPTERS = {
     "Get started": ["get-started", "concepts", "comparison"],
     "Use your own": [
         *("tutorials/stack", "stack-interface", "ros2", "nav2", "gym"),
-        *("tutorials/planner", "tutorials/robot", "robots"),
+        *("tutorials/planner", "robots"),
         *("tutorials/sensor", "sensors", "imports"),
         *("tutorials/recording", "shadow", "recordings"),
     ],
