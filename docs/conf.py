@@ -27,7 +27,7 @@ CHAPTERS = {
     "Use your own": [
         *("tutorials/stack", "stack-interface", "ros2", "nav2", "gym"),
         *("tutorials/planner", "robots"),
-        *("tutorials/sensor", "sensors", "imports"),
+        *("tutorials/sensor", "sensors", "worlds"),
         *("tutorials/recording", "shadow", "recordings"),
     ],
     "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "replay", "seeing"],
@@ -36,7 +36,7 @@ CHAPTERS = {
         *("tutorials/pose-drift", "tutorials/lost-echoes", "statistics"),
     ],
     "How it works": [
-        *("maps", "maps-library", "representations", "moving", "planning", "unknown", "worlds"),
+        *("maps", "maps-library", "representations", "moving", "planning", "unknown"),
         "log",
     ],
     "Reference": [
