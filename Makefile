@@ -8,7 +8,7 @@ ROS2   := .venv-ros2/.ready
 LOCK   := uv pip compile pyproject.toml --extra build --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --quiet
 RCLPY  := ros-jazzy-rclpy ros-jazzy-rmw-fastrtps-cpp $(foreach kind,sensor geometry nav rosgraph,ros-jazzy-$(kind)-msgs) numpy
 
-.PHONY: demo setup test chains size test-ros2 check docs lock schema help
+.PHONY: demo setup test test-all chains size test-ros2 check docs lock schema help
 
 help:  ## Show this list.
 	@grep -E '^[a-z0-9-]+:.*##' Makefile | sed -E 's/:[^#]*## /\t/'
@@ -47,6 +47,13 @@ demo: $(READY)  ## Send a quadruped and a drone across a warehouse, then replay 
 
 test: $(READY) $(TOOLS)  ## Run every test, on two cores.
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
+
+SOAKS = kill=40 fuzz=4000 imports=400 episodes=60 worlds=60 hostile=200 recordings=200 processors=2
+SEED  ?= $(shell date +%Y%j)
+
+test-all: $(READY) $(TOOLS)  ## Run every test and every block of the docs, then the soaks on the day's seed.
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m ""
+	for soak in $(SOAKS); do $(BIN)/python -m tests.tools.soak $${soak%=*} --count $${soak#*=} --seed $(SEED) || exit 1; done
 
 chains: $(READY) $(TOOLS)  ## Compare the decisions of the corpus with tests/chains.txt, on two cores.
 	$(BIN)/python -m tests.chains

@@ -18,6 +18,7 @@ from rerun.experimental import ViewerClient
 
 from wayproof.harness.viewer.rerun_view import loopback_viewer
 
+NEEDS = "Rerun's viewer needs a Vulkan driver: apt-get install mesa-vulkan-drivers libvulkan1"
 SETTLE = 3.0  # s, for data and shaders to arrive
 
 
@@ -37,7 +38,7 @@ def main(recording: Path, seconds: float, out: Path) -> None:
             time.sleep(SETTLE)
             shot = Image.open(io.BytesIO(viewer.take_screenshot()))
     except ConnectionError as error:  # the viewer exits without a driver
-        sys.exit(f"no picture here: {error}; Rerun's viewer needs a Vulkan driver")
+        sys.exit(f"no picture here: {error}; {NEEDS}")
     shot = shot.convert("RGB").resize((1440, 810), Image.Resampling.LANCZOS)
     shot.quantize(128).save(out, optimize=True)
 
@@ -47,7 +48,7 @@ def check_vulkan() -> None:
     try:
         ctypes.CDLL("libvulkan.so.1")
     except OSError as error:
-        sys.exit(f"no picture here: {error}; Rerun's viewer needs a Vulkan driver")
+        sys.exit(f"no picture here: {error}; {NEEDS}")
 
 
 def free_port() -> int:

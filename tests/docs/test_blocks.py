@@ -1,4 +1,8 @@
-"""Every block of every page runs, and quoted output is the printed one."""
+"""The blocks of a page run, and quoted output is the printed one.
+
+Those of the pages in `RUN` run in every test; those of the others are read, and run in `make
+test-all`.
+"""
 
 import os
 import re
@@ -20,6 +24,8 @@ from wayproof.harness.cli.main import parser_of, split_command
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(ROOT.glob("docs/**/*.md"))]
 INDEX = ROOT / "docs/README.md"
+PAGES_RUN = ("get-started", "stack", "recordings", "studies")
+RUN = {"README.md", *(f"docs/{name}.md" for name in PAGES_RUN)}
 INLINE = re.compile(r"`((?:\.venv/bin/)?wayproof|python|pytest|make)\s([^`]+)`")
 
 
@@ -27,19 +33,39 @@ def name_of(page):
     return str(page.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_every_block_runs(tmp_path, monkeypatch, common, page):
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+@pytest.mark.usefixtures("folder")
+def test_every_block_is_read(common, page):
+    text = page.read_text()
+    reader = Typist(text, common)
+    for block in blocks(text):
+        reader.read(block)
+    pictured = re.search(r"!\[[^\]]*\]\([^)]+\.(?:png|svg|gif)\)", text)
+    if page.parent != ROOT and page != INDEX:
+        assert reader.ran or pictured, "no picture, and no block that runs"
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=name_of(page), marks=[pytest.mark.large][: name_of(page) not in RUN])
+        for page in PAGES
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_every_block_runs(monkeypatch, common, page):
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     text = page.read_text()
     typist = Typist(text, common)
     for block in blocks(text):
         typist.type(block)
-    pictured = re.search(r"!\[[^\]]*\]\([^)]+\.(?:png|svg|gif)\)", text)
-    if page.parent != ROOT and page != INDEX:
-        assert typist.ran or pictured, "no picture, and no block that runs"
     if typist.undrawn:
         pytest.skip(f"all but {len(typist.undrawn)} pictures: {typist.undrawn[0]}")
 

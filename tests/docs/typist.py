@@ -1,8 +1,9 @@
-"""Run the blocks of a page, in order, in a folder of its own.
+"""Read or run the blocks of a page, in order, in a folder of its own.
 
-`sh` blocks run in full. `console` blocks run on a small scale: episodes end early, a study has one
-seed, and `make` does a dry run. Commands in `UNTYPED` do not run, for the reason there; they are
-checked against the parser of their program.
+Reading a block checks its commands against the parsers of their programs, compiles its code, parses
+its file. Running it, `sh` blocks run in full and `console` blocks on a small scale: episodes end
+early, a study has one seed, and `make` does a dry run. Commands in `UNTYPED` are read only, for the
+reason there.
 
 `python -m tests.docs.typist docs/PAGE.md` updates the quoted output of a page; the prose around it
 is to be checked by hand.
@@ -111,12 +112,29 @@ class Typist:
                 exec(compile(block.text, "page", "exec"), self._names)
             self.output, self._whole = out.getvalue(), True
         else:
-            path = Path(block.options.get("file", f"page.{block.kind}"))
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if (ROOT / path).is_file():
-                assert (ROOT / path).read_text() == block.text, f"{path} is another"
-            path.write_text(block.text)
-            READERS[block.kind](path)
+            self._write_file(block)
+
+    def read(self, block):
+        """Check one block without running it."""
+        self.ran += block.kind != "text"
+        if block.kind == "python":
+            compile(block.text, "page", "exec")
+        elif block.kind in READERS:
+            self._write_file(block)
+        for line in commands_of(block):
+            if line.startswith(("cat >", "mkdir")):  # what later blocks presuppose
+                self._type_line(line)
+            else:
+                check_against_parser(shlex.split(line, comments=True))
+
+    def _write_file(self, block):
+        """Write the file of a block, and parse it."""
+        path = Path(block.options.get("file", f"page.{block.kind}"))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if (ROOT / path).is_file():
+            assert (ROOT / path).read_text() == block.text, f"{path} is another"
+        path.write_text(block.text)
+        READERS[block.kind](path)
 
     def _type_commands(self, block):
         self.output, self._whole, code, typed = "", block.kind == "sh", 0, False
@@ -296,13 +314,17 @@ def check_against_parser(words):
     if Path(program).name == "wayproof":
         options = parse(rest[: _end(rest)])
         assert rest[0] != "bench" or options.part in BENCHES, words
+        assert rest[0] != "run" or log_of(rest), words
     elif program == "make":
         assert rest[0] in TARGETS, words
     elif program == "python":
-        found = importlib.util.find_spec(rest[1]) if rest[0] == "-m" else (ROOT / rest[0]).exists()
+        scripts = ROOT / rest[0], Path(rest[0])
+        found = (
+            importlib.util.find_spec(rest[1]) if rest[0] == "-m" else any(map(Path.exists, scripts))
+        )
         assert found, words
     else:
-        assert program in ("pip", "."), words
+        assert program in ("pip", ".", "c++", "export"), words
 
 
 def _end(words):

@@ -137,7 +137,7 @@ def test_fish_completes(capsys, tmp_path):
     assert "map.resolution=" in script
     fish = shutil.which("fish")
     if fish is None:
-        pytest.skip("no fish here")
+        pytest.skip("no fish here; apt-get install fish")
     (tmp_path / "complete.fish").write_text(script)
     ask = f"source {tmp_path}/complete.fish; complete -C 'wayproof run ware'"
     shown = subprocess.run([fish, "-c", ask], capture_output=True, text=True, check=True)
