@@ -27,7 +27,7 @@ CHAPTERS = {
     "Use your own": [
         *("tutorials/stack", "stack-interface", "ros2", "nav2", "gym"),
         *("tutorials/planner", "robots"),
-        *("tutorials/sensor", "sensors", "worlds"),
+        *("sensors", "worlds"),
         *("tutorials/recording", "shadow", "recordings"),
     ],
     "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "replay", "seeing"],

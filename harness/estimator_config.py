@@ -23,7 +23,7 @@ class EstimateConfig:
             is taken from their median. The smaller, the more a sweep counts.
         map_error_share: Error that a registration leaves in the map and in the stated covariance,
             which counts anew with each sweep that a part of the map is by; likewise a share of the
-            residuals' standard deviation. Calibrated from logs with truth (docs/estimators.md).
+            residuals' standard deviation. Calibrated from logs with truth (docs/sensors.md).
         motion_share: Standard deviation of the motion by feet or an odometry along directions that
             the scene does not hold, as a share of it. The quadruped's feet roll as it walks, which
             costs 1 to 2.5 % of the way in `tunnel` and `hall`.
