@@ -214,7 +214,7 @@ def reason_for(module, found):
 def test_no_operation_of_a_replay_depends_on_the_processor():
     modules = modules_of_a_replay()
     expected = {
-        "harness.stack.evasive_stop",
+        "harness.stack.manoeuvres.evasive_stop",
         "maps.voxel.voxel_map",
         "planners.kernels.segment",
         "models.sensors.beams",

@@ -32,12 +32,12 @@ from wayproof.harness.interface.types import Fate, Observation
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.decide import not_yet_superseded
 from wayproof.harness.stack.diagnosis import braking_reason, obstructed
 from wayproof.harness.stack.footprint_mode import FootprintDecision
-from wayproof.harness.stack.maneuvers import brake
+from wayproof.harness.stack.manoeuvres.stopping import brake
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.shadowing import AtRecordedPoses
+from wayproof.harness.stack.situation import not_yet_superseded
 from wayproof.harness.stack.types import Command, PlannerInput, distance, is_stationary
 from wayproof.planners import Trajectory, TrajectorySample, hold, remaining
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from wayproof.harness.stack.closed_gaps import note_lost_way, record_closed_gap, with_closed_gaps
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import heading_at
-from wayproof.harness.stack.pose_step import is_stepping
+from wayproof.harness.stack.manoeuvres.pose_step import is_stepping
 from wayproof.harness.stack.types import (
     Command,
     Decided,

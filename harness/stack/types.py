@@ -107,8 +107,6 @@ class PlannerInput:
             its discs, m; those of an elongated body in the circumscribed space, too.
         sideways_speed: Speed in any direction, whatever the body faces, m/s; 0 if it turns before
             it moves, or if it flies, if it takes a bend no faster than it turns.
-        mission_goal: (3,) the mission's goal where `goal` is its projection to free space, or an
-            intermediate goal, m.
         plan: Path planner: space, start, goal, settings, seed, heading.
         localization: Uncertainty of the pose; None if no covariance is stated.
         range_sigma: Standard deviation of the ranges of the sweeps, m; 0 where it is not estimated.
@@ -142,7 +140,6 @@ class PlannerInput:
     behaviour: BehaviourConfig
     bare_discs: tuple[tuple[float, float], ...]
     sideways_speed: float = 0.0
-    mission_goal: Array | None = None
     plan: PlanPath = plan
     localization: Localization | None = None
     range_sigma: float = 0.0
@@ -277,6 +274,11 @@ class PlannerState:
     def exploring(self) -> bool:
         """Whether the global path leads to a viewpoint."""
         return self.exploration is not None
+
+    @property
+    def under_way(self) -> UnderWay:
+        """The manoeuvre without a global path that may go on."""
+        return "" if self.path_loss is None else self.path_loss.under_way
 
     @property
     def path(self) -> Array:

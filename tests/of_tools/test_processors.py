@@ -76,7 +76,7 @@ BENDS = """
 import hashlib, types
 import numpy as np
 from wayproof.harness.behaviour_config import BehaviourConfig
-from wayproof.harness.stack.evasive_stop import _bends
+from wayproof.harness.stack.manoeuvres.evasive_stop import _bends
 from wayproof.planners import MotionLimits
 
 limits = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)

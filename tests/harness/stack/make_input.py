@@ -11,6 +11,7 @@ import numpy as np
 from tests.maps.exact_distances import scipy_squared
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.manoeuvres.driving import Course, drivable_part
 from wayproof.harness.stack.types import PlannerInput, PlannerState
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 from wayproof.planners import Body, FreeSpace, MotionLimits, PlannerConfig, hold
@@ -98,6 +99,13 @@ def make_input(
 def at_rest(position=START, heading=0.0, **others):
     """The state of a robot that has stood in its place so far."""
     return PlannerState(hold(place(*position), 0, heading), **others)
+
+
+def course_of(input, state, previous=None, part=None):
+    """The course along the global path of a state, by default with its drivable part."""
+    start = state.trajectory.at(input.effect_ns)
+    part = part or drivable_part(input, state.path, start)
+    return Course(input, state, start, previous or state, part)
 
 
 def sample_at(state, time_ns):

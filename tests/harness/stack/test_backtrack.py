@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.harness.stack.make_input import at_rest, make_input, make_states, place
-from wayproof.harness.stack.backtrack import (
+from wayproof.harness.stack.manoeuvres.recovery import (
     BACKTRACK_LENGTH,
     backtrack_path,
     record_breadcrumb,

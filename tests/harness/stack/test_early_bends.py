@@ -16,7 +16,6 @@ from tests.harness.stack.make_input import (
     next_input,
     place,
 )
-from wayproof.harness.stack.driving import drivable_part
 from wayproof.harness.stack.early_bends import (
     bends_early,
     blend_length,
@@ -24,6 +23,7 @@ from wayproof.harness.stack.early_bends import (
     replan_period,
 )
 from wayproof.harness.stack.global_path import keep_or_replan
+from wayproof.harness.stack.manoeuvres.driving import drivable_part
 from wayproof.harness.stack.types import arc_length, is_free_along
 from wayproof.planners import PathState, follow_path, stopping_distance
 

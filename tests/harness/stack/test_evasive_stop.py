@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wayproof.harness.behaviour_config import BehaviourConfig
-from wayproof.harness.stack.evasive_stop import EMERGENCY, clearest_stop
+from wayproof.harness.stack.manoeuvres.evasive_stop import EMERGENCY, clearest_stop
 from wayproof.harness.stack.types import PlannerInput
 from wayproof.planners import (
     FreeSpace,

@@ -1,4 +1,4 @@
-"""Manoeuvres that end where the robot is, each called alone."""
+"""Manoeuvres that end where the robot is."""
 
 from dataclasses import replace
 
@@ -17,15 +17,12 @@ from tests.harness.stack.make_input import (
     next_input,
     place,
 )
-from wayproof.harness.stack.global_path import GlobalPlan
-from wayproof.harness.stack.maneuvers import (
-    brake,
-    hold_position,
-    stop_without_path,
-    wait,
-    wait_at_blocked_goal,
-)
+from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.global_path import project_goal_to_free
+from wayproof.harness.stack.manoeuvres.lost_pose import hold_position
+from wayproof.harness.stack.manoeuvres.stopping import brake, stop_without_path, wait
 from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.situation import situation_of
 from wayproof.harness.stack.types import BehaviourConfig, Exploration
 
 NO_PATH = Reason("no_path", iterations=12)
@@ -46,7 +43,7 @@ def in_motion(decisions=8):
 def test_a_robot_off_its_trajectory_holds_the_estimated_pose_and_drops_its_path():
     input = make_input(position=(1.05, 3.05), heading=0.4)
     state = at_rest(global_path=np.array([place(*START), place(*GOAL)]))
-    command, after = hold_position(input, state, standing_at(START))
+    command, after = hold_position(situation_of(input, state))
     assert (command.action, command.label) == ("recover", "localization_lost")
     assert command.reason.distance_m == pytest.approx(1.0, abs=1e-6)
     assert command.reason.limit_m == pytest.approx(BehaviourConfig().tracking_tolerance, abs=1e-6)
@@ -63,9 +60,10 @@ def test_a_robot_beside_a_blocked_goal_waits_for_the_timeout_and_then_aborts(sec
     assert BehaviourConfig().goal_wait_timeout == 5.0
     sequence = 10 + round(seconds * 1e9) // PERIOD_NS
     block = make_states(occupied=[(6.5, 6.7, 2.0, 2.2)])
-    input = make_input(block, sequence=sequence, position=(6.05, 2.05))
-    state = at_rest((6.05, 2.05), rest_since_ns=10 * PERIOD_NS)
-    command, after = wait_at_blocked_goal(input, state, standing_at((6.05, 2.05)))
+    beside = project_goal_to_free(make_input(block))[:2]
+    input = make_input(block, sequence=sequence, position=beside)
+    state = at_rest(beside, rest_since_ns=10 * PERIOD_NS)
+    command, after = decide(input, state)
     assert (command.action, command.label) == (action, "goal_blocked")
     assert command.reason.waited_s == pytest.approx(seconds, abs=1e-6)
     assert command.reason.cell_state == "occupied"
@@ -106,8 +104,9 @@ def test_a_robot_that_has_reached_its_viewpoint_comes_to_rest_there():
     state, input, start = in_motion()
     path = start.position + np.array([[-start.arc_length, 0.0, 0.0], [0.02, 0.0, 0.0]])
     previous = replace(state, global_path=path, exploration=Exploration(since=2))
-    planned = GlobalPlan(replace(state, global_path=None))
-    command, _ = stop_without_path(input, planned, start, previous=previous)
+    x = round(start.position[0] + 0.5, 1)  # a wall before the end of the stop
+    walled = next_input(state, 8, states=make_states(occupied=[(x, x + 0.3, 0.0, 4.0)]))
+    command, _ = stop_without_path(situation_of(walled, previous))
     assert (command.action, command.label) == ("stop_and_wait", "none")
     assert command.reason.kind == "waiting"
     assert command.reason.since == input.sequence

@@ -12,6 +12,7 @@ from tests.harness.stack.make_input import (
     PERIOD_NS,
     START,
     at_rest,
+    course_of,
     drive,
     final_sample,
     make_input,
@@ -20,16 +21,13 @@ from tests.harness.stack.make_input import (
     place,
     top_speed,
 )
-from wayproof.harness.stack.course_keeping import keep_course
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.driving import (
-    DrivablePart,
-    fit_trajectory,
-)
 from wayproof.harness.stack.footprint_checks import first_misfit
-from wayproof.harness.stack.path_following import brake_on_path, follow_global_path
+from wayproof.harness.stack.manoeuvres.course_keeping import keep_course
+from wayproof.harness.stack.manoeuvres.driving import DrivablePart, fit_trajectory
+from wayproof.harness.stack.manoeuvres.following import brake_on_path, follow
+from wayproof.harness.stack.manoeuvres.setting_out import set_out, step_aside, turn_to
 from wayproof.harness.stack.path_timing import plan_trajectory
-from wayproof.harness.stack.setting_out import set_out, step_aside, turn_into_path
 from wayproof.harness.stack.types import BehaviourConfig, Exploration, arc_length
 from wayproof.planners import stopping_distance
 
@@ -39,11 +37,6 @@ LANE = make_states(occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0)])
 """A lane of 0.7 m along x, in which the long body cannot turn."""
 
 
-def follow(input, state, previous=None):
-    start = state.trajectory.at(input.effect_ns)
-    return follow_global_path(input, state, start, previous=previous or state)
-
-
 @pytest.mark.parametrize(
     ("unknown_from", "action"), [(2.2, "slow"), (round(1.8 + FULL_STOP, 1), "follow")]
 )
@@ -51,7 +44,7 @@ def test_a_path_is_driven_up_to_the_unknown_slowly_if_full_speed_could_not_stop(
     unknown_from, action
 ):
     input = make_input(make_states(unknown=[(unknown_from, 8.0, 0.0, 4.0)]))
-    command, _ = follow(input, at_rest(global_path=PATH))
+    command, _ = decide(input, at_rest(global_path=PATH))
     assert (command.action, command.label) == (action, "unknown_ahead")
     assert command.trajectory.path[-1, 0] == pytest.approx(
         START[0] + command.reason.free_m, abs=1e-5
@@ -64,7 +57,7 @@ def test_a_path_is_driven_up_to_the_unknown_slowly_if_full_speed_could_not_stop(
 def test_a_ground_robot_turns_in_place_beyond_its_angle(angle, turns):
     assert BehaviourConfig().rotate_in_place_angle == 0.6
     input = make_input(turns_in_place=True, heading=angle)
-    command, _ = follow(input, at_rest(heading=angle, global_path=PATH))
+    command, _ = decide(input, at_rest(heading=angle, global_path=PATH))
     assert (command.reason.kind == "turning") is turns
     moved = final_sample(command.trajectory).position[0] - START[0]
     assert (moved < 1e-9) == turns
@@ -78,7 +71,9 @@ def test_braking_before_the_end_of_a_free_path_has_no_label():
     start = state.trajectory.at(input.effect_ns)
     path = start.position + np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])
     state = replace(state, global_path=path)
-    command, _ = brake_on_path(input, state, start, DrivablePart(0.2, blocked=False))
+    command, _ = brake_on_path(
+        course_of(input, state, part=DrivablePart(0.2, blocked=False, too_short=True))
+    )
     assert (command.action, command.label) == ("stop_and_wait", "none")
     assert command.reason.kind == "braking_for_goal"
     assert command.reason.path_m == pytest.approx(arc_length(command.trajectory.path), abs=1e-6)
@@ -87,13 +82,13 @@ def test_braking_before_the_end_of_a_free_path_has_no_label():
 def test_a_turn_that_leads_to_the_heading_already_goes_on():
     input = make_input(turns_in_place=True, sequence=0)
     state = at_rest(heading=0.0, global_path=PATH)
-    command, state = turn_into_path(input, state, state.trajectory.at(input.effect_ns), 1.5)
+    command, state = turn_to(course_of(input, state), 1.5)
     later = make_input(turns_in_place=True, sequence=3)
     start = state.trajectory.at(later.effect_ns)
     assert not start.at_rest
-    again, _ = turn_into_path(later, state, start, 1.55)
+    again, _ = turn_to(course_of(later, state), 1.55)
     assert again.trajectory is command.trajectory
-    other, _ = turn_into_path(later, state, start, 1.8)
+    other, _ = turn_to(course_of(later, state), 1.8)
     assert other.trajectory is not command.trajectory
 
 
@@ -101,8 +96,8 @@ def test_a_turn_into_the_path_is_no_drive_that_ends_at_its_heading():
     input = make_input(LANE, LONG, turns_in_place=True, sideways_speed=0.4)
     creeping = plan_trajectory(input, at_rest().trajectory.at(input.effect_ns), PATH, 1.0)
     state = replace(at_rest(global_path=PATH), trajectory=creeping)
-    start = creeping.at(input.effect_ns)._replace(at_rest=False)
-    command, after = turn_into_path(input, state, start, target=0.1)
+    moving = creeping.at(input.effect_ns)._replace(at_rest=False)
+    command, after = turn_to(course_of(input, state)._replace(start=moving), target=0.1)
     assert after.trajectory is command.trajectory
     assert final_sample(command.trajectory).heading == pytest.approx(0.1, abs=1e-3)
     assert np.ptp(command.trajectory.path, axis=0).max() == 0.0
@@ -111,7 +106,7 @@ def test_a_turn_into_the_path_is_no_drive_that_ends_at_its_heading():
 def test_a_robot_that_turns_while_exploring_says_that_it_explores():
     input = make_input(turns_in_place=True)
     state = at_rest(global_path=PATH, exploration=Exploration(since=4))
-    command, _ = turn_into_path(input, state, state.trajectory.at(input.effect_ns), 1.5)
+    command, _ = turn_to(course_of(input, state), 1.5)
     assert (command.action, command.reason.kind) == ("explore", "looking_elsewhere")
     assert command.reason.since == 4
 
@@ -120,8 +115,7 @@ def test_a_robot_that_turns_while_exploring_says_that_it_explores():
 def test_a_long_body_in_a_lane_sets_out_as_it_lies(heading, tail_first):
     input = make_input(LANE, LONG, heading=heading)
     state = at_rest(heading=heading, global_path=PATH)
-    start = state.trajectory.at(input.effect_ns)
-    command, _ = set_out(input, state, start, DrivablePart(5.5, blocked=False))
+    command, _ = set_out(course_of(input, state, part=DrivablePart(5.5, blocked=False)))
     assert command.action == "follow"
     poses = command.trajectory.poses(0.1)
     assert poses[-1, 0] > 3.0
@@ -135,8 +129,8 @@ def test_a_long_body_with_no_room_to_turn_into_its_path_waits_and_drops_it():
     input = make_input(LANE, LONG, heading=0.0, position=(3.05, 2.05))
     across = np.array([place(3.05, 2.05), place(3.05, 3.55)])
     state = at_rest((3.05, 2.05), global_path=across)
-    start = state.trajectory.at(input.effect_ns)
-    command, after = set_out(input, state, start, DrivablePart(0.4, blocked=True))
+    part = DrivablePart(0.4, blocked=True)
+    command, after = set_out(course_of(input, state, part=part))
     assert (command.action, command.label) == ("stop_and_wait", "no_path")
     assert command.reason.kind == "waiting"
     assert command.reason.cell_state == "occupied"
@@ -146,9 +140,8 @@ def test_a_long_body_with_no_room_to_turn_into_its_path_waits_and_drops_it():
 def test_a_long_body_keeps_its_course_where_that_is_free():
     state = drive(8, body=LONG)
     input = next_input(state, 8, body=LONG)
-    start = state.trajectory.at(input.effect_ns)
     fresh = replace(state, improved_ns=123)
-    command, after = keep_course(input, fresh, start, previous=state)
+    command, after = keep_course(course_of(input, fresh, previous=state))
     assert (command.action, command.reason.kind) == ("follow", "following")
     assert command.trajectory is state.trajectory
     assert after.improved_ns == 123
@@ -157,13 +150,12 @@ def test_a_long_body_keeps_its_course_where_that_is_free():
 def test_a_long_body_drives_its_last_path_as_far_as_it_fits_before_it_brakes():
     state = drive(8, body=LONG)
     walled = next_input(state, 8, body=LONG, states=make_states(occupied=[(4.0, 4.3, 0.0, 4.0)]))
-    start = state.trajectory.at(walled.effect_ns)
-    command, _ = keep_course(walled, state, start, previous=state)
+    command, _ = keep_course(course_of(walled, state))
     assert (command.action, command.label) == ("follow", "path_blocked")
     assert command.trajectory.stop_point[0] < 4.0 - 0.3
     assert first_misfit(walled.traversable, command.trajectory) is None
     near = next_input(state, 8, body=LONG, states=make_states(occupied=[(2.0, 2.3, 0.0, 4.0)]))
-    command, after = keep_course(near, state, start, previous=state)
+    command, after = keep_course(course_of(near, state))
     assert (command.action, command.label) == ("stop_and_wait", "path_blocked")
     assert command.reason.cell[0] == pytest.approx(2.05)
     assert after.global_path is None
@@ -207,13 +199,13 @@ def test_a_long_body_steps_aside_at_its_heading_where_it_has_no_room_at_that_of_
     input = make_input(lane, LONG, heading=np.pi / 2, turns_in_place=True, sideways_speed=0.4)
     assert input.traversable.pose_free(input.position, np.pi / 2)
     state = at_rest(heading=np.pi / 2, global_path=np.array([place(*START), place(*GOAL)]))
-    start = state.trajectory.at(input.effect_ns)
-    stepped = step_aside(input, state, start)
+    part = DrivablePart(0.0, blocked=True)
+    stepped = step_aside(course_of(input, state, part=part))
     end = final_sample(stepped.command.trajectory)
     assert end.heading == np.pi / 2
     assert end.position[0] - START[0] == pytest.approx(0.5, abs=0.05)
     assert first_misfit(input.traversable, stepped.command.trajectory) is None
-    assert step_aside(replace(input, sideways_speed=0.0), state, start) is None
+    assert step_aside(course_of(replace(input, sideways_speed=0.0), state, part=part)) is None
 
 
 def test_a_long_body_keeps_an_admitted_trajectory_where_its_path_has_closed():
@@ -223,10 +215,10 @@ def test_a_long_body_keeps_an_admitted_trajectory_where_its_path_has_closed():
     start = state.trajectory.at(input.effect_ns)
     bend = start.position + np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 1.5, 0.0]])
     closed = replace(state, global_path=bend, improved_ns=123)
-    command, after = follow_global_path(input, closed, start, previous=state)
+    command, after = follow(input, closed, start, previous=state)
     assert command.reason.kind == "following"
     assert command.trajectory is state.trajectory
     assert (after.improved_ns, after.global_path is state.global_path) == (123, True)
     room["states"] = make_states(occupied=[(0.0, 8.0, 2.9, 4.0), (4.0, 4.3, 0.0, 4.0)])
-    command, _ = follow_global_path(next_input(state, 8, **room), closed, start, previous=state)
+    command, _ = follow(next_input(state, 8, **room), closed, start, previous=state)
     assert command.reason.kind == "braking_for_blocked"

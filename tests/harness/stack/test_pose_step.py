@@ -9,6 +9,7 @@ from tests.harness.stack.make_input import (
     CELL,
     LONG,
     at_rest,
+    course_of,
     final_sample,
     make_input,
     make_states,
@@ -16,7 +17,9 @@ from tests.harness.stack.make_input import (
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.footprint_checks import first_misfit
 from wayproof.harness.stack.footprint_mode import decide_with_footprint
-from wayproof.harness.stack.pose_step import continue_step, is_stepping, step_to_pose
+from wayproof.harness.stack.manoeuvres.driving import DrivablePart
+from wayproof.harness.stack.manoeuvres.pose_step import continue_step, is_stepping, step_to_pose
+from wayproof.harness.stack.situation import situation_of
 from wayproof.harness.stack.types import PathLoss
 from wayproof.maps import OCCUPIED
 from wayproof.planners import Body
@@ -25,14 +28,19 @@ LANE = make_states(occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0)])  # 0.7
 ACROSS = 0.15  # heading off the lane, rad
 
 
+def lane_course(input, state):
+    """The course of a robot whose path is blocked where it rests."""
+    state = replace(state, global_path=np.array([input.position, input.goal]))
+    return course_of(input, state, part=DrivablePart(0.0, blocked=True))
+
+
 def in_lane(**others):
     return make_input(LANE, LONG, heading=ACROSS, turns_in_place=True, sideways_speed=0.4, **others)
 
 
 def test_the_step_ends_at_a_pose_where_the_body_fits():
     input, state = in_lane(), at_rest(heading=ACROSS)
-    start = state.trajectory.at(input.effect_ns)
-    stepped = step_to_pose(input, state, start)
+    stepped = step_to_pose(lane_course(input, state))
     trajectory, reason = stepped.command.trajectory, stepped.command.reason
     end = final_sample(trajectory)
     assert first_misfit(input.traversable, trajectory) is None
@@ -44,7 +52,7 @@ def test_the_step_ends_at_a_pose_where_the_body_fits():
 
 def test_a_step_under_way_goes_on_as_long_as_the_body_fits():
     input, state = in_lane(), at_rest(heading=ACROSS)
-    stepped = step_to_pose(input, state, state.trajectory.at(input.effect_ns))
+    stepped = step_to_pose(lane_course(input, state))
     loss = decide(input, replace(stepped.state, path_loss=None)).state.path_loss
     assert loss is None or loss.under_way != "step"  # not by a decision of another kind
     later = in_lane(sequence=2)
@@ -58,12 +66,12 @@ def test_a_step_under_way_goes_on_as_long_as_the_body_fits():
         make_states(occupied=[(0.0, 8.0, 0.0, 4.0)]),
         LONG,
         heading=ACROSS,
-        sequence=2,
+        sequence=1,
         turns_in_place=True,
         sideways_speed=0.4,
     )
-    assert continue_step(blocked, stepped.state, start) is None
-    going = continue_step(later, stepped.state, start)
+    assert continue_step(situation_of(blocked, under_way)) is None
+    going = continue_step(situation_of(soon, under_way))
     assert going.command.trajectory is stepped.state.trajectory
 
 
@@ -73,7 +81,7 @@ def test_round_bodies_and_those_that_only_move_ahead_take_no_such_step():
         replace(in_lane(), sideways_speed=0.0),
         make_input(turns_in_place=True, sideways_speed=0.4),
     ):
-        assert step_to_pose(input, state, state.trajectory.at(input.effect_ns)) is None
+        assert step_to_pose(lane_course(input, state)) is None
 
 
 def test_a_way_that_there_is_not_takes_no_step():
@@ -82,7 +90,7 @@ def test_a_way_that_there_is_not_takes_no_step():
     )
     input = make_input(closed, LONG, turns_in_place=True, sideways_speed=0.4)
     state = at_rest()
-    assert step_to_pose(input, state, state.trajectory.at(input.effect_ns)) is None
+    assert step_to_pose(lane_course(input, state)) is None
     assert np.array_equal(state.trajectory.path[0], input.position)
 
 
@@ -90,7 +98,7 @@ def test_a_step_under_way_is_checked_by_the_footprint_that_takes_it():
     """The circumscribed footprint has no headings to check it by."""
     state = at_rest(heading=ACROSS)
     first = in_lane()
-    step = step_to_pose(first, state, state.trajectory.at(first.effect_ns)).state
+    step = step_to_pose(lane_course(first, state)).state
     step = replace(step, oriented=True, path_loss=PathLoss(0, "step", "none"))
     x, y, _ = (final_sample(step.trajectory).position / CELL).astype(int)
     seen = LANE.copy()

@@ -18,15 +18,11 @@ from tests.harness.stack.make_input import (
     top_speed,
 )
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.maneuvers import wait
+from wayproof.harness.stack.manoeuvres.escape import ESCAPE_SPEED_SHARE, escape_inflation
+from wayproof.harness.stack.manoeuvres.recovery import RECOVERIES, Wait
+from wayproof.harness.stack.manoeuvres.stopping import wait
 from wayproof.harness.stack.reasons import Reason
-from wayproof.harness.stack.recovery import (
-    ESCAPE_SPEED_SHARE,
-    abort,
-    escape_inflation,
-    explore_frontier,
-    recover_after_timeout,
-)
+from wayproof.harness.stack.situation import first_that_applies, situation_of
 from wayproof.harness.stack.types import BehaviourConfig, Exploration
 from wayproof.planners import Body
 
@@ -65,7 +61,7 @@ def test_an_escape_of_the_circumscribed_disc_drags_no_disc_of_the_body_over_an_o
 
 
 def escape(input, state):
-    return escape_inflation(input, state, state.trajectory.at(input.effect_ns))
+    return escape_inflation(situation_of(input, state))
 
 
 def test_an_escape_leads_straight_and_slowly_to_the_nearest_traversable_position():
@@ -128,20 +124,24 @@ def test_a_long_body_moves_out_of_the_inflation_where_that_is_less_than_a_turn()
 
 
 def waiting(seconds, states=None, **state):
-    """Input and result of a wait at the start that has lasted for some time."""
+    """Situation of a wait at the start that has lasted for some time, and what was decided."""
     sequence = round(seconds * 1e9) // PERIOD_NS
     input = make_input(states, sequence=sequence)
     state = at_rest(rest_since_ns=0, **state)
-    start = state.trajectory.at(input.effect_ns)
-    return input, start, wait(input, state, start, "no_path", REASON)
+    situation = situation_of(input, state)
+    return situation, wait(input, state, situation.start, "no_path", REASON)
+
+
+def recover(situation, decided):
+    return first_that_applies(RECOVERIES, Wait(situation, decided))
 
 
 def test_a_wait_goes_on_until_the_timeout():
     assert BehaviourConfig().wait_timeout == 1.0
     for seconds, same in ((0.9, True), (1.0, False)):
         states = make_states(occupied=[WALL], unknown=[CORNER])
-        input, start, decided = waiting(seconds, states)
-        assert (recover_after_timeout(input, start, decided) is decided) is same
+        situation, decided = waiting(seconds, states)
+        assert (recover(situation, decided) is decided) is same
 
 
 @pytest.mark.parametrize(("viewpoints", "action"), [(11, "explore"), (12, "abort")])
@@ -149,17 +149,17 @@ def test_the_mission_is_aborted_after_as_many_explorations_as_allowed(viewpoints
     assert BehaviourConfig().max_recoveries == 12
     places = np.tile(place(*START), (viewpoints, 1))
     states = make_states(occupied=[WALL], unknown=[CORNER])
-    input, start, decided = waiting(1.0, states, viewpoints=places)
-    command, after = recover_after_timeout(input, start, decided)
+    command, after = recover(*waiting(1.0, states, viewpoints=places))
     assert command.action == action
     assert len(after.viewpoints) == 12
 
 
 def test_an_abort_keeps_the_reason_of_the_wait_and_counts_the_viewpoints():
-    _, _, decided = waiting(1.5, viewpoints=np.tile(place(*START), (3, 1)))
-    command, after = abort(decided.command, decided.state)
+    places = np.tile(place(*START), (12, 1))
+    situation, decided = waiting(1.5, viewpoints=places)
+    command, after = recover(situation, decided)
     assert (command.action, command.label) == ("abort", "no_path")
-    assert command.reason.places == 3
+    assert command.reason.places == 12
     assert command.reason.iterations == REASON.iterations
     assert command.reason.waited_s == pytest.approx(1.5, abs=1e-6)
     assert after is decided.state
@@ -167,8 +167,9 @@ def test_an_abort_keeps_the_reason_of_the_wait_and_counts_the_viewpoints():
 
 def test_exploration_leads_to_the_unknown_corner_and_remembers_the_viewpoint():
     states = make_states(occupied=[WALL], unknown=[CORNER])
-    input, start, decided = waiting(1.0, states)
-    command, after = explore_frontier(input, start, decided)
+    situation, decided = waiting(1.0, states)
+    input = situation.input
+    command, after = recover(situation, decided)
     assert (command.action, command.reason.kind) == ("explore", "looking_elsewhere")
     end = after.global_path[-1]
     assert 2.2 < end[0] < 4.0
@@ -183,15 +184,15 @@ def test_exploration_leads_to_the_unknown_corner_and_remembers_the_viewpoint():
 
 def test_without_a_frontier_the_robot_backtracks_and_without_breadcrumbs_it_waits_once_more():
     states = make_states(occupied=[WALL])
-    input, start, decided = waiting(1.0, states)
-    command, after = explore_frontier(input, start, decided)
+    situation, decided = waiting(1.0, states)
+    command, after = recover(situation, decided)
     assert (command.action, command.label) == ("stop_and_wait", "no_path")
     assert command.reason.frontier == "none"
     assert after.exploration is None
     assert after.global_path is None
     crumbs = np.array([place(x, 2.05) for x in np.arange(2.05, 1.0, -0.1)])
     state = replace(decided.state, breadcrumbs=crumbs)
-    command, after = explore_frontier(input, start, decided._replace(state=state))
+    command, after = recover(situation, decided._replace(state=state))
     assert (command.action, command.reason.kind) == ("recover", "going_back")
     assert after.exploration.backtracking
     assert after.backtracks == 1
@@ -199,10 +200,10 @@ def test_without_a_frontier_the_robot_backtracks_and_without_breadcrumbs_it_wait
 
 def test_a_frontier_explored_from_before_is_not_chosen_again():
     states = make_states(occupied=[WALL], unknown=[CORNER])
-    input, start, decided = waiting(1.0, states)
-    _, after = explore_frontier(input, start, decided)
+    situation, decided = waiting(1.0, states)
+    _, after = recover(situation, decided)
     seen = replace(decided.state, viewpoints=after.global_path[-1:])
-    _, again = explore_frontier(input, start, decided._replace(state=seen))
+    _, again = recover(situation, decided._replace(state=seen))
     assert np.linalg.norm(again.global_path[-1] - after.global_path[-1]) > 0.3
 
 

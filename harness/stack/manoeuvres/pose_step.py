@@ -10,8 +10,10 @@ import numpy as np
 
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack.footprint_checks import first_misfit
+from wayproof.harness.stack.manoeuvres.driving import Course
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.situation import Situation
 from wayproof.harness.stack.types import (
     Array,
     Command,
@@ -36,23 +38,14 @@ SPEED_SHARES = (1.0, 0.5, 0.25)
 """Shares of the sideways speed that are tried, so that the turn keeps pace with the step."""
 
 
-def step_to_pose(
-    input: PlannerInput, state: PlannerState, start: TrajectorySample
-) -> Decided | None:
+def step_to_pose(course: Course) -> Decided | None:
     """Leave rest by the first motion of a way planned with headings: a turn, or a turning step.
 
-    For an elongated body that fits at the heading of its path neither there nor a step on: it has
-    to move off its heading, and to turn meanwhile.
-
-    Args:
-        input: Planner input of the oriented footprint.
-        state: Planner state before the decision; not written to.
-        start: Start of the new trajectory, at rest.
-
-    Returns:
-        None if the body cannot move sideways, if there is no such way, or if it does not fit.
+    For an elongated body that can move sideways, and fits at the heading of its path neither there
+    nor a step on: it has to move off its heading, and to turn meanwhile.
     """
-    if not (input.traversable.discs and input.sideways_speed):
+    input, state, start = course.input, course.state, course.start
+    if not (course.is_blocked_at_rest and course.headed and input.sideways_speed):
         return None
     seed = plan_seed(input.seed, "guide", input.sequence)
     space, goal, planner = input.optimistic, input.goal, input.planner
@@ -62,25 +55,20 @@ def step_to_pose(
     trajectory = _first_motion(input, start, found.waypoints, found.headings)
     if trajectory is None:
         return None
-    command = _stepping(trajectory)
     state = replace(state, trajectory=trajectory, global_path=None, rest_since_ns=-1)
-    return Decided(command, state)
+    return Decided(_stepping(trajectory), state)
 
 
 def is_stepping(state: PlannerState, start: TrajectorySample) -> bool:
     """Return whether a body is on its way to such a pose."""
-    return (
-        not start.at_rest
-        and state.global_path is None
-        and state.path_loss is not None
-        and state.path_loss.under_way == "step"
-    )
+    return not start.at_rest and state.global_path is None and state.under_way == "step"
 
 
-def continue_step(
-    input: PlannerInput, state: PlannerState, start: TrajectorySample
-) -> Decided | None:
-    """Go on with a step that is under way; None if the body does not fit along the rest of it."""
+def continue_step(situation: Situation) -> Decided | None:
+    """Go on with a step that is under way, if the body fits along the rest of it."""
+    input, state = situation.input, situation.state
+    if not is_stepping(state, situation.start):
+        return None
     elapsed = (input.effect_ns - state.trajectory.start_ns) * 1e-9
     if first_misfit(input.traversable, state.trajectory, elapsed) is not None:
         return None

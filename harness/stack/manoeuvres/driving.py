@@ -6,10 +6,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
-from wayproof.harness.behaviour_config import MAX_CORNER_ANGLE
+from wayproof.harness.behaviour_config import MAX_CORNER_ANGLE, MIN_ADVANCE
 from wayproof.harness.stack.diagnosis import diagnose_driving
 from wayproof.harness.stack.early_bends import bends_early
-from wayproof.harness.stack.footprint_checks import MIN_PATH, first_misfit, truncate_where_turnable
+from wayproof.harness.stack.footprint_checks import (
+    MIN_PATH,
+    first_misfit,
+    moves_tail_first,
+    truncate_where_turnable,
+)
 from wayproof.harness.stack.global_path import STOP_SLACK
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.types import (
@@ -19,6 +24,7 @@ from wayproof.harness.stack.types import (
     PlannerInput,
     PlannerState,
     arc_length,
+    is_stationary,
 )
 from wayproof.planners import (
     SlowEnd,
@@ -56,6 +62,39 @@ class DrivablePart(NamedTuple):
     too_short: bool = False
 
 
+class Course(NamedTuple):
+    """A global path to follow.
+
+    Attributes:
+        input: Planner input of the decision.
+        state: Planner state with the global path from `start` on.
+        start: Start of the new trajectory.
+        previous: Planner state before the decision, with the last global path.
+        part: Part of the path that the robot may drive now.
+    """
+
+    input: PlannerInput
+    state: PlannerState
+    start: TrajectorySample
+    previous: PlannerState
+    part: DrivablePart
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the robot does not translate."""
+        return is_stationary(self.start)
+
+    @property
+    def is_blocked_at_rest(self) -> bool:
+        """Whether something blocks the path before an advance that is worth leaving rest for."""
+        return self.at_rest and self.part.blocked and self.part.length < MIN_ADVANCE
+
+    @property
+    def headed(self) -> bool:
+        """Whether the body is checked at its heading."""
+        return bool(self.input.traversable.discs)
+
+
 def drivable_part(input: PlannerInput, path: Array, start: TrajectorySample) -> DrivablePart:
     """Return the part of a path (n, 3) that is traversable and without a corner to stop at."""
     whole = arc_length(path)
@@ -76,25 +115,17 @@ def drivable_part(input: PlannerInput, path: Array, start: TrajectorySample) -> 
     )
 
 
-def drive_along(
-    input: PlannerInput,
-    state: PlannerState,
-    start: TrajectorySample,
-    part: DrivablePart,
-    tail_first: bool,
-) -> Decided | None:
-    """Drive a part of the global path.
+def drive(course: Course) -> Decided | None:
+    """Drive the part of the global path; None if the footprint does not fit, or too little of it.
 
-    Args:
-        input: Planner input of the decision.
-        state: Planner state with the global path.
-        start: Start of the new trajectory.
-        part: Part of that path.
-        tail_first: Whether an elongated body moves backwards.
-
-    Returns:
-        None if the footprint does not fit, or along too little of it.
+    Tail first, if an elongated body in motion is on it so.
     """
+    return drive_along(course, moves_tail_first(course.input, course.start, course.state.path))
+
+
+def drive_along(course: Course, tail_first: bool) -> Decided | None:
+    """Drive the part of the global path, nose or tail first; None as of `drive`."""
+    input, state, start, _, part = course
     path = truncate(state.path, part.length)
     if tail_first:
         braking = stopping_distance(start.speed, start.acceleration, input.limits)

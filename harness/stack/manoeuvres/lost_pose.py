@@ -1,4 +1,4 @@
-"""Reactions to an uncertain pose: drive slower, go back, or give up.
+"""Manoeuvres of an uncertain pose: hold where it is, go back to where it was held, give up.
 
 For estimators that state a covariance. What such an estimator does not see in its sweeps it states
 as unheld directions, and its standard deviation then grows with the way. Before the stack guesses
@@ -13,10 +13,10 @@ import numpy as np
 
 from wayproof.harness.behaviour_config import MIN_ADVANCE
 from wayproof.harness.stack.global_path import ARRIVED
-from wayproof.harness.stack.maneuvers import brake
-from wayproof.harness.stack.mapping import MARGIN_SIGMAS
-from wayproof.harness.stack.path_following import follow_global_path
+from wayproof.harness.stack.manoeuvres.following import follow
+from wayproof.harness.stack.manoeuvres.stopping import brake
 from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.situation import Situation
 from wayproof.harness.stack.types import (
     LENGTH_ROUNDING,
     Command,
@@ -29,7 +29,7 @@ from wayproof.harness.stack.types import (
     is_free_along,
     is_stationary,
 )
-from wayproof.planners import TrajectorySample, hold, remaining
+from wayproof.planners import hold, remaining
 
 TRAIL_SPACING = 0.25
 """Distance between the points of the trail that leads back, m."""
@@ -48,45 +48,39 @@ def record_unheld_trail(state: PlannerState, input: PlannerInput) -> PlannerStat
     return replace(state, unheld_trail=np.vstack([trail, input.position]))
 
 
-def is_lost(input: PlannerInput) -> bool:
-    """Return whether the position's standard deviation exceeds `behaviour.lost_sigma`."""
-    pose = input.localization
-    return pose is not None and pose.sigma > input.behaviour.lost_sigma
+def forget_way_back(state: PlannerState, input: PlannerInput) -> PlannerState:
+    """Return the state without a way back to where the pose was held, once it is held again."""
+    if not state.returning or _is_lost(input):
+        return state
+    return replace(state, global_path=None, exploration=None)
 
 
-def cannot_claim_goal(input: PlannerInput) -> bool:
-    """Return whether two standard deviations of the position are more than the goal's tolerance."""
-    pose = input.localization
-    return pose is not None and MARGIN_SIGMAS * pose.sigma > input.goal_tolerance
+def hold_position(situation: Situation) -> Decided | None:
+    """Hold the estimated pose: the robot is too far from its setpoint."""
+    input, limit = situation.input, situation.input.behaviour.tracking_tolerance
+    away = distance(input.position, situation.setpoint.position)
+    if away <= limit:
+        return None
+    trajectory = hold(input.position, input.effect_ns, input.heading)
+    reason = Reason("localization_lost", distance_m=away, limit_m=limit)
+    command = Command("recover", reason, "localization_lost", trajectory)
+    state = replace(situation.state, trajectory=trajectory, global_path=None, exploration=None)
+    return Decided(command, state)
 
 
-def at_path_end(state: PlannerState, start: TrajectorySample) -> bool:
-    """Return whether the robot stands at the end of its global path."""
-    if state.global_path is None or state.exploring:
-        return False
-    return arc_length(remaining(state.global_path, start.arc_length)) < ARRIVED
-
-
-def give_up_at_goal(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
-    """Give up beside a goal that the pose is too uncertain to claim."""
-    return _stand(input, state, start, limit=input.goal_tolerance / MARGIN_SIGMAS)
-
-
-def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided:
+def go_back_to_held(situation: Situation) -> Decided | None:
     """Brake, go back along the trail to where the sweeps held the pose, or else give up.
 
-    Args:
-        input: Planner input of the decision.
-        state: Planner state before the decision.
-        start: Start of the new trajectory.
+    Where the position's standard deviation exceeds `behaviour.lost_sigma`.
     """
+    input, state, start = situation.input, situation.state, situation.start
+    if not _is_lost(input):
+        return None
     if state.returning:
         path = remaining(state.path, start.arc_length)
         arrived = arc_length(path) - LENGTH_ROUNDING <= ARRIVED
         if is_free_along(input.traversable, path) and not arrived:
-            return follow_global_path(
-                input, replace(state, global_path=path), start, previous=state
-            )
+            return follow(input, replace(state, global_path=path), start, previous=state)
     if not is_stationary(start):
         path = remaining(state.trajectory.path, start.arc_length)
         reason = _lost(input, input.behaviour.lost_sigma)
@@ -96,7 +90,7 @@ def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectoryS
     free = input.traversable.free_length(path) if len(path) > 1 else 0.0
     done = state.returns >= input.behaviour.max_returns
     if done or free < max(arc_length(path) - LENGTH_ROUNDING, MIN_ADVANCE):
-        return _stand(input, state, start, limit=input.behaviour.lost_sigma)
+        return give_up(situation, limit=input.behaviour.lost_sigma)
     state = replace(
         state,
         global_path=path,
@@ -104,18 +98,21 @@ def go_back_to_held(input: PlannerInput, state: PlannerState, start: TrajectoryS
         improved_ns=input.time_ns,
         returns=state.returns + 1,
     )
-    return follow_global_path(input, state, start, previous=state)
+    return follow(input, state, start, previous=state)
 
 
-def _stand(
-    input: PlannerInput, state: PlannerState, start: TrajectorySample, limit: float
-) -> Decided:
+def give_up(situation: Situation, limit: float) -> Decided:
     """Give up at rest: the position's standard deviation exceeds a limit, m."""
+    input, start = situation.input, situation.start
     trajectory = hold(start.position, input.effect_ns, start.heading)
-    reason = _lost(input, limit)
-    command = Command("abort", reason, "localization_lost", trajectory)
-    state = replace(state, trajectory=trajectory, global_path=None, exploration=None)
+    command = Command("abort", _lost(input, limit), "localization_lost", trajectory)
+    state = replace(situation.state, trajectory=trajectory, global_path=None, exploration=None)
     return Decided(command, state)
+
+
+def _is_lost(input: PlannerInput) -> bool:
+    pose = input.localization
+    return pose is not None and pose.sigma > input.behaviour.lost_sigma
 
 
 def _lost(input: PlannerInput, limit: float) -> Reason:

@@ -10,13 +10,17 @@ import numpy as np
 from wayproof.harness.decision import Action, Label
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack.diagnosis import diagnose_no_room, exploration_reason
-from wayproof.harness.stack.driving import DrivablePart, drive_along, shortened_to_fit
-from wayproof.harness.stack.footprint_checks import MIN_PATH, headings_to_start_at
+from wayproof.harness.stack.footprint_checks import (
+    MIN_PATH,
+    headings_to_start_at,
+    moves_tail_first,
+)
 from wayproof.harness.stack.global_path import heading_at
-from wayproof.harness.stack.maneuvers import wait
+from wayproof.harness.stack.manoeuvres.driving import Course, drive_along, shortened_to_fit
+from wayproof.harness.stack.manoeuvres.stopping import wait
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.reasons import Reason
-from wayproof.harness.stack.types import Command, Decided, PlannerInput, PlannerState, arc_length
+from wayproof.harness.stack.types import Command, Decided, arc_length
 from wayproof.planners import Trajectory, TrajectorySample, truncate, turn_in_place
 
 ALIGNED = 0.05
@@ -29,40 +33,37 @@ MAX_STEP = 0.5
 """Maximum length of a step aside, m."""
 
 
-def set_out(
-    input: PlannerInput, state: PlannerState, start: TrajectorySample, part: DrivablePart
-) -> Decided:
+def set_out(course: Course) -> Decided | None:
     """Leave rest with an elongated body: nose first, or tail first where it cannot turn about."""
+    if not (course.at_rest and course.headed):
+        return None
+    input, state, start, _, part = course
     path = state.path
     nose_first = heading_at(path, min(0.1, 0.5 * arc_length(path)))
     for target, backwards in headings_to_start_at(input.traversable, start, nose_first):
         error = abs(wrap_angle(target - start.heading))
         if error <= input.behaviour.rotate_in_place_angle:
-            driven = drive_along(input, state, start, part, tail_first=backwards)
+            driven = drive_along(course, tail_first=backwards)
             if driven is not None:
                 return driven
         elif input.sideways_speed:
-            driven = turn_while_driving(input, state, start, part, tail_first=backwards)
+            driven = _drive_turning(course, tail_first=backwards)
             if driven is not None:
                 return driven
         if error > ALIGNED:
-            return turn_into_path(input, state, start, target)
+            return turn_to(course, target)
     along = plan_trajectory(input, start, truncate(path, part.length), speed_share=1.0)
     reason = diagnose_no_room(input, start, along, nose_first)
-    return wait(
-        input, state=replace(state, global_path=None), start=start, label="no_path", reason=reason
-    )
+    return wait(input, replace(state, global_path=None), start, "no_path", reason)
 
 
-def step_aside(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> Decided | None:
+def step_aside(course: Course) -> Decided | None:
     """Leave rest along the global path at the heading that an elongated body has.
 
-    For a body that has room at its heading, and not at that of its path.
-
-    Returns:
-        None if it has no room so either, or cannot move sideways.
+    For a body that can move sideways, and has room at its heading, and not at that of its path.
     """
-    if not input.traversable.discs or not input.sideways_speed:
+    input, state, start = course.input, course.state, course.start
+    if not (course.is_blocked_at_rest and course.headed and input.sideways_speed):
         return None
     share = input.sideways_speed / input.limits.speed
     path = truncate(state.path, min(MAX_STEP, arc_length(state.path)))
@@ -79,19 +80,27 @@ def step_aside(input: PlannerInput, state: PlannerState, start: TrajectorySample
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
 
 
-def turn_while_driving(
-    input: PlannerInput,
-    state: PlannerState,
-    start: TrajectorySample,
-    part: DrivablePart,
-    tail_first: bool,
-) -> Decided | None:
-    """Drive the global path and turn into it meanwhile, with a body that can move sideways.
+def turn_into_path(course: Course) -> Decided | None:
+    """Turn in place into the path, with a body at rest that turns before it moves."""
+    input, start, path = course.input, course.start, course.state.path
+    if not course.at_rest or not input.turns_in_place or input.sideways_speed:
+        return None
+    target = heading_at(path, min(0.2, 0.5 * arc_length(path)))
+    error = abs(wrap_angle(target - start.heading))
+    return turn_to(course, target) if error > input.behaviour.rotate_in_place_angle else None
 
-    Returns:
-        None if the footprint does not fit until it has turned; else as of `drive_along`.
-    """
-    driven = drive_along(input, state, start, part, tail_first)
+
+def turn_while_driving(course: Course) -> Decided | None:
+    """Turn about while driving, with a body in motion tail first that can move sideways."""
+    tail_first = moves_tail_first(course.input, course.start, course.state.path)
+    if not (tail_first and course.input.sideways_speed):
+        return None
+    return _drive_turning(course, tail_first=False)
+
+
+def _drive_turning(course: Course, tail_first: bool) -> Decided | None:
+    """Drive the global path and turn into it meanwhile; None if it does not fit until it has."""
+    driven = drive_along(course, tail_first)
     turns = driven is not None and _turns_into_path(driven.command.trajectory, tail_first)
     return driven if turns else None
 
@@ -111,11 +120,9 @@ def _turns_into_path(trajectory: Trajectory, tail_first: bool) -> bool:
     return False
 
 
-def turn_into_path(
-    input: PlannerInput, state: PlannerState, start: TrajectorySample, target: float
-) -> Decided:
+def turn_to(course: Course, target: float) -> Decided:
     """Turn in place to a heading, rad; a turn that leads there already goes on."""
-    path = state.path
+    input, state, start = course.input, course.state, course.start
     trajectory = state.trajectory
     if not _goes_on_turning(trajectory, start, target):
         trajectory = turn_in_place(
@@ -125,9 +132,9 @@ def turn_into_path(
     end = trajectory.at(trajectory.start_ns + math.ceil(trajectory.duration_s * 1e9))
     reason = Reason("turning", turn_rad=wrap_angle(end.heading))
     if state.exploration is not None:
-        action, reason = exploration_reason(state, path, input)
+        action, reason = exploration_reason(state, state.path, input)
     label: Label = "localization_lost" if state.returning else "none"
-    command = Command(action, reason, label, trajectory, path)
+    command = Command(action, reason, label, trajectory, state.path)
     return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
 
 

@@ -1,0 +1,1 @@
+"""Manoeuvres of the stack: each returns a decision where it applies, and None elsewhere."""

@@ -1,0 +1,106 @@
+"""Coming to rest, and staying there: wait, brake, stop without a path."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wayproof.harness.decision import Label
+from wayproof.harness.stack.diagnosis import diagnose_lost_path, diagnose_no_path
+from wayproof.harness.stack.footprint_checks import first_misfit, moves_tail_first
+from wayproof.harness.stack.global_path import GlobalPlan
+from wayproof.harness.stack.manoeuvres.evasive_stop import clearest_stop
+from wayproof.harness.stack.path_timing import at_begin
+from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.situation import Situation
+from wayproof.harness.stack.types import (
+    Array,
+    Command,
+    Decided,
+    PlannerInput,
+    PlannerState,
+    arc_length,
+    is_stationary,
+)
+from wayproof.planners import (
+    Trajectory,
+    TrajectorySample,
+    hold,
+    remaining,
+    stop_along,
+)
+
+
+def wait(
+    input: PlannerInput,
+    state: PlannerState,
+    start: TrajectorySample,
+    label: Label,
+    reason: Reason,
+) -> Decided:
+    """Stay at rest until the map changes; the reason gets the time waited."""
+    trajectory = hold(start.position, input.effect_ns, start.heading)
+    since_ns = state.rest_since_ns if state.rest_since_ns >= 0 else input.time_ns
+    state = replace(state, trajectory=trajectory, rest_since_ns=since_ns)
+    reason = replace(reason, waited_s=seconds_waited(input, state))
+    return Decided(Command("stop_and_wait", reason, label, trajectory, state.global_path), state)
+
+
+def seconds_waited(input: PlannerInput, state: PlannerState) -> float:
+    """Time for which the robot has waited at rest, s."""
+    return (input.time_ns - state.rest_since_ns) * 1e-9
+
+
+def brake(
+    input: PlannerInput,
+    state: PlannerState,
+    start: TrajectorySample,
+    path: Array,
+    reason: Reason,
+    label: Label,
+) -> Decided:
+    """Stop along a path (n, 3), or on a bend away from it where something has come into it."""
+    path = clearest_stop(input, start, path)
+    tail_first = moves_tail_first(input, start, path)
+    stop = stop_along(path, at_begin(input, start), input.limits, tail_first)
+    trajectory = _without_turn(input, start, stop)
+    if reason.kind == "braking_for_goal":
+        reason = replace(reason, path_m=arc_length(trajectory.path))
+    command = Command("stop_and_wait", reason, label, trajectory)
+    return Decided(
+        command, replace(state, trajectory=trajectory, global_path=None, exploration=None)
+    )
+
+
+def _without_turn(input: PlannerInput, start: TrajectorySample, stop: Trajectory) -> Trajectory:
+    """Return a stop at the heading that the body has, if it fits so, and not as it turns."""
+    if first_misfit(input.traversable, stop) is None:
+        return stop
+    still = stop.facing(start.heading)
+    return still if first_misfit(input.traversable, still) is None else stop
+
+
+def stop_without_path(situation: Situation) -> Decided | None:
+    """Brake along the last trajectory; at rest, wait for the map to change.
+
+    Where there is no global path: it was lost, or a search found none.
+    """
+    planned, start = situation.planned, situation.start
+    if planned.state.global_path is not None:
+        return None
+    input, state, search = situation.heading_for, planned.state, planned.search
+    path = remaining(state.trajectory.path, start.arc_length)
+    if search is None:
+        reason, label = diagnose_lost_path(input, situation.state, start)
+        return brake(input, state, start, path, reason, label)
+    reason = diagnose_no_path(input, search)
+    if is_stationary(start):
+        decided = wait(input, state, start, search.label, reason)
+    else:
+        decided = brake(input, state, start, path, reason, search.label)
+    return searched(decided, planned)
+
+
+def searched(decided: Decided, planned: GlobalPlan) -> Decided:
+    """Return a decision whose command names the search that it rests on, if one was made."""
+    command = replace(decided.command, search=planned.search, search_seed=planned.seed)
+    return decided._replace(command=command)
