@@ -23,6 +23,9 @@ UNIT_EXACT, UNIT_CLOSE = 1e-14, 0.1
 """Squared length of a quaternion less 1: up to the first it is kept bit by bit, up to the second it
 is scaled to unit length; beyond it is no orientation."""
 
+RESET = "pose: jump of the estimator"
+"""Fault of poses whose estimator says that it has moved them at once."""
+
 
 class StampedPoses(NamedTuple):
     """Poses as they were read.

@@ -27,7 +27,7 @@ from wayproof.harness.recordings.bags.choose import (
 from wayproof.harness.recordings.bags.clouds import OWN_TIME, read_cloud
 from wayproof.harness.recordings.bags.container import Broken, RawMessage
 from wayproof.harness.recordings.bags.frames import FramePath
-from wayproof.harness.recordings.bags.messages import IMAGE, decode, header_stamp
+from wayproof.harness.recordings.bags.messages import IMAGE, header_stamp
 from wayproof.harness.recordings.bags.sensors import Reading, Topic, beams_of, first_of, measured_by
 from wayproof.harness.recordings.bags.survey import (
     STAMPLESS,
@@ -332,7 +332,7 @@ def _reader(
 def _silent(raw: RawMessage) -> tuple[int, Silent] | None:
     """Return the stamp and the beams of a message of beams without return."""
     try:
-        cloud = read_cloud(decode(raw))
+        cloud = read_cloud(raw)
     except Broken:
         return None
     squares = np.square(cloud.points.astype(np.float64)).sum(axis=1)

@@ -13,9 +13,12 @@ import numpy as np
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.interface.ros2.options import RANGES
 from wayproof.harness.recordings.bags.frames import Edge, FramePath
-from wayproof.harness.recordings.bags.messages import IMAGE, ODOMETRY, Camera, decode, frame_name
+from wayproof.harness.recordings.bags.messages import IMAGE, ODOMETRY, Camera, decode
+from wayproof.harness.recordings.bags.parts import frame_name
 from wayproof.harness.recordings.bags.sensors import Topic
 from wayproof.harness.recordings.bags.survey import PoseTopic, SensorTopic, Survey
+from wayproof.harness.recordings.bags.transforms import namespace_of
+from wayproof.harness.recordings.bags.vendors import px4
 from wayproof.harness.recordings.matrices import OPTICAL
 from wayproof.harness.recordings.poses import StampedPoses, compose
 from wayproof.harness.recordings.recording import RecordingOptions
@@ -67,8 +70,8 @@ def choose_sensors(path: Path, found: Survey, options: RecordingOptions) -> list
     if not main:
         others = ", ".join(f"{name} ({type_})" for name, type_ in sorted(found.others.items())[:20])
         raise InputError(
-            f"recording '{path}': no LaserScan, PointCloud2, CustomMsg or depth Image that can be"
-            f" read (topics: {others or 'none'})"
+            f"recording '{path}': no LaserScan, PointCloud2, depth Image, CustomMsg, VelodyneScan"
+            f" or DistanceSensor that can be read (topics: {others or 'none'}){found.lost}"
         )
     for name, given in zip(named, options.sensors, strict=True):
         if name not in main and name not in exact:
@@ -193,8 +196,8 @@ def choose_motion(
             return _from_frames(found, chain[0].parent, body)
         listed = ", ".join([f"frame {chain[0].parent}", *(f"topic {name}" for name in rivals)])
         raise InputError(f"recording '{path}': poses from several sources, choose: {listed}")
-    names = [name for name, one in found.poses.items() if one.type == ODOMETRY]
-    names = names or [name for name in found.poses if not any(no in name for no in NO_POSES)]
+    names = [name for name, one in found.poses.items() if one.type in (ODOMETRY, px4.ODOMETRY)]
+    names = names or [name for name, one in found.poses.items() if _may_be_body(name, one)]
     if len(names) == 1:
         return _from_topic(found, names[0], frame, options)
     if names:
@@ -203,7 +206,7 @@ def choose_motion(
     frames = ", ".join(found.tree.frames[:20]) or "none"
     raise InputError(
         f"recording '{path}': no poses: no transform moves above '{body}' (frames: {frames}),"
-        " and there is no Odometry or PoseStamped"
+        f" and there is no Odometry, PoseStamped or VehicleOdometry{found.lost}"
     )
 
 
@@ -291,6 +294,10 @@ def _moving_chain(found: Survey, body: str) -> list[Edge]:
     return chain if any(edge.moving is not None for edge in chain) else []
 
 
+def _may_be_body(name: str, topic: PoseTopic) -> bool:
+    return topic.type != px4.ATTITUDE and not any(no in name for no in NO_POSES)
+
+
 def _is_rival(topic: PoseTopic, chain: list[Edge]) -> bool:
     """Return whether an Odometry is of other frames than the transforms."""
     if topic.type != ODOMETRY:
@@ -302,7 +309,18 @@ def _is_rival(topic: PoseTopic, chain: list[Edge]) -> bool:
 def _from_topic(found: Survey, name: str, frame: str, options: RecordingOptions) -> Motion:
     topic = found.poses[name]
     body = options.body or topic.child or _body(found, frame, options)
-    return Motion(topic.samples.poses(), body, f"topic {name}, body '{body}'")
+    poses, source = topic.samples.poses(), f"topic {name}, body '{body}'"
+    if topic.type == px4.LOCAL:  # has no roll and pitch
+        beside = [
+            (one, turns)
+            for one, turns in found.poses.items()
+            if turns.type == px4.ATTITUDE and namespace_of(one) == namespace_of(name)
+        ]
+        if len(beside) != 1:
+            return Motion(poses, body, f"{source}, taken to be level: no VehicleAttitude beside it")
+        poses = px4.turned(poses, beside[0][1].samples.poses())
+        source += f", turned as {beside[0][0]}"
+    return Motion(poses, body, source)
 
 
 def _from_frames(found: Survey, root: str, body: str) -> Motion:

@@ -7,8 +7,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.recordings.bags.container import Broken
-from wayproof.harness.recordings.bags.messages import LIVOX, stamp_of
+from wayproof.harness.recordings.bags.container import Broken, RawMessage
+from wayproof.harness.recordings.bags.messages import CLOUD, decode
+from wayproof.harness.recordings.bags.parts import Cloud, stamp_of
+from wayproof.harness.recordings.bags.vendors import VENDORS
 from wayproof.harness.recordings.recording import Faults
 
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
@@ -66,41 +68,13 @@ class PointTime(NamedTuple):
         return f"'{self.name}', {unit} since {since}"
 
 
-class Cloud(NamedTuple):
-    """The fields of a cloud that are used.
-
-    Attributes:
-        points: (n, 3) m.
-        times: (n,) in the units of the field; None without one.
-        time_field: Name of that field.
-        stamp_ns: Stamp of the cloud, ns.
-        frame: Frame of the points.
-    """
-
-    points: NDArray[np.float32]
-    times: NDArray[Any] | None  # of any type of number
-    time_field: str
-    stamp_ns: int
-    frame: str
-
-
-def read_cloud(message: Any) -> Cloud:  # of rosbags
-    """Return the points of a PointCloud2 or a CustomMsg, with their times if it has some.
+def read_cloud(raw: RawMessage) -> Cloud:
+    """Return the points of a message of `CLOUDS`, with their times if it has some.
 
     Raises:
         Broken: Its sizes do not agree with each other, or it has no x, y, z.
     """
-    return (_of_livox if message.__msgtype__ in LIVOX else _of_fields)(message)
-
-
-def _of_livox(message: Any) -> Cloud:
-    rows = [(one.x, one.y, one.z) for one in message.points]
-    points = np.array(rows, np.float32).reshape(-1, 3)
-    # The driver sends a beam without return as a point at the sensor.
-    met = points.any(axis=1)
-    times = np.array([one.offset_time for one in message.points], np.uint32)[met]
-    stamp, frame = stamp_of(message.header), message.header.frame_id
-    return Cloud(points[met], times, time_field="offset_time", stamp_ns=stamp, frame=frame)
+    return READERS[raw.type](decode(raw))
 
 
 def _of_fields(message: Any) -> Cloud:
@@ -145,6 +119,8 @@ def point_time(cloud: Cloud, period_ns: float | None = None) -> PointTime | None
     times = cloud.times[np.isfinite(cloud.times)].astype(np.float64)
     if len(times) == 0:
         return None
+    if cloud.is_ns:
+        return PointTime(cloud.time_field, 1.0, False, period_ns)
     low, high = float(times.min()), float(times.max())
     if len(times) >= LEAST_POINTS:
         inner = np.quantile(times, (FEW, 1.0 - FEW))
@@ -249,3 +225,8 @@ def _column(rows: NDArray[np.uint8], field: Any, order: str) -> NDArray[Any]:  #
         raise Broken(f"a field at byte {offset} of {rows.shape[1]}")
     piece = np.ascontiguousarray(rows[:, offset : offset + kind.itemsize])
     return piece.view(kind).reshape(-1) if len(rows) else np.empty(0, kind)
+
+
+READERS = {kind: read for one in VENDORS for kind, read in one.clouds.items()}
+READERS[CLOUD] = _of_fields
+"""Type -> reader of its points."""

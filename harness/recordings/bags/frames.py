@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.recordings.bags.messages import StampedTransform
+from wayproof.harness.recordings.bags.parts import StampedTransform
 from wayproof.harness.recordings.poses import StampedPoses, compose, inverse, sound
 from wayproof.harness.recordings.recording import Faults
 from wayproof.harness.recordings.track import RecordedTrack

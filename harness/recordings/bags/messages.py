@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.bags.container import Broken, RawMessage
+from wayproof.harness.recordings.bags.parts import StampedTransform, frame_name, stamp_of
+from wayproof.harness.recordings.bags.vendors import VENDORS, px4
 from wayproof.harness.recordings.depth import usable
 
 if TYPE_CHECKING:
@@ -18,7 +20,6 @@ if TYPE_CHECKING:
 
 SCAN = "sensor_msgs/msg/LaserScan"
 CLOUD = "sensor_msgs/msg/PointCloud2"
-LIVOX = ("livox_ros_driver2/msg/CustomMsg", "livox_ros_driver/msg/CustomMsg")
 IMAGE = "sensor_msgs/msg/Image"
 RANGE = "sensor_msgs/msg/Range"
 CAMERA = "sensor_msgs/msg/CameraInfo"
@@ -28,24 +29,11 @@ POSE_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 TEXT = "std_msgs/msg/String"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
-CLOUDS = (CLOUD, *LIVOX)
+VENDOR_POSES = {kind: read for one in VENDORS for kind, read in one.poses.items()}
+CLOUDS = (CLOUD, *(kind for one in VENDORS for kind in one.clouds))
 SENSORS = (SCAN, *CLOUDS, IMAGE)
-POSES = (ODOMETRY, POSE, POSE_COVARIANCE)
-
-LIVOX_DEFINITIONS = {
-    name.replace("Msg", "Point"): (
-        "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\n"
-        "uint8 reflectivity\nuint8 tag\nuint8 line\n"
-    )
-    for name in LIVOX
-} | {
-    name: (
-        "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\n"
-        "uint8[3] rsvd\nCustomPoint[] points\n"
-    )
-    for name in LIVOX
-}
-"""Definitions of the clouds of Livox's drivers, which `rosbags` does not have."""
+POSES = (ODOMETRY, POSE, POSE_COVARIANCE, *VENDOR_POSES)
+DECODERS = {kind: read for one in VENDORS for kind, read in one.decoders.items()}
 
 ROS1_DEFINITIONS = {name: "geometry_msgs/TransformStamped[] transforms\n" for name in TRANSFORMS}
 """Definitions of messages of ROS 1 that `rosbags` has for ROS 2 alone."""
@@ -61,22 +49,6 @@ ROS2_DEFINITIONS = {
     ),
 }
 """Definitions of Nav2's messages, which `rosbags` does not have; they travel in the bag."""
-
-
-class StampedTransform(NamedTuple):
-    """A pose of a message.
-
-    Attributes:
-        stamp_ns: Stamp of its header, ns.
-        parent: Frame in which it is given.
-        child: Frame whose pose it is; empty where the message does not say.
-        numbers: Position x, y, z, m, and quaternion w, x, y, z.
-    """
-
-    stamp_ns: int
-    parent: str
-    child: str
-    numbers: tuple[float, float, float, float, float, float, float]
 
 
 class Camera(NamedTuple):
@@ -112,9 +84,10 @@ def typestore(encoding: str) -> Typestore:
         ) from None
     ros1 = encoding == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
-    definitions = LIVOX_DEFINITIONS | (ROS1_DEFINITIONS if ros1 else ROS2_DEFINITIONS)
-    for name, definition in definitions.items():
-        store.register(get_types_from_msg(definition, name))
+    of_vendors = [one.definitions for one in VENDORS]
+    for definitions in (ROS1_DEFINITIONS if ros1 else ROS2_DEFINITIONS, *of_vendors):
+        for name, definition in definitions.items():
+            store.register(get_types_from_msg(definition, name))
     return store
 
 
@@ -124,6 +97,8 @@ def decode(raw: RawMessage) -> Any:  # the classes of rosbags are made when it r
     Raises:
         Broken: Its bytes are not those of its type.
     """
+    if raw.type in DECODERS:
+        return DECODERS[raw.type](bytes(raw.data))
     store = typestore(raw.encoding)
     read: Callable[[bytes | memoryview, str], object]
     read = store.deserialize_ros1 if raw.encoding == "ros1" else store.deserialize_cdr
@@ -134,7 +109,7 @@ def decode(raw: RawMessage) -> Any:  # the classes of rosbags are made when it r
 
 
 def header_stamp(raw: RawMessage) -> int:
-    """Return the stamp of a message that begins with a header, ns, without decoding it.
+    """Return the stamp of a message that begins with a header or is of PX4, ns, undecoded.
 
     Raises:
         Broken: It is too short.
@@ -142,6 +117,8 @@ def header_stamp(raw: RawMessage) -> int:
     data = bytes(raw.data[:12])
     if len(data) < 12:
         raise Broken("a message shorter than a header")
+    if raw.type in DECODERS:
+        return px4.stamp_ns(data)
     if raw.encoding == "ros1":
         seconds, fraction = np.frombuffer(data, "<u4", 2, 4).tolist()
     else:
@@ -152,7 +129,9 @@ def header_stamp(raw: RawMessage) -> int:
 
 
 def frame_of(raw: RawMessage) -> str:
-    """Return the frame of a message that begins with a header, without decoding it."""
+    """Return the frame of a message that begins with a header or is of PX4, undecoded."""
+    if raw.type in DECODERS:
+        return px4.BODY
     data = bytes(raw.data[:512])
     order = "<" if raw.encoding == "ros1" or (len(data) > 1 and data[1] & 1) else ">"
     size = int(np.frombuffer(data, f"{order}u4", 1, 12)[0]) if len(data) >= 16 else 0
@@ -160,23 +139,15 @@ def frame_of(raw: RawMessage) -> str:
     return frame_name(str(text, "utf-8", "replace"))
 
 
-def stamp_of(header: Any) -> int:  # of a class of rosbags
-    """Return the stamp of a header, ns."""
-    return int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
-
-
-def frame_name(name: str) -> str:
-    """Return a frame's name without the slash that ROS 1 wrote before it."""
-    return name.lstrip("/")
-
-
 def pose_of(raw: RawMessage) -> StampedTransform:
-    """Return the pose of an Odometry, a PoseStamped or a PoseWithCovarianceStamped.
+    """Return the pose of a message of `POSES`.
 
     Raises:
         Broken: As of `decode`.
     """
     message = decode(raw)
+    if raw.type in VENDOR_POSES:
+        return VENDOR_POSES[raw.type](message)
     pose = message.pose if raw.type == POSE else message.pose.pose
     child = message.child_frame_id if raw.type == ODOMETRY else ""
     parent = frame_name(message.header.frame_id)

@@ -27,9 +27,8 @@ from wayproof.harness.recordings.bags.messages import (
     SCAN,
     Camera,
     decode,
-    frame_name,
-    stamp_of,
 )
+from wayproof.harness.recordings.bags.parts import frame_name, stamp_of
 from wayproof.harness.recordings.beams import (
     FARTHEST,
     Beams,
@@ -146,7 +145,7 @@ def first_of(
         low, high = scan_limits(scan.range_min, scan.range_max)
         return Topic("laser", frame_name(scan.header.frame_id), low, high)
     if raw.type in CLOUDS:
-        cloud = read_cloud(decode(raw))
+        cloud = read_cloud(raw)
         time = point_time(finite(cloud, Counter()), period_ns)
         return Topic("points", frame_name(cloud.frame), *limits, time)
     frame = frame_name(decode(raw).header.frame_id)
@@ -159,7 +158,7 @@ def finite_points(raw: RawMessage) -> int:
     A driver that starts up sends clouds of no points, of few or of none that are finite.
     """
     try:
-        return len(finite(read_cloud(decode(raw)), Counter()).points)
+        return len(finite(read_cloud(raw), Counter()).points)
     except Broken:
         return 0
 
@@ -173,7 +172,7 @@ def beams_of(raw: RawMessage, reading: Reading, silent: Silent | None, faults: F
     if reading.topic.declared is not None:
         return _as_measured(decode(raw), reading.topic.declared, reading.limits, faults)
     if reading.topic.kind == "points":
-        return _of_cloud(decode(raw), reading, silent, faults)
+        return _of_cloud(raw, reading, silent, faults)
     read: Callable[[Any, Reading, Faults], Beams]
     read = _of_scan if reading.topic.kind == "laser" else _of_image
     return read(decode(raw), reading, faults)
@@ -206,8 +205,8 @@ def _of_scan(message: Any, reading: Reading, faults: Faults) -> Beams:
     return scan_beams(angles, written=ranges, limits=own, faults=faults, time_increment_s=step)
 
 
-def _of_cloud(message: Any, reading: Reading, silent: Silent | None, faults: Faults) -> Beams:
-    cloud = finite(read_cloud(message), faults)
+def _of_cloud(raw: RawMessage, reading: Reading, silent: Silent | None, faults: Faults) -> Beams:
+    cloud = finite(read_cloud(raw), faults)
     times = None
     if reading.topic.time is not None and len(cloud.points):
         if cloud.time_field != reading.topic.time.name:

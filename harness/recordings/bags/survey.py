@@ -45,6 +45,7 @@ from wayproof.harness.recordings.bags.sensors import (
 )
 from wayproof.harness.recordings.bags.transforms import Transforms, namespace_of
 from wayproof.harness.recordings.order import Order, order_of
+from wayproof.harness.recordings.poses import RESET
 from wayproof.harness.recordings.recording import Faults
 
 Container = Callable[[Path, Faults], Iterator[RawMessage]]
@@ -119,11 +120,12 @@ class SensorTopic:
 
 @dataclass
 class PoseTopic:
-    """Poses of a topic, with the frames of its first message."""
+    """Poses of a topic, with the frames of its first message, and its estimator's jumps so far."""
 
     parent: str
     child: str
     type: str
+    resets: int = 0
     samples: Samples = field(default_factory=Samples)
 
 
@@ -140,6 +142,7 @@ class Survey:
         transforms: Transforms by the namespace of their topics.
         tree: Frames and the transforms between them; empty until those of a robot are chosen.
         task: Task of the episode whose topics were recorded; None of other robots.
+        unread: Why the first message of a topic that could not be read was not, by topic.
     """
 
     sensors: dict[str, SensorTopic]
@@ -150,6 +153,13 @@ class Survey:
     transforms: dict[str, Transforms]
     tree: FrameTree
     task: Announcement | None = None
+    unread: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def lost(self) -> str:
+        """Topics whose messages could not be read, in words; empty without any."""
+        listed = [f"{topic} ({why})" for topic, why in sorted(self.unread.items())[:5]]
+        return f"; cannot be read: {', '.join(listed)}" if listed else ""
 
 
 def files_of(path: Path) -> list[Path]:
@@ -199,12 +209,13 @@ def unreadable(faults: Faults, error: Broken) -> str:
 
 def survey(files: Sequence[Path], faults: Faults) -> Survey:
     """Read a bag once, and keep its poses and the first messages of its sensors."""
-    walk = _Walk(faults)
+    walk, unread = _Walk(faults), dict[str, str]()
     for raw in messages_of(files, faults):
         try:
             walk.take(raw)
         except Broken as error:
             faults[unreadable(faults, error)] += 1
+            unread.setdefault(raw.topic, str(error))
     return Survey(
         sensors=walk.sensors,
         poses=walk.poses,
@@ -214,6 +225,7 @@ def survey(files: Sequence[Path], faults: Faults) -> Survey:
         transforms=walk.transforms,
         tree=FrameTree({}, {}, faults),
         task=walk.task,
+        unread=unread,
     )
 
 
@@ -238,8 +250,12 @@ class _Walk:
             self._transforms(raw)
         elif raw.type in POSES:
             pose = pose_of(raw)
-            topic = PoseTopic(pose.parent, pose.child, raw.type)
-            self.poses.setdefault(raw.topic, topic).samples.add(pose)
+            new = PoseTopic(pose.parent, pose.child, raw.type, resets=pose.resets)
+            topic = self.poses.setdefault(raw.topic, new)
+            topic.samples.add(pose)
+            if topic.resets != pose.resets:
+                self._faults[RESET] += 1
+                topic.resets = pose.resets
         elif raw.type == CAMERA:
             add_camera(self.cameras.setdefault(raw.topic, []), raw)
         elif raw.type == RANGE:
