@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from wayproof.maps import DistanceField, Distances
 from wayproof.planners.astar.goal_field import GoalField
 from wayproof.planners.astar.lattice import entry_cell, make_lattice, set_column_heuristic
 from wayproof.planners.astar.se2 import se2_path
@@ -123,7 +122,7 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
         config = sampled  # a user's code is run in episodes only, where its failures are logged
     for one in [PlannerConfig(), sampled] if config is None else [config]:
         plan(space, start, goal, one, seed=1)
-    distances = Distances(DistanceField((20, 20, 20), 8), (20, 20, 20))
+    distances = np.full((20, 20, 20), 100, dtype=np.uint16)
     flown, (near, far) = replace(space, distances=distances), ([0.5] * 3, [1.5, 1.5, 0.5])
     plan(flown, np.array(near), np.array(far), PlannerConfig(), seed=1)
     long = make_lattice(flown, factor=1, weight=1.0)

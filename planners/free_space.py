@@ -2,19 +2,14 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps import Distances
 from wayproof.planners.body import Disc
 from wayproof.planners.kernels import headed, obstruction, segment, sweep, sweep_cost
-from wayproof.planners.kernels.grid import BLOCK_BITS, OUTSIDE, Discs, Floats, Grid, Point, Pose
-
-T = TypeVar("T")
+from wayproof.planners.kernels.grid import OUTSIDE, Discs, Floats, Grid, Point, Pose
 
 CLEARANCE_WEIGHT = 2.0
 """Weight of the cell cost against length: in a warehouse paths are 8 % longer with it, and their
@@ -31,8 +26,8 @@ class FreeSpace:
 
     Attributes:
         distances: Squared cell distances to the nearest blocked cell, truncated; uint16
-            (nx, ny, nz), or lazy ones. Where one is large enough, the cells around it are free
-            without a check of their own.
+            (nx, ny, nz). Where one is large enough, the cells around it are free without a check
+            of their own.
         origin: Low corner of the grid, m, shape (3,).
         resolution: Cell size, m.
         collision_distance_sq: Largest forbidden squared cell distance.
@@ -40,8 +35,6 @@ class FreeSpace:
             of the forbidden cells, falling to 0; the last entry holds for all beyond.
         discs: Discs of a body that is checked at its heading, each with a threshold of its own, the
             least of which is `collision_distance_sq`. Empty for a body that is one disc or ball.
-        few_reads: Whether a search in space should read few distances rather than expand few cells,
-            for lazy distances.
         shape: The discs as a record of arrays.
         grid: The field and its costs as a record of arrays.
 
@@ -50,23 +43,19 @@ class FreeSpace:
             not finite.
     """
 
-    distances: NDArray[np.uint16] | Distances
+    distances: NDArray[np.uint16]
     origin: Floats
     resolution: float
     collision_distance_sq: int
     cost_by_distance: Floats
     discs: tuple[Disc, ...] = ()
-    few_reads: bool = False
     shape: Discs = dataclasses.field(init=False, repr=False, compare=False)
     grid: Grid = dataclasses.field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        lazy = self._lazy
-        field = self.field if lazy is None else lazy.cells
-        self._check(field)
+        self._check(self.distances)
         grid = Grid(
-            np.ascontiguousarray(field),
-            _unread_blocks(field) if lazy is None else lazy.read_blocks,
+            np.ascontiguousarray(self.distances),
             np.array(self.origin, dtype=np.float64),
             float(self.resolution),
             np.array(self.cost_by_distance, dtype=np.float64),
@@ -102,63 +91,6 @@ class FreeSpace:
                 f"space.cost_by_distance: got {costs} above squared distance "
                 f"{self.collision_distance_sq}, expected finite costs of 0 or more"
             )
-
-    @property
-    def _lazy(self) -> Distances | None:
-        """The lazy distances, if they are lazy; those of a plane are all computed."""
-        if isinstance(self.distances, Distances) and self.distances.cells.shape[2] > 1:
-            return self.distances
-        return None
-
-    @property
-    def field(self) -> NDArray[np.uint16]:
-        """All squared cell distances, computed; uint16 (nx, ny, nz).
-
-        `grid.field` is up to date only in the blocks that are recorded as read.
-        """
-        return self.distances.whole() if isinstance(self.distances, Distances) else self.distances
-
-    def refresh(self) -> None:
-        """Compute all distances, for a reader that does not record its reads."""
-        if self._lazy is not None:
-            self._lazy.whole()
-
-    def resolve(self, search: Callable[[], T]) -> T:
-        """Search on up-to-date distances: again, until none that was read is out of date.
-
-        Args:
-            search: Reads distances of this space and keeps nothing; may be called several times.
-        """
-        lazy = self._lazy
-        if lazy is None:
-            return search()
-        lazy.latch_stale_reads()
-        while True:
-            found = search()
-            if not lazy.catch_up():
-                return found
-
-    def begin_search(self) -> bool:
-        """Compute the distances that the last search read; this one will read many of them, too.
-
-        Returns:
-            Whether to go on; not if a distance read before is out of date.
-        """
-        return self._lazy is None or self._lazy.begin_search()
-
-    def record_search(self, mark: Callable[[NDArray[np.bool_]], None]) -> bool:
-        """Record the blocks of distances that a search read.
-
-        Args:
-            mark: Sets them in an array of blocks, shape (blocks, nx).
-
-        Returns:
-            Whether they were up to date; if not, the search has to be repeated.
-        """
-        if self._lazy is None:
-            return True
-        mark(self._lazy.searched)
-        return not self._lazy.outdated()
 
     @property
     def flat(self) -> bool:
@@ -281,7 +213,7 @@ class FreeSpace:
         cells = np.floor((points - self.grid.origin) / self.resolution).astype(np.int64)
         cells = np.clip(cells, 0, np.array(self.grid.field.shape) - 1)
         room = self.turning_room()
-        wide: NDArray[np.bool_] = self.field[tuple(cells.T)] > room * room
+        wide: NDArray[np.bool_] = self.distances[tuple(cells.T)] > room * room
         return wide
 
     def free_poses(self, poses: Floats) -> int:
@@ -313,12 +245,6 @@ class FreeSpace:
             self.grid, threshold, float(weight), points
         )
         return walked
-
-
-def _unread_blocks(field: NDArray[np.uint16]) -> NDArray[np.bool_]:
-    """Return blocks without a cell that was read, shape (blocks, nx)."""
-    nx, ny, _ = field.shape
-    return np.zeros(((ny >> BLOCK_BITS) + 1, nx), np.bool_)
 
 
 def _point(point: Floats) -> Point:

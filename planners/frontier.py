@@ -37,8 +37,8 @@ def best_frontier(
     """
     from scipy import ndimage  # a fifth of the time that the program takes to start
 
-    free = traversable.field > traversable.collision_distance_sq
-    unseen = (optimistic.field > optimistic.collision_distance_sq) & ~free
+    free = traversable.distances > traversable.collision_distance_sq
+    unseen = (optimistic.distances > optimistic.collision_distance_sq) & ~free
     areas, _ = ndimage.label(free)
     here = areas[_cell(traversable, position)]
     if here == 0:

@@ -159,21 +159,7 @@ def plan(
     Raises:
         ValueError: If the state space does not suit the body, the grid or the planner.
     """
-    if not planner_traits(config.name).records_reads:
-        space.refresh()
     begin = _pose(start, heading)
-    return space.resolve(lambda: _cheapest(space, begin, goal, goal_heading, config, seed))
-
-
-def _cheapest(
-    space: FreeSpace,
-    begin: Pose,
-    goal: Floats,
-    goal_heading: float | None,
-    config: PlannerConfig,
-    seed: int,
-) -> Plan:
-    """Return the cheapest path of all restarts, on the distances as they are."""
     kind, traits = state_space_of(config, space), planner_traits(config.name)
     if not _fits(space, kind, begin):
         return _without_path("start_blocked", 0)

@@ -37,9 +37,6 @@ class PlannerTraits(NamedTuple):
     chooses_heading: bool = False
     """Whether it takes any heading at the goal, where it is free, instead of each in turn."""
 
-    records_reads: bool = False
-    """Whether it records which blocks of lazy distances it read; others have all worked out."""
-
     curves: bool = True
     """Whether it plans the curves of `reeds_shepp` and `dubins`."""
 
@@ -76,9 +73,7 @@ def _fmt(information: ob.SpaceInformation, budget: Budget) -> ob.Planner:
 PLANNERS: dict[str, PlannerEntry] = {
     "astar": PlannerEntry(
         lambda information, budget: GridAStar(information, budget.clearance_weight),
-        PlannerTraits(
-            uses_seed=False, complete=True, chooses_heading=True, records_reads=True, curves=False
-        ),
+        PlannerTraits(uses_seed=False, complete=True, chooses_heading=True, curves=False),
         "A* on the grid of the costmap (Hart, Nilsson and Raphael 1968), with shortcuts.",
     ),
     "rrtconnect": PlannerEntry(

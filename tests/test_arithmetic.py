@@ -66,7 +66,6 @@ ALLOWED = {
     ("maps.kernels.beam_columns", "**"): "a whole power of two",
     ("maps.kernels.edt_field", "**"): "the square of a whole number",
     ("maps.kernels.labels", "**"): "squares of whole numbers",
-    ("maps.costmap.lazy_distances", "sum"): "of wall times, for the record",
     ("harness.prediction.completion", "numpy.matmul"): "of whole numbers below 2^53",
     ("harness.prediction.completion", "**"): "of whole numbers, exact in floats",
     ("planners.frontier", "scipy"): "ndimage.label: whole numbers",

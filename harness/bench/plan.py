@@ -190,7 +190,7 @@ def squared_distances(blocked: NDArray[np.bool_]) -> NDArray[np.uint16]:
 
 def make_queries(space: FreeSpace, count: int, seed: int) -> list[Query]:
     """Draw pairs of free points 14 to 16 m apart that `astar` finds a path between."""
-    rng = np.random.default_rng([seed, space.field.shape[2]])
+    rng = np.random.default_rng([seed, space.distances.shape[2]])
     queries: list[Query] = []
     while len(queries) < count:
         start, goal = (_random_point(rng, space) for _ in range(2))
@@ -208,7 +208,7 @@ def make_queries(space: FreeSpace, count: int, seed: int) -> list[Query]:
 
 
 def _random_point(rng: np.random.Generator, space: FreeSpace) -> Array:
-    extent = np.array(space.field.shape) * space.resolution
+    extent = np.array(space.distances.shape) * space.resolution
     point = rng.uniform(0.0, extent)
     if space.flat:
         point[2] = 0.5 * extent[2]

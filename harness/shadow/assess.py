@@ -234,10 +234,7 @@ class _Judging:
         placed = poses.copy()
         if circumscribed.turns_in_place:
             placed[:, 2] = circumscribed.position[2]
-        admitted: bool = navigator.costmap.resolve(
-            lambda: is_free(circumscribed.traversable, oriented.traversable, placed)
-        )
-        return admitted
+        return is_free(circumscribed.traversable, oriented.traversable, placed)
 
 
 def is_moving(poses: Array) -> bool:

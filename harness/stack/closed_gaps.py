@@ -112,7 +112,7 @@ def costly_gaps(space: FreeSpace, gaps: tuple[ClosedGap, ...], weight: float) ->
         gaps: Gaps that closed.
         weight: Weight of the cell cost against length.
     """
-    field, table = space.field.copy(), space.cost_by_distance.copy()
+    field, table = space.distances.copy(), space.cost_by_distance.copy()
     markers = cost_markers(space)
     if not markers:
         return space
@@ -134,7 +134,7 @@ def _cells_about(space: FreeSpace, gap: ClosedGap) -> list[slice]:
     """Return the cells along x and y that hold all of a gap's surroundings within the space."""
     reach = math.ceil(GAP_RADIUS / space.resolution) + 1
     cells = np.floor((np.array(gap.place) - space.origin) / space.resolution).astype(np.int64)
-    counts = space.field.shape[:2]
+    counts = space.distances.shape[:2]
     return [
         slice(min(max(cell - reach, 0), n), min(max(cell + reach + 1, 0), n))
         for cell, n in zip(cells.tolist(), counts, strict=False)

@@ -108,12 +108,7 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
         start,
         prefix,
         lambda kept: _replan(
-            input,
-            kept,
-            start.heading,
-            seed,
-            only_known=valid and state.exploring,
-            exhaustive=path is None,
+            input, kept, start.heading, seed, only_known=valid and state.exploring
         ),
     )
     state = replace(state, improved_ns=input.time_ns)
@@ -163,7 +158,6 @@ def _replan(
     heading: float,
     seed: int,
     only_known: bool,
-    exhaustive: bool,
 ) -> tuple[Plan, Array | None]:
     """Plan from the prefix's end: through known space if that reaches the goal, else optimistic.
 
@@ -176,8 +170,6 @@ def _replan(
         heading: Heading of the body at its beginning, rad.
         seed: Seed of the search.
         only_known: Whether only a path through known space is of use.
-        exhaustive: Whether all distances may be computed beyond known space: with no path to
-            improve on, a new one may lead anywhere.
 
     Returns:
         The search, and the path (m, 3) with the prefix, or None.
@@ -195,19 +187,19 @@ def _replan(
         return _joined(input, prefix, straight, search, space)
 
     if discounts_unknown(input) and not only_known:
-        space = replace(discounted_space(input), few_reads=not exhaustive)
+        space = discounted_space(input)
         search = plan_in(space)
         path = joined(search, space)
         if path is not None and enough_admitted(input, path):
             return search, path
-    for space in _spaces(input, only_known=only_known, exhaustive=exhaustive):
+    for space in _spaces(input, only_known):
         search = plan_in(space)
         if search.waypoints is not None:
             break
     return search, joined(search, space)
 
 
-def _spaces(input: PlannerInput, *, only_known: bool, exhaustive: bool) -> Iterator[FreeSpace]:
+def _spaces(input: PlannerInput, only_known: bool) -> Iterator[FreeSpace]:
     """Yield the spaces that are searched, until a way is found; arguments as of `_replan`.
 
     Beyond known space at once where gaps closed: the way that the robot knows may lead through one.
@@ -217,8 +209,8 @@ def _spaces(input: PlannerInput, *, only_known: bool, exhaustive: bool) -> Itera
     if only_known:
         return
     if input.guided is not None:
-        yield replace(input.guided(), few_reads=not exhaustive)
-    yield replace(input.optimistic, few_reads=not exhaustive)
+        yield input.guided()
+    yield input.optimistic
 
 
 def _joined(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +33,6 @@ from wayproof.maps.columns import ColumnMap
 from wayproof.maps.costmap.widening import NOT_WIDENED
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
 
 ALIKE = 0.02
 """Difference of the margins of two axes up to which both take the greater one, m."""
@@ -149,10 +147,8 @@ class Mapper:
             if layer.follow is not None:
                 layer.follow(self.map, inputs)
         self.stand_at(inputs.pose.position)
-        # Computing all distances of a plane is faster than tracking which are read.
-        whole = self._mission.planar
         for stage in self.stages:
-            stage.costmap.update(margin.least, whole=whole, widening=margin.widening)
+            stage.costmap.update(margin.least, widening=margin.widening)
 
     def stand_at(self, position: Array) -> None:
         """Find the ground from the feet of a body that climbs, too, from the next update on.
@@ -175,20 +171,6 @@ class Mapper:
         if self.window is not None and self.window.centre != centre:
             self.window.centre = centre
             self.costmap.move(*self.window.corners)
-
-    def resolve(self, decide: Callable[[], T]) -> T:
-        """Decide on up-to-date distances of all costmaps: see `Costmap.resolve`."""
-        for stage in self.stages:
-            decide = partial(stage.costmap.resolve, decide)
-        return decide()
-
-    @property
-    def distances_s(self) -> float:
-        """Wall time of distances computed since the last update of the costmaps, s."""
-        spent = 0.0
-        for stage in self.stages:
-            spent += stage.costmap.clearances.spent_s
-        return spent
 
     def planning_point(self, position: Array) -> Array:
         """Return the point (3,) to plan from: ground robots plan in the plane of the costmap."""

@@ -112,11 +112,9 @@ class Navigator:
         version = self.mapper.version()
         clock.end("costmap")
         planner_input = self._input_builder.circumscribed(inputs)
-        decision = self.mapper.resolve(
-            lambda: self._decide_and_record(inputs, planner_input, version)
-        )
+        decision = self._decide_and_record(inputs, planner_input, version)
         clock.end("plan")
-        clock.write(decision.stages, within_plan_s=self.mapper.distances_s)
+        clock.write(decision.stages)
         return decision
 
     def commit(self, decision: pb.Decision, delay_s: float) -> pb.Decision:

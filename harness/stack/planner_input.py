@@ -22,10 +22,9 @@ from wayproof.harness.stack.types import (
     Horizon,
     Localization,
     PlannerInput,
-    PlanPath,
 )
-from wayproof.maps import Costmap, Distances, collision_distance_sq
-from wayproof.planners import Disc, FreeSpace, MotionLimits, Plan, PlannerConfig, plan
+from wayproof.maps import Costmap, collision_distance_sq
+from wayproof.planners import Disc, FreeSpace, MotionLimits
 
 Array = NDArray[np.float64]
 
@@ -96,9 +95,9 @@ class FreeSpaceBuilder:
 
     def _spaces(self, circumscribed: bool) -> FreeSpaces:
         costmap = self._costmap
-        traversable = known_free = self._space(costmap.traversable, circumscribed)
-        if costmap.known_free is not costmap.traversable:
-            known_free = self._space(costmap.known_free, circumscribed)
+        traversable = known_free = self._space(costmap.clearance, circumscribed)
+        if costmap.config.unknown_policy != "forbid":
+            traversable = self._space(costmap.field(), circumscribed)
         return FreeSpaces(traversable, known_free, self._optimistic(circumscribed))
 
     def guided(self, measured: Costmap, circumscribed: bool) -> FreeSpace:
@@ -113,8 +112,8 @@ class FreeSpaceBuilder:
         space = self._optimistic(circumscribed and self._elongated)
         unknown = space.collision_distance_sq + 1
         elsewhere = unknown + 1
-        optimistic = self._costmap.optimistic(unknown).whole()
-        near = measured.known_free.whole() < unknown
+        optimistic = self._costmap.optimistic(unknown)
+        near = measured.clearance < unknown
         distances = np.where(near, np.minimum(optimistic, np.uint16(elsewhere)), optimistic)
         table = space.cost_by_distance.copy()
         table[elsewhere] = table[unknown] + self._config.prior.cost
@@ -123,10 +122,13 @@ class FreeSpaceBuilder:
 
     def known_free(self, circumscribed: bool) -> FreeSpace:
         """Return space known to be free, for the disc about the body or for its discs."""
-        return self._space(self._costmap.known_free, circumscribed and self._elongated)
+        return self._space(self._costmap.clearance, circumscribed and self._elongated)
 
     def _space(
-        self, distances: Distances, circumscribed: bool, cost_by_distance: Array | None = None
+        self,
+        distances: NDArray[np.uint16],
+        circumscribed: bool,
+        cost_by_distance: Array | None = None,
     ) -> FreeSpace:
         costmap = self._costmap
         return FreeSpace(
@@ -136,7 +138,6 @@ class FreeSpaceBuilder:
             collision_distance_sq=self._threshold(circumscribed),
             cost_by_distance=self._costs() if cost_by_distance is None else cost_by_distance,
             discs=() if circumscribed else self._discs(),
-            few_reads=True,
         )
 
     def _optimistic(self, circumscribed: bool) -> FreeSpace:
@@ -191,7 +192,6 @@ class PlannerInputBuilder:
             for stage in stages
         ]
         self._far_ways = None if mapper.window is None else FarWays(config, mission, mapper)
-        spaces.circumscribed()  # allocates its arrays now, so that no decision waits for it
 
     @property
     def elongated(self) -> bool:
@@ -223,7 +223,6 @@ class PlannerInputBuilder:
             planner=config.planner,
             behaviour=config.behaviour,
             sideways_speed=mission.sideways_speed,
-            plan=memoized_planner(),
             localization=localization_of(inputs.pose, mission.axes),
             range_sigma=self._mapper.range_sigma,
             guided=self._guided(circumscribed=True),
@@ -279,32 +278,6 @@ def localization_of(pose: Pose, axes: int) -> Localization | None:
         return None
     along = np.sqrt(np.square(pose.unheld[:, :axes]).sum(axis=1))
     return Localization(pose.position_sigma, held=not (along > HELD_SHARE).any())
-
-
-def memoized_planner() -> PlanPath:
-    """Memoize the planner for one decision.
-
-    Paths rest on distances that hold until the next update of the costmap. So a decision that is
-    made again, as some distances that it read were out of date, need not search again.
-    """
-    plans: dict[tuple[object, ...], Plan] = {}
-
-    def plan_path(
-        space: FreeSpace,
-        start: Array,
-        goal: Array,
-        config: PlannerConfig,
-        seed: int,
-        heading: float,
-    ) -> Plan:
-        kind = id(space.distances), space.collision_distance_sq, space.discs, space.few_reads
-        costs_of = space.cost_by_distance.tobytes()
-        query = *kind, costs_of, start.tobytes(), goal.tobytes(), heading, seed
-        if query not in plans:
-            plans[query] = plan(space, start, goal, config, seed, heading)
-        return plans[query]
-
-    return plan_path
 
 
 def motion_limits(config: Config, mission: Mission) -> MotionLimits:

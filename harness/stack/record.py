@@ -119,12 +119,10 @@ class StageClock:
         self._ms[stage] = (now - self._began) * 1e3
         self._began = now
 
-    def write(self, stages: pb.StageLatency, within_plan_s: float) -> None:
-        """Write all latencies; distances computed while planning count as the costmap's."""
-        lazy_ms = within_plan_s * 1e3
-        stages.sense_ms, stages.map_ms = self._ms["sense"], self._ms["map"]
-        stages.costmap_ms = self._ms["costmap"] + lazy_ms
-        stages.plan_ms = self._ms["plan"] - lazy_ms
+    def write(self, stages: pb.StageLatency) -> None:
+        """Write all latencies."""
+        for stage, ms in self._ms.items():
+            setattr(stages, f"{stage}_ms", ms)
 
 
 def _path_cost(planner_input: PlannerInput, global_path: Array | None) -> float:

@@ -52,24 +52,20 @@ class Sections(NamedTuple):
         blocked: (nx, ny * words) bits of the blocked cells.
         inside: (block_rows * words,) bits of a block that are cells of the window.
         along_z: (nx * blocks * cells,) distance along z to the nearest blocked cell, cells.
-        unmeasured: (nx, blocks) whether `along_z` is out of date.
         holds_any: (nx, blocks) whether any cell is blocked.
         squared: (blocks * units * (around + nx + around) * UNIT,) squared distance in the plane.
         nearest: (blocks, units, around + nx + around) least of `squared` in each unit.
         farthest: (nx, blocks) greatest of `squared` in each block.
-        pending: (blocks, nx) whether `squared` is out of date.
         least_bound: (blocks, nx) squared distances below it did not change; FAR where none did.
     """
 
     blocked: NDArray[np.uint64]
     inside: NDArray[np.uint64]
     along_z: NDArray[np.uint8]
-    unmeasured: NDArray[np.bool_]
     holds_any: NDArray[np.bool_]
     squared: NDArray[np.uint16]
     nearest: NDArray[np.uint16]
     farthest: NDArray[np.uint16]
-    pending: NDArray[np.bool_]
     least_bound: NDArray[np.uint16]
 
 

@@ -29,7 +29,7 @@ class Field(NamedTuple):
     Attributes:
         squared: (nx * ny * nz,) cells^2.
         farthest: (blocks, nx) greatest of `squared` in each block.
-        stale: (blocks, nx) whether `squared` is out of date.
+        stale: (blocks, nx) whether `squared` is out of date, within an update.
     """
 
     squared: NDArray[np.uint16]
@@ -198,18 +198,17 @@ def store_block(
 
 @kernel
 def update_field(
-    requested: NDArray[np.bool_],  # (blocks, nx)
     layout: FieldLayout,
     sections: Sections,
     field: Field,  # in, out
     scratch: FieldScratch,
 ) -> None:
-    """Compute the requested blocks that are stale, from the sections around.
+    """Compute the blocks that are stale, from the sections around.
 
     What lies outside the window is blocked: the nearest such cell is straight across a border. Four
-    planes are computed at once, of which only those that are requested and stale are written.
+    planes are computed at once, of which only those that are stale are written.
     """
-    (blocks, nx), (_, ny, nz) = requested.shape, layout.shape
+    (blocks, nx), (_, ny, nz) = field.stale.shape, layout.shape
     block_rows, reach = layout.block_rows, layout.reach
     squared, farthest, stale = field
     block, bounds, limits = scratch
@@ -218,14 +217,14 @@ def update_field(
         first, cells = b * block_rows, min(block_rows, ny - b * block_rows) * nz
         listed = False
         for x in range(nx):
-            if not (stale[b, x] and requested[b, x]):
+            if not stale[b, x]:
                 continue
             if not listed:
                 listed = True
                 list_bounds((first, first + block_rows), layout, bounds)
             # This plane and the next three: which to compute, and their border along x.
             for i in range(x, x + PLANES):
-                due = i < nx and stale[b, i] and requested[b, i]
+                due = i < nx and stale[b, i]
                 limits[i - x] = border_distance(i, nx, reach) ** 2 if due else 0
             update_planes(b, x, layout, in_planes, nearest, bounds, limits, block)
             for i in range(x, min(x + PLANES, nx)):

@@ -35,6 +35,7 @@ class SectionScratch(NamedTuple):
 
     Attributes:
         changes: (blocks, 2) first and last changed column of each block of a plane.
+        pending: (blocks,) the blocks of a plane that these may change.
         lines: (2, 2 * LONGEST_STEP + block_rows * pitch) distances along z, of a step and the last.
         eights: (2, ...) the same memory in words.
         along_z: ((blocks + 2 around) * cells,) squared distances along z of a plane; reach^2 on
@@ -44,6 +45,7 @@ class SectionScratch(NamedTuple):
     """
 
     changes: NDArray[np.int64]
+    pending: NDArray[np.bool_]
     lines: NDArray[np.uint8]
     eights: NDArray[np.uint64]
     along_z: NDArray[np.uint16]
@@ -208,55 +210,54 @@ def lower_block(
 
 @kernel
 def update_sections(
-    planes: NDArray[np.int64],  # (k,) to visit, along x
-    new: NewCells,  # to take over, if any
-    needed: NDArray[np.bool_],  # (blocks, nx) to compute
+    planes: tuple[int, int],  # first and one past the last to visit, along x
+    new: NewCells,
     layout: FieldLayout,
     sections: Sections,  # in, out
     scratch: SectionScratch,
 ) -> None:
-    """Take over new cells and compute the needed blocks of sections, plane by plane.
+    """Take over new cells and compute the blocks of sections that they may change, plane by plane.
 
     A plane's blocks are computed right after its cells are taken over, while both are in the cache.
     The window's border, beyond which everything is blocked, is part of the pass along x.
     """
     (_, ny, nz), reach, block_rows = layout.shape, layout.reach, layout.block_rows
     new_cells, rows, (x0, y0), flip = new
-    blocked, inside, distances, unmeasured, holds_any, squared, nearest = sections[:7]
-    farthest, pending, least_bound = sections[7:]
-    changes, lines, eights, along_z, plane_of, block = scratch
+    blocked, inside, distances, holds_any, squared, nearest, farthest, least_bound = sections
+    changes, pending, lines, eights, along_z, plane_of, block = scratch
     (blocks, units, all_planes), cells = nearest.shape, block.shape[0]
     around, margin = blocks_around(reach, block_rows), planes_around(reach)
-    taking = rows[0] < rows[1]
 
     fill(along_z, reach * reach)
     for b in range(blocks):
         plane_of[b] = -1
-    for i in range(planes.shape[0]):
-        x = planes[i]
-        # Take over the plane's new cells, and note what they make out of date.
-        if taking and replace_cells(
+    for x in range(planes[0], planes[1]):
+        if not replace_cells(
             new_cells[x - x0], rows, y0, flip, inside, layout, blocked[x], changes
         ):
-            for b in range(blocks):
-                unmeasured[x, b] |= changes[b, 0] >= 0
-            find_pending(changes, layout, farthest[x], x, pending, least_bound)
+            continue
+        find_pending(changes, layout, farthest[x], x, pending, least_bound)
+        # Along z: measure the blocks that have new cells.
         for b in range(blocks):
-            if not needed[b, x]:
+            if changes[b, 0] >= 0:
+                holds_any[x, b] = measure_rows(
+                    blocked[x],
+                    b * block_rows,
+                    layout,
+                    lines,
+                    eights,
+                    distances,
+                    (x * blocks + b) * cells,
+                )
+        for b in range(blocks):
+            if not pending[b]:
                 continue
-            # Along z: measure the blocks around that have new cells, and square distances.
             any_near = False
             for c in range(max(0, b - around), min(blocks, b + around + 1)):
-                at = (x * blocks + c) * cells
-                if unmeasured[x, c]:
-                    y = c * block_rows
-                    holds_any[x, c] = measure_rows(
-                        blocked[x], y, layout, lines, eights, distances, at
-                    )
-                    unmeasured[x, c] = False
                 any_near |= holds_any[x, c]
                 if plane_of[c] != x:
                     plane_of[c] = x
+                    at = (x * blocks + c) * cells
                     square(distances, at, cells, along_z, (c + around) * cells)
             # Along y.
             end = min(reach, ny) if any_near else 0
@@ -268,4 +269,3 @@ def update_sections(
                 first, size = unit * UNIT, min(UNIT, cells - unit * UNIT)
                 least = store_unit(block, first, size, squared, to)
                 nearest[b, unit, margin + x] = least
-            pending[b, x] = False

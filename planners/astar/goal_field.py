@@ -64,7 +64,6 @@ class GoalField:
         Returns:
             The path with its cost, or a label that says why there is none.
         """
-        space.refresh()  # the blocks that are read are not recorded here
         kind = state_space_of(self.config, space)
         costs, weight = search_costs(space, kind, float(self.config.clearance_weight))
         grid = self._follow(costs, weight, changed)

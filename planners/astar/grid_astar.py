@@ -31,11 +31,6 @@ EXPANSIONS = 1000
 SE2_EXPANSIONS = 1_000_000
 """Largest number of states of position and heading that are expanded."""
 
-FINE = 4
-"""Number of grid cells to a lattice cell from which on the column heuristic does not pay where
-distances are lazy (see `FreeSpace.few_reads`): 64 of them are worked out for each lattice cell.
-With it episodes of the drone took 0.95 of the time at 2 grid cells to a lattice cell, 1.02 at 4."""
-
 NARROW_COST = 3.0
 """Extra cost of length where a body of discs has no room to turn."""
 
@@ -149,16 +144,13 @@ def lattice_path(
 ) -> tuple[Floats, Lattice] | None:
     """Return the cheapest way on the first lattice that has one, pulled straight, shape (n, 3), m.
 
-    None if no lattice has one, or if a distance that was read is out of date: then the caller
-    resolves it and plans again.
+    None if no lattice has one.
     """
     a, b = np.array(start[:3]), np.array(goal[:3])
-    if not space.begin_search():
-        return None
     for factor in lattice.factors(space):
         grid = lattice.make_lattice(space, factor, weight)
         entered = _search(grid, space, a, b, until)
-        if not lattice.record_reads(grid, space) or entered == SPENT:
+        if entered == SPENT:
             return None
         if entered >= 0:
             path = lattice.extract_path(grid, space, a, b, entered)
@@ -185,7 +177,7 @@ def _search(
     if entered < 0 or goal_cell < 0:
         return NO_WAY
     lattice.open_goal(grid, goal_cell, entered)
-    directed = space.flat or (space.few_reads and int(grid.factor[0]) >= FINE)
+    directed = space.flat
     margin = 0 if directed else 1
     while grid.counters[OPENED] > 0:
         if until():

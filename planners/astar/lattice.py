@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import heuristic, lattice_search
-from wayproof.planners.kernels.grid import BLOCK_BITS, Floats
+from wayproof.planners.kernels.grid import Floats
 from wayproof.planners.kernels.heuristic import STEPS
 from wayproof.planners.kernels.lattice_cells import (
     FREE_RATE,
@@ -21,7 +21,6 @@ from wayproof.planners.kernels.lattice_cells import (
     OPEN,
     Integers,
     Lattice,
-    mark_read_blocks,
     rate_of,
 )
 
@@ -135,15 +134,6 @@ def entry_cell(lattice: Lattice, space: FreeSpace, point: Floats) -> int:
             if space.edge_free(point, centre):
                 return cell
     return -1
-
-
-def record_reads(lattice: Lattice, space: FreeSpace) -> bool:
-    """Record the blocks of distances that a search read; return whether all were up to date."""
-    return space.record_search(
-        lambda blocks: mark_read_blocks(
-            lattice.rate, lattice.shape, lattice.factor, BLOCK_BITS, blocks
-        )
-    )
 
 
 def extract_path(

@@ -46,13 +46,13 @@ def box_free(grid: Grid, threshold: int, low: Point, high: Point, reach: float) 
     u, v, w = (i + x) >> 1, (j + y) >> 1, (k + z) >> 1
     du, dv, dw = x - u, y - v, z - w  # the far corner: the others are no farther
     # The distance in the middle decides most boxes.
-    middle = inside_value(grid.field, grid.read_blocks, u, v, w)
+    middle = inside_value(grid.field, u, v, w)
     if all_above(middle, threshold, du * du + dv * dv + dw * dw):
         return True
     for u in range(i, x + 1):
         for v in range(j, y + 1):
             for w in range(k, z + 1):
-                if inside_value(grid.field, grid.read_blocks, u, v, w) <= threshold:
+                if inside_value(grid.field, u, v, w) <= threshold:
                     return False
     return True
 

@@ -14,9 +14,6 @@ SUBCELL_BITS = 16
 SUBCELLS = 1 << SUBCELL_BITS
 """Sub-cells to a cell, along each axis."""
 
-BLOCK_BITS = 3
-"""Binary logarithm of the rows of cells to a block: `BLOCK_ROWS` of the costmap's field."""
-
 FARTHEST_CELL = 1 << 14
 """Largest distance from the origin, cells: beyond it products of crossing times could overflow."""
 
@@ -35,7 +32,6 @@ class Grid(NamedTuple):
     """A distance field, its place in the world, and the cost of its cells."""
 
     field: NDArray[np.uint16]  # (nx, ny, nz) squared cell distances
-    read_blocks: NDArray[np.bool_]  # (blocks, nx) out: which blocks along y were read
     origin: Floats  # (3,) low corner, m
     resolution: float  # m
     cost_by_distance: Floats  # (t,) cost of a cell by its squared distance
@@ -49,11 +45,8 @@ class Discs(NamedTuple):
 
 
 @kernel
-def inside_value(
-    field: NDArray[np.uint16], read_blocks: NDArray[np.bool_], i: int, j: int, k: int
-) -> int:
+def inside_value(field: NDArray[np.uint16], i: int, j: int, k: int) -> int:
     """Return a cell's squared distance; unsigned indices skip the check for negatives."""
-    read_blocks[np.uint64(j) >> np.uint64(BLOCK_BITS), np.uint64(i)] = True
     return int(field[np.uint64(i), np.uint64(j), np.uint64(k)])
 
 
@@ -63,7 +56,7 @@ def squared_distance(grid: Grid, i: int, j: int, k: int) -> int:
     nx, ny, nz = grid.field.shape
     if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
         return OUTSIDE
-    return inside_value(grid.field, grid.read_blocks, i, j, k)
+    return inside_value(grid.field, i, j, k)
 
 
 @kernel

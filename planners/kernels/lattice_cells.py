@@ -165,37 +165,6 @@ def rate_of(lattice: Lattice, cell: int) -> int:
 
 
 @kernel
-def mark_read_blocks(
-    rate: Integers, shape: Longs, factor: Longs, block_bits: int, read_blocks: NDArray[np.bool_]
-) -> None:
-    """Mark the blocks of the distance field that hold the lattice cells looked up.
-
-    A move touches grid cells of lattice cells alone that were looked up: its ends, and those beside
-    it, which are neighbours along fewer axes.
-
-    Args:
-        rate: Rates of the lattice cells, `UNSEEN` where not looked up.
-        shape: Lattice cells along the axes, border included.
-        factor: Grid cells to a lattice cell.
-        block_bits: Binary logarithm of the rows of a block.
-        read_blocks: Shape (blocks, nx), out.
-    """
-    nx, last = read_blocks.shape[1], read_blocks.shape[0] - 1
-    for i in range(1, shape[0] - 1):
-        for j in range(1, shape[1] - 1):
-            column, seen = (i * shape[1] + j) * shape[2], False
-            for k in range(shape[2]):
-                seen |= rate[column + k] != UNSEEN
-            if not seen:
-                continue
-            x, y = (i - 1) * factor[0], (j - 1) * factor[1]
-            end = min((y + factor[1] - 1) >> block_bits, last)
-            for b in range(y >> block_bits, end + 1):
-                for plane in range(x, min(x + factor[0], nx)):
-                    read_blocks[b, plane] = True
-
-
-@kernel
 def move_free(
     cells: NDArray[np.uint16], threshold: int, index: int, touched: Longs, counts: Longs, move: int
 ) -> bool:

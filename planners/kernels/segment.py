@@ -56,7 +56,7 @@ def walk(
     # earlier where the difference of the cross products is below 0.
     x_y, x_z = next_x * span_y - next_y * span_x, next_x * span_z - next_z * span_x
     y_z = next_y * span_z - next_z * span_y
-    field, read_blocks, cost_by_distance = grid.field, grid.read_blocks, grid.cost_by_distance
+    field, cost_by_distance = grid.field, grid.cost_by_distance
     furthest = len(cost_by_distance) - 1
     least, walked, cost = value, 0.0, 0.0
     if least <= threshold:
@@ -77,7 +77,7 @@ def walk(
             x_z, y_z = x_z - span_x * SUBCELLS, y_z - span_y * SUBCELLS
         else:
             return walk_anywhere(grid, threshold, start, end)
-        value = inside_value(field, read_blocks, i, j, k)
+        value = inside_value(field, i, j, k)
         least = min(least, value)
         share = first / span
         if least <= threshold:

@@ -13,7 +13,7 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.maps import FREE, Distances
+from wayproof.maps import FREE
 from wayproof.models.robots import ROBOTS
 
 DRIVING = ("follow", "slow", "explore")
@@ -172,19 +172,3 @@ def test_a_gap_too_narrow_for_the_disc_is_taken_rather_than_gone_around(recorded
     result = recorded("warehouse", "quadruped", 80, "episode.time_limit=45", "record=decisions")
     assert result.outcome == "success"
     assert result.path_length_m < 1.5 * result.route_length_m
-
-
-def test_distances_worked_out_where_somebody_looked_decide_as_all_of_them_do(recorded, monkeypatch):
-    """A drone in a warehouse whose costmap works out everything decides the same, bit by bit."""
-    short = (
-        "episode.time_limit=6",
-        "costmap.unknown_policy=penalize",
-        "pose_model.scale_sigma=0.01",
-    )
-    result = recorded("warehouse", "drone", 4, *short)
-    log = open_log(Path(result.log))
-    monkeypatch.setattr(Distances, "begin", lambda self: self.whole())
-    navigator = Navigator(log.config, log.mission, log.beams)
-    for record in log.records():
-        navigator.commit(navigator.step(record.inputs), record.latency.delay_s)
-    assert navigator.chain == result.chain

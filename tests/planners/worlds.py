@@ -65,7 +65,7 @@ def random_space(seed: int, shape: tuple[int, int, int], share: float = 0.1) -> 
 
 def random_points(rng: np.random.Generator, space: FreeSpace, count: int) -> np.ndarray:
     """Points inside the grid and a little around it; some on faces, edges and corners of cells."""
-    cells = rng.uniform(-0.5, np.array(space.field.shape) + 0.5, size=(count, 3))
+    cells = rng.uniform(-0.5, np.array(space.distances.shape) + 0.5, size=(count, 3))
     on_face = rng.random((count, 3)) < 0.3
     return space.origin + space.resolution * np.where(on_face, np.rint(cells), cells)
 

@@ -4,19 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.maps.exact_distances import framed, packed, scipy_squared
-from wayproof.maps.costmap.distance_field import (
-    BLOCK_ROWS,
-    CellUpdate,
-    DistanceField,
-)
+from wayproof.maps.costmap.distance_field import DistanceField
 from wayproof.maps.kernels import edt, edt_changes, edt_field, edt_sections
-
-
-def whole(blocked):
-    """New cells of the whole window."""
-    columns = packed(blocked)
-    return CellUpdate(columns, 0, (0, 0), *((0, count) for count in columns.shape[:2]))
-
 
 SHAPES = [(1, 1, 1), (1, 1, 70), (9, 1, 40), (1, 17, 5), (12, 9, 1), (7, 20, 63), (5, 6, 130)]
 
@@ -123,56 +112,3 @@ def test_the_greatest_distances_fit_their_16_bits(reach):
     field.update(packed(blocked))
     np.testing.assert_array_equal(field.squared, scipy_squared(blocked, reach))
     assert field.squared.max() == reach * reach
-
-
-def test_what_is_not_stale_is_true_whatever_was_worked_out():
-    """Cells come and go, and only some blocks are brought up to date in between."""
-    shape, reach = (70, 50, 30), 7
-    rng = np.random.default_rng(1)
-    field = DistanceField(shape, reach)
-    blocked = rng.random(shape) < 0.002
-    field.update(packed(blocked))
-    rows = np.arange(shape[1]) // BLOCK_ROWS
-    seen_stale = 0
-    for step in range(40):
-        x, y, z = (rng.integers(0, n) for n in shape)
-        blocked[x : x + 9, y : y + 5, z : z + 6] = step % 2
-        blocked ^= rng.random(shape) < 1e-5
-        field.take_over(whole(blocked))
-        requested = rng.random(field.stale.shape) < rng.choice([0.0, 0.02, 0.3])
-        field.bring_up_to_date(requested)
-        assert not (field.stale & requested).any()
-        true = scipy_squared(blocked, reach)
-        differs = (field.squared != true).any(axis=2)  # (nx, ny)
-        assert not (differs & ~field.stale.T[:, rows]).any()
-        seen_stale += int(differs.sum())
-    assert seen_stale > 0
-    field.bring_up_to_date()
-    assert not field.stale.any()
-    np.testing.assert_array_equal(field.squared, true)
-
-
-def test_only_the_given_blocks_are_computed():
-    shape = (64, 64, 20)
-    blocked = np.zeros(shape, np.bool_)
-    field = DistanceField(shape, 5)
-    field.update(packed(blocked))
-    blocked[[10, 50], 10, 10] = True
-    field.take_over(whole(blocked))
-    field.squared[50] = 12345  # would be overwritten if it were recomputed
-    requested = np.zeros_like(field.stale)
-    requested[:, :40] = True
-    field.bring_up_to_date(requested)
-    assert np.all(field.squared[50] == 12345)
-    np.testing.assert_array_equal(field.squared[:40], scipy_squared(blocked, 5)[:40])
-    field.bring_up_to_date()
-    assert field.squared[50, 10, 10] == 0
-
-
-@pytest.mark.parametrize(
-    ("planes", "rows"), [((0, 6), (0, 2)), ((-1, 2), (0, 2)), ((0, 2), (1, 3))]
-)
-def test_planes_and_rows_beyond_the_new_cells_are_refused(planes, rows):
-    update = CellUpdate(np.zeros((5, 2, 1), np.uint64), 0, (0, 0), planes, rows)
-    with pytest.raises(ValueError, match=r"expected within \(5, 5, 1\)"):
-        DistanceField((5, 5, 5), 3).take_over(update)

@@ -15,14 +15,14 @@ from wayproof.planners.kernels.segment import walk_path
 
 def put_box(space: FreeSpace, rng: np.random.Generator, boxes: list[np.ndarray]):
     """A random box comes and the oldest of four goes; the new space, and the cells that differ."""
-    low = rng.integers(0, np.array(space.field.shape))
+    low = rng.integers(0, np.array(space.distances.shape))
     boxes.append(np.array([low, low + rng.integers(2, 7, size=3)]))
     del boxes[:-4]
-    blocked = np.zeros(space.field.shape, dtype=bool)
+    blocked = np.zeros(space.distances.shape, dtype=bool)
     for box in boxes:
         blocked[tuple(slice(a, b) for a, b in zip(*box, strict=True))] = True
     after = make_space(blocked)
-    differ = np.argwhere(after.field != space.field)
+    differ = np.argwhere(after.distances != space.distances)
     return after, (differ.min(axis=0), differ.max(axis=0) + 1)
 
 
@@ -35,7 +35,7 @@ def test_a_long_body_is_replanned_for_as_anew():
     kept = GoalField(point(space, 55.5, 5.5), PlannerConfig())
     for step in range(30):
         space, _ = put_box(space, rng, boxes)
-        both = make_space(walls | (space.field == 0))
+        both = make_space(walls | (space.distances == 0))
         long = dataclasses.replace(both, collision_distance_sq=7, discs=body)
         start, heading = point(space, 5.5 + 0.3 * step, 44.9), 0.4 * (step % 2)
         again = kept.plan(long, start, seed=step + 1, heading=heading)

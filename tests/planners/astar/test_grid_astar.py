@@ -1,33 +1,16 @@
-import dataclasses
 import itertools
 import math
 
 import numpy as np
 import pytest
 
-from tests.planners.worlds import long_space, make_space, point
+from tests.planners.worlds import long_space, point
 from wayproof.planners import (
     FreeSpace,
     PlannerConfig,
     plan,
 )
 from wayproof.planners.astar.se2 import se2_path
-
-
-def test_plans_with_few_reads_are_as_cheap_and_expand_more_cells():
-    blocked = np.zeros((280, 260, 60), dtype=bool)
-    rng = np.random.default_rng(2)
-    for x, y in rng.integers(20, [230, 210], size=(16, 2)):
-        blocked[x : x + 30, y : y + 30] = True
-    space = make_space(blocked, 0.05)  # a lattice cell is 4 of them along each axis
-    start, goal = point(space, 8.5, 8.5, 20.5), point(space, 270.5, 250.5, 40.5)
-    config = PlannerConfig(name="astar", shortcuts=0, corner_cost=0.0)
-    plans = [
-        plan(dataclasses.replace(space, few_reads=few_reads), start, goal, config, seed=1)
-        for few_reads in (False, True)
-    ]
-    assert plans[0].cost == pytest.approx(plans[1].cost, rel=0.02)
-    assert plans[0].iterations < 0.7 * plans[1].iterations
 
 
 def test_a_gap_that_the_coarse_lattice_lacks_is_found_on_the_grid():

@@ -9,7 +9,7 @@ from wayproof.planners.kernels import free_box
 def test_a_box_is_free_where_all_its_cells_are():
     rng = np.random.default_rng(6)
     space = make_space(rng.random((14, 12, 5)) < 0.003, resolution=0.25)
-    shape = np.array(space.field.shape)
+    shape = np.array(space.distances.shape)
     free = seen = 0
     for _ in range(600):
         low, size = rng.uniform(0.5, shape - 1.0), rng.uniform(0.0, (4.0, 4.0, 2.0))
@@ -20,7 +20,7 @@ def test_a_box_is_free_where_all_its_cells_are():
         end = np.floor(low + size + (reach, reach, 0.0)).astype(int) + 2
         inside = (first >= 0).all() and (end <= shape).all()
         cells = tuple(slice(a, b) for a, b in zip(first, end, strict=True))
-        assert all_free == (inside and bool((space.field[cells] > 2).all()))
+        assert all_free == (inside and bool((space.distances[cells] > 2).all()))
         assert (
             free_box.box_free.py_func(space.grid, 2, *corners, reach * space.resolution) == all_free
         )

@@ -56,7 +56,7 @@ def test_edges_in_free_boxes_are_free_one_by_one():
         reach = np.array([0.3, 0.3, 0.0])
         first = np.floor((np.array(low) - reach - space.origin) / 0.1).astype(int)
         last = np.floor((np.array(high) + reach - space.origin) / 0.1).astype(int)
-        cells = space.field[first[0] - 1 : last[0] + 2, first[1] - 1 : last[1] + 2]
+        cells = space.distances[first[0] - 1 : last[0] + 2, first[1] - 1 : last[1] + 2]
         assert box == bool((cells > 7).all())
         assert free_box.box_free.py_func(space.grid, 7, low, high, 0.3) == box
     assert partly > 0

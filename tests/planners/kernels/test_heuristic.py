@@ -38,19 +38,6 @@ def test_a_search_with_column_bounds_finds_the_same_way_and_expands_less(seed, f
     assert by_columns.counters[2] < 0.7 * straight.counters[2]
 
 
-def test_columns_that_were_not_recorded_as_read_do_not_matter():
-    space, grid, _, start, costs = lattice_in_space(5, 1)
-    near = min(costs, key=lambda cell: abs(costs[cell] - 2000))
-    assert heuristic.bound_columns(grid, near, start)
-    noted = np.zeros((grid.shape[1] - 2, grid.shape[0] - 2), np.bool_)
-    lattice_cells.mark_read_blocks(grid.rate, grid.shape, grid.factor, 0, noted)
-    assert 0 < noted.sum() < 0.5 * noted.size
-    space.grid.field[~noted.T] = 0
-    again = opened(space, 1, start, near)
-    assert heuristic.bound_columns(again, near, start)
-    assert again.column_bound.tobytes() == grid.column_bound.tobytes()
-
-
 def test_compiled_columns_equal_python():
     _, grid, goal, start, _ = lattice_in_space(5, 2)
     heuristic.bound_columns(grid, goal, start)

@@ -11,8 +11,8 @@ from wayproof.planners.kernels import obstruction
 
 
 def forbidden(space, cell):
-    inside = ((cell >= 0) & (cell < space.field.shape)).all()
-    return not inside or space.field[tuple(cell)] <= space.collision_distance_sq
+    inside = ((cell >= 0) & (cell < space.distances.shape)).all()
+    return not inside or space.distances[tuple(cell)] <= space.collision_distance_sq
 
 
 def test_it_is_forbidden_and_right_where_the_free_length_ends():
@@ -66,7 +66,7 @@ def test_a_long_body_is_stopped_where_its_free_length_ends():
         if cell is not None:
             ended += 1
             assert cell.tolist() == list(found[1])
-            assert space.field[tuple(cell)] <= max(space.shape.thresholds)
+            assert space.distances[tuple(cell)] <= max(space.shape.thresholds)
     assert ended > 3
 
 
@@ -77,6 +77,6 @@ def test_the_first_pose_that_cannot_be_reached():
     poses = np.array([[*point(space, x, 15.5), 0.0] for x in (10.5, 20.5, 30.5, 50.5)])
     reached, cell = space.first_forbidden_pose(poses)
     assert reached == space.free_poses(poses) == 3
-    assert space.field[tuple(cell)] <= max(space.shape.thresholds)
+    assert space.distances[tuple(cell)] <= max(space.shape.thresholds)
     assert space.first_forbidden_pose(poses[:2]) == (1, None)
     assert obstruction.on_poses.py_func(space.grid, space.shape, poses)[0] == 3

@@ -18,7 +18,7 @@ def test_is_cheaper_is_the_sum_of_the_sweeps(python):
     rng = np.random.default_rng(13)
     space = long_space(rng.random((60, 60, 1)) < 0.003)
     grid, discs, verdicts = space.grid, space.shape, []
-    size = np.array(space.field.shape[:2]) * space.resolution
+    size = np.array(space.distances.shape[:2]) * space.resolution
     for k in range(100 if python else 600):
         places = space.origin[:2] + rng.uniform(0.2, 0.8, (3, 2)) * size
         u, apex, v = (

@@ -17,7 +17,11 @@ def test_motions_are_free_where_all_their_cells_are():
     rng = np.random.default_rng(4)
     space = long_space(rng.random((40, 30, 1)) < 0.02)
     plane = Plane(
-        space.field[:, :, 0], space.collision_distance_sq, np.full(201, 8, np.int32), 2, (20, 15)
+        space.distances[:, :, 0],
+        space.collision_distance_sq,
+        np.full(201, 8, np.int32),
+        2,
+        (20, 15),
     )
     ways = motion_primitives((-1.5, 0.0, 2.0), plane.threshold, plane.factor)
     shortened = 0
@@ -46,7 +50,7 @@ def search_problem():
     blocked[4:10, 3] = blocked[4:10, 13] = True
     space = long_space(blocked)
     rates = np.full(201, 8, np.int32)
-    plane = Plane(space.field[:, :, 0], space.collision_distance_sq, rates, 1, (24, 20))
+    plane = Plane(space.distances[:, :, 0], space.collision_distance_sq, rates, 1, (24, 20))
     ways = motion_primitives((-0.3 / 0.1, 0.0, 0.3 / 0.1), plane.threshold, 1)
     ways = ways._replace(turn_cost=40, reversal_cost=900)
     goal, starts = 18 * 20 + 8, np.array([(5 * 20 + 8) * 16, (5 * 20 + 8) * 16 + 8])

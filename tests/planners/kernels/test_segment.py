@@ -53,8 +53,8 @@ def cell_of_middle(p: list[Fraction], q: list[Fraction]) -> tuple[int, ...]:
 
 
 def field_value(space: FreeSpace, cell: tuple[int, ...]) -> int:
-    inside = all(0 <= index < size for index, size in zip(cell, space.field.shape, strict=True))
-    return int(space.field[cell]) if inside else -1
+    inside = all(0 <= index < size for index, size in zip(cell, space.distances.shape, strict=True))
+    return int(space.distances[cell]) if inside else -1
 
 
 def naive_walk(space: FreeSpace, a: np.ndarray, b: np.ndarray) -> tuple[int, float, float]:
