@@ -31,10 +31,7 @@ CHAPTERS = {
         *("tutorials/recording", "shadow", "recordings"),
     ],
     "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "replay", "seeing"],
-    "Study and gate": [
-        *("studies", "tutorials/gate", "perturbations"),
-        *("tutorials/pose-drift", "tutorials/lost-echoes", "statistics"),
-    ],
+    "Study and gate": ["studies", "tutorials/gate", "perturbations", "statistics"],
     "How it works": [
         *("maps", "maps-library", "representations", "moving", "planning", "unknown"),
         "log",
