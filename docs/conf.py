@@ -37,9 +37,7 @@ CHAPTERS = {
         "log",
     ],
     "Reference": [
-        *("reference/cli", "reference/config", "reference/metrics"),
-        *("python", "reference/tables"),
-        *("measured", "reference/dependencies"),
+        *("reference/cli", "reference/config", "reference/data", "python", "measured"),
     ],
 }
 """Sections of the side bar; other pages come after them."""

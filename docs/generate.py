@@ -8,6 +8,8 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
@@ -24,15 +26,12 @@ from wayproof.harness.cli.main import parser_of
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import RECORDING, section_of
 from wayproof.harness.metrics import METRICS
-from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation
+from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS
 from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.statistics.support import Support
 from wayproof.harness.tables.tables import TABLES
 
 FOLDER = Path(__file__).parent / "reference"
-
-MACHINE = {"jobs"}
-"""Options whose defaults depend on the machine."""
 
 NOTE = "Generated from the code by `python -m docs.generate`; a test compares the two."
 
@@ -54,12 +53,7 @@ EXIT_CODES = [
 
 def pages() -> dict[str, str]:
     """Every page by its file's name."""
-    return {
-        "cli.md": cli(),
-        "config.md": config(),
-        "metrics.md": metrics(),
-        "tables.md": tables(),
-    }
+    return {"cli.md": cli(), "config.md": config(), "data.md": data()}
 
 
 def cli() -> str:
@@ -70,35 +64,38 @@ def cli() -> str:
         f"| [`{name}`](#{name.replace(' ', '-')}) | {cell(verb.help)} |"
         for name, verb in COMMANDS.items()
     ]
-    lines += ["", *EXIT_CODES]
+    lines += ["", *EXIT_CODES, "", "## Shared arguments", ""]
+    of_verb = {name: list(map(_argument, _arguments(parser_of(name)))) for name in COMMANDS}
+    count = Counter(row for rows in of_verb.values() for row in rows)
+    shared = [row for row in count if count[row] > 1]
+    lines += ["| argument | meaning |", "|---|---|", *shared]
     for name, verb in COMMANDS.items():
-        lines += ["", f"## {name}", "", sentence(verb.help), "", *_typed(verb.example), ""]
-        lines += ["| argument | default | meaning |", "|---|---|---|"]
-        lines += [_argument(action) for action in _arguments(parser_of(name))]
-        if lines[-1].startswith("|---"):
-            lines[-2:] = ["No arguments."]
-    return "\n".join(lines) + "\n"
+        lines += ["", f"## {name}", "", *_typed(verb.example), ""]
+        if own := [row for row in of_verb[name] if row not in shared]:
+            lines += ["| argument | meaning |", "|---|---|", *own, ""]
+        if others := [f"{row.split()[1].rstrip('`')}`" for row in of_verb[name] if row in shared]:
+            lines += [f"Shared: {', '.join(others)}."]
+    return "\n".join(lines).rstrip() + "\n"
 
 
 def config() -> str:
     """Each setting with its default, and each perturbation."""
-    lines = ["# Settings", "", "Every setting with its type, default and bounds.", "", NOTE, ""]
+    lines = ["# Settings", "", "Every setting with its default and bounds.", "", NOTE, ""]
     lines += [
-        "Set one by `--set NAME=VALUE`, in a study under `[set]` or `[axes]`. The `config.json` in "
-        "a log holds all of them, resolved."
+        "Set one by `--set NAME=VALUE`, in a study under `[set]` or `[axes]`. `wayproof list NAME` "
+        "prints more: reasons and sources. A log holds all settings, resolved."
     ]
     set_two = "--set map.resolution=0.2 --set planner.name=rrtconnect"
     lines += ["", *_typed(f"wayproof run empty --robot drone --seed 1 {set_two}")]
     lines += ["", "## The episode", "", *_settings(Config, ""), *_sections(Config)]
-    lines += ["", f"## {RECORDING}", "", summary(RecordingConfig), ""]
-    lines += ["Settings of a recording alone, as `wayproof shadow` takes it.", ""]
+    lines += ["", f"## {RECORDING}", "", "Settings of `wayproof shadow` alone.", ""]
     lines += _settings(RecordingConfig, f"{RECORDING}.", apart=SET_BY_RUN)
     lines += [
         "",
         "## Perturbations",
         "",
-        "`--perturb KIND:SEVERITY[:MODE]`, severity 1 to 5, fractions allowed; at most one per "
-        "episode. [Perturbations](../perturbations.md) has the amount of each severity.",
+        "`--perturb KIND:SEVERITY[:MODE]`, severity 1 to 5, fractions allowed; one per episode. "
+        "[Perturbations](../perturbations.md) has the amount of each severity.",
     ]
     lines += ["", "| kind | modes | meaning |", "|---|---|---|"]
     for kind, one in PERTURBATIONS.items():
@@ -108,36 +105,44 @@ def config() -> str:
     return "\n".join(lines) + "\n"
 
 
-def metrics() -> str:
-    """Each metric of an episode with its unit."""
-    better = {True: "higher", False: "lower", None: ""}
-    lines = ["# Metrics", "", "Every metric of an episode, computed from its log alone.", "", NOTE]
-    lines += ["", "`wayproof explain LOG --metrics` prints them; gates of a study name them.", ""]
+def data() -> str:
+    """Metrics, columns of the tables of a log, and dependencies."""
+    lines = ["# Data", "", "Metrics of an episode, columns of its tables, and dependencies.", ""]
+    lines += [NOTE, "", "## Metrics", ""]
+    lines += ["Each is computed from the log alone; gates of a study name them. The support", ""]
+    lines[-2] += " decides the interval of the mean."
     lines += _typed("wayproof explain logs/empty-drone-1.mcap --metrics")
-    lines += ["", "The support decides the [interval](../statistics.md) of the mean."]
+    better = {True: "higher", False: "lower", None: ""}
     lines += ["", "| metric | unit | better | support | meaning |", "|---|---|---|---|---|"]
     for name, metric in METRICS.items():
         meaning = cell(summary(metric.function))
         side, support = better[metric.higher_is_better], _support(metric.support)
         lines.append(f"| `{name}` | {metric.unit} | {side} | {support} | {meaning} |")
-    return "\n".join(lines) + "\n"
-
-
-def tables() -> str:
-    """Each table of a log with its columns."""
-    lines = ["# Tables", "", "Every column of the tables of a log.", "", NOTE, ""]
-    lines += [
-        "[`wayproof.open`](../python.md) returns them, and `export` writes them to files.",
-        "",
-    ]
+    lines += ["", "## Tables", ""]
     lines += _typed("wayproof export logs/empty-drone-1.mcap --parquet decisions.parquet")
     for name, table in TABLES.items():
-        lines += ["", f"## {name}", "", "| column | type | unit | meaning |", "|---|---|---|---|"]
+        lines += ["", f"### {name}", "", "| column | type | meaning |", "|---|---|---|"]
         lines += [
-            f"| `{one.name}` | {_arrow(one.type)} | {one.unit} | {cell(one.meaning)} |"
+            f"| `{one.name}` | {_arrow(one.type)} | {cell(one.meaning)}"
+            f"{f', {one.unit}' if one.unit else ''} |"
             for one in table.columns
         ]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, "", *dependencies()]) + "\n"
+
+
+def dependencies() -> list[str]:
+    """Packages of `pyproject.toml`, and what the comment beside each says that it is for."""
+    text = (FOLDER.parents[1] / "pyproject.toml").read_text(encoding="utf-8")
+    required, optional = text.split("[project.scripts]")[0].split("[project.optional-dependencies]")
+    lines = ["## Dependencies", "", "| required | for |", "|---|---|"]
+    lines += [
+        f"| {name} | {use} |" for name, use in re.findall(r'"([\w-]+)>=.*",\s*# (.*)', required)
+    ]
+    lines += ["", "| extra | packages | for |", "|---|---|---|"]
+    for extra, packages, use in re.findall(r"^(\w+) = \[(.*)\]\s*# (.*)$", optional, re.MULTILINE):
+        names = ", ".join(re.findall(r'"([\w-]+)>=', packages))
+        lines.append(f"| `{extra}` | {names} | {use} |")
+    return lines
 
 
 def _arrow(kind: pa.DataType) -> str:
@@ -166,10 +171,8 @@ def _argument(action: argparse.Action) -> str:
     value = metavar or "|".join(map(str, action.choices or ())) or action.dest.upper()
     takes = "" if action.nargs == 0 else f" {value}"
     name = f"{action.option_strings[-1]}{takes}" if action.option_strings else value
-    shown = action.default
-    if action.dest in MACHINE or shown in (None, False) or shown == []:
-        shown = "required" if action.option_strings and action.required else ""
-    return f"| `{cell(name)}` | {shown} | {cell(action.help or '')} |"
+    needed = "; required" if action.option_strings and action.required else ""
+    return f"| `{cell(name)}` | {cell(action.help or '')}{needed} |"
 
 
 def _sections(parent: type, prefix: str = "") -> list[str]:
@@ -187,26 +190,24 @@ def _sections(parent: type, prefix: str = "") -> list[str]:
 def _settings(section: type, prefix: str, apart: Sequence[str] = (RECORDING,)) -> list[str]:
     """A table of the own settings of a section, without those that stand apart."""
     descriptions, hints = attributes(section), get_type_hints(section, include_extras=True)
-    rows = ["| setting | type | default | meaning |", "|---|---|---|---|"]
+    rows = ["| setting | value | meaning |", "|---|---|---|"]
     for entry in dataclasses.fields(section):
         if dataclasses.is_dataclass(entry.default_factory) or entry.name in apart:
             continue  # a section of its own
-        kind, described = cell(_type_name(hints[entry.name])), cell(descriptions[entry.name])
-        rows.append(f"| `{prefix}{entry.name}` | {kind} | {_default(entry)} | {described} |")
+        value = f"{_default(entry)}{_range(hints[entry.name])}"
+        meaning = first_sentence(descriptions[entry.name])
+        rows.append(f"| `{prefix}{entry.name}` | {cell(value)} | {cell(meaning)} |")
     return rows
 
 
-def _type_name(hint: Any) -> str:
-    """A field's type: its choices, or its name with the bounds of its values."""
-    if hint == AnyPerturbation | None:
-        return "one of the [perturbations](#perturbations), or `None`"
+def _range(hint: Any) -> str:
+    """The values beside the default: other choices, or bounds with their unit."""
     if get_origin(hint) is Literal:
-        return ", ".join(f"`{choice}`" for choice in get_args(hint))
+        return f"; {', '.join(f'`{choice}`' for choice in get_args(hint))}"
     if get_origin(hint) is not Annotated:
-        return f"`{hint.__name__ if isinstance(hint, type) and not get_args(hint) else hint}`"
-    kind, bounds = get_args(hint)
-    type_name = kind.__name__ if isinstance(kind, type) else str(kind)
-    return f"`{type_name}`, {bounds.low:g} to {bounds.high:g} {bounds.unit}".rstrip()
+        return ""
+    bounds = get_args(hint)[1]
+    return f"; {bounds.low:g} to {bounds.high:g} {bounds.unit}".rstrip()
 
 
 def _default(entry: dataclasses.Field[Any]) -> str:
@@ -217,9 +218,9 @@ def _default(entry: dataclasses.Field[Any]) -> str:
     return f"`{entry.default}`"
 
 
-def sentence(text: str) -> str:
-    """The text with a capital letter and a full stop."""
-    return f"{text[0].upper()}{text[1:]}."
+def first_sentence(text: str) -> str:
+    """The text up to its first full stop before a capital letter."""
+    return re.split(r"(?<=[^.]\.) (?=[A-Z0-9`])", text)[0]
 
 
 def cell(text: str) -> str:

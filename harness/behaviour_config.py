@@ -27,24 +27,24 @@ class BehaviourConfig:
         blend_length: Longest stretch on each side of a corner over which it is rounded, m.
         unknown_speed_fraction: Fraction of the speed while unknown space is entered under
             `penalize`.
-        unknown_cost: Cost of unknown space to a global path; that of a cell at the edge of the
-            inflation is 1. The robot may have to stop before unknown space. A sixteenth of it to a
-            robot that flies, on a path of which it sees enough.
+        unknown_cost: Cost of unknown space to a global path; a cell at the edge of the inflation
+            costs 1. The robot may have to stop before unknown space. A sixteenth of it to a robot
+            that flies, on a path that it sees far enough ahead.
         goal_search_radius: Distance within which a goal inside the inflation is projected to the
             nearest free place, m.
         goal_wait_timeout: Time that the robot waits there for the goal to become free, s.
         max_backtracks: Times it goes back along its own trail before the action is `abort`.
         reverse_speed_fraction: Fraction of the speed at which an elongated body moves tail first.
-        narrow_speed_fraction: Fraction of the speed of an elongated body that is planned for at its
-            heading, between obstacles that come to light late.
-        uncertain_sigma: Standard deviation of the position beyond which the robot slows down while
-            the sweeps do not hold it, m; this and what follows of estimators that state a
-            covariance.
-        uncertain_speed_fraction: Fraction of the speed that is left then.
-        noisy_sigma: Standard deviation of the ranges of a sweep beyond which the robot slows down
-            to that fraction, too, m: half a cell, as echoes then fall into the cells beside theirs.
-        lost_sigma: Standard deviation beyond which it goes back to where they did, or gives up, m.
-        max_returns: Times it goes back there before the action is `abort`.
+        narrow_speed_fraction: Fraction of the speed with the oriented footprint: in clutter,
+            obstacles are seen late.
+        uncertain_sigma: Standard deviation of the position beyond which the robot slows down, m.
+            For estimators that state a covariance, where the sweeps do not hold the position.
+        uncertain_speed_fraction: Fraction of the speed beyond `uncertain_sigma` or `noisy_sigma`.
+        noisy_sigma: Standard deviation of a sweep's ranges beyond which the robot slows down, m.
+            Half a cell: echoes then fall into the cells beside theirs.
+        lost_sigma: Standard deviation of the position beyond which the robot goes back to where the
+            sweeps held it, or gives up, m.
+        max_returns: Times it goes back for `lost_sigma` before the action is `abort`.
 
     Raises:
         ValueError: A value is out of its bounds.

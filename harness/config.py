@@ -92,11 +92,10 @@ class MotionConfig:
     """Motion that the stack commands; the body's own limits stand in its spec.
 
     Attributes:
-        limits: Speed, acceleration and turning of a built-in robot: `full` is what it follows in
-            trials; `cautious` is what it had before; `sloping` is slower on slopes; `auto` is what
-            the robot's registry says, `full` for both, but `sloping` with `costmap.max_slope`, else
-            `cautious` in a world with things that are known to move or appear, and on recordings. A
-            log says which.
+        limits: Limits of a built-in robot's speed, acceleration and turning: those of its trials
+            (`full`), lower ones (`cautious`), those for slopes (`sloping`), or `auto`. `auto` takes
+            `sloping` with `costmap.max_slope`, `cautious` where things are known to move or appear
+            and on recordings, else `full`. A log says which.
         speed_fraction: Share of the body's greatest speed that navigation commands.
         altitude_low: Lowest altitude that any part of a flying robot may take, m.
         altitude_high: Highest, m.

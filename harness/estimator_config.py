@@ -15,18 +15,19 @@ class EstimateConfig:
     """The estimator of the pose; class variables are its constants.
 
     Attributes:
-        kind: `model`: the truth with errors drawn by `pose_model.*`; `truth`: without any; `lidar`:
-            an odometry that registers the sweeps, after predicting by inertial sensors and legs.
+        kind: `model`: the truth with errors drawn by `pose_model.*`; `truth`: without errors;
+            `lidar`: odometry that registers the sweeps, after a prediction by inertial sensors and
+            legs.
         spacing: Distance between points of a sweep that are registered, m.
-        sweep_noise_share: Noise of a sweep's registration, against which the prediction is weighed,
-            as if it were by one mean point of it: share of the residuals' standard deviation, which
-            is taken from their median. The smaller, the more a sweep counts.
+        sweep_noise_share: Noise of a sweep's registration, as a share of the residuals' standard
+            deviation. The prediction is weighed against it as if it were one mean point; the
+            residuals' deviation is taken from their median. The smaller, the more a sweep counts.
         map_error_share: Error that a registration leaves in the map and in the stated covariance,
-            which counts anew with each sweep that a part of the map is by; likewise a share of the
-            residuals' standard deviation. Calibrated from logs with truth (docs/sensors.md).
+            as a share of the residuals' standard deviation. It counts once for each sweep in that
+            part of the map. Calibrated from logs with truth (docs/sensors.md).
         motion_share: Standard deviation of the motion by feet or an odometry along directions that
-            the scene does not hold, as a share of it. The quadruped's feet roll as it walks, which
-            costs 1 to 2.5 % of the way in `tunnel` and `hall`.
+            the scene does not hold, as a share of the motion. The quadruped's feet roll as it
+            walks, which costs 1 to 2.5 % of the way in `tunnel` and `hall`.
         turn_share: Standard deviation of a turn by an odometry, as a share of it, beside the
             gyroscope's errors. A recording of planar lasers has 0.2, as wheels alone give the turn
             there: default of `stt` in ROS's slam_gmapping (of GMapping: Grisetti, Stachniss and

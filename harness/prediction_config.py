@@ -22,15 +22,14 @@ class PredictionConfig:
     """A predictor of unmeasured space, and what its cells may do.
 
     Attributes:
-        source: `none`; `completion`: a small network that continues what was measured, for
-            cells of 0.1 m; or one from outside, which is run: `module:Class` or
-            `path/to/file.py:Class`, `FILE.onnx`, `exec:COMMAND`, or `unix:PATH` or `tcp:HOST:PORT`
-            of one that listens. What it says is an input in the log.
+        source: `none`, `completion` (a small network for cells of 0.1 m), or one from outside. That
+            is `module:Class`, `path/to/file.py:Class`, `FILE.onnx`, `exec:COMMAND`, or `unix:PATH`
+            or `tcp:HOST:PORT` of one that listens. What it says is an input in the log.
         policy: `guide`, as `prior.policy`, below a prior map; or `ignore`. It never admits.
         occupied_from: Probability of occupancy from which a cell counts as occupied.
         free_below: Probability below which it counts as free.
-        reach: Distance along x and y from the robot to the sides of the box of the map that a
-            predictor from outside gets, m; the box ends with the operating area.
+        reach: Distance from the robot to the sides of the box of map that an outside predictor
+            gets, m. The box ends with the operating area.
     """
 
     source: str = NO_PREDICTOR

@@ -27,16 +27,15 @@ class PriorConfig:
     """A prior map, and what its cells may do where nothing was measured.
 
     Attributes:
-        source: `none`; `truth`, the geometry of the world; `splat`, Gaussians made of it; or a
-            file: an occupancy map (`.yaml`), an OctoMap (`.bt`, `.ot`), our own map (`.map`), the
-            map at the end of a log (`.mcap`), a world file (`.xml`), or a 3D Gaussian splat
-            (`.ply`, `.spz`). A log holds the cells that it became, and the name and hash of the
-            file.
-        policy: `guide`: free cells cost a global path less than unknown ones, and occupied ones are
-            avoided while there is another way; none is admitted. `admit`: they count as measured
-            ones do, until they are measured. `ignore`: nothing.
-        cost: Cost of space that is free by a prior map or a prediction, and not measured, to a
-            global path; at the edge of the inflation it is 1, and `behaviour.unknown_cost` where
+        source: `none`, `truth` (the world's geometry), `splat` (Gaussians made of it), or a file.
+            Files: an occupancy map (`.yaml`), an OctoMap (`.bt`, `.ot`), our own map (`.map`), the
+            map at the end of a log (`.mcap`), a world file (`.xml`), a 3D Gaussian splat (`.ply`,
+            `.spz`). A log holds the cells, and the name and hash of the file.
+        policy: `guide`: free cells cost a global path less than unknown ones, occupied ones are
+            avoided if there is another way, none is admitted; `admit`: they count as measured ones
+            until they are measured; `ignore`: nothing.
+        cost: Cost to a global path of space that is free by a prior map or a prediction and not
+            measured. At the edge of the inflation it is 1, and `behaviour.unknown_cost` where
             nothing is known.
         x: Position of the prior map's origin in the world along x, m.
         y: Position of the prior map's origin along y, m.

@@ -23,11 +23,10 @@ class RecordingConfig:
         sha256: Hash of its files; set by the run.
         options: `name=value` of the options that it was read with, without the defaults
             (`RecordingOptions`); set by the run.
-        goal: `ahead`: the goal is a place that the robot really reached, at least `goal_distance`
-            further along its way, and it moves on when the robot comes near; `end`: the last place
-            of the recording, for all decisions.
-        goal_distance: Least length of the recorded way to the goal of `ahead`, m, and the spacing
-            of its goals. Built in, about two seconds of way at 2 m/s.
+        goal: `ahead`: a place that the robot reached, at least `goal_distance` further along its
+            way; `end`: the last place of the recording. `ahead` moves on when the robot comes near.
+        goal_distance: Least length of the recorded way to the goal of `ahead`, and the spacing of
+            its goals, m. Built in, about two seconds of way at 2 m/s.
         decision_period: Least time between two decisions, s; 0 decides at every sweep. Sweeps in
             between are integrated at the next decision, each from the pose that it was taken at.
         area_margin: Distance from the recorded way to the border of the operating area, m. Nothing
@@ -35,15 +34,15 @@ class RecordingConfig:
             episode do.
         origin: Point of the recording's world frame that is the origin of the log's, m; set by the
             run from the first pose and `body_height`.
-        body_height: Height of the body's origin above the floor at the first pose, m; where the
-            recording states it (our logs, the frame `base_footprint` of a bag) the default is that.
-        sensor_height: Height above the floor that scans of a planar laser are taken to have, m,
-            where the recording puts the laser on the floor; it has no influence but to lie between
-            `map.min_obstacle_height` and `map.max_obstacle_height`.
+        body_height: Height of the body's origin above the floor at the first pose, m. The default
+            is what the recording states: our logs do, and the frame `base_footprint` of a bag.
+        sensor_height: Height of a planar laser above the floor where the recording puts it on the
+            floor, m. It matters only whether it lies between `map.min_obstacle_height` and
+            `map.max_obstacle_height`.
         position_sigma: Standard deviation of the recorded position, m. Twice it is added to
             `costmap.localization_margin`.
-        footprint_clearing: Whether the space of the bare body is marked free wherever it stands; of
-            a recording of an episode's topics, which states its task, the default is false.
+        footprint_clearing: Whether the space of the bare body is marked free wherever it stands.
+            The default is false for a recording of an episode's topics, which states its task.
         horizon: Time ahead for which the recorded way is judged, s.
 
     Raises:

@@ -24,7 +24,7 @@ def _intrinsics(text: str) -> tuple[float, ...]:
 
 plugins = arg(
     "--allow-plugins",
-    "run the planner or controller that a log or study names as module:Class or FILE.py:Class",
+    "run the planner or controller that a log or study names by its class",
 )
 """Permission to run code that logs and study files name."""
 
@@ -49,8 +49,8 @@ perturb = arg("--perturb KIND:SEVERITY[:MODE]", "break one assumption, at a seve
 
 prior = arg(
     "--prior FILE",
-    "map of another day that may guide: .yaml, .bt, .ot, .map, .mcap, .ply, .spz or a world file; "
-    "or truth, the world's own geometry; prior.* says where it lies and what it may do",
+    "prior map: .yaml, .bt, .ot, .map, .mcap, .ply, .spz, a world file, or truth; "
+    "prior.* says where it lies and what it may do",
 )
 
 stack = arguments(
@@ -64,8 +64,8 @@ stack = arguments(
 
 check = arg(
     "--check SECONDS",
-    "check causes of failure by simulating again with one thing corrected at a time, for "
-    f"at most so much simulated time (default {MAX_CHECKED:g} s)",
+    "check causes of failure: simulate again with one thing corrected at a time, for at most "
+    f"this simulated time (default {MAX_CHECKED:g} s)",
     float,
     nargs="?",
     const=MAX_CHECKED,
@@ -98,8 +98,8 @@ recording = arguments(
     arg("--body FRAME", "frame of the body (default: the poses')"),
     arg(
         "--mount X,Y,Z[,YAW[,PITCH[,ROLL]]]",
-        "sensor in the body's frame, m and degrees, where the recording does not say; of a "
-        "folder the body under the sensor whose poses it has",
+        "sensor in the body's frame, m and degrees, if the recording does not say; for a "
+        "folder, the body in the sensor's frame",
         partial(numbers, "--mount"),
     ),
     arg("--begin S", "first second read", float, 0.0, dest="start_s"),
@@ -108,7 +108,7 @@ recording = arguments(
     arg("--max-gap S", "longest time between two poses, s", float, 1.0, dest="max_gap_s"),
     arg(
         "--intrinsics FX,FY,CX,CY",
-        "of depth images, pixels, where the recording does not say",
+        "of depth images, pixels, if the recording does not say",
         _intrinsics,
     ),
     arg("--depth-scale N", "units of a depth image in a metre (default: the format's)", float),
