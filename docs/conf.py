@@ -23,7 +23,7 @@ suppress_warnings = [
 ]
 
 CHAPTERS = {
-    "Get started": ["get-started", "concepts", "comparison"],
+    "Get started": ["get-started", "concepts"],
     "Use your own": [
         *("tutorials/stack", "stack-interface", "ros2", "nav2", "gym"),
         *("tutorials/planner", "robots"),
