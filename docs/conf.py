@@ -37,7 +37,7 @@ CHAPTERS = {
         "log",
     ],
     "Reference": [
-        *("reference/cli", "reference/config", "reference/data", "python", "measured"),
+        *("reference/cli", "reference/config", "reference/data", "measured"),
     ],
 }
 """Sections of the side bar; other pages come after them."""
