@@ -33,7 +33,7 @@ CHAPTERS = {
     "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "replay", "seeing"],
     "Study and gate": ["studies", "tutorials/gate", "perturbations", "statistics"],
     "How it works": [
-        *("maps", "maps-library", "representations", "moving", "planning", "unknown"),
+        *("maps", "maps-library", "representations", "evidence", "planning", "unknown"),
         "log",
     ],
     "Reference": [

@@ -123,7 +123,7 @@ class Judge:
 
 
 def test_table_of_true_future_cells_and_ghosts():
-    """Prints the table of docs/moving.md when run with -s."""
+    """Prints the table of docs/evidence.md when run with -s."""
     figures = {}
     for name, (kind, settings) in product(
         WAYS,
