@@ -17,6 +17,7 @@ from wayproof.harness.bench import BENCHES
 from wayproof.harness.cli.catalogue import Catalogue, Entry
 from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.config_document import FILLED_IN, NAMED, RECORDING, section_of
+from wayproof.harness.filters import FILTERS
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.metrics import METRICS
 from wayproof.harness.perturbations import NOT_MODES, PERTURBATIONS, AnyPerturbation, Perturbation
@@ -53,6 +54,7 @@ def catalogue() -> Catalogue:
         "robot examples": {path.stem: _commented(path) for path in EXAMPLES.glob("*.toml")},
         "sensors": {name: _device(device) for name, device in DEVICES.items()},
         "maps": {name: _documented(one) for name, one in MAPS.items()},
+        "filters": {name: _documented(one) for name, one in FILTERS},
         "planners": {
             name: Entry(one.source, "planners/registry.py") for name, one in PLANNERS.items()
         },

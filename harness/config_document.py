@@ -12,6 +12,7 @@ import msgspec
 
 from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.filters import NAMES as FILTER_NAMES
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.prediction_config import PredictionConfig
 from wayproof.harness.prior_config import NO_PRIOR, PriorConfig
@@ -22,11 +23,12 @@ from wayproof.planners import PLANNERS
 
 NAMED: dict[str, Iterable[str]] = {
     "map.kind": MAPS,
+    "map.filters": FILTER_NAMES,
     "planner.name": PLANNERS,
     "sensors.lidar": (OWN, *DEVICES),
     "sensors.depth": (OWN, *DEVICES),
 }
-"""Settings whose values are names in a registry."""
+"""Settings whose values are names in a registry, or lists of such names."""
 
 LEFT_OPEN = ("start", "goal", "waypoints", "sensors", "motion.limits")
 """Settings that a scenario resolves from its world and robot."""
@@ -64,9 +66,9 @@ def override(config: Config, settings: Iterable[str]) -> Config:
         if isinstance(value, str) and type(before).__name__ in NUMBERS:
             number = "a whole number" if isinstance(before, int) else "a finite number"
             raise InputError(f"--set {setting}: expected {number}, such as {before}")
-        plugin = key == "planner.name" and PLUGIN in str(value)
-        if key in NAMED and value not in NAMED[key] and not plugin:
-            raise unknown_name(key, str(value), NAMED[key])
+        if key == "map.filters" and isinstance(value, str):
+            section[name] = value = value.split(",")
+        _check_names(key, value)
         try:
             config = from_document(document)
         except InputError as error:
@@ -210,10 +212,17 @@ def from_json(data: bytes, allow_plugins: bool = False) -> Config:
 
 def _check_registered(config: Config) -> None:
     """Raise an InputError unless every name of `NAMED` is in its registry."""
-    for key, available in NAMED.items():
-        value = str(value_of(config, key))
-        if value not in available and not (key == "planner.name" and PLUGIN in value):
-            raise unknown_name(key, value, available)
+    for key in NAMED:
+        _check_names(key, value_of(config, key))
+
+
+def _check_names(key: str, value: Any) -> None:
+    """Raise an InputError if a setting of `NAMED` names what its registry does not have."""
+    names = value if isinstance(value, list | tuple) else () if value is None else (str(value),)
+    for name in names:
+        plugin = key == "planner.name" and PLUGIN in str(name)
+        if key in NAMED and name not in NAMED[key] and not plugin:
+            raise unknown_name(key, str(name), NAMED[key])
 
 
 def _check_controller(config: Config, allow_plugins: bool) -> None:

@@ -14,7 +14,7 @@ from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.listed_beams import ListedBeams, Mount
 from wayproof.harness.prediction.predicted_box import PredictedBox
 from wayproof.maps.elementary import norm
-from wayproof.maps.sweep import Ranges
+from wayproof.maps.sweep import Ranges, Spared
 from wayproof.models.poses import Trail, rotation_matrices
 from wayproof.models.sensors.beams import (
     DROPPED,
@@ -78,12 +78,14 @@ class WorldSweep:
         directions: (n, 3) unit vectors.
         ranges_mm: (n,) along the beams.
         moments: (n,) int32 index of the origin of each beam.
+        spared: Layer that beams which end in it do not clear.
     """
 
     origins: NDArray[np.float64]
     directions: NDArray[np.float64]
     ranges_mm: Ranges
     moments: NDArray[np.int32]
+    spared: Spared = "none"
 
     @property
     def points(self) -> NDArray[np.float64]:  # (k, 3)

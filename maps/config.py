@@ -75,14 +75,8 @@ class MapConfig:
             up to the range limit are free, as in OctoMap; or `ignored`, as by default in Nav2
             (`inf_is_valid`). Where returns get lost, the first makes holes in floors and walls; the
             second leaves ghosts where only open space is behind.
-        floor_grazing_filter: Whether a beam that ends in the floor's layer clears no cell of that
-            layer, which it would cross at a grazing angle.
-        slope_grazing_filter: Whether the same holds for each beam that goes down, whatever layer it
-            ends in, so that those which pass over a slope do not clear its surface; always so where
-            a walking robot may climb (`costmap.max_slope`). Kinds `voxel` and `dynamic` only.
-        ground_fit: Whether the plane of the floor is fitted to each sweep of a robot that walks on
-            a flat one, which levels a sensor whose mounting is off, keeps the floor's noise from
-            standing on it, and distinguishes a lost echo of the floor from a hole.
+        filters: Filters of returns by name, see `harness.filters`; by default all for the built-in
+            stack, and `grazing` alone for a stack on trial, whose returns count as they come.
         min_obstacle_height: Lower end of the heights that a flat grid takes in, m above the floor;
             above the noise of the floor's own returns. As in Nav2's obstacle layer.
         max_obstacle_height: Upper end, m; Nav2's default.
@@ -106,9 +100,7 @@ class MapConfig:
     decay_period: Annotated[float, Bounds(0.01, 3600.0, "s")] = 1.0
     minimum_range: Annotated[float, Bounds(0.0, 60.0, "m")] = 0.3
     no_return: NoReturn = "free"
-    floor_grazing_filter: bool = True
-    slope_grazing_filter: bool = False
-    ground_fit: bool = True
+    filters: tuple[str, ...] | None = None
     min_obstacle_height: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.05
     max_obstacle_height: Annotated[float, Bounds(0.01, 100.0, "m")] = 2.0
     memory_mib: Annotated[int, Bounds(1, 65536, "MiB")] = 512

@@ -17,7 +17,7 @@ from wayproof.maps.grid import cells_at, centres
 from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
 from wayproof.maps.store.slot_pool import EVERYWHERE, MEBIBYTE, Layer, SlotPool
-from wayproof.maps.sweep import Ranges, SweepStatistics, check_time, prepare_sweep
+from wayproof.maps.sweep import Ranges, Spared, SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.brick_index import (
     BRICK_SHAPE,
     brick_boxes,
@@ -26,7 +26,7 @@ from wayproof.maps.voxel.brick_index import (
     place_in_brick,
 )
 from wayproof.maps.voxel.frame import cell_bounds
-from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, guard_of
+from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask
 
 Cells = dict[str, NDArray[np.generic]]
 """Numbers of some cells by name: arrays of one shape."""
@@ -104,6 +104,7 @@ class DenseMap(Representation):
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,
+        spared: Spared = "floor",
     ) -> SweepStatistics:
         """Take in one sweep; arguments and errors are those of `VoxelMap.integrate`."""
         check_time(time_ns)
@@ -118,7 +119,7 @@ class DenseMap(Representation):
         )
         endpoints = self._rasterizer.endpoints(sweep)
         self.advance(time_ns)
-        mask = self._rasterizer.trace(sweep, endpoints, guard_of(self.config))
+        mask = self._rasterizer.trace(sweep, endpoints, spared)
         updated = self._apply(mask, time_ns)
         hits, clears, dropped, too_near = endpoints.counts
         return SweepStatistics(hits, clears, dropped, too_near, updated)

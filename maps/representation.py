@@ -11,7 +11,7 @@ from wayproof.maps.cell_sets import CellMask, ball_mask, box_mask, floor_mask
 from wayproof.maps.columns import ColumnMap
 from wayproof.maps.config import MapConfig
 from wayproof.maps.states import FREE, OCCUPIED
-from wayproof.maps.sweep import Ranges, SweepStatistics
+from wayproof.maps.sweep import Ranges, Spared, SweepStatistics
 
 
 class Representation(ColumnMap, Protocol):
@@ -56,6 +56,7 @@ class Representation(ColumnMap, Protocol):
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,
+        spared: Spared = "floor",
     ) -> SweepStatistics:
         """Take in one sweep."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,10 @@ from wayproof.maps.kernels import beams
 Ranges = NDArray[np.uint16] | NDArray[np.uint32]
 """Ranges, mm; of 32 bits where one is longer than 65.534 m. 65535 is no return in both."""
 
+
+Spared = Literal["floor", "own", "none"]
+"""Layer of cells that a beam from above which ends in it does not clear: the floor's, whichever the
+beam ends in, or none. At grazing angles it would take away the surface that it is about to hit."""
 
 NO_RETURN_MM = 65535
 """Range of a beam without return, mm."""

@@ -35,6 +35,7 @@ LAYERS = {
     ),
     "config": ("config", "clearance", "goals", "estimators"),
     "inputs": ("inputs",),
+    "filters": ("filters",),
     "messages": ("config_document", "ending", "input_messages", "prior"),
     "stack": ("stack",),
     "interface": ("interface",),

@@ -66,9 +66,11 @@ def print_audit(console: Console, audited: Audit) -> None:
         )
     filtered = audited.filtered
     if filtered is not None and filtered.filtered_m > 0.0:
+        counts = filtered.returns.items()
         console.print(
             f"  filters: {filtered.filtered_m:.2f} of {filtered.way_m:.2f} m of these paths, in "
             f"{len(filtered.decisions)} decisions, are free by the word of a filter alone"
+            + "".join(f"; {name} changed {count} returns" for name, count in counts)
         )
     if audited.volumes is not None:
         print_volumes(console, "this log", audited.volumes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from wayproof.harness.attribution import Case, Moment
-from wayproof.harness.stack.ground import fitted_ground
+from wayproof.harness.filters.ground_fit import fitted_ground
 from wayproof.maps.ground_fit import GroundPlane
 
 

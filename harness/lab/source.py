@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 from wayproof.harness.config import Config
+from wayproof.harness.filters import Filters, Origin, names_of
 from wayproof.harness.input_messages import beams_from_info, inputs_from_messages
 from wayproof.harness.inputs import Beams, Inputs, WorldSweep
 from wayproof.harness.log.reader import open_log
@@ -17,10 +18,12 @@ from wayproof.harness.shadow.batches import batches
 from wayproof.harness.shadow.inputs import InputWriter
 from wayproof.harness.shadow.perturb import RecordedPerturbation
 from wayproof.harness.shadow.prepare import Prepared
-from wayproof.harness.stack.ground import floor_evidence, missing_floor_of
-from wayproof.maps import MapConfig
+from wayproof.maps import MAPS, MapConfig
 
 Corner = tuple[float, float, float]
+
+FLOOR = ("ground_fit", "missing_floor", "grazing")
+"""Filters of a source: the floor is where the stack has it, and all else counts as it came."""
 
 
 @dataclass(frozen=True)
@@ -87,18 +90,13 @@ def of_recording(recording: Recording, prepared: Prepared, most: int) -> Source:
 def _placed(
     each: Iterable[Inputs], beams: Mapping[str, Beams], config: Config, mission: Mission
 ) -> Iterator[PlacedSweep]:
-    missing = missing_floor_of(config, mission)
+    names = [name for name in FLOOR if name in names_of(config)]
+    filters = Filters(names, config, mission, MAPS[config.map.kind](config.map))
     for inputs in each:
         for sweep in inputs.sweeps:
             own = beams[sweep.sensor]
-            world = floor_evidence(
-                own.place(sweep, inputs.pose, inputs.sequence),
-                own.range,
-                pose=inputs.pose,
-                config=config,
-                mission=mission,
-                missing=missing,
-            )
+            placed = own.place(sweep, inputs.pose, inputs.sequence)
+            world = filters(placed, Origin(sweep.sensor, own, inputs.pose, deviation=0.0))
             yield PlacedSweep(inputs.time_ns, world, own.range)
 
 

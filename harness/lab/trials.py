@@ -148,7 +148,13 @@ def build(
         longest = min(one.range_m, 2046.0 * config.resolution)
         began = time.perf_counter()
         a_map.integrate(
-            sweep.origins, sweep.directions, sweep.ranges_mm, longest, one.time_ns, sweep.moments
+            sweep.origins,
+            sweep.directions,
+            sweep.ranges_mm,
+            longest,
+            one.time_ns,
+            sweep.moments,
+            sweep.spared,
         )
         spent.append((time.perf_counter() - began) * 1e3)
         if ghosts is not None:
@@ -199,9 +205,9 @@ def against_octomap(source: Source) -> tuple[Trial, Trial] | None:
         source.config,
         kind="voxel",
         half_life=0.0,
-        floor_grazing_filter=False,
         no_decay_radius=0.0,
     )
+    source = _sparing_none(source)
     try:
         peer, peer_ms = build(source, replace(settings, kind=OCTOMAP))
     except ValueError as error:
@@ -215,6 +221,12 @@ def against_octomap(source: Source) -> tuple[Trial, Trial] | None:
         for a_map, kind, spent in ((ours, "voxel", ours_ms), (peer, OCTOMAP, peer_ms))
     ]
     return replace(made[0], agreement=share), replace(made[1], agreement=share)
+
+
+def _sparing_none(source: Source) -> Source:
+    """Return a source whose beams clear all layers alike."""
+    bare = [replace(one, sweep=replace(one.sweep, spared="none")) for one in source.sweeps]
+    return replace(source, sweeps=tuple(bare))
 
 
 def agreement(source: Source, ours: Representation, peer: Representation) -> float | None:

@@ -592,32 +592,26 @@ class LostWay(_message.Message):
     def __init__(self, place: _Optional[_Iterable[float]] = ..., length_m: _Optional[float] = ..., time_ns: _Optional[int] = ...) -> None: ...
 
 class MapContent(_message.Message):
-    __slots__ = ("ticks", "bricks", "records", "window", "silent_sweeps", "floor_tile", "echoes")
+    __slots__ = ("ticks", "bricks", "records", "window", "filters")
     TICKS_FIELD_NUMBER: _ClassVar[int]
     BRICKS_FIELD_NUMBER: _ClassVar[int]
     RECORDS_FIELD_NUMBER: _ClassVar[int]
     WINDOW_FIELD_NUMBER: _ClassVar[int]
-    SILENT_SWEEPS_FIELD_NUMBER: _ClassVar[int]
-    FLOOR_TILE_FIELD_NUMBER: _ClassVar[int]
-    ECHOES_FIELD_NUMBER: _ClassVar[int]
+    FILTERS_FIELD_NUMBER: _ClassVar[int]
     ticks: int
     bricks: int
     records: bytes
     window: _containers.RepeatedScalarFieldContainer[int]
-    silent_sweeps: bytes
-    floor_tile: _containers.RepeatedScalarFieldContainer[int]
-    echoes: _containers.RepeatedCompositeFieldContainer[EchoHistory]
-    def __init__(self, ticks: _Optional[int] = ..., bricks: _Optional[int] = ..., records: _Optional[bytes] = ..., window: _Optional[_Iterable[int]] = ..., silent_sweeps: _Optional[bytes] = ..., floor_tile: _Optional[_Iterable[int]] = ..., echoes: _Optional[_Iterable[_Union[EchoHistory, _Mapping]]] = ...) -> None: ...
+    filters: _containers.RepeatedCompositeFieldContainer[FilterContent]
+    def __init__(self, ticks: _Optional[int] = ..., bricks: _Optional[int] = ..., records: _Optional[bytes] = ..., window: _Optional[_Iterable[int]] = ..., filters: _Optional[_Iterable[_Union[FilterContent, _Mapping]]] = ...) -> None: ...
 
-class EchoHistory(_message.Message):
-    __slots__ = ("sensor", "silent_sweeps", "steady_sweeps")
-    SENSOR_FIELD_NUMBER: _ClassVar[int]
-    SILENT_SWEEPS_FIELD_NUMBER: _ClassVar[int]
-    STEADY_SWEEPS_FIELD_NUMBER: _ClassVar[int]
-    sensor: str
-    silent_sweeps: bytes
-    steady_sweeps: int
-    def __init__(self, sensor: _Optional[str] = ..., silent_sweeps: _Optional[bytes] = ..., steady_sweeps: _Optional[int] = ...) -> None: ...
+class FilterContent(_message.Message):
+    __slots__ = ("name", "content")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    CONTENT_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    content: bytes
+    def __init__(self, name: _Optional[str] = ..., content: _Optional[bytes] = ...) -> None: ...
 
 class Keyframe(_message.Message):
     __slots__ = ("timestamp", "sequence", "chain", "state", "map")

@@ -6,8 +6,6 @@ from the map. A keyframe is a claim of the log until a replay arrives at it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,17 +14,13 @@ from wayproof.harness.decision import Difference, message_differences
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.map_content import (
     read_bricks,
-    read_echoes,
-    read_floor,
+    read_filters,
     write_bricks,
-    write_echoes,
-    write_floor,
+    write_filters,
 )
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.planner_state_messages import read_state, state_message
 from wayproof.maps import VoxelMap
-from wayproof.maps.echo_history import EchoHistory
-from wayproof.maps.missing_floor import MissingFloor
 from wayproof.maps.voxel.storage import VoxelContent
 
 FARTHEST = 1 << 24
@@ -121,9 +115,7 @@ def keyframe_of(navigator: Navigator, decision: pb.Decision, with_map: bool) -> 
     if with_map:
         write_bricks(_voxel_map(navigator).content(), keyframe.map)
         keyframe.map.window.extend(_window_centre(navigator))
-        if (missing := navigator.mapper.missing_floor) is not None:
-            write_floor(missing, keyframe.map)
-        write_echoes(navigator.mapper.echoes, keyframe.map)
+        write_filters(navigator.mapper.filters.contents(), keyframe.map)
     return keyframe
 
 
@@ -149,9 +141,7 @@ def restore_map(navigator: Navigator, keyframe: pb.Keyframe) -> None:
     if len(centre) not in (2, needed) or max(map(abs, centre), default=0) > FARTHEST:
         raise ValueError(f"a rolling window centred on {centre}")
     voxel_map.check(content, keyframe.timestamp.ToNanoseconds())
-    if (missing := navigator.mapper.missing_floor) is not None:
-        missing.restore(*read_floor(keyframe.map))
-    _restore_echoes(navigator.mapper.echoes, keyframe.map)
+    navigator.mapper.filters.restore(read_filters(keyframe.map))
     voxel_map.restore(content)
     if len(centre) == 2:  # a stack whose costmap holds the whole area does not need it
         navigator.mapper.move_window(centre)
@@ -170,8 +160,12 @@ def keyframe_differences(
     try:
         voxel_map = _voxel_map(navigator)
         other = read_bricks(recorded.map, voxel_map.most_bricks)
-        found += _floor_differences(recorded.map, navigator.mapper.missing_floor)
-        found += _echo_differences(recorded.map, navigator.mapper.echoes)
+        remembered, own_memory = read_filters(recorded.map), navigator.mapper.filters.contents()
+        found += [
+            Difference(f"map.filters {name}", "others", "those of the inputs")
+            for name in {**own_memory, **remembered}
+            if remembered.get(name) != own_memory.get(name)
+        ]
     except ValueError as error:
         return [*found, Difference("map", str(error), "that of the inputs")]
     if (centre := list(recorded.map.window)) != (own := list(_window_centre(navigator))):
@@ -184,47 +178,6 @@ def keyframe_differences(
             if not np.array_equal(one, own)
         ),
     ]
-
-
-def _floor_differences(
-    recorded: pb.MapContent, missing: MissingFloor | None
-) -> Iterator[Difference]:
-    """Yield what differs of the floor of a keyframe from that of a stack.
-
-    Raises:
-        ValueError: It holds none, and the stack does.
-    """
-    if missing is None:
-        return
-    silent_sweeps, tile = read_floor(recorded)
-    if tile != missing.tile or not np.array_equal(silent_sweeps, missing.silent_sweeps):
-        yield Difference("map.silent_sweeps", "others", "those of the inputs")
-
-
-def _restore_echoes(echoes: dict[str, EchoHistory], message: pb.MapContent) -> None:
-    """Take over the echoes of each sensor of a keyframe.
-
-    Raises:
-        ValueError: They are of other sensors, or none.
-    """
-    recorded = read_echoes(message)
-    if recorded.keys() != echoes.keys():
-        raise ValueError(f"echoes of sensors {[*recorded]}, expected {[*echoes]}")
-    echoes.update(recorded)
-
-
-def _echo_differences(
-    message: pb.MapContent, echoes: Mapping[str, EchoHistory]
-) -> Iterator[Difference]:
-    """Yield what differs of the echoes of a keyframe from those of a stack.
-
-    Raises:
-        ValueError: The bytes are not theirs.
-    """
-    recorded = read_echoes(message)
-    for sensor in {**echoes, **recorded}:
-        if recorded.get(sensor) != echoes.get(sensor):
-            yield Difference(f"map.echoes of {sensor}", "others", "those of the inputs")
 
 
 def _arrays(content: VoxelContent, voxel_map: VoxelMap) -> list[list[NDArray[np.generic]]]:

@@ -1,4 +1,4 @@
-"""The map of a keyframe: bricks, silent floor and echoes as compressed bytes."""
+"""The map of a keyframe: bricks, and what filters remember, as compressed bytes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,6 @@ import zstandard
 from numpy.typing import NDArray
 
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.maps.echo_history import EchoHistory
-from wayproof.maps.ground_fit import TILES
-from wayproof.maps.kernels.echo_history import DIRECTIONS
-from wayproof.maps.missing_floor import MissingFloor
 from wayproof.maps.voxel.brick_index import BRICK_SHAPE
 from wayproof.maps.voxel.storage import VoxelContent
 
@@ -24,6 +20,9 @@ GREATEST_RATIO = 4096
 """Maximum ratio of the bricks to their compressed bytes, beyond `LEAST_BYTES`."""
 
 LEAST_BYTES = 2**20
+
+MOST_REMEMBERED = 2**20
+"""Maximum size of what a filter remembers, bytes."""
 
 COLUMNS = BRICK_SHAPE[0] * BRICK_SHAPE[1]
 
@@ -46,17 +45,10 @@ def write_bricks(content: VoxelContent, message: pb.MapContent) -> None:
     message.records = zstandard.compress(_bytes_of(content), LEVEL)
 
 
-def write_floor(missing: MissingFloor, message: pb.MapContent) -> None:
-    """Write the evidence of missing floor into a message."""
-    message.silent_sweeps = zstandard.compress(missing.silent_sweeps.tobytes(), LEVEL)
-    message.floor_tile.extend(missing.tile)
-
-
-def write_echoes(echoes: Mapping[str, EchoHistory], message: pb.MapContent) -> None:
-    """Write the echoes of each sensor into a message."""
-    for sensor, history in echoes.items():
-        packed = zstandard.compress(history.silent_sweeps.tobytes(), LEVEL)
-        message.echoes.add(sensor=sensor, silent_sweeps=packed, steady_sweeps=history.steady_sweeps)
+def write_filters(contents: Mapping[str, bytes], message: pb.MapContent) -> None:
+    """Write what filters remember, by name, into a message."""
+    for name, content in contents.items():
+        message.filters.add(name=name, content=zstandard.compress(content, LEVEL))
 
 
 def read_bricks(message: pb.MapContent, most_bricks: int) -> VoxelContent:
@@ -80,33 +72,16 @@ def read_bricks(message: pb.MapContent, most_bricks: int) -> VoxelContent:
     return VoxelContent(message.ticks, *arrays)  # type: ignore[arg-type]
 
 
-def read_floor(message: pb.MapContent) -> tuple[NDArray[np.uint8], tuple[int, int]]:
-    """Unpack the silent sweeps by tile of floor, and the middle tile.
+def read_filters(message: pb.MapContent) -> dict[str, bytes]:
+    """Unpack what filters remember, by name.
 
     Raises:
-        ValueError: The bytes are not theirs.
+        ValueError: The bytes cannot be unpacked, or a filter comes twice.
     """
-    if len(message.floor_tile) != 2:
-        raise ValueError(f"floor about tile {tuple(message.floor_tile)}, expected x and y")
-    data = _unpacked(message.silent_sweeps, "floor", TILES * TILES)
-    silent_sweeps = np.frombuffer(data, np.uint8).reshape(TILES, TILES)
-    return silent_sweeps, (message.floor_tile[0], message.floor_tile[1])
-
-
-def read_echoes(message: pb.MapContent) -> dict[str, EchoHistory]:
-    """Unpack the echoes of each sensor.
-
-    Raises:
-        ValueError: The bytes are not theirs, or a sensor comes twice.
-    """
-    echoes = {}
-    for one in message.echoes:
-        data = _unpacked(one.silent_sweeps, "echoes", DIRECTIONS)
-        echoes[one.sensor] = history = EchoHistory()
-        history.restore(np.frombuffer(data, np.uint8), one.steady_sweeps)
-    if len(echoes) != len(message.echoes):
-        raise ValueError(f"echoes of sensors {[one.sensor for one in message.echoes]}")
-    return echoes
+    contents = {one.name: _unpacked(one.content, f"filter {one.name}") for one in message.filters}
+    if len(contents) != len(message.filters):
+        raise ValueError(f"filters {[one.name for one in message.filters]}")
+    return contents
 
 
 def _bytes_of(content: VoxelContent) -> bytes:
@@ -116,7 +91,7 @@ def _bytes_of(content: VoxelContent) -> bytes:
     return b"".join([*(array.tobytes() for array in numbers), layers.tobytes()])
 
 
-def _unpacked(packed: bytes, what: str, size: int) -> bytes:
+def _unpacked(packed: bytes, what: str, size: int | None = None) -> bytes:
     """Decompress bytes.
 
     Raises:
@@ -124,8 +99,8 @@ def _unpacked(packed: bytes, what: str, size: int) -> bytes:
     """
     try:
         declared = zstandard.get_frame_parameters(packed).content_size
-        if declared != size:
-            raise ValueError(f"{declared} bytes of {what}, expected {size}")
+        if declared > MOST_REMEMBERED if size is None else declared != size:
+            raise ValueError(f"{declared} bytes of {what}, expected {size or MOST_REMEMBERED}")
         return zstandard.ZstdDecompressor().decompress(packed)
     except zstandard.ZstdError as error:
         raise ValueError(f"{what} cannot be unpacked: {error}") from None

@@ -12,23 +12,17 @@ from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
 from wayproof.harness.decision import MOST_WIDENING
+from wayproof.harness.filters import AS_THEY_COME, Filters, Origin, names_of
+from wayproof.harness.filters.filter import image_of
 from wayproof.harness.inputs import Beams, Inputs, Pose, SweepInput, WorldSweep
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.field_of_view import is_omnidirectional
 from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
 from wayproof.harness.stack.footprint_clearing import clear_footprint
-from wayproof.harness.stack.ground import floor_evidence, missing_floor_of
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.harness.stack.provenance import layers_of, stages_of
-from wayproof.harness.stack.range_errors import (
-    echo_histories,
-    range_deviation,
-    without_false_returns,
-    without_lost_echoes,
-    without_lost_patches,
-)
 from wayproof.harness.stack.rolling_window import Cell, RollingWindow, rolls
-from wayproof.maps import MAPS, Costmap, Representation
+from wayproof.maps import MAPS, Costmap, Representation, range_image
 from wayproof.maps.columns import ColumnMap
 from wayproof.maps.costmap.widening import NOT_WIDENED
 
@@ -55,8 +49,7 @@ class Mapper:
         costmap: Inflated for the mission's body: what the stack may enter.
         stages: The evidence by provenance, each with a costmap; the measured one first.
         guide: Costmap of all evidence, for the search of a global path; None if `costmap` is it.
-        missing_floor: Evidence of missing floor; None where each sweep is judged alone.
-        echoes: Echoes by direction of each sensor; empty where each sweep is judged alone.
+        filters: Filters of returns that each sweep passes.
         newest: Inputs of the newest decision that the map holds; None before the first.
         returns: The map of the returns as they came, without the word of any filter; None unless
             `keep_returns` was asked for.
@@ -77,10 +70,8 @@ class Mapper:
         self._clears_footprint = recorded is not None and recorded.footprint_clearing
         self._extra_radius = self._body.circumscribed_radius - min(self._body.radii)
         self._climbs = climbs(config, mission)
-        settings = config.map
-        if self._climbs:
-            settings = replace(settings, slope_grazing_filter=True)
-        self.map = MAPS[settings.kind](settings, mission.low, mission.high)
+        self.map = MAPS[config.map.kind](config.map, mission.low, mission.high)
+        self.filters = Filters(names_of(config), config, mission, self.map)
         self.labels = make_layer(config.map, config.sensors.semantics)
         self.window = RollingWindow(config, mission) if rolls(config, mission) else None
         low, high = (mission.low, mission.high) if self.window is None else self.window.corners
@@ -101,8 +92,6 @@ class Mapper:
                 ceiling=ceiling,
             )
 
-        self.missing_floor = missing_floor_of(config, mission)
-        self.echoes = echo_histories(beams, config)
         self.measured = with_class_margins(self.map, self.labels, config.costmap.class_margins)
         self._layers = layers_of(config, mission)
         self.stages, self.costmap, self.guide = stages_of(self.measured, self._layers, costmap_of)
@@ -111,6 +100,7 @@ class Mapper:
         self.on_integrated: Callable[[Inputs], None] | None = None
         self.on_placed: Callable[[WorldSweep, float, int], None] | None = None
         self.returns: Representation | None = None
+        self._as_they_come = Filters(AS_THEY_COME, config, mission, self.map)
         self._declare_start_free(self.map)
 
     def keep_returns(self) -> None:
@@ -122,7 +112,6 @@ class Mapper:
     def set_sensors(self, beams: Mapping[str, Beams]) -> None:
         """Replace the sensors, by name, whose sweeps are integrated."""
         self._beams = dict(beams)
-        self.echoes = echo_histories(self._beams, self._config, self.echoes)
 
     def version(self) -> str:
         """Return the hash of the map's content and of its labels."""
@@ -190,22 +179,11 @@ class Mapper:
         placed = beams.place(sweep, inputs.pose, inputs.sequence)
         if self._config.map.no_return == "ignored":
             placed = placed.without_no_returns()
+        origin = Origin(sweep.sensor, beams, inputs.pose, range_deviation(placed, beams))
+        self.range_sigma = max(self.range_sigma, origin.deviation)
         if self.returns is not None:
-            _add(placed, to=self.returns, beams=beams, inputs=inputs)
-        deviation = range_deviation(placed, beams)
-        self.range_sigma = max(self.range_sigma, deviation)
-        placed = without_false_returns(placed, beams, deviation)
-        if (history := self.echoes.get(sweep.sensor)) is not None:
-            placed = without_lost_patches(placed, beams.range, history, self.map)
-        placed = floor_evidence(
-            placed,
-            beams.range,
-            pose=inputs.pose,
-            config=self._config,
-            mission=self._mission,
-            missing=self.missing_floor,
-        )
-        placed = without_lost_echoes(placed, beams)
+            _add(self._as_they_come(placed, origin), self.returns, beams=beams, inputs=inputs)
+        placed = self.filters(placed, origin)
         _add(placed, to=self.map, beams=beams, inputs=inputs)
         if self.on_placed is not None:
             self.on_placed(placed, beams.range, inputs.time_ns)
@@ -260,7 +238,15 @@ def _add(placed: WorldSweep, to: Representation, beams: Beams, inputs: Inputs) -
         range_limit=beams.range,
         time_ns=inputs.time_ns,
         moments=placed.moments,
+        spared=placed.spared,
     )
+
+
+def range_deviation(placed: WorldSweep, beams: Beams) -> float:
+    """Estimate the standard deviation of the ranges of a sweep, m; 0 where it is no image."""
+    if not beams.is_image:
+        return 0.0
+    return range_image.range_deviation(image_of(placed, beams)) or 0.0
 
 
 class Margin(NamedTuple):

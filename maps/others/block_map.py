@@ -17,7 +17,7 @@ from wayproof.maps.kernels import decay
 from wayproof.maps.others.blocks import Blocks
 from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
-from wayproof.maps.sweep import Ranges, Sweep, SweepStatistics, check_time, prepare_sweep
+from wayproof.maps.sweep import Ranges, Spared, Sweep, SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.endpoints import BeamEndpoints
 from wayproof.maps.voxel.log_odds import MAX_UNITS, decay_per_tick
 
@@ -66,6 +66,7 @@ class BlockMap(Representation):
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,
+        spared: Spared = "floor",
     ) -> SweepStatistics:
         """Take in one sweep; the arguments are those of `VoxelMap.integrate`.
 
@@ -86,7 +87,7 @@ class BlockMap(Representation):
         if len(ends.points) == 0:
             self.advance(time_ns)
             return ends.statistics(0)
-        return ends.statistics(self._trace(sweep.sensors[ends.moments], ends, time_ns))
+        return ends.statistics(self._trace(sweep.sensors[ends.moments], ends, time_ns, spared))
 
     def advance(self, time_ns: int) -> None:
         """Apply every decay tick due up to and at `time_ns`, as `VoxelMap.advance` does."""
@@ -138,7 +139,9 @@ class BlockMap(Representation):
         """Return the endpoints of a sweep's beams."""
         return BeamEndpoints.of_sweep(sweep)
 
-    def _trace(self, starts: NDArray[np.int64], ends: BeamEndpoints, time_ns: int) -> int:
+    def _trace(
+        self, starts: NDArray[np.int64], ends: BeamEndpoints, time_ns: int, spared: Spared
+    ) -> int:
         """Update the cells along rays from sub-cells (k, 3); return how many were updated."""
         raise NotImplementedError
 

@@ -21,7 +21,7 @@ from wayproof.maps.others.ever_free import EverFreeSpace
 from wayproof.maps.others.tracking import NO_CELLS, Traffic
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.store.slot_pool import EVERYWHERE, ChangeLog
-from wayproof.maps.sweep import Ranges, SweepStatistics, prepare_sweep
+from wayproof.maps.sweep import Ranges, Spared, SweepStatistics, prepare_sweep
 from wayproof.maps.voxel.brick_index import brick_boxes, brick_cells, brick_of
 from wayproof.maps.voxel.endpoints import BeamEndpoints
 from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
@@ -121,6 +121,7 @@ class DynamicMap(VoxelMap):
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,
+        spared: Spared = "floor",
     ) -> SweepStatistics:
         """Take in one sweep as `VoxelMap.integrate` does, and track what moves in it."""
         sweep = prepare_sweep(
@@ -136,7 +137,7 @@ class DynamicMap(VoxelMap):
         self.advance(time_ns)
         before = self._evidence()
         statistics = super().integrate(
-            origins, directions, ranges_mm, range_limit, time_ns, moments
+            origins, directions, ranges_mm, range_limit, time_ns, moments, spared
         )
         crossed = self._evidence() < before
         self._now_ns = max(self._now_ns, time_ns)

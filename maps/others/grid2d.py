@@ -15,6 +15,7 @@ from wayproof.maps.kernels import beams
 from wayproof.maps.kernels import grid2d as kernels
 from wayproof.maps.others.block_map import BlockMap
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
+from wayproof.maps.sweep import Spared
 from wayproof.maps.voxel.endpoints import BeamEndpoints
 from wayproof.maps.voxel.log_odds import LogOddsModel, states_of
 
@@ -118,7 +119,10 @@ class Grid2D(BlockMap):
         boxes[:, 2], boxes[:, 5] = FLOOR_LAYER, TOP
         return boxes, now
 
-    def _trace(self, starts: NDArray[np.int64], ends: BeamEndpoints, time_ns: int) -> int:
+    def _trace(
+        self, starts: NDArray[np.int64], ends: BeamEndpoints, time_ns: int, spared: Spared
+    ) -> int:
+        del spared  # it has no floor
         cells = np.concatenate([starts, ends.points])[:, :2] >> beams.SUBCELL_BITS
         tile, marks, inside = self._open(cells.min(axis=0), cells.max(axis=0) + 1)
         self.advance(time_ns)

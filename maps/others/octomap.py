@@ -18,7 +18,7 @@ from wayproof.maps.elementary import exponentials
 from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL, cells_at, centres
 from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
-from wayproof.maps.sweep import Ranges, SweepStatistics, check_time, prepare_sweep
+from wayproof.maps.sweep import Ranges, Spared, SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.endpoints import BeamRanges
 from wayproof.maps.voxel.log_odds import states_of
 
@@ -82,6 +82,7 @@ class OctoMap(Representation):
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,
+        spared: Spared = "floor",
     ) -> SweepStatistics:
         """Take in one sweep, as `VoxelMap.integrate` does.
 
@@ -91,6 +92,7 @@ class OctoMap(Representation):
         Raises:
             ValueError: As there; or the beams leave the tree.
         """
+        del spared  # its castRay spares none, as occupied wins within a sweep
         check_time(time_ns)
         sweep = prepare_sweep(
             origins,

@@ -14,7 +14,7 @@ from wayproof.maps.kernels import beams
 from wayproof.maps.kernels import tsdf as kernels
 from wayproof.maps.others.block_map import BlockMap, CellBox
 from wayproof.maps.states import FREE, OCCUPIED
-from wayproof.maps.sweep import Sweep, check_time
+from wayproof.maps.sweep import Spared, Sweep, check_time
 from wayproof.maps.voxel.endpoints import BeamEndpoints
 
 MAX_WINDOW_CELLS = 1 << 29
@@ -34,7 +34,7 @@ class TsdfMap(BlockMap):
     touch it, or negative; free where it is more; unknown where the weight is 0. So what is seen
     from one side only is up to 4 cells thick, and a surface is a cell thicker than VoxelMap's.
 
-    With the surface guard, a beam that ends in the floor's layer does not clear that layer, at
+    Unless no layer is spared, a beam that ends in the floor's layer does not clear that layer, at
     grazing angles, and the cells above it are free however near the floor is.
 
     Hits, misses and clamps of the configuration have no meaning here. A standing body's marks weigh
@@ -128,7 +128,9 @@ class TsdfMap(BlockMap):
     def _ends_of(self, sweep: Sweep) -> BeamEndpoints:
         return BeamEndpoints.of_sweep(sweep).merged()
 
-    def _trace(self, starts: NDArray[np.int64], ends: BeamEndpoints, time_ns: int) -> int:
+    def _trace(
+        self, starts: NDArray[np.int64], ends: BeamEndpoints, time_ns: int, spared: Spared
+    ) -> int:
         cells = np.concatenate([starts, ends.points]) >> beams.SUBCELL_BITS
         reach = kernels.TRUNCATION_CELLS
         box = self._clip(cells.min(axis=0) - reach, cells.max(axis=0) + reach + 1)
@@ -136,8 +138,7 @@ class TsdfMap(BlockMap):
         self.advance(time_ns)
         touched = np.zeros(int(np.prod(shape)), np.bool_)
         low = corner * kernels.EDGE  # cells
-        guarded = self.config.floor_grazing_filter
-        guard = FLOOR_LAYER - int(low[2]) if guarded else NO_GUARD
+        guard = NO_GUARD if spared == "none" else FLOOR_LAYER - int(low[2])
         shift = low << beams.SUBCELL_BITS
         first, last = 2 * (starts - shift) + 1, 2 * (ends.points - shift) + 1
         window = kernels.TraceWindow(shape, np.stack(box) - low, guard)

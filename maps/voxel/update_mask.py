@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.maps.columns import pack
-from wayproof.maps.config import MapConfig
 from wayproof.maps.grid import FLOOR_LAYER
 from wayproof.maps.kernels import beam_targets, beams, bricks, carve, update
 from wayproof.maps.kernels.beam_columns import MAX_STEPS
 from wayproof.maps.kernels.early_stop import SLOPES
-from wayproof.maps.sweep import Sweep
+from wayproof.maps.sweep import Spared, Sweep
 from wayproof.maps.voxel.frame import Frame, cell_of
 from wayproof.maps.voxel.sweep_endpoints import EndpointFinder, SweepEndpoints
 
@@ -53,10 +51,6 @@ class UpdateMask:
         return hits, misses
 
 
-Guard = Literal["floor", "own", "none"]
-"""Layer that is spared by beams that graze a surface from above."""
-
-
 class SweepRasterizer:
     """A dense window of columns that follows the sensor; its memory is used again."""
 
@@ -87,34 +81,33 @@ class SweepRasterizer:
         """
         return self._finder.find(sweep)
 
-    def trace(self, sweep: Sweep, endpoints: SweepEndpoints, guard: Guard) -> UpdateMask:
+    def trace(self, sweep: Sweep, endpoints: SweepEndpoints, spared: Spared) -> UpdateMask:
         """Mark the cells that the beams hit and cross.
 
         Args:
             sweep: The beams.
             endpoints: Their endpoints.
-            guard: Layer that a beam from above which ends in it spares: the floor's, that which
-                the beam ends in, or none.
+            spared: Layer that beams from above which end in it do not clear.
         """
         frame = endpoints.frame
         nx, ny, words = frame.shape
         self._reserve(nx * ny, words)
-        guarded = self._guarded_layer(guard, frame)
+        guarded = self._guarded_layer(spared, frame)
         window = beam_targets.Window(frame.shape, frame.box_within(endpoints.box), guarded)
         corner = [(2 * cell << beams.SUBCELL_BITS) - 1 for cell in frame.corner]
         sensors = 2 * sweep.sensors - np.array(corner)
         self._carve(self._mark_ends(endpoints, sensors, window), sensors, window)
         return self._collect(frame)
 
-    def _guarded_layer(self, guard: Guard, frame: Frame) -> int:
-        """Return the layer of a frame that a guard spares; makes room to note which beams graze."""
+    def _guarded_layer(self, spared: Spared, frame: Frame) -> int:
+        """Return the layer of a frame that is spared; makes room to note which beams graze."""
         nx, ny, words = frame.shape
-        if guard == "own":
+        if spared == "own":
             if len(self._grazes) < nx * ny * words:
                 self._grazes = np.zeros(nx * ny * words, np.uint64)
             return beam_targets.OWN_LAYER
         layer = FLOOR_LAYER - frame.corner[2]
-        return layer if guard == "floor" and 0 <= layer < 64 * words else beam_targets.NO_LAYER
+        return layer if spared == "floor" and 0 <= layer < 64 * words else beam_targets.NO_LAYER
 
     def _mark_ends(
         self, endpoints: SweepEndpoints, sensors: NDArray[np.int64], window: beam_targets.Window
@@ -216,13 +209,6 @@ class SweepRasterizer:
             hits=self._hits,
             misses=self._misses,
         )
-
-
-def guard_of(config: MapConfig) -> Guard:
-    """Return which layer beams that graze a surface spare."""
-    if config.slope_grazing_filter:
-        return "own"
-    return "floor" if config.floor_grazing_filter else "none"
 
 
 def _new_targets(count: int) -> beam_targets.Targets:

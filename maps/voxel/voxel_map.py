@@ -20,12 +20,12 @@ from wayproof.maps.kernels import beams, decay
 from wayproof.maps.kernels import update as updates
 from wayproof.maps.representation import Representation
 from wayproof.maps.states import FREE, OCCUPIED
-from wayproof.maps.sweep import Ranges, SweepStatistics, prepare_sweep
+from wayproof.maps.sweep import Ranges, Spared, SweepStatistics, prepare_sweep
 from wayproof.maps.voxel import storage
 from wayproof.maps.voxel.bricks import Bricks
 from wayproof.maps.voxel.frame import cell_bounds
 from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick, states_of
-from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask, guard_of
+from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask
 
 
 @dataclass(frozen=True)
@@ -105,15 +105,14 @@ class VoxelMap(Representation):
         range_limit: float,
         time_ns: int,
         moments: NDArray[np.int32] | None = None,
+        spared: Spared = "floor",
     ) -> SweepStatistics:
         """Take in one sweep: each cell is updated once, and occupied wins over free.
 
         Cells before a return decrease and its own cell increases; a beam without return (65535, or
         beyond `range_limit`) decreases every cell up to the limit; a dropped one (0) has no effect.
-        Beams that end in the same cell count as one. With the floor's grazing filter, a beam that
-        ends in the floor's layer does not decrease that layer: at grazing angles it would take away
-        the floor that it is about to hit. With that of slopes the same holds for each beam that
-        goes down, of the layer that it ends in. Decay ticks due are applied first.
+        Beams that end in the same cell count as one, and none decreases cells of the layer that is
+        spared. Decay ticks due are applied first.
 
         Args:
             origins: (3,) where the beams start, m, world; or (m, 3), for a sensor that moves.
@@ -122,6 +121,7 @@ class VoxelMap(Representation):
             range_limit: Range up to which a beam without return is evidence of free space, m.
             time_ns: Simulated time of the sweep, ns.
             moments: (n,) index of each beam's origin, if there are several.
+            spared: Layer that beams which end in it do not decrease.
 
         Raises:
             ValueError: A position or direction is not finite, an array has another shape, the
@@ -140,7 +140,7 @@ class VoxelMap(Representation):
         )
         endpoints = self._rasterizer.endpoints(sweep)
         self.advance(time_ns)
-        mask = self._rasterizer.trace(sweep, endpoints, guard_of(config))
+        mask = self._rasterizer.trace(sweep, endpoints, spared)
         updated = self._apply(mask, time_ns)
         hits, clears, dropped, too_near = endpoints.counts
         return SweepStatistics(hits, clears, dropped, too_near, updated)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,17 +58,20 @@ class Filtered:
         filtered_m: Length of these that is free in the map, and not in that of the returns as they
             came: by the word of a filter of returns.
         decisions: Decisions with such a part, and its length, m.
+        returns: Number of returns that each filter changed in all sweeps, by its name.
     """
 
     way_m: float = 0.0
     filtered_m: float = 0.0
     decisions: tuple[tuple[int, float], ...] = ()
+    returns: dict[str, int] = field(default_factory=dict)
 
     def with_one(self, committed: Committed) -> Filtered:
         """Return the sums with another committed way."""
         part, way = filtered_length(committed), length(committed.path)
         one = ((committed.decision.sequence, part),) if part > 0.0 else ()
-        return Filtered(self.way_m + way, self.filtered_m + part, (*self.decisions, *one))
+        way, part = self.way_m + way, self.filtered_m + part
+        return replace(self, way_m=way, filtered_m=part, decisions=(*self.decisions, *one))
 
 
 def all_rests(parts: Iterable[Rests]) -> Rests:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -157,6 +157,7 @@ class Auditor:
         self._policy, self._measured_only = policy, measured_only
         self._as_measured = as_measured
         self._filtered: Filtered | None = None
+        self._changed: Mapping[str, int] = {}
         self._config: Config | None = None
         self._prior: PriorCells | None = None
         self._before: tuple[pb.Trajectory, ...] = ()
@@ -179,6 +180,7 @@ class Auditor:
             return
         if committed.returns is not None:
             self._filtered = (self._filtered or Filtered()).with_one(committed)
+            self._changed = moment.navigator.mapper.filters.changed
         if committed.config.has_layers and committed.body.policy == "forbid":
             self._cells.append(rests_of(committed))
         if self._volumes is not None and not any(one.rule == "swept" for one in found):
@@ -222,6 +224,7 @@ class Auditor:
         decisions = self._kinds.total()
         if decisions == 0:
             raise InputError(f"log '{log.path}': no decisions in it")
+        filtered = self._filtered and replace(self._filtered, returns=dict(self._changed))
         return Audit(
             log=str(log.path),
             policy=self._policy or log.config.costmap.unknown_policy,
@@ -235,7 +238,7 @@ class Auditor:
             reasons=self._reasons.checked,
             volumes=None if self._volumes is None else together(self._volumes),
             rests=all_rests(self._cells) if self._cells else None,
-            filtered=self._filtered,
+            filtered=filtered,
         )
 
     def _check_reason(self, committed: Committed) -> list[Violation]:

@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace as replace_struct
@@ -21,8 +22,12 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.map_content import read_echoes, read_floor
+from wayproof.harness.stack.map_content import read_filters
+from wayproof.maps.echo_history import SILENT_SWEEPS
 from wayproof.models.sensors.beams import DROPPED
+
+UNFITTED = "map.filters=false_returns,lost_patches,lost_echoes,grazing"
+"""Setting without the two that know the floor."""
 
 SHELF_CLEARED = 5
 """Seed of a flight into a shelf that silent sweeps had cleared."""
@@ -251,14 +256,14 @@ def test_a_fitted_floor_bears_a_sensor_that_is_off(tmp_path):
 
 
 def test_where_silence_says_nothing_lost_echoes_make_no_holes_in_the_floor(tmp_path):
-    settings = ["map.ground_fit=false", "map.no_return=ignored"]
+    settings = [UNFITTED, "map.no_return=ignored"]
     config = override(Config("empty", "quadruped", 0), settings)
     lossy = replace(config, perturbation=perturbation_from("depth_dropout:3"))
     assert run_episode(build(lossy), tmp_path / "lossy.mcap").outcome == "success"
 
 
 def test_floor_that_was_seen_is_no_hole_where_nothing_is_fitted(tmp_path):
-    config = override(Config("empty", "quadruped", 0), ["map.ground_fit=false"])
+    config = override(Config("empty", "quadruped", 0), [UNFITTED])
     lossy = replace(config, perturbation=perturbation_from("depth_dropout:3"))
     assert run_episode(build(lossy), tmp_path / "lossy.mcap").outcome == "success"
 
@@ -276,8 +281,8 @@ def test_echoes_lost_in_patches_do_not_stop_the_quadruped(tmp_path):
     result = run_lossy(path, "warehouse", "quadruped", 0, lossy, "keyframe_period=1")
     assert result.outcome == "success", result.reason
     maps = [one.map for one in open_log(path).keyframes() if one.HasField("map")]
-    assert all(one.silent_sweeps for one in maps)
-    assert any(read_floor(one)[0].any() for one in maps)
+    remembered = [read_filters(one)["missing_floor"] for one in maps]
+    assert any(any(msgspec.msgpack.decode(one)[0]) for one in remembered)
     assert replay(path, jobs=2).identical
 
 
@@ -287,7 +292,8 @@ def test_sweeps_that_are_lost_whole_clear_no_shelf(tmp_path):
     result = run_lossy(path, "warehouse", "drone", SHELF_CLEARED, lossy, "keyframe_period=1")
     assert result.outcome == "success", result.reason
     maps = [one.map for one in open_log(path).keyframes() if one.HasField("map")]
-    assert any(read_echoes(one)["lidar"].loses_echoes for one in maps)
+    echoes = [msgspec.msgpack.decode(read_filters(one)["lost_patches"]) for one in maps]
+    assert any(one["lidar"][1] < SILENT_SWEEPS for one in echoes)
     assert replay(path, jobs=2).identical
 
 

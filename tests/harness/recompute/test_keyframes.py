@@ -5,6 +5,7 @@ import math
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 import zstandard
@@ -22,7 +23,6 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack import keyframe as schedule
-from wayproof.harness.stack.map_content import read_echoes, read_floor
 from wayproof.harness.stack.planner_state_messages import read_state, state_message
 from wayproof.harness.stack.types import (
     ClosedGap,
@@ -85,29 +85,39 @@ def move_a_wall(keyframe):
     keyframe.map.ticks += 1
 
 
+def remembered(keyframe, name):
+    """What a filter remembers, decoded, and its message."""
+    [message] = [one for one in keyframe.map.filters if one.name == name]
+    return msgspec.msgpack.decode(zstandard.decompress(message.content)), message
+
+
+def remember(message, content):
+    message.content = zstandard.compress(msgspec.msgpack.encode(content))
+
+
 def dig_a_hole(keyframe):
-    silent_sweeps = read_floor(keyframe.map)[0].copy()
-    silent_sweeps[80, 80] += 1
-    keyframe.map.silent_sweeps = zstandard.compress(silent_sweeps.tobytes())
+    (silent_sweeps, tile), message = remembered(keyframe, "missing_floor")
+    changed = bytearray(silent_sweeps)
+    changed[80 * 161 + 80] += 1
+    remember(message, (bytes(changed), tile))
 
 
 def walk_off(keyframe):
-    keyframe.map.floor_tile[0] += 1
+    (silent_sweeps, (x, y)), message = remembered(keyframe, "missing_floor")
+    remember(message, (silent_sweeps, (x + 1, y)))
 
 
 def hear_nothing(keyframe):
-    (history,) = keyframe.map.echoes
-    silent_sweeps = read_echoes(keyframe.map)[history.sensor].silent_sweeps
-    silent_sweeps[7] = 10 - silent_sweeps[7]
-    history.silent_sweeps = zstandard.compress(silent_sweeps.tobytes())
-
-
-def hear_steadily(keyframe):
-    keyframe.map.echoes[0].steady_sweeps -= 1
+    echoes, message = remembered(keyframe, "lost_patches")
+    [(sensor, (silent_sweeps, steady_sweeps))] = echoes.items()
+    changed = bytearray(silent_sweeps)
+    changed[7] = 10 - changed[7]
+    remember(message, {sensor: (bytes(changed), steady_sweeps)})
 
 
 def hear_another_sensor(keyframe):
-    keyframe.map.echoes[0].sensor = "another"
+    echoes, message = remembered(keyframe, "lost_patches")
+    remember(message, {"another": next(iter(echoes.values()))})
 
 
 def hurry(keyframe):
@@ -127,7 +137,6 @@ FALSE = [
     dig_a_hole,
     walk_off,
     hear_nothing,
-    hear_steadily,
     hear_another_sensor,
     hurry,
     forget,
@@ -164,24 +173,26 @@ def garble(keyframe):
     keyframe.map.records = bytes(reversed(keyframe.map.records))
 
 
-def forget_the_floor(keyframe):
-    keyframe.map.ClearField("silent_sweeps")
+def lose_a_filter(keyframe):
+    del keyframe.map.filters[1:]
+
+
+def repeat_a_filter(keyframe):
+    keyframe.map.filters.append(keyframe.map.filters[0])
 
 
 def lose_a_tile(keyframe):
-    del keyframe.map.floor_tile[1:]
-
-
-def lose_the_echoes(keyframe):
-    keyframe.map.ClearField("echoes")
-
-
-def repeat_the_echoes(keyframe):
-    keyframe.map.echoes.append(keyframe.map.echoes[0])
+    (silent_sweeps, tile), message = remembered(keyframe, "missing_floor")
+    remember(message, (silent_sweeps[1:], tile))
 
 
 def hear_too_long(keyframe):
-    keyframe.map.echoes[0].steady_sweeps = 11
+    echoes, message = remembered(keyframe, "lost_patches")
+    remember(message, {sensor: (silent, 11) for sensor, (silent, _) in echoes.items()})
+
+
+def remember_too_much(keyframe):
+    keyframe.map.filters[0].content = zstandard.compress(bytes(2**20 + 1))
 
 
 def lose(keyframe):
@@ -196,11 +207,11 @@ BROKEN = [
     cut,
     inflate,
     garble,
-    forget_the_floor,
+    lose_a_filter,
+    repeat_a_filter,
     lose_a_tile,
-    lose_the_echoes,
-    repeat_the_echoes,
     hear_too_long,
+    remember_too_much,
     lose,
     leave,
 ]

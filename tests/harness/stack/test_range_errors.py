@@ -8,17 +8,19 @@ import pytest
 from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
+from wayproof.harness.filters import Origin
+from wayproof.harness.filters.false_returns import FalseReturns
 from wayproof.harness.inputs import Beams, Pose, SweepInput
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.runner import open_episode, run_episode
 from wayproof.harness.scenario.scenario import build
-from wayproof.harness.stack.range_errors import without_false_returns
 from wayproof.maps import FREE
 from wayproof.models.sensors.beams import BeamTable
 from wayproof.models.worlds import Box
 
+CONFIG = Config("warehouse", "drone", 3)
 SETTINGS = ("motion.limits=full", "episode.time_limit=3")
 
 
@@ -119,17 +121,22 @@ def rainy_sweep(columns, rows=8):
     return beams, beams.place(SweepInput("lidar", ranges.ravel()), pose, 0)
 
 
+def filtered(placed, beams):
+    """A sweep without its false returns, which neither settings nor a map tell."""
+    return FalseReturns(CONFIG, mission=None, a_map=None)(placed, Origin("lidar", beams, None, 0.0))
+
+
 def test_the_range_of_false_returns_follows_from_the_distance_of_the_beams():
     for step, found in ((0.01, True), (0.07, True), (0.08, False)):  # 6 cm: at 6, 0.86, 0.75 m
         angles = step * np.arange(40)
         beams, placed = rainy_sweep(np.stack([np.cos(angles), np.sin(angles)], axis=1))
         assert beams.column_step == pytest.approx(step, rel=1e-3)
-        kept = without_false_returns(placed, beams, 0.0)
+        kept = filtered(placed, beams)
         assert (kept.ranges_mm[placed.ranges_mm == 800] == (0 if found else 800)).all()
         assert (kept.ranges_mm[placed.ranges_mm == 5000] == 5000).all()
 
 
 def test_a_table_that_repeats_its_column_is_judged_as_others():
     beams, placed = rainy_sweep(np.tile([1.0, 0.0], (40, 1)))
-    kept = without_false_returns(placed, beams, 0.0)
+    kept = filtered(placed, beams)
     assert (kept.ranges_mm[placed.ranges_mm == 800] == 0).all()

@@ -42,7 +42,7 @@ UNLEARNS_SLOWLY = ("map.log_odds_miss=0.01", "map.half_life=0")
 RESIGNED = ("behaviour.max_recoveries=1",)
 """Settings for a single exploration before the stack gives up."""
 
-UNFITTED = ("map.ground_fit=false",)
+UNFITTED = ("map.filters=false_returns,lost_patches,lost_echoes,grazing",)
 """The floor as each beam has it: a fitted one bears most of these faults."""
 
 SHORT = ("planner.clearance_weight=0",)
