@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 import msgspec
 import pyarrow as pa
 
+from docs.architecture import drawing
 from docs.catalogue import catalogue
 from docs.docstrings import attributes, summary
 from wayproof.harness.cli import COMMANDS
@@ -53,7 +54,12 @@ EXIT_CODES = [
 
 def pages() -> dict[str, str]:
     """Every page by its file's name."""
-    return {"cli.md": cli(), "config.md": config(), "data.md": data()}
+    return {
+        "cli.md": cli(),
+        "config.md": config(),
+        "data.md": data(),
+        "../architecture.svg": drawing(),
+    }
 
 
 def cli() -> str:
