@@ -9,7 +9,7 @@ from pathlib import Path
 
 from wayproof.harness.mission import Mission
 from wayproof.harness.recordings.track import RecordedTrack
-from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.recordings.types import OwnMap, RecordedSensor, RecordedSweep, Transform
 
 Faults = Counter[str]
 """Kind of fault -> how many were met."""
@@ -85,6 +85,7 @@ class Recording:
         options: Options that it was opened with.
         mission: Mission of the episode that was recorded, in its world frame, which is the
             recording's; None where the recording does not say.
+        own_maps: Maps that the robot itself had, in order of time.
     """
 
     name: str
@@ -99,6 +100,7 @@ class Recording:
     body_height: float | None = None
     options: RecordingOptions = field(default_factory=RecordingOptions)
     mission: Mission | None = None
+    own_maps: tuple[OwnMap, ...] = ()
     _met: Faults = field(default_factory=Counter, init=False)
 
     def sweeps(self) -> Iterator[RecordedSweep]:

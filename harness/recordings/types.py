@@ -76,6 +76,30 @@ class RecordedSensor:
     mount_is_fixed: bool = True
 
 
+OWN_UNKNOWN, OWN_FREE, OWN_CLOSED = 0, 1, 2
+"""States of cells of a robot's own map: unknown, free, and where its centre may not be."""
+
+
+class OwnMap(NamedTuple):
+    """A map that the recorded robot itself had, in the frame of the poses.
+
+    Attributes:
+        time_ns: Its stamp, ns since the first pose of the recording.
+        topic: Topic that it was on.
+        resolution: Size of its cells, m.
+        corner: x, y, m, and heading, rad, of the corner of its first cell.
+        shape: Number of rows, along y, and of columns, along x.
+        packed: States, a byte each, row by row, by zlib.
+    """
+
+    time_ns: int
+    topic: str
+    resolution: float
+    corner: tuple[float, float, float]
+    shape: tuple[int, int]
+    packed: bytes
+
+
 @dataclass(frozen=True)
 class RecordedSweep:
     """One sweep of one sensor as it was recorded, in the sensor's frame.

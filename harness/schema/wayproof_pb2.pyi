@@ -118,20 +118,40 @@ class Goal(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., index: _Optional[int] = ...) -> None: ...
 
 class RecordedMotion(_message.Message):
-    __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "way")
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "velocity", "way", "own_maps")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
     QUATERNION_FIELD_NUMBER: _ClassVar[int]
     VELOCITY_FIELD_NUMBER: _ClassVar[int]
     WAY_FIELD_NUMBER: _ClassVar[int]
+    OWN_MAPS_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     position: _containers.RepeatedScalarFieldContainer[float]
     quaternion: _containers.RepeatedScalarFieldContainer[float]
     velocity: _containers.RepeatedScalarFieldContainer[float]
     way: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., way: _Optional[_Iterable[float]] = ...) -> None: ...
+    own_maps: _containers.RepeatedCompositeFieldContainer[OwnMap]
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., way: _Optional[_Iterable[float]] = ..., own_maps: _Optional[_Iterable[_Union[OwnMap, _Mapping]]] = ...) -> None: ...
+
+class OwnMap(_message.Message):
+    __slots__ = ("timestamp", "topic", "resolution", "corner", "rows", "columns", "packed")
+    TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
+    TOPIC_FIELD_NUMBER: _ClassVar[int]
+    RESOLUTION_FIELD_NUMBER: _ClassVar[int]
+    CORNER_FIELD_NUMBER: _ClassVar[int]
+    ROWS_FIELD_NUMBER: _ClassVar[int]
+    COLUMNS_FIELD_NUMBER: _ClassVar[int]
+    PACKED_FIELD_NUMBER: _ClassVar[int]
+    timestamp: _timestamp_pb2.Timestamp
+    topic: str
+    resolution: float
+    corner: _containers.RepeatedScalarFieldContainer[float]
+    rows: int
+    columns: int
+    packed: bytes
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., topic: _Optional[str] = ..., resolution: _Optional[float] = ..., corner: _Optional[_Iterable[float]] = ..., rows: _Optional[int] = ..., columns: _Optional[int] = ..., packed: _Optional[bytes] = ...) -> None: ...
 
 class Latency(_message.Message):
     __slots__ = ("timestamp", "sequence", "mode", "delay_s")

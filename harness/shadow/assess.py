@@ -25,6 +25,7 @@ from wayproof.harness.result import way_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.legs import Leg, Piece, legs_of
 from wayproof.harness.shadow.overlap import Found, clearance, find_cause, overlaps_occupied
+from wayproof.harness.shadow.own_maps import OwnMaps, lay_beside
 from wayproof.harness.shadow.way import LEAST_STEP
 from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.pipeline import Navigator
@@ -65,6 +66,7 @@ class Assessed:
         map: The map at the end.
         memory: The map at the end without decay.
         greatest_bytes: Greatest memory of the map, bytes.
+        own_maps: The robot's own maps beside ours, by topic.
     """
 
     log: Log
@@ -74,6 +76,7 @@ class Assessed:
     map: Representation
     memory: Representation
     greatest_bytes: int
+    own_maps: dict[str, OwnMaps]
 
 
 def assess(
@@ -115,6 +118,7 @@ def assess(
         map=judging.map,
         memory=judging.memory,
         greatest_bytes=judging.greatest_bytes,
+        own_maps=judging.own_maps,
     )
 
 
@@ -143,6 +147,7 @@ class _Judging:
             if log.config.recording.footprint_clearing:
                 self._stack.navigator.mapper.on_integrated = self._clear_footprint
         self.greatest_bytes = 0
+        self.own_maps: dict[str, OwnMaps] = {}
 
     @property
     def unrecorded_m(self) -> float:
@@ -165,6 +170,7 @@ class _Judging:
         shift = pose[:3] - self._ways[number][-1, :3]
         near = clearance(self.body.standing_at(inputs.pose), pose, self.map)
         planned = navigator.planner_inputs(inputs)
+        lay_beside(self._motions[number], navigator, planned[1], self.own_maps)
         ahead = self._next_second_admitted(navigator, planned, number, shift)
         piece = None
         if number + 1 < len(self._ways) and not self._is_lost(number + 1):

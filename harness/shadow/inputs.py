@@ -10,6 +10,7 @@ import numpy as np
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.batches import Batch
 from wayproof.harness.shadow.odometry import RecordedOdometry
+from wayproof.harness.shadow.own_maps import written
 from wayproof.harness.shadow.perturb import RecordedPerturbation
 from wayproof.harness.shadow.prepare import Prepared, lifted
 from wayproof.harness.shadow.sweeps import greatest_age
@@ -50,6 +51,7 @@ class InputWriter:
             self._odometry = RecordedOdometry(prepared)
         self._before: RecordedPose | None = None
         self._before_ns = 0
+        self._before_maps_ns = -(2**62)  # the first decision has the maps from before it too
 
     def write(self, batch: Batch, sequence: int) -> Given:
         """Write the inputs of the next decision."""
@@ -88,7 +90,9 @@ class InputWriter:
             quaternion=pose.quaternion.tolist(),
             velocity=velocity.tolist(),
             way=poses.ravel().tolist(),
+            own_maps=written(self._prepared.own_maps, self._before_maps_ns, time_ns),
         )
+        self._before_maps_ns = time_ns
         message.timestamp.FromNanoseconds(time_ns)
         self._before, self._before_ns = pose, time_ns
         return message

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.recording_config import RecordingConfig
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.recordings.track import RecordedTrack
-from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.recordings.types import OwnMap, RecordedSensor, RecordedSweep, Transform
 from wayproof.harness.recordings.window import NO_POSE
 from wayproof.harness.scenario.prior_maps import with_prior
 from wayproof.harness.scenario.worlds import bare_world
@@ -63,6 +63,7 @@ class Prepared:
         planar: Names in the log of the sensors whose beams lie in one level plane.
         assumes_height: Whether nothing says how high the body is above a floor that its sensors
             see.
+        own_maps: Maps of the robot itself, in the log's frame.
     """
 
     config: Config
@@ -73,6 +74,7 @@ class Prepared:
     way: Way
     planar: frozenset[str] = frozenset()
     assumes_height: bool = False
+    own_maps: tuple[OwnMap, ...] = ()
 
     @property
     def recorded(self) -> RecordingConfig:
@@ -132,6 +134,7 @@ def prepare(
         way=way,
         planar=frozenset(map(topic_name, level)),
         assumes_height=not planar and _assumes_height(recording, body, settings),
+        own_maps=_own_maps(recording, recorded.origin),
     )
 
 
@@ -185,6 +188,15 @@ def _writer(
     longest = min(LONGEST_LISTED_RANGE, (MAX_BEAM_CELLS - 1) * config.map.resolution)
     info = sensor_message(sensor, mount, min(sensor.range_max, longest), _rate(sweeps))
     return SweepWriter(sensor, info, mount)
+
+
+def _own_maps(recording: Recording, origin: Sequence[float]) -> tuple[OwnMap, ...]:
+    """Return the maps of the robot itself, moved to the log's origin."""
+    moved = []
+    for one in recording.own_maps:
+        x, y, heading = one.corner
+        moved.append(one._replace(corner=(x - origin[0], y - origin[1], heading)))
+    return tuple(moved)
 
 
 def _read_part(recording: Recording) -> RecordedTrack:

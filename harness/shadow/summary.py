@@ -13,6 +13,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.assess import Assessed, Passed
 from wayproof.harness.shadow.legs import Leg
 from wayproof.harness.shadow.overlap import CLEARANCE_REACH, Cell
+from wayproof.harness.shadow.own_maps import OwnMaps
 from wayproof.harness.shadow.way import LEAST_STEP
 
 Verdict = Literal["admitted", "not admitted", "nothing shown"]
@@ -106,6 +107,7 @@ class Summary:
         stops: Places and reasons of these stops, the longest first.
         latency_ms: Wall time of a decision: median, 99th percentile and greatest, ms.
         map_mib: Greatest memory of the map, MiB.
+        own_maps: The robot's own maps beside ours, by topic.
         faults: Faults of the recording, in words.
     """
 
@@ -137,6 +139,7 @@ class Summary:
     stops: tuple[Stop, ...]
     latency_ms: dict[str, float]
     map_mib: float
+    own_maps: dict[str, OwnMaps]
     faults: str
 
 
@@ -184,6 +187,7 @@ def summarize(assessed: Assessed) -> Summary:
         stops=stops,
         latency_ms=_latencies(passed),
         map_mib=assessed.greatest_bytes / MEBIBYTE,
+        own_maps=assessed.own_maps,
         faults=log.result.get("reason", ""),
     )
 
@@ -206,6 +210,7 @@ def lines_of(summary: Summary) -> list[str]:
         f"{latency['max']:.1f} (max); map {summary.map_mib:.1f} MiB",
         f"the stack, from rest at each pose: {actions}; it would have stood for "
         f"{summary.stopped_s:.1f} of the {summary.moving_s:.1f} s in which the robot moved",
+        *(f"the robot's own {topic}: {one.text}" for topic, one in summary.own_maps.items()),
     ]
 
 

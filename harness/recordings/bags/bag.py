@@ -28,6 +28,7 @@ from wayproof.harness.recordings.bags.clouds import OWN_TIME, read_cloud
 from wayproof.harness.recordings.bags.container import Broken, RawMessage
 from wayproof.harness.recordings.bags.frames import FramePath
 from wayproof.harness.recordings.bags.messages import IMAGE, header_stamp
+from wayproof.harness.recordings.bags.own_maps import own_maps
 from wayproof.harness.recordings.bags.sensors import Reading, Topic, beams_of, first_of, measured_by
 from wayproof.harness.recordings.bags.survey import (
     STAMPLESS,
@@ -108,6 +109,7 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
         read=_Sweeps(readers),
         body_height=body_height(found, motion.body, start),
         mission=None if task is None else task.mission,
+        own_maps=own_maps(found.grids, found.tree, motion.world, start, faults),
     )
 
 

@@ -50,11 +50,13 @@ class Motion(NamedTuple):
         poses: T_world_body.
         body: Frame of the body; empty if the recording does not name it.
         source: Topic or frames, in words.
+        world: Frame in which they are given.
     """
 
     poses: StampedPoses
     body: str
     source: str
+    world: str
 
 
 def choose_sensors(path: Path, found: Survey, options: RecordingOptions) -> list[str]:
@@ -317,10 +319,11 @@ def _from_topic(found: Survey, name: str, frame: str, options: RecordingOptions)
             if turns.type == px4.ATTITUDE and namespace_of(one) == namespace_of(name)
         ]
         if len(beside) != 1:
-            return Motion(poses, body, f"{source}, taken to be level: no VehicleAttitude beside it")
+            source += ", taken to be level: no VehicleAttitude beside it"
+            return Motion(poses, body, source, topic.parent)
         poses = px4.turned(poses, beside[0][1].samples.poses())
         source += f", turned as {beside[0][0]}"
-    return Motion(poses, body, source)
+    return Motion(poses, body, source, topic.parent)
 
 
 def _from_frames(found: Survey, root: str, body: str) -> Motion:
@@ -341,4 +344,4 @@ def _from_frames(found: Survey, root: str, body: str) -> Motion:
         parts.append(transform)
     whole = reduce(compose, parts)
     poses = StampedPoses(stamps, whole.position, whole.quaternion).at(known)
-    return Motion(poses, body, f"frames {root} -> {body}")
+    return Motion(poses, body, f"frames {root} -> {body}", root)

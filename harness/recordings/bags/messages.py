@@ -33,22 +33,11 @@ VENDOR_POSES = {kind: read for one in VENDORS for kind, read in one.poses.items(
 CLOUDS = (CLOUD, *(kind for one in VENDORS for kind in one.clouds))
 SENSORS = (SCAN, *CLOUDS, IMAGE)
 POSES = (ODOMETRY, POSE, POSE_COVARIANCE, *VENDOR_POSES)
+GRIDS = {kind: read for one in VENDORS for kind, read in one.grids.items()}
 DECODERS = {kind: read for one in VENDORS for kind, read in one.decoders.items()}
 
 ROS1_DEFINITIONS = {name: "geometry_msgs/TransformStamped[] transforms\n" for name in TRANSFORMS}
 """Definitions of messages of ROS 1 that `rosbags` has for ROS 2 alone."""
-
-ROS2_DEFINITIONS = {
-    "nav2_msgs/msg/CostmapMetaData": (
-        "builtin_interfaces/Time map_load_time\nbuiltin_interfaces/Time update_time\n"
-        "string layer\nfloat32 resolution\nuint32 size_x\nuint32 size_y\n"
-        "geometry_msgs/Pose origin\n"
-    ),
-    "nav2_msgs/msg/Costmap": (
-        "std_msgs/Header header\nnav2_msgs/CostmapMetaData metadata\nuint8[] data\n"
-    ),
-}
-"""Definitions of Nav2's messages, which `rosbags` does not have; they travel in the bag."""
 
 
 class Camera(NamedTuple):
@@ -85,7 +74,7 @@ def typestore(encoding: str) -> Typestore:
     ros1 = encoding == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
     of_vendors = [one.definitions for one in VENDORS]
-    for definitions in (ROS1_DEFINITIONS if ros1 else ROS2_DEFINITIONS, *of_vendors):
+    for definitions in (ROS1_DEFINITIONS if ros1 else {}, *of_vendors):
         for name, definition in definitions.items():
             store.register(get_types_from_msg(definition, name))
     return store

@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.recordings.types import Transform
+
 
 class Cloud(NamedTuple):
     """The fields of a cloud that are used.
@@ -47,6 +49,33 @@ class StampedTransform(NamedTuple):
     resets: int = 0
 
 
+class Grid(NamedTuple):
+    """A costmap of the robot.
+
+    Attributes:
+        stamp_ns: Its stamp, ns.
+        frame: Frame in which it lies.
+        resolution: Size of its cells, m.
+        T_frame_corner: Its origin: the corner of the first cell; rows along y, columns along x.
+        states: (rows, columns) `OWN_UNKNOWN`, `OWN_FREE` or `OWN_CLOSED`.
+    """
+
+    stamp_ns: int
+    frame: str
+    resolution: float
+    T_frame_corner: Transform
+    states: NDArray[np.uint8]
+
+
+class Patch(NamedTuple):
+    """New states (rows, columns) of a part of a costmap, from column x and row y on."""
+
+    stamp_ns: int
+    x: int
+    y: int
+    states: NDArray[np.uint8]
+
+
 class Vendor(NamedTuple):
     """Messages beside those of `rosbags`.
 
@@ -54,12 +83,14 @@ class Vendor(NamedTuple):
         definitions: Definitions by type, for `rosbags`.
         clouds: Readers of points by type.
         poses: Readers of poses by type.
+        grids: Readers of the robot's own maps by type.
         decoders: Decoders of the types that `rosbags` does not decode: from the bytes of a message.
     """
 
     definitions: Mapping[str, str] = {}
     clouds: Mapping[str, Callable[[Any], Cloud]] = {}
     poses: Mapping[str, Callable[[Any], StampedTransform]] = {}
+    grids: Mapping[str, Callable[[Any], Grid | Patch]] = {}
     decoders: Mapping[str, Callable[[bytes], Any]] = {}
 
 

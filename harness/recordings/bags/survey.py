@@ -23,6 +23,7 @@ from wayproof.harness.recordings.bags.frames import MOST_FRAMES, FrameTree, Samp
 from wayproof.harness.recordings.bags.messages import (
     CAMERA,
     CLOUDS,
+    GRIDS,
     POSES,
     RANGE,
     SCAN,
@@ -37,6 +38,7 @@ from wayproof.harness.recordings.bags.messages import (
     pose_of,
     transforms_of,
 )
+from wayproof.harness.recordings.bags.own_maps import Grids, base_of
 from wayproof.harness.recordings.bags.sensors import (
     finite_points,
     is_sensor,
@@ -44,6 +46,7 @@ from wayproof.harness.recordings.bags.sensors import (
     scan_maximum,
 )
 from wayproof.harness.recordings.bags.transforms import Transforms, namespace_of
+from wayproof.harness.recordings.bags.vendors.nav2 import is_costmap
 from wayproof.harness.recordings.order import Order, order_of
 from wayproof.harness.recordings.poses import RESET
 from wayproof.harness.recordings.recording import Faults
@@ -142,6 +145,7 @@ class Survey:
         transforms: Transforms by the namespace of their topics.
         tree: Frames and the transforms between them; empty until those of a robot are chosen.
         task: Task of the episode whose topics were recorded; None of other robots.
+        grids: The robot's own maps by topic.
         unread: Why the first message of a topic that could not be read was not, by topic.
     """
 
@@ -153,6 +157,7 @@ class Survey:
     transforms: dict[str, Transforms]
     tree: FrameTree
     task: Announcement | None = None
+    grids: dict[str, Grids] = field(default_factory=dict)
     unread: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -225,6 +230,7 @@ def survey(files: Sequence[Path], faults: Faults) -> Survey:
         transforms=walk.transforms,
         tree=FrameTree({}, {}, faults),
         task=walk.task,
+        grids=walk.grids,
         unread=unread,
     )
 
@@ -240,6 +246,7 @@ class _Walk:
         self.limits: dict[str, tuple[float, float]] = {}
         self.others: dict[str, str] = {}
         self.transforms: dict[str, Transforms] = {}
+        self.grids: dict[str, Grids] = {}
         self._links: Counter[bool] = Counter()  # by whether they are fixed
         self.task: Announcement | None = None
 
@@ -256,6 +263,8 @@ class _Walk:
             if topic.resets != pose.resets:
                 self._faults[RESET] += 1
                 topic.resets = pose.resets
+        elif raw.type in GRIDS and is_costmap(raw.topic, raw.type):
+            self.grids.setdefault(base_of(raw.topic), Grids([])).take(GRIDS[raw.type](decode(raw)))
         elif raw.type == CAMERA:
             add_camera(self.cameras.setdefault(raw.topic, []), raw)
         elif raw.type == RANGE:

@@ -1,0 +1,109 @@
+"""The robot's own maps in a bag: its costmaps, put together from grids and their updates."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from wayproof.harness.geometry import yaw_of_quaternion
+from wayproof.harness.recordings.bags.container import Broken
+from wayproof.harness.recordings.bags.frames import FrameTree
+from wayproof.harness.recordings.bags.parts import Grid, Patch
+from wayproof.harness.recordings.bags.vendors.nav2 import RAW, UPDATES
+from wayproof.harness.recordings.poses import compose
+from wayproof.harness.recordings.recording import Faults
+from wayproof.harness.recordings.types import OwnMap, Transform
+
+PERIOD_NS = 1_000_000_000
+"""Time between two maps of a topic that are kept, ns."""
+
+UNPLACED = "costmap: no transform to the frame of the poses"
+
+
+@dataclass
+class Grids:
+    """Grids of one topic, of which one is kept for each `PERIOD_NS`.
+
+    Attributes:
+        kept: Stamp, grid without its states, and these packed by zlib.
+        last: The last grid, with its updates.
+    """
+
+    kept: list[tuple[Grid, bytes, tuple[int, int]]]
+    last: Grid | None = None
+
+    def take(self, one: Grid | Patch) -> None:
+        """Take a grid, or an update of the last one.
+
+        Raises:
+            Broken: It does not lie in the last one.
+        """
+        if isinstance(one, Patch):
+            if self.last is None:
+                raise Broken("an update of a costmap before the costmap")
+            (rows, columns), states = one.states.shape, self.last.states.copy()
+            piece = states[max(one.y, 0) : one.y + rows, max(one.x, 0) : one.x + columns]
+            if min(one.x, one.y) < 0 or piece.shape != one.states.shape:
+                raise Broken("an update that is not within its costmap")
+            piece[:] = one.states
+            one = self.last._replace(stamp_ns=one.stamp_ns, states=states)
+        self.last = one
+        if not self.kept or one.stamp_ns - self.kept[-1][0].stamp_ns >= PERIOD_NS:
+            packed = zlib.compress(one.states.tobytes(), 1)
+            bare = one._replace(states=np.empty((0, 0), np.uint8))
+            self.kept.append((bare, packed, (one.states.shape[0], one.states.shape[1])))
+
+
+def own_maps(
+    grids: dict[str, Grids], tree: FrameTree, world: str, start_ns: int, faults: Faults
+) -> tuple[OwnMap, ...]:
+    """Return the robot's own maps in the frame of the poses, in order of time.
+
+    Of a costmap and its translation the costs are taken.
+
+    Args:
+        grids: Grids by topic.
+        tree: Frames.
+        world: Frame of the poses.
+        start_ns: Stamp of the first pose, ns.
+        faults: Counted up.
+    """
+    found = []
+    for topic, one in grids.items():
+        if topic + RAW in grids:
+            continue
+        for grid, packed, shape in one.kept:
+            place = _placed(grid, tree, world)
+            if place is None:
+                faults[UNPLACED] += 1
+                continue
+            x, y, _ = place.position.tolist()
+            found.append(
+                OwnMap(
+                    time_ns=grid.stamp_ns - start_ns,
+                    topic=topic,
+                    resolution=grid.resolution,
+                    corner=(x, y, yaw_of_quaternion(place.quaternion)),
+                    shape=shape,
+                    packed=packed,
+                )
+            )
+    return tuple(sorted(found, key=lambda one: (one.time_ns, one.topic)))
+
+
+def base_of(topic: str) -> str:
+    """Return the topic of the costmap that a topic, maybe of its updates, belongs to."""
+    return topic.removesuffix(UPDATES)
+
+
+def _placed(grid: Grid, tree: FrameTree, world: str) -> Transform | None:
+    """Return T_world_corner of a grid at its stamp; None where it is not known."""
+    between = tree.between(world, grid.frame)
+    if between is None:
+        return None
+    transform, known = between.at(np.array([grid.stamp_ns]))
+    if not known[0]:
+        return None
+    return compose(Transform(transform.position[0], transform.quaternion[0]), grid.T_frame_corner)
