@@ -28,7 +28,7 @@ CHAPTERS = {
         *("stack", "ros2", "nav2", "gym"),
         *("tutorials/planner", "robots"),
         *("sensors", "worlds"),
-        *("tutorials/recording", "shadow", "recordings"),
+        "recordings",
     ],
     "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "replay", "seeing"],
     "Study and gate": ["studies", "tutorials/gate", "perturbations", "statistics"],

@@ -69,7 +69,7 @@ UNTYPED = {
     r"wayproof study falsify .*budget=100": "tests/harness/study/test_falsify.py runs it",
     r"wayproof study .* --check-determinism .*": "tests/harness/study/test_determinism.py runs it",
     r"wayproof study calibrate .*": "tests/harness/study/test_calibration.py runs it",
-    r"wayproof lab logs/.*": "docs/tutorials/recording.md runs the verb in full",
+    r"wayproof lab logs/.*": "docs/recordings.md runs the verb in full",
     r"wayproof view .* --movie .*": "tests/harness/viewer/test_movie.py runs it",
     r"wayproof run .* --view .*": "tests/harness/viewer/test_rerun_view.py runs it",
 }
