@@ -30,12 +30,9 @@ CHAPTERS = {
         *("sensors", "worlds"),
         "recordings",
     ],
-    "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "replay", "seeing"],
+    "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "log"],
     "Study and gate": ["studies", "tutorials/gate", "perturbations", "statistics"],
-    "How it works": [
-        *("maps", "maps-library", "representations", "evidence", "planning", "unknown"),
-        "log",
-    ],
+    "How it works": ["maps", "maps-library", "representations", "evidence", "planning", "unknown"],
     "Reference": [
         *("reference/cli", "reference/config", "reference/data", "measured"),
     ],
