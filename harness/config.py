@@ -145,10 +145,13 @@ class StackConfig:
             listens, or `ros2` with options.
         guard: Whether the referee brakes in the stack's place where its map does not admit the
             space that a command can sweep.
+        version: Version of a stack whose code Wayproof cannot read, such as a container or ROS 2
+            nodes: in a study, episodes of another version run again.
     """
 
     name: str = BUILTIN
     guard: bool = False
+    version: str = ""
 
 
 @dataclass(frozen=True)

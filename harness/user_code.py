@@ -18,7 +18,7 @@ from types import FrameType
 from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.errors import InputError, NeverReturned, printable
 from wayproof.harness.interface.connect import (
-    file_digest,
+    code_digest,
     is_isolated,
     runs_elsewhere,
     runs_in_process,
@@ -76,12 +76,14 @@ def plugins_of(config: Config) -> list[str]:
 
 
 def plugin_digests(config: Config) -> dict[str, str]:
-    """Return the SHA-256 of the file of each of the user's classes and networks, by name."""
-    digests = {name: file_digest(name) for name in plugins_of(config)}
+    """Return the SHA-256 of the code of each of the user's classes, networks and commands.
+
+    A socket or a ROS 2 node has none; `stack.version` names what Wayproof cannot read.
+    """
     source = config.prediction.source
-    if config.runs_predictor and not runs_elsewhere(source):
-        digests[source] = file_digest(source)
-    return digests
+    names = [*plugins_of(config), config.stack.name, *([source] if config.runs_predictor else [])]
+    digests = {name: code_digest(name) for name in names}
+    return {name: digest for name, digest in digests.items() if digest}
 
 
 def failure_of(error: BaseException, place: str, names: list[str]) -> Failure:

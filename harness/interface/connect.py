@@ -7,7 +7,6 @@ that of a predictor answers boxes of the map.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import shlex
 import sys
 from collections.abc import Iterator
@@ -40,7 +39,16 @@ from wayproof.harness.prediction.predicted_box import PredictionError, in_steps
 from wayproof.harness.prediction_config import ONNX_FILE
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.maps import Costmap
-from wayproof.plugin import UserCodeError, load_class, source_digest, user_code
+from wayproof.plugin import (
+    SEPARATOR,
+    SUFFIX,
+    UserCodeError,
+    digest_of,
+    files_of,
+    load_class,
+    source_digest,
+    user_code,
+)
 
 EXEC, SOCKETS, ROS2, POLICY = "exec:", ("unix:", "tcp:"), "ros2", "policy:"
 
@@ -309,12 +317,31 @@ def _instance(setting: str, name: str, what: str, methods: tuple[str, ...], expe
         raise InputError(f"{setting}: {error}") from None
 
 
-def file_digest(name: str) -> str:
-    """Return the SHA-256, in hex, of the file of a class or network; empty if there is none."""
+def code_digest(name: str) -> str:
+    """Return the SHA-256, in hex, of the files of a class, network or command; empty without any.
+
+    Of a command those that its words name: a program, a script with what it imports, a module.
+    """
+    if name.startswith(EXEC):
+        return digest_of(_files_of_command(name.removeprefix(EXEC)))
     if not name.startswith(POLICY) and not name.endswith(ONNX_FILE):
         return source_digest(name)
     file = Path(name.removeprefix(POLICY))
-    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
+    return digest_of([file] if file.is_file() else [])
+
+
+def _files_of_command(command: str) -> list[Path]:
+    """Return the files that the words of a command name, each with what it imports."""
+    files: dict[Path, None] = {}
+    with contextlib.suppress(ValueError):  # quotes that do not end: the run says so
+        words = shlex.split(command)
+        for before, word in zip(["", *words], words, strict=False):
+            if before == "-m":
+                word = f"{word.replace('.', '/')}.py"
+            file = Path(word.partition(SEPARATOR)[0])
+            if file.is_file():
+                files |= dict.fromkeys(files_of(file) if file.suffix == SUFFIX else [file])
+    return list(files)
 
 
 def is_users(name: str) -> bool:

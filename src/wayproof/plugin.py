@@ -9,15 +9,21 @@ import contextlib
 import hashlib
 import importlib
 import importlib.util
+import modulefinder
+import os
+import re
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 SEPARATOR = ":"
 """Separator of the module or file and the class."""
+
+FILE_NAME = re.compile(r"[\w.-]+(/[\w.-]+){0,9}\.\w{1,9}", re.ASCII)
+"""A constant that may be the name of a file."""
 
 SUFFIX = ".py"
 """A name whose first part ends so is a file; any other is a module on Python's path."""
@@ -90,9 +96,112 @@ def load_class(name: str) -> type[Any]:
 
 
 def source_digest(name: str) -> str:
-    """Return the SHA-256 of the file that a class was loaded from, in hex; empty without one."""
+    """Return the SHA-256 of all that a class is made of, in hex; empty without a file.
+
+    See `files_of` for what counts.
+    """
     file = source_file(name)
-    return "" if file is None else hashlib.sha256(file.read_bytes()).hexdigest()
+    if file is None:
+        return ""
+    place = name.rpartition(SEPARATOR)[0]
+    return digest_of(files_of(file, "" if place.endswith(SUFFIX) else place))
+
+
+def digest_of(files: Sequence[Path]) -> str:
+    """Return the SHA-256 of files, in hex, whatever the first one's folder and name; else empty."""
+    if not files:
+        return ""
+    digest = hashlib.sha256()
+    for file in files:
+        name = "" if file is files[0] else os.path.relpath(file, files[0].parent)
+        digest.update(f"{name}\0{file.stat().st_size}\0".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def files_of(file: Path, module: str = "") -> list[Path]:
+    """Return a Python file and, sorted, the files that it rests on within its repository.
+
+    These are the modules that it imports, also inside of functions, those that they import in turn,
+    and the files beside a module that its code names in full, such as parameters or weights. What
+    is installed does not count, nor what is found at run time alone. Nothing is run.
+
+    Args:
+        file: The file.
+        module: Its dotted name, if it was imported by it.
+    """
+    file = file.resolve()
+    finder = _OwnModules(file, levels=module.count(".") + (file.name == "__init__.py"))
+    try:
+        if module:
+            finder.import_hook(module)
+        else:
+            finder.run_script(str(file))
+    except (SyntaxError, ImportError, ValueError, OSError):  # the run says what is wrong with it
+        pass
+    found = {file}
+    modules: dict[str, Any] = finder.modules
+    for one in modules.values():
+        if one.__file__:
+            path = Path(one.__file__).resolve()
+            found |= {path, *_named_files(one.__code__, path.parent, finder.root)}
+    return [file, *sorted(found - {file})]
+
+
+class _OwnModules(modulefinder.ModuleFinder):
+    """Finds the modules of one repository that a file imports.
+
+    Attributes:
+        root: Folder of the repository; of none that of the file.
+    """
+
+    def __init__(self, file: Path, levels: int) -> None:
+        """Search the file's folder, and what of Python's path lies in its repository.
+
+        Args:
+            file: File that imports.
+            levels: Number of packages that it lies in.
+        """
+        folder = file.parents[levels]
+        above = (folder, *folder.parents)
+        self.root = root = next((one for one in above if (one / ".git").exists()), folder)
+        path = [Path(one).resolve() for one in sys.path]
+        own = [one for one in path if one.is_relative_to(root) and not _is_installed(one)]
+        self._only = file.relative_to(folder).parts[0] if _is_installed(folder) else ""
+        super().__init__([str(folder), *map(str, own)])
+
+    def find_module(self, name: str, path: Any, parent: Any = None) -> Any:
+        """Find a module as usual, but none of Wayproof's, whose digest is the program's.
+
+        For a module that is installed none but those of its own package.
+        """
+        if parent is None and (name == "wayproof" or self._only not in ("", name, f"{name}.py")):
+            raise ImportError(name)
+        return super().find_module(name, path, parent)
+
+
+def _is_installed(folder: Path) -> bool:
+    return "site-packages" in folder.parts or "dist-packages" in folder.parts
+
+
+def _named_files(code: CodeType | None, folder: Path, root: Path) -> set[Path]:
+    """Return the files that constants of code name, in or above a folder or one level below these.
+
+    Args:
+        code: Code of a module, with that of its functions.
+        folder: The module's.
+        root: Highest folder.
+    """
+    found: set[Path] = set()
+    above = [one for one in (folder, *folder.parents) if one.is_relative_to(root)]
+    for constant in () if code is None else code.co_consts:
+        if isinstance(constant, CodeType):
+            found |= _named_files(constant, folder, root)
+        elif isinstance(constant, str) and FILE_NAME.fullmatch(constant):
+            paths = [path for one in above for path in (one / constant, *one.glob(f"*/{constant}"))]
+            files = {path.resolve() for path in paths if path.is_file()}
+            found |= {path for path in files if path.is_relative_to(root)}
+    return found
 
 
 def source_file(name: str) -> Path | None:
