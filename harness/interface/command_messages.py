@@ -61,7 +61,7 @@ def command_message(command: Command, sequence: int) -> sb.Command:
     if command.planned_path is not None:
         message.planned_path.extend(_flat("planned_path", command.planned_path, 3))
     for name, value in command.scalars.items():
-        message.scalars[_line("scalars", name)] = float(value)
+        message.scalars[_line("scalars", name)] = _number(f"scalars[{name!r}]", value)
     if command.costmap is not None:
         message.costmap.CopyFrom(_grid_message(command.costmap))
     check_command(message)
@@ -140,12 +140,15 @@ def _grid_message(grid: Grid) -> sb.Grid:
         raise CommandError(
             f"costmap: got cells of shape {cells.shape}, {cells.dtype}, expected (ny, nx) int8"
         )
-    x, y = (float(value) for value in grid.origin)
+    origin = _flat("costmap.origin", grid.origin, 1)
+    if len(origin) != 2:
+        raise CommandError(f"costmap.origin: got {len(origin)} numbers, expected 2")
+    x, y = origin
     height, width = cells.shape
     return sb.Grid(
         x=x,
         y=y,
-        resolution=float(grid.resolution),
+        resolution=_number("costmap.resolution", grid.resolution),
         width=width,
         height=height,
         cells=cells.tobytes(),
@@ -167,15 +170,19 @@ def _check_costmap(grid: sb.Grid) -> None:
 
 def _put_motion(message: sb.Command, motion: Motion) -> None:
     if isinstance(motion, Velocity):
-        values = {name: float(value) for name, value in asdict(motion).items()}
+        values = {
+            name: _number(f"velocity.{name}", value) for name, value in asdict(motion).items()
+        }
         message.velocity.CopyFrom(sb.Velocity(**values))
     elif isinstance(motion, Waypoints):
         points = _flat("waypoints.points", motion.points, 3)
-        message.waypoints.CopyFrom(sb.Waypoints(points=points, speed=float(motion.speed)))
+        message.waypoints.CopyFrom(
+            sb.Waypoints(points=points, speed=_number("waypoints.speed", motion.speed))
+        )
     elif isinstance(motion, Samples):
         message.sampled.CopyFrom(
             sb.SampledTrajectory(
-                period_s=float(motion.period_s),
+                period_s=_number("samples.period_s", motion.period_s),
                 positions=_flat("samples.positions", motion.positions, 3),
                 headings=_flat("samples.headings", motion.headings, 1),
             )
@@ -208,6 +215,20 @@ def _profile(message: sb.Profile) -> Profile:
         duration=message.duration,
         end=message.end,
     )
+
+
+def _number(name: str, value: object) -> float:
+    """Return a value that is one number.
+
+    Raises:
+        CommandError: It is none, as an array of one element is not.
+    """
+    if isinstance(value, np.ndarray) and value.ndim > 0:
+        raise CommandError(f"{name}: got an array of shape {value.shape}, expected a number")
+    try:
+        return float(value)  # type: ignore[arg-type]  # whatever a stack gave
+    except (TypeError, ValueError, OverflowError):
+        raise CommandError(f"{name}: got {type(value).__name__}, expected a number") from None
 
 
 def _flat(name: str, values: object, width: int) -> list[float]:

@@ -9,7 +9,7 @@ from wayproof.harness.interface.command_messages import (
     command_message,
     costmap_of,
 )
-from wayproof.harness.interface.types import Command, Grid
+from wayproof.harness.interface.types import Command, Grid, Velocity, Waypoints
 from wayproof.harness.schema import stack_pb2 as sb
 
 CELLS = np.array([[0, 50, 100], [-1, 99, 1]], np.int8)
@@ -48,3 +48,18 @@ def test_a_costmap_of_another_process_has_as_many_cells_as_it_says():
     grid = sb.Grid(resolution=0.1, width=2, height=2, cells=b"123")
     with pytest.raises(CommandError, match="got 3 cells for 2 x 2"):
         check_command(sb.Command(costmap=grid))
+
+
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        (Command(Velocity(np.array([0.3]))), r"velocity.forward: got an array of shape \(1,\)"),
+        (Command(Velocity("fast")), "velocity.forward: got str, expected a number"),
+        (Command(scalars={"a": None}), r"scalars\['a'\]: got NoneType, expected a number"),
+        (Command(Waypoints(np.zeros((1, 3)), [1.0])), "waypoints.speed: got list"),
+        (Command(costmap=Grid(np.zeros(3), 0.1, CELLS)), "costmap.origin: got 3 numbers"),
+    ],
+)
+def test_what_is_no_number_is_named(command, line):
+    with pytest.raises(CommandError, match=line):
+        command_message(command, 0)
