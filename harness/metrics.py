@@ -290,12 +290,14 @@ class Metric:
         unit: Empty for a share or a count.
         higher_is_better: Direction of improvement; None where neither is better.
         support: The values that it can take, from which intervals of its mean follow.
+        matters: Least difference that a table marks, in its unit: a smaller one is shown in black.
     """
 
     function: Callable[[Trace], float | None]
     unit: str
     higher_is_better: bool | None
     support: Support
+    matters: float = 0.01
 
 
 BARN = Support("share", 0.0, 1.0 / BARN_CLIP[0])
@@ -304,32 +306,32 @@ BARN = Support("share", 0.0, 1.0 / BARN_CLIP[0])
 METRICS: dict[str, Metric] = {
     "success": Metric(success, "", True, RATE),
     "progress": Metric(progress, "", True, SHARE),
-    "spl": Metric(spl, "", True, SHARE),
-    "soft_spl": Metric(soft_spl, "", True, SHARE),
+    "spl": Metric(spl, "", True, SHARE, 0.02),
+    "soft_spl": Metric(soft_spl, "", True, SHARE, 0.02),
     "barn_score": Metric(barn_score, "", True, BARN),
     "collisions": Metric(collisions, "", False, COUNT),
-    "least_clearance": Metric(least_clearance, "m", True, MEASURE),
+    "least_clearance": Metric(least_clearance, "m", True, MEASURE, 0.02),
     "path_length": Metric(path_length, "m", None, MEASURE),
-    "path_ratio": Metric(path_ratio, "", False, MEASURE),
-    "time_to_goal": Metric(time_to_goal, "s", False, TIME),
-    "time_near_goal": Metric(time_near_goal, "s", False, TIME),
-    "time_stopped": Metric(time_stopped, "s", False, TIME),
+    "path_ratio": Metric(path_ratio, "", False, MEASURE, 0.02),
+    "time_to_goal": Metric(time_to_goal, "s", False, TIME, 0.3),
+    "time_near_goal": Metric(time_near_goal, "s", False, TIME, 0.3),
+    "time_stopped": Metric(time_stopped, "s", False, TIME, 0.3),
     "explorations": Metric(explorations, "", None, COUNT),
-    "stops": Metric(stops, "", None, COUNT),
-    "jerk": Metric(jerk, "m/s^3", False, MEASURE),
-    "ate": Metric(ate, "m", False, MEASURE),
-    "rpe": Metric(rpe, "m", False, MEASURE),
+    "stops": Metric(stops, "", None, COUNT, 0.2),
+    "jerk": Metric(jerk, "m/s^3", False, MEASURE, 0.5),
+    "ate": Metric(ate, "m", False, MEASURE, 0.01),
+    "rpe": Metric(rpe, "m", False, MEASURE, 0.01),
     "nees": Metric(nees, "", None, MEASURE),
     "coverage_x": Metric(coverage_x, "", True, SHARE),
     "coverage_y": Metric(coverage_y, "", True, SHARE),
     "coverage_z": Metric(coverage_z, "", True, SHARE),
-    "latency_p50": Metric(latency_p50, "ms", False, MEASURE),
-    "latency_p99": Metric(latency_p99, "ms", False, MEASURE),
-    "latency_max": Metric(latency_max, "ms", False, MEASURE),
-    "predict_p50": Metric(predict_p50, "ms", False, MEASURE),
-    "deadline_misses": Metric(deadline_misses, "", False, COUNT),
+    "latency_p50": Metric(latency_p50, "ms", False, MEASURE, 5.0),
+    "latency_p99": Metric(latency_p99, "ms", False, MEASURE, 20.0),
+    "latency_max": Metric(latency_max, "ms", False, MEASURE, 50.0),
+    "predict_p50": Metric(predict_p50, "ms", False, MEASURE, 5.0),
+    "deadline_misses": Metric(deadline_misses, "", False, COUNT, 0.5),
     "not_admitted": Metric(not_admitted, "", False, SHARE),
-    "guard_cuts": Metric(guard_cuts, "", False, COUNT),
+    "guard_cuts": Metric(guard_cuts, "", False, COUNT, 0.5),
     "admitted_share": Metric(admitted_share, "", True, SHARE),
     "unmeasured_share": Metric(unmeasured_share, "", False, SHARE),
     "guided_share": Metric(guided_share, "", None, SHARE),

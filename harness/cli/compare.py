@@ -18,9 +18,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Compare two folders of one study; exit codes as for a study."""
     from wayproof.harness.study.compare import compare
 
-    compared = compare(
-        options.before, options.after, options.gate or DEFAULT_GATES, options.allow_plugins
-    )
+    compared = compare(options.before, options.after, options.gate or (), options.allow_plugins)
     result = compared.result
     write_summaries(options, result, options.allow_inconclusive)
     if options.html is not None:
@@ -43,7 +41,7 @@ VERB = Verb(
         arg("B", "folder of another run of the same study", Path, dest="after"),
         arg(
             "--gate GATE",
-            f"condition on B against A, repeatable (default: {' and '.join(DEFAULT_GATES)})",
+            f"condition on B against A, repeatable (default: {', '.join(DEFAULT_GATES)})",
             action="append",
         ),
         arg("--html FILE", "write the comparison as an HTML page", Path),

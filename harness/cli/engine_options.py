@@ -6,6 +6,8 @@ import argparse
 import contextlib
 import functools
 import os
+import sys
+import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -28,6 +30,9 @@ if TYPE_CHECKING:
     from wayproof.harness.worker_pool import Bounds
 
 ENGINES = ("processes", "ray")
+
+EACH_S = 30.0
+"""Time between lines of progress where nobody sees the bar, s."""
 
 
 add_engine = arguments(
@@ -78,7 +83,8 @@ class Watch:
 
     def __init__(self, console: Console, episodes: int | None, missing: int = 0) -> None:
         """Show progress over `episodes` (None if unknown), of which `missing` remain."""
-        self._errors = 0
+        self._errors, self._done, self._missing = 0, 0, missing
+        self._next_line = time.monotonic() + EACH_S
         self._progress = Progress(
             TextColumn("{task.description}", style="bold", markup=False),
             BarColumn(),
@@ -93,8 +99,13 @@ class Watch:
     def finished(self, done: Done) -> None:
         """Count an episode that has ended."""
         self._errors += bool(done.error)
+        self._done += 1
         text = f"episodes, {self._errors} errors" if self._errors else "episodes"
         self._progress.update(self._task, advance=1, description=text)
+        if not self._progress.console.is_terminal and time.monotonic() >= self._next_line:
+            self._next_line = time.monotonic() + EACH_S
+            of = f" of {self._missing}" if self._missing else ""
+            print(f"wayproof: {self._done}{of} {text}", file=sys.stderr, flush=True)
 
     def __enter__(self) -> Watch:
         """Show the bar."""

@@ -107,6 +107,7 @@ def _run(
     planned: Sequence[Planned],
 ) -> StudyResult:
     """Run the missing episodes of a study and judge it."""
+    from wayproof.harness.study.kept import kept_in_words
     from wayproof.harness.study.study import count_missing, run_study
 
     missing = count_missing(planned, store)
@@ -114,6 +115,8 @@ def _run(
         f"study {study.name}: {len(planned)} episodes, {missing} to run, {options.jobs} at a time;"
         f" logs in {store.folder}"
     )
+    for line in kept_in_words(planned, store):
+        console.print(line)
     with Watch(console, None if study.searches else len(planned), missing) as watch:
         checks = _checks(options, planned, store)
         try:
@@ -172,6 +175,7 @@ def _certify(
 def print_study(console: Console, result: StudyResult) -> None:
     """Print each arm in two lines, then the gates and the verdict."""
     from wayproof.harness.study.gates import gate_in_words
+    from wayproof.harness.study.lost import lost_in_words
     from wayproof.harness.study.plan import name_of
     from wayproof.harness.study.study import verdict_in_words
 
@@ -185,6 +189,12 @@ def print_study(console: Console, result: StudyResult) -> None:
             (gate.verdict, VERDICT_STYLES[gate.verdict]), f": {gate_in_words(gate)}"
         )
         console.print(line)
+    for change in [one for one in result.changes if one.side]:
+        side = "worse" if change.side == "bad" else "better"
+        style = "bold red" if change.side == "bad" else "green"
+        console.print(Text.assemble((side, style), f": {change.in_words()}"))
+    for text in lost_in_words(result.lost):
+        console.print(text)
     for answer in result.answers:
         console.print(name_of(answer.arm), style="bold")
         for text in answer.in_words().splitlines():

@@ -9,6 +9,7 @@ from pathlib import Path
 from wayproof.harness.errors import InputError
 from wayproof.harness.study.analysis import Sample, samples_between
 from wayproof.harness.study.contents import PROGRAM, Contents
+from wayproof.harness.study.default_gates import DEFAULT_GATES
 from wayproof.harness.study.gate import Gate, SequentialGate, read_gate
 from wayproof.harness.study.matching import settings_in
 from wayproof.harness.study.plan import Arm, Planned, plan_episodes
@@ -41,7 +42,7 @@ class Compared:
 def compare(
     before: Path, after: Path, gates: Sequence[str], allow_plugins: bool = False
 ) -> Compared:
-    """Compare the episodes of the second folder with those of the first.
+    """Compare the episodes of the second folder with those of the first, by default gates if none.
 
     Episodes of either folder without a partner in the other count as missing. Where each folder has
     one stack that the other lacks, these are two builds of one stack, and are compared.
@@ -51,12 +52,14 @@ def compare(
     """
     second, first = (read_folder(folder, allow_plugins) for folder in (after, before))
     kind = SequentialGate if second.sequential or first.sequential else Gate
-    read = [read_gate(text, kind) for text in gates]
     renamed = _renamed(first.planned, second.planned)
     first = first.in_terms_of(renamed)
     samples = samples_between(first.rows, second.rows)
     if not any(sample.pairs for sample in samples):
         raise InputError(f"'{before}' and '{after}' have no arm and seed in common")
+    read = [read_gate(text, kind) for text in gates or DEFAULT_GATES]
+    if not gates:
+        read = [one for one in read if _has_figure(samples, one.metric)]
     planned = [*second.planned, *first.planned]
     pairs = [pair for sample in samples for pair in sample.pairs]
     result = replace(
@@ -77,6 +80,12 @@ def compare(
         differences=differences_of(first, second, renamed=bool(renamed)),
     )
     return Compared(result, samples, max(one.config.episode.time_limit for one in planned))
+
+
+def _has_figure(samples: Sequence[Sample], metric: str) -> bool:
+    """Return whether any episode of a pair has a metric."""
+    rows = (row for sample in samples for pair in sample.pairs for row in pair)
+    return any(row.metrics[metric] is not None for row in rows)
 
 
 @dataclass(frozen=True)

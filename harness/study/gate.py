@@ -70,7 +70,7 @@ class Gate:
         return values.interval(confidence)
 
     def worlds_needed(self, values: Values, interval: Interval, tail: float) -> int | None:
-        """Return about how many worlds would show it to be held at the same estimate.
+        """Return about how many worlds would decide it at the same estimate; None at the bound.
 
         If all values are alike the interval ends at 1 - tail^(1/k) of the way to the support's end;
         elsewhere its width falls with the root of the number of worlds.
@@ -80,18 +80,19 @@ class Gate:
             interval: Their interval.
             tail: Share of the samples that an end may miss.
         """
-        gap = self.bound - interval.estimate if self.at_most else interval.estimate - self.bound
-        if gap <= 0.0:
+        gap = abs(self.bound - interval.estimate)
+        if gap == 0.0:
             return None
         means, support = values.of_worlds, values.support
         more = max(LEAST_CLUSTERS, len(means) + 1)
         if self.figure == "median":
             return max(more, math.ceil(math.log2(1.0 / tail)))
-        end = interval.high if self.at_most else interval.low
+        upper = self._upper_end_decides(interval)
+        end = interval.high if upper else interval.low
         if np.ptp(means) > 0.0:
             return max(more, math.ceil(len(means) * (abs(end - interval.estimate) / gap) ** 2))
         whole = support if values.first is None else support.difference
-        reach = abs((whole.high if self.at_most else whole.low) - interval.estimate)
+        reach = abs((whole.high if upper else whole.low) - interval.estimate)
         if not gap < reach < math.inf:
             return more
         needed = math.log(tail) / math.log1p(-gap / reach)
@@ -99,6 +100,14 @@ class Gate:
             square = float(stats.norm.ppf(tail)) ** 2
             needed = max(needed, square * (1.0 - gap) / gap)
         return max(LEAST_CLUSTERS, math.ceil(needed))
+
+    def keeps(self, interval: Interval) -> bool:
+        """Return whether an estimate keeps the bound."""
+        return interval.estimate <= self.bound if self.at_most else interval.estimate >= self.bound
+
+    def _upper_end_decides(self, interval: Interval) -> bool:
+        """Return whether more worlds decide it by bringing the upper end across the bound."""
+        return interval.estimate < self.bound
 
 
 class SequentialGate(Gate):
@@ -115,17 +124,18 @@ class SequentialGate(Gate):
         return mean_sequence(values.of_worlds, *values.ends, confidence)
 
     def worlds_needed(self, values: Values, interval: Interval, tail: float) -> int | None:
-        """Return about how many worlds would show it to be held if the evidence grew as it did."""
-        if (interval.estimate >= self.bound) == self.at_most and interval.estimate != self.bound:
+        """Return about how many worlds would decide it if the evidence grew as it did."""
+        if interval.estimate == self.bound:
             return None
-        inside = (1.0 if self.at_most else -1.0) * (self.bound - values.of_worlds)
+        below = self._upper_end_decides(interval)
         if self.figure == "median":
+            inside = self.bound - values.of_worlds if below else values.of_worlds - self.bound
             shares, middle = (inside >= 0.0).astype(np.float64), 0.5
         else:
             low, high = values.ends
             shares = (values.of_worlds - low) / (high - low)
             middle = (self.bound - low) / (high - low)
-            if self.at_most:
+            if below:
                 shares, middle = 1.0 - shares, 1.0 - middle
         grown = float(evidence(shares, middle)[-1]) if middle > 0.0 else 0.0
         gap = float(shares.mean()) - middle

@@ -37,8 +37,10 @@ class GateResult:
         interval: Interval of the statistic; None if no episode has the metric.
         gates: Number of simultaneous 95 % intervals, by Bonferroni's correction.
         worlds: Number of independent worlds.
-        worlds_needed: Approximate number of worlds that would show the gate to be held at the same
-            estimate; None if the gate is decided, or no number would.
+        worlds_needed: Approximate number of worlds that would decide the gate at the same estimate;
+            None if it is decided, or if the estimate is the bound.
+        keeps: Whether the estimate keeps the bound: then these worlds would show it held, else
+            failed.
         required: Whether the gate is `proven`: it must be held even if inconclusive ones may pass.
         figure: What is bounded.
         sequential: Whether the interval holds at every look.
@@ -52,6 +54,7 @@ class GateResult:
     worlds: int
     worlds_needed: int | None
     required: bool
+    keeps: bool = True
     figure: Figure = "mean"
     sequential: bool = False
 
@@ -119,6 +122,7 @@ def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateRes
         worlds=worlds,
         worlds_needed=needed,
         required=gate.proven,
+        keeps=interval is None or gate.keeps(interval),
         figure=gate.figure,
         sequential=gate.sequential,
     )
@@ -190,6 +194,7 @@ def gate_advice(result: GateResult) -> str:
         return ""
     if result.interval is None:
         return "no episode has this figure"
-    if result.worlds_needed is not None:
-        return f"about {result.worlds_needed} worlds would show it if the estimate stayed"
-    return "the estimate is at the bound or beyond: no number of worlds would show it"
+    if result.worlds_needed is None:
+        return "the estimate is at the bound: no number of worlds would decide it"
+    shown = "held" if result.keeps else "failed"
+    return f"about {result.worlds_needed} worlds would show it {shown} if the estimate stayed"

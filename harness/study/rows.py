@@ -54,6 +54,8 @@ class Row:
         outcome: Outcome; `error` without a log.
         reason: Reason of the outcome.
         cause: Cause of a failure, as corrected by a check; empty without one.
+        evidence: Evidence for the cause that the episode recorded, in words.
+        log: Path of the log; empty without one.
         chain: Hash over the decisions; empty without a log.
         duration: Simulated time, s; 0 without a log.
         metrics: Name -> value; without a log all are None but a success of 0.
@@ -86,6 +88,8 @@ class Row:
     way: Summary | None = None
     world: str = ""
     reference: Arm | None = None
+    evidence: str = ""
+    log: str = ""
 
     @property
     def success(self) -> bool:
@@ -141,6 +145,8 @@ def read_row(store: Store, planned: Planned, allow_plugins: bool = False) -> Row
         outcome=log.result["outcome"],
         reason=log.result["reason"],
         cause=log.check.get("cause") or log.result.get("cause", ""),
+        evidence=log.result.get("cause_evidence", ""),
+        log=str(path),
         check=log.check.get("answer", ""),
         chain=log.result["chain"],
         duration=float(log.result["sim_time_s"]),

@@ -11,12 +11,14 @@ from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.study.analysis import ArmSummary, Sample, samples_of, summarise
 from wayproof.harness.study.calibration import calibrations_of
+from wayproof.harness.study.changes import Change, changes_of
 from wayproof.harness.study.contents import Contents, contents_of
 from wayproof.harness.study.falsify import falsification_of, hunts_of
 from wayproof.harness.study.file import StudyFile, files_of, gates_of
 from wayproof.harness.study.gate import Gate
 from wayproof.harness.study.gates import GateResult, judge
 from wayproof.harness.study.job import Done, Job
+from wayproof.harness.study.lost import Lost, lost_of
 from wayproof.harness.study.matching import ForeignLog
 from wayproof.harness.study.passes import passes_of
 from wayproof.harness.study.plan import Arm, Planned, name_of
@@ -92,6 +94,8 @@ class StudyResult:
         gates_set: Number of gates that the study sets, each for one arm or more.
         pairs: Paired results of a comparison; None of a single study.
         differences: What else than the episodes differs between the studies of a comparison.
+        lost: Episodes that failed, in a comparison those of its second study.
+        changes: Paired differences of the figures, of arms that are compared.
         answers: Answers of a threshold, a calibration, a falsification or of recordings; none of
             another grid.
     """
@@ -109,6 +113,8 @@ class StudyResult:
     pairs: Paired | None = None
     answers: Sequence[Answer] = ()
     differences: tuple[str, ...] = ()
+    lost: tuple[Lost, ...] = ()
+    changes: Sequence[Change] = ()
 
     @property
     def verdict(self) -> StudyVerdict:
@@ -269,6 +275,11 @@ def judged(
         errors=len({(row.arm, row.seed) for row in errors}),
         first_error=error_in_words(errors[0]) if errors else "",
         arms=[] if of_recordings else summarise(samples, limit),
+        lost=lost_of(
+            [row for one in samples for row in one.rows],
+            [pair for one in samples for pair in one.pairs] if of_each > 1 else (),
+        ),
+        changes=changes_of(samples, limit),
         gates=judge(samples, gates, limit),
         of_recordings=of_recordings,
         gates_set=len(gates),

@@ -9,6 +9,7 @@ from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.analysis import ArmSummary, Sample, time_to_goal, values_of
 from wayproof.harness.study.gates import estimate_in_words
+from wayproof.harness.study.lost import MOST_SHOWN
 from wayproof.harness.study.plan import CLEAN, Arm, name_of, perturbation_at
 from wayproof.harness.study.report.charts import Curve, bars_chart, stairs
 from wayproof.harness.study.report.page import Cell, Figure, Section
@@ -48,6 +49,45 @@ def gates_section(result: StudyResult) -> Section:
             )
             for one in result.gates
         ],
+    )
+
+
+def changes_section(result: StudyResult) -> Section:
+    """Return the table of the paired differences, those that are surely worse first."""
+    return Section(
+        "Differences",
+        note="Means over the pairs, and the median over worlds of the second less the first. p: "
+        "McNemar's exact test of success, Wilcoxon's signed ranks of any other figure, after "
+        "Holm's correction over all figures of harm, and over all further ones. Red is worse and "
+        "green better, where a difference is shown (p up to 0.05) and of a size that matters.",
+        heads=("arm", "figure", "before", "after", "difference", "worse in", "p"),
+        rows=[
+            [
+                name_of(one.arm),
+                heading(one.metric),
+                number(one.before, ".3f"),
+                number(one.after, ".3f"),
+                Cell(number(one.difference, "+.3f"), one.side),
+                f"{one.worse} of {one.worlds}",
+                number(one.p_value, ".3f"),
+            ]
+            for one in result.changes
+        ],
+    )
+
+
+def lost_section(result: StudyResult) -> Section | None:
+    """Return the episodes that failed, with cause and command; None without any."""
+    if not result.lost:
+        return None
+    return Section(
+        "What failed",
+        heads=("arm", "seed", "outcome", "cause", "command"),
+        rows=[
+            [name_of(one.arm), str(one.seed), one.outcome, one.cause, one.command]
+            for one in result.lost[:MOST_SHOWN]
+        ],
+        note="" if len(result.lost) <= MOST_SHOWN else f"The first of {len(result.lost)}.",
     )
 
 

@@ -7,8 +7,16 @@ from collections.abc import Sequence
 
 from wayproof.harness.errors import printable
 from wayproof.harness.study.gates import gate_in_words
+from wayproof.harness.study.lost import lost_in_words
 from wayproof.harness.study.plan import name_of
-from wayproof.harness.study.report.sections import ARM_HEADS, arm_cells, gates_section
+from wayproof.harness.study.report.page import Cell
+from wayproof.harness.study.report.sections import (
+    ARM_HEADS,
+    arm_cells,
+    changes_section,
+    gates_section,
+    lost_section,
+)
 from wayproof.harness.study.study import StudyResult, verdict_in_words
 
 MARKS = {
@@ -34,9 +42,20 @@ def markdown(result: StudyResult) -> str:
         ]
         heads = ["", "gate", "arm", "estimate (95 %, all gates together)", "reason"]
         lines += [*_table(heads, rows), ""]
+    lost = lost_section(result)
+    if lost is not None:
+        lines += [*_table(lost.heads, [_texts(row) for row in lost.rows]), ""]
+    if result.changes:
+        found = changes_section(result)
+        lines += ["<details><summary>Differences</summary>", ""]
+        lines += [*_table(found.heads, [_texts(row) for row in found.rows]), "", "</details>", ""]
     lines += ["<details><summary>Arms</summary>", ""]
     lines += _table(ARM_HEADS, [[cell.text for cell in arm_cells(one)] for one in result.arms])
     return "\n".join([*lines, "", "</details>"]) + "\n"
+
+
+def _texts(row: Sequence[Cell | str]) -> list[str]:
+    return [cell.text if isinstance(cell, Cell) else cell for cell in row]
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -73,6 +92,8 @@ def junit(result: StudyResult, allow_inconclusive: bool = False) -> str:
     case = ET.SubElement(suite, "testcase", classname=printable(result.name), name="episodes")
     if result.missing or result.errors:
         ET.SubElement(case, "error", message=printable(verdict_in_words(result)))
+    if result.lost:
+        ET.SubElement(case, "system-out").text = printable(" | ".join(lost_in_words(result.lost)))
     for gate in result.gates:
         name = printable(f"{gate.gate} for {name_of(gate.arm)}")
         case = ET.SubElement(suite, "testcase", classname=printable(result.name), name=name)

@@ -86,7 +86,7 @@ def test_no_event_in_enough_worlds_holds_a_margin() -> None:
     few = judged(gate, [row(k) for k in range(20)])
     assert few.verdict == "inconclusive"
     assert few.worlds_needed == 36  # 0.9^35 = 0.02503, just more than 0.025
-    assert "about 36 worlds would show it" in gate_in_words(few)
+    assert "about 36 worlds would show it held" in gate_in_words(few)
     assert judged(gate, [row(k) for k in range(35)]).verdict == "inconclusive"
     assert judged(gate, [row(k) for k in range(36)]).verdict == "held"
 
@@ -109,7 +109,7 @@ def test_as_many_worlds_as_a_difference_is_said_to_need(metric: str, value: floa
 def test_what_cannot_be_shown_says_so() -> None:
     result = judged("collisions.mean <= 0", [row(k) for k in range(50)])
     assert result.worlds_needed is None
-    assert "no number of worlds would show it" in gate_in_words(result)
+    assert "no number of worlds would decide it" in gate_in_words(result)
 
 
 def test_all_gates_share_their_error() -> None:

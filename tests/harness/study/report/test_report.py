@@ -154,7 +154,7 @@ def test_a_comparison_is_a_page_a_table_and_test_cases(folder: Path, tmp_path: P
     assert "Episodes with another outcome" in page.read_text()
     assert not re.findall(r"""(?:src|href)\s*=\s*["'](?:https?:|//)""", page.read_text())
     assert "inconclusive" in table.read_text()
-    assert ET.parse(cases).getroot().get("errors") == "4"  # two gates, two arms
+    assert ET.parse(cases).getroot().get("errors") == "8"  # four gates, two arms
 
 
 @pytest.mark.parametrize(
