@@ -66,7 +66,7 @@ class Limits:
                 name = goal_name(mission, reached)
                 return "aborted", f"claimed {name} from {away:.2f} m away"
             if reached + 1 >= len(mission.goals):
-                return "success", decision.reason
+                return "success", f"at rest {away:.2f} m from {goal_name(mission, reached)}"
             reached += 1
             away = goal_distance(mission, positions[-1], reached)
         if decision.timestamp.ToNanoseconds() * 1e-9 >= config.time_limit:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import statistics
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -346,6 +347,10 @@ class Episode:
             path_length_m=figures["path_length_m"],
             route_length_m=self._scenario.route_length(),
             deadline_misses=round(figures["deadline_misses"]),
+            commands=round(figures["commands"]),
+            not_admitted=round(figures["not_admitted"]),
+            first_not_admitted=round(figures["first_not_admitted"]),
+            decision_ms=statistics.median([one.took_ms for one in self._recorder.fates] or [0.0]),
             chain=self._chain,
             log=str(self._log.path),
             contact="" if contact is None else str(contact),

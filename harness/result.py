@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,12 @@ Outcome = Literal[
 
 RECORDED = "recorded"
 """Outcome in the log of a recording, which is neither a success nor a failure."""
+
+ADMITTED = "admitted"
+"""Verdict of the referee on a command that stays in admitted space until the body rests."""
+
+FIRST_REFUSED = "first_not_admitted"
+"""Name of the figure with the first decision that was not admitted."""
 
 RECOVERED = "recovered: "
 """Prefix of the reason of a recovered log, whose end is missing and whose outcome is `error`."""
@@ -42,8 +48,12 @@ class Result:
         path_length_m: Distance travelled.
         route_length_m: Length of the shortest way by the truth; None if there is none.
         deadline_misses: Decisions past their deadline.
+        commands: Commands of a stack on trial that the referee judged; 0 of the built-in stack.
+        not_admitted: How many of these it did not admit.
+        first_not_admitted: Number of the first such decision; -1 without one.
         chain: Hash over all decisions.
         log: The log's path.
+        decision_ms: Median wall time of a decision, ms; of a stack on trial until it answered.
         log_mb_per_min: Size of the log per simulated minute, MB.
         cause: Cause of a failure, see `harness.attribution`; empty for a success.
         cause_evidence: Evidence for the cause, in words.
@@ -64,8 +74,12 @@ class Result:
     path_length_m: float
     route_length_m: float | None
     deadline_misses: int
+    commands: int
+    not_admitted: int
+    first_not_admitted: int
     chain: str
     log: str
+    decision_ms: float = 0.0
     log_mb_per_min: float = 0.0
     cause: str = ""
     cause_evidence: str = ""
@@ -79,7 +93,7 @@ class Result:
 
 
 RESULT_FIELDS = {field.name for field in fields(Result)} - {
-    *("log", "log_mb_per_min", "wall_time_s", "traceback")
+    *("log", "log_mb_per_min", "wall_time_s", "decision_ms", "traceback")
 }
 """Fields of the result in the log of an episode."""
 
@@ -109,7 +123,7 @@ def figures_of(decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> 
     return figures(
         [np.array(truth.position) for truth in truths],
         [truth.clearance_m for truth in truths],
-        sum(decision.deadline_missed for decision in decisions),
+        [fate_of(decision) for decision in decisions],
     )
 
 
@@ -144,21 +158,80 @@ def way_length(motion: pb.RecordedMotion) -> float:
     return polyline_length(way_of(motion)[:, :3])
 
 
+class Fate(NamedTuple):
+    """What became of a decision.
+
+    Attributes:
+        sequence: Its number.
+        missed: Whether it was past its deadline.
+        verdict: The referee's, of a stack on trial; empty if it judged none.
+        took_ms: Wall time, ms; of a stack on trial until it answered.
+    """
+
+    sequence: int
+    missed: bool
+    verdict: str
+    took_ms: float
+
+
+def fate_of(decision: pb.Decision) -> Fate:
+    """Return what became of a decision."""
+    stages = decision.stages
+    took = stages.answer_ms or stages.sense_ms + stages.map_ms + stages.costmap_ms + stages.plan_ms
+    verdict = decision.verdict.verdict if decision.HasField("verdict") else ""
+    return Fate(decision.sequence, decision.deadline_missed, verdict, took)
+
+
 def figures(
-    positions: Sequence[NDArray[np.float64]], clearances: Sequence[float], misses: int
+    positions: Sequence[NDArray[np.float64]], clearances: Sequence[float], fates: Sequence[Fate]
 ) -> dict[str, float]:
     """Return the result's figures by name; without a decision the least clearance is NaN.
 
     Args:
         positions: True ones of the base at each decision, (3,) m.
         clearances: True ones there, m.
-        misses: Decisions past their deadline.
+        fates: What became of each decision.
     """
+    refused = [one.sequence for one in fates if one.verdict not in ("", ADMITTED)]
     return {
         "min_clearance_m": min(clearances, default=math.nan),
         "path_length_m": polyline_length(np.array(positions).reshape(-1, 3)),
-        "deadline_misses": misses,
+        "deadline_misses": sum(one.missed for one in fates),
+        "commands": sum(bool(one.verdict) for one in fates),
+        "not_admitted": len(refused),
+        "first_not_admitted": refused[0] if refused else -1,
     }
+
+
+def referee_in_words(result: Mapping[str, object]) -> str:
+    """Return how many commands the referee admitted, by a result; empty if it judged none."""
+    commands, refused, first = (
+        int(str(result.get(name) or 0)) for name in ("commands", "not_admitted", FIRST_REFUSED)
+    )
+    if not commands:
+        return ""
+    if not refused:
+        return f"all {commands} commands admitted"
+    return (
+        f"{commands - refused} of {commands} commands admitted, {refused} not, first at "
+        f"decision {first}"
+    )
+
+
+def slowness_in_words(took_ms: float, deadline_s: float, *, modelled: bool) -> str:
+    """Return that decisions take longer than their deadline, which none missed; else empty.
+
+    Args:
+        took_ms: Median wall time of a decision, ms.
+        deadline_s: Deadline of a decision, s.
+        modelled: Whether delays are modelled, so that the wall time counts for nothing.
+    """
+    if not modelled or took_ms <= deadline_s * 1e3:
+        return ""
+    return (
+        f"{took_ms:.0f} ms a decision, past the deadline of {deadline_s * 1e3:.0f} ms: delays are "
+        "modelled, and latency.mode=measured counts them"
+    )
 
 
 @dataclass(frozen=True)

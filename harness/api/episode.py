@@ -67,6 +67,21 @@ class RecordedEpisode:
         """Return the outcome: success, collision, fall, timeout, stuck, aborted, error, ..."""
         return self.log.result["outcome"]
 
+    @property
+    def reason(self) -> str:
+        """Return the reason of the outcome, in words."""
+        return self.log.result.get("reason", "")
+
+    @property
+    def cause(self) -> str:
+        """Return the cause of a failure, as corrected by a check; empty of a success."""
+        return self.log.check.get("cause") or self.log.result.get("cause", "")
+
+    @property
+    def evidence(self) -> str:
+        """Return the evidence for the recorded cause, in words; empty of a success."""
+        return self.log.result.get("cause_evidence", "")
+
     def decisions(self) -> pa.Table:
         """Return one row for each decision.
 

@@ -14,12 +14,15 @@ if TYPE_CHECKING:
     from wayproof.harness.counterfactual.verdict import Check, Verdict
 
 
-def print_finding(console: Console, finding: Finding) -> None:
-    """Print the cause and its evidence."""
+def print_finding(console: Console, finding: Finding, outcome: str) -> None:
+    """Print the cause and its evidence; only before a contact or a fall was there a last chance."""
+    from wayproof.harness.counterfactual.verdict import TOUCHED
+
     line = Text.assemble("cause: ", (finding.cause, "bold red"), f": {finding.evidence}")
     console.print(line)
     x, y, z = finding.place
-    console.print(f"  last chance at decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})")
+    chance = "last chance at" if outcome in TOUCHED and finding.decision >= 0 else "at"
+    console.print(f"  {chance} decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})")
 
 
 def print_misses(console: Console, misses: Sequence[NearMiss]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import statistics
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
@@ -133,7 +134,7 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
     if verdict is not None:
         finding = verdict.finding
     if finding is not None:
-        print_finding(console, finding)
+        print_finding(console, finding, log.result["outcome"])
     if verdict is not None:
         print_verdict(console, verdict)
     print_misses(console, misses)
@@ -166,8 +167,17 @@ def _course(log: Log) -> list[Phase]:
 
 def _print_course(log: Log, course: Sequence[Phase], console: Console) -> None:
     """Print the outcome, the phases, and what a failed stack left behind."""
+    from wayproof.harness.clearance import true_in_metres
+    from wayproof.harness.result import fate_of, referee_in_words, slowness_in_words
+
     outcome, reason = log.result["outcome"], log.result.get("reason", "")
-    console.print(f"{outcome}: {reason}; {log.path}")
+    facts = [reason, referee_in_words(log.result)]
+    if log.config.recording is None and "min_clearance_m" in log.result:
+        facts.append(f"least clearance {true_in_metres(float(log.result['min_clearance_m']))}")
+    took = statistics.median([fate_of(one).took_ms for one in log.decisions()] or [0.0])
+    latency = log.config.latency
+    facts.append(slowness_in_words(took, latency.deadline, modelled=latency.mode == "modelled"))
+    console.print(f"{outcome}: {'; '.join(fact for fact in facts if fact)}; {log.path}")
     stderr = [f"stderr: {line}" for line in _last_lines(log)]
     for line in [*map(str, course), *log.traceback.splitlines(), *stderr]:
         console.print(f"  {line}")

@@ -52,7 +52,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         _print_answers_before(console, restarted)
     before = log.result["outcome"]
     console.print(f"recorded: {before}; from decision {at} on: {result.outcome}")
-    print_verdict(console, result)
+    print_verdict(console, result, config.latency)
     code = 0 if result.outcome == "success" else 1
     document = {**document_of(result), "recorded_outcome": before, "from": at}
     if restarted is not None:

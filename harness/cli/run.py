@@ -20,7 +20,7 @@ from wayproof.harness.cli.verb import Document, Verb, arg, arguments, point, war
 from wayproof.harness.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
-    from wayproof.harness.config import Config
+    from wayproof.harness.config import Config, LatencyConfig
     from wayproof.harness.outputs import Draft
     from wayproof.harness.result import Result
 
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
             raise InputError(f"--view: got record={config.record}, expected full")
         check_view(_saved(options.view))
     result = run_one(config, path, console, view=options.view)
-    print_verdict(console, result)
+    print_verdict(console, result, config.latency)
     checked = _check(result, options, console)
     code, document = (0 if result.outcome == "success" else 1), document_of(result)
     if checked is not None:
@@ -213,20 +213,23 @@ def document_of(result: Result) -> Document:
     return {**asdict(result), "min_clearance_is_bound": is_bound}
 
 
-def print_verdict(console: Console, result: Result) -> None:
+def print_verdict(console: Console, result: Result, latency: LatencyConfig) -> None:
     """Print the verdict of an episode, and the cause of a failure."""
     from wayproof.harness.clearance import true_in_metres
+    from wayproof.harness.result import referee_in_words
 
     style = "bold green" if result.outcome == "success" else "bold red"
-    summary = (
-        f": {result.reason}; {result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s"
-    )
+    facts = [result.reason, referee_in_words(asdict(result))]
     if result.decisions:
-        summary += (
-            f", {result.decisions} decisions, {result.collisions} collisions,"
-            f" least clearance {true_in_metres(result.min_clearance_m)},"
-            f" log {result.log_mb_per_min:.1f} MB/min"
-        )
+        facts.append(f"least clearance {true_in_metres(result.min_clearance_m)}")
+    facts.append(_slowness(result, latency))
+    if result.decisions:
+        facts.append(f"{result.decisions} decisions, {result.collisions} collisions")
+    facts.append(
+        f"{result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s, log "
+        f"{result.log_mb_per_min:.1f} MB/min"
+    )
+    summary = ": " + "; ".join(fact for fact in facts if fact)
     console.print(Text.assemble((result.outcome, style), summary))
     if result.traceback:
         for line in result.traceback.splitlines()[-SHOWN_LINES:]:
@@ -243,6 +246,13 @@ def print_verdict(console: Console, result: Result) -> None:
     if not result.cause:
         verb = "view" if result.outcome == "success" else "explain"
         console.print(f"next: wayproof {verb} {result.log}")
+
+
+def _slowness(result: Result, latency: LatencyConfig) -> str:
+    from wayproof.harness.result import slowness_in_words
+
+    modelled = latency.mode == "modelled"
+    return slowness_in_words(result.decision_ms, latency.deadline, modelled=modelled)
 
 
 VERB = Verb(

@@ -272,6 +272,10 @@ def _summary(result: Result, *, kept: bool) -> Info:
         "reason": result.reason,
         "cause": result.cause,
         "evidence": result.cause_evidence,
+        "commands": result.commands,
+        "not_admitted": result.not_admitted,
+        "first_not_admitted": result.first_not_admitted,
+        "least_clearance_m": result.min_clearance_m,
         "chain": result.chain,
         "log": result.log if kept else "",
     }

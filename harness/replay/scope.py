@@ -44,7 +44,13 @@ def scope_of(log: Log, with_cause: bool) -> Scope:
     """
     if log.config.recording is not None:
         return _scope_of_recording(log)
-    result = ["number and times of decisions", "least clearance", "path length", "deadline misses"]
+    result = [
+        "number and times of decisions",
+        "least clearance",
+        "path length",
+        "deadline misses",
+        "commands admitted",
+    ]
     physics = ["truth", "contact"] if log.result.get("contact") else ["truth"]
     if not ends_in_error(log.result):
         between = log.result["outcome"] in BETWEEN_DECISIONS

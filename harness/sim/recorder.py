@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wayproof.harness.log.codec.messages import topic_of
 from wayproof.harness.log.streams import CONTROL, PRIOR, StreamHashes, own_streams
 from wayproof.harness.log.writer import LogWriter
-from wayproof.harness.result import figures
+from wayproof.harness.result import Fate, fate_of, figures
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.injector import PerturbationInjector
@@ -26,6 +26,7 @@ class Recorder:
     Attributes:
         parts: All that a fork must restore, by name, in this order.
         positions: True positions of the base at each decision, (3,) m.
+        fates: What became of each decision.
     """
 
     def __init__(
@@ -57,11 +58,11 @@ class Recorder:
             self.parts["steps"] = simulation.step_poses
         self.positions: list[NDArray[np.float64]] = []
         self._clearances: list[float] = []
-        self._misses = 0
+        self.fates: list[Fate] = []
 
     def resume(self, decisions: Sequence[pb.Decision], truths: Sequence[pb.Truth]) -> None:
         """Continue after decisions that are in the log already, each with its truth."""
-        self._misses = sum(decision.deadline_missed for decision in decisions)
+        self.fates = [fate_of(decision) for decision in decisions]
         self.positions = [np.array(truth.position) for truth in truths]
         self._clearances = [truth.clearance_m for truth in truths]
 
@@ -84,7 +85,7 @@ class Recorder:
             The truth.
         """
         sequence = decision.sequence
-        self._misses += decision.deadline_missed
+        self.fates.append(fate_of(decision))
         self._write_state(sequence, time_ns)
         for message, data in inputs:
             topic = topic_of(message)
@@ -96,7 +97,7 @@ class Recorder:
 
     def figures(self) -> dict[str, float]:
         """Sum up the decisions so far, by the names of the result's fields."""
-        return figures(self.positions, self._clearances, self._misses)
+        return figures(self.positions, self._clearances, self.fates)
 
     def _write_state(self, sequence: int, time_ns: int) -> None:
         """Save the simulator's state, from the second decision on: the first is the start."""
