@@ -32,7 +32,7 @@ CHAPTERS = {
     ],
     "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "log"],
     "Study and gate": ["studies", "tutorials/gate", "perturbations", "statistics"],
-    "How it works": ["maps", "maps-library", "representations", "evidence", "planning", "unknown"],
+    "How it works": ["maps", "evidence", "planning"],
     "Reference": [
         *("reference/cli", "reference/config", "reference/data", "measured"),
     ],

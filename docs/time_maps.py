@@ -1,4 +1,4 @@
-"""Print the table of processor times of docs/representations.md: `python -m docs.time_maps`."""
+"""Print the table of processor times of docs/maps.md: `python -m docs.time_maps`."""
 
 from __future__ import annotations
 
