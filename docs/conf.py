@@ -30,8 +30,8 @@ CHAPTERS = {
         *("sensors", "worlds"),
         "recordings",
     ],
-    "Judge and explain": ["tutorials/why-it-failed", "explain", "causes", "log"],
-    "Study and gate": ["studies", "tutorials/gate", "perturbations", "statistics"],
+    "Judge and explain": ["explain", "causes", "log"],
+    "Study and gate": ["studies", "perturbations"],
     "How it works": ["maps", "evidence", "planning"],
     "Reference": [
         *("reference/cli", "reference/config", "reference/data", "measured"),
