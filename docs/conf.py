@@ -25,7 +25,7 @@ suppress_warnings = [
 CHAPTERS = {
     "Get started": ["get-started", "concepts"],
     "Use your own": [
-        *("stack", "ros2", "nav2", "gym"),
+        *("stack", "ros2", "gym"),
         *("tutorials/planner", "robots"),
         *("sensors", "worlds"),
         "recordings",
