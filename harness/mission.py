@@ -70,6 +70,8 @@ class Mission:
         for offset, radius in self.discs:
             if not (abs(offset) <= 1e4 and 0.0 < radius <= 1e4):
                 raise ValueError(f"discs: got offset {offset:g} m and radius {radius:g} m")
+        if self.discs and not self.planar:
+            raise ValueError("discs: expected none for a body that flies")
         if not 0.0 < self.max_yaw_rate <= 100.0 or not 0.0 <= self.step_height <= self.height:
             raise ValueError("max_yaw_rate, step_height: expected those of a robot")
         if not 0.0 <= self.rest_height <= 1e4:

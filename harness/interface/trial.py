@@ -182,10 +182,10 @@ class TrialNavigator(Navigator):
                 motion,
                 (reference, believed),
                 effect_ns,
-                planner_input.limits,
+                planner_input.gait.limits,
                 planar=self._mission.motion == "ground",
                 acceleration=self.state.trajectory.at(effect_ns).acceleration,
-                sideways_speed=planner_input.sideways_speed,
+                sideways_speed=planner_input.gait.sideways_speed,
                 followed=self.state.trajectory,
             )
         except (CommandError, MotionError) as error:

@@ -238,7 +238,7 @@ class _Judging:
     ) -> bool:
         circumscribed, oriented = planned
         placed = poses.copy()
-        if circumscribed.turns_in_place:
+        if circumscribed.gait.in_plane:
             placed[:, 2] = circumscribed.position[2]
         return is_free(circumscribed.traversable, oriented.traversable, placed)
 

@@ -75,7 +75,7 @@ def diagnose_driving(
         blocked: Whether what is not traversable ends it there.
         slowed: Whether unknown space on it costs speed.
     """
-    path, full_stop = state.path, stopping_distance(input.limits.speed, 0.0, input.limits)
+    path, full_stop = state.path, stopping_distance(input.gait.limits.speed, 0.0, input.gait.limits)
     action: Action = "follow"
     label: Label = "none"
     if slowed:
@@ -105,7 +105,7 @@ def _unobstructed_reason(
 ) -> Reason:
     """Return the reason where a path is traversable to its end, or to a corner before, m."""
     committed = arc_length(trajectory.path)
-    stop = stopping_distance(start.speed, start.acceleration, input.limits)
+    stop = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     if beyond <= 0.0 and not is_stationary(start) and committed - stop < BRAKING_SLACK:
         return Reason("braking_for_goal", path_m=committed)
     return Reason("following", free_m=committed)
@@ -153,7 +153,7 @@ def diagnose_lost_path(
     path = remaining(previous.global_path, start.arc_length)
     if previous.exploring and arc_length(path) < ARRIVED:  # at its viewpoint
         return Reason("waiting", since=input.sequence), "none"
-    stop = stopping_distance(start.speed, start.acceleration, input.limits)
+    stop = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     free = input.traversable.free_length(path)
     bendable = min(stop, arc_length(path) - LENGTH_ROUNDING)
     if free < bendable:  # no stretch of it is left that could be bent

@@ -12,41 +12,8 @@ from wayproof.harness.stack.path_timing import travel_time
 from wayproof.harness.stack.types import Array, PlannerInput, arc_length
 from wayproof.planners import PathState, Plan, TrajectorySample, keeps_limits, truncate
 
-SHARES = (0.5, 0.05)
-"""Shares of the way to a stop after which a new path may leave the present one, besides all of it:
-the later ones leave more of the way ahead to be seen, the earlier ones bend less."""
-
-REPLAN_PERIOD = 1.0
-"""Time between searches for a cheaper global path, s; Nav2's behaviour tree replans at 1 Hz."""
-
-REPLAN_LENGTH = 1.2
-"""Distance at full speed after which a path is searched anew at the latest, m."""
-
-BLEND_SHARE = 0.3
-"""Blend of a corner to the radius of a bend at full speed: a turn by 33 degrees costs no speed."""
-
 Found = tuple[Plan, Array | None]
 """A search, and the path (n, 3) that it found."""
-
-
-def bends_early(input: PlannerInput) -> bool:
-    """Return whether the body may leave its path before the distance that it takes to stop."""
-    return input.sideways_speed > 0.0 and not input.turns_in_place
-
-
-def replan_period(input: PlannerInput) -> float:
-    """Return the time between searches for a better path, s."""
-    if not bends_early(input):
-        return REPLAN_PERIOD
-    return min(REPLAN_PERIOD, REPLAN_LENGTH / input.limits.speed)
-
-
-def blend_length(input: PlannerInput) -> float:
-    """Return the longest stretch on each side of a corner over which it is rounded, m."""
-    length, limits = input.behaviour.blend_length, input.limits
-    if not bends_early(input):
-        return length
-    return max(length, BLEND_SHARE * limits.speed * limits.speed / limits.lateral_acceleration)
 
 
 def fastest_found(
@@ -65,9 +32,10 @@ def fastest_found(
         Without any early one, the one from the end of the prefix.
     """
     last = search(prefix)
-    if len(prefix) == 1 or not bends_early(input):
+    shares = input.gait.early_bends
+    if len(prefix) == 1 or not shares:
         return last
-    early = [search(truncate(prefix, share * arc_length(prefix))) for share in SHARES]
+    early = [search(truncate(prefix, share * arc_length(prefix))) for share in shares]
     found = [one for one in early if _stops_in_admitted(input, start, one[1])]
     if last[1] is not None:
         found.append(last)
@@ -85,4 +53,4 @@ def _stops_in_admitted(input: PlannerInput, start: TrajectorySample, path: Array
         return False
     part = truncate(path, input.traversable.free_length(path))
     state = PathState(input.effect_ns, 0.0, start.speed, start.acceleration, start.heading)
-    return keeps_limits(part, state, input.limits, input.sideways_speed)
+    return keeps_limits(part, state, input.gait.limits, input.gait.sideways_speed)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wayproof.harness.geometry import atan2_rounded
-from wayproof.harness.stack.early_bends import blend_length, fastest_found, replan_period
+from wayproof.harness.stack.early_bends import fastest_found
 from wayproof.harness.stack.path_timing import travel_time
 from wayproof.harness.stack.types import (
     Array,
@@ -22,7 +22,6 @@ from wayproof.harness.stack.types import (
 )
 from wayproof.harness.stack.unknown_ahead import (
     discounted_space,
-    discounts_unknown,
     enough_admitted,
 )
 from wayproof.planners import (
@@ -94,7 +93,7 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
     if path is None:  # on from the stop that is under way
         driven = remaining(state.trajectory.path, start.arc_length)
     valid = path is not None and _is_valid(input, state, path)
-    improve_due = input.time_ns - state.improved_ns >= replan_period(input) * 1e9
+    improve_due = input.time_ns - state.improved_ns >= input.gait.replan_period * 1e9
     if valid and not improve_due:
         return GlobalPlan(replace(state, global_path=path))
     prefix = _prefix_to_keep(input, start, driven, slack=STOP_SLACK if driven is not path else 0.0)
@@ -146,7 +145,7 @@ def _prefix_to_keep(
     if path is None:
         return None
     traversable = input.traversable.free_length(path)
-    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     if traversable < braking - slack:
         return None
     return truncate(path, min(braking, arc_length(path)))
@@ -186,7 +185,7 @@ def _replan(
     def joined(search: Plan, space: FreeSpace) -> Array | None:
         return _joined(input, prefix, straight, search, space)
 
-    if discounts_unknown(input) and not only_known:
+    if input.gait.sees_ahead and not only_known:
         space = discounted_space(input)
         search = plan_in(space)
         path = joined(search, space)
@@ -223,9 +222,9 @@ def _joined(
     if search.waypoints is None:
         return None
     waypoints = drop_duplicates(np.concatenate([straight[:-1], search.waypoints]))
-    if input.turns_in_place:
+    if input.gait.in_plane:
         waypoints = without_hooks(space, waypoints)
-    blended = blend_corners(space, waypoints, blend_length(input))
+    blended = blend_corners(space, waypoints, _blend_length(input))
     return np.concatenate([prefix[:-1], blended])
 
 
@@ -237,14 +236,18 @@ def _straight_on(input: PlannerInput, prefix: Array) -> Array:
     with the straight piece has room to be blended.
     """
     end = prefix[-1]
-    if input.turns_in_place and arc_length(prefix) < LEAST_STOP:
+    if input.gait.in_plane and arc_length(prefix) < LEAST_STOP:
         return prefix[-1:]
     tangent = tangent_at(prefix, arc_length(prefix))
     for share in (1.0, 0.5, 0.25):
-        beyond = end + share * blend_length(input) * tangent
+        beyond = end + share * _blend_length(input) * tangent
         if len(prefix) > 1 and _straight_free(input, end, beyond):
             return np.stack([end, beyond])
     return prefix[-1:]
+
+
+def _blend_length(input: PlannerInput) -> float:
+    return input.gait.blend_length(input.behaviour.blend_length)
 
 
 def _straight_free(input: PlannerInput, a: Array, b: Array) -> bool:
@@ -293,7 +296,7 @@ def _is_better(
 def _path_costs(input: PlannerInput, found: Array, path: Array) -> tuple[float, float]:
     """Return the costs of a new and a valid path, by guiding evidence if either is free by it."""
     weight = input.planner.clearance_weight
-    if discounts_unknown(input) and all(enough_admitted(input, one) for one in (found, path)):
+    if input.gait.sees_ahead and all(enough_admitted(input, one) for one in (found, path)):
         space = discounted_space(input)
         found_cost, cost = (space.path_cost(one, weight) for one in (found, path))
         if not found_cost == cost == np.inf:

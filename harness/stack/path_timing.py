@@ -51,10 +51,10 @@ def plan_trajectory(
     return follow_path(
         path,
         start=at_begin(input, start),
-        limits=input.limits,
-        speed_cap=speed_share * input.limits.speed,
+        limits=input.gait.limits,
+        speed_cap=speed_share * input.gait.limits.speed,
         reverse=tail_first,
-        sideways_speed=input.sideways_speed,
+        sideways_speed=input.gait.sideways_speed,
         slow_end=slow_end,
     )
 
@@ -64,7 +64,7 @@ def travel_time(input: PlannerInput, start: TrajectorySample, path: Array) -> fl
     return time_along(
         path,
         start=at_begin(input, start),
-        limits=input.limits,
-        speed_cap=input.limits.speed,
-        sideways_speed=input.sideways_speed,
+        limits=input.gait.limits,
+        speed_cap=input.gait.limits.speed,
+        sideways_speed=input.gait.sideways_speed,
     )

@@ -16,6 +16,7 @@ from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.mission import Mission
 from wayproof.harness.stack.far_ways import FarWays
 from wayproof.harness.stack.footprint import NARROW_COST, body_of, costs
+from wayproof.harness.stack.gaits import gait_of
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.types import (
     EvidenceSpace,
@@ -185,6 +186,7 @@ class PlannerInputBuilder:
         self._mapper, self._spaces = mapper, spaces
         self._goal = mapper.planning_point(np.array(mission.goal))
         around = mapper.omnidirectional
+        self._gait = gait_of(mission, motion_limits(config, mission), around)
         guide, stages = mapper.guide, mapper.stages if len(mapper.stages) > 1 else ()
         self._guide = None if guide is None else FreeSpaceBuilder(config, mission, guide, around)
         self._stages = [
@@ -216,19 +218,15 @@ class PlannerInputBuilder:
             optimistic=spaces.optimistic,
             cell_states=self._mapper.costmap.states_between,
             unknown_blocks=config.costmap.unknown_policy == "forbid",
-            turns_in_place=mission.planar,
-            omnidirectional=self._mapper.omnidirectional,
             penalize_unknown=config.costmap.unknown_policy == "penalize",
-            limits=motion_limits(config, mission),
+            gait=self._gait,
             planner=config.planner,
             behaviour=config.behaviour,
-            sideways_speed=mission.sideways_speed,
             localization=localization_of(inputs.pose, mission.axes),
             range_sigma=self._mapper.range_sigma,
             guided=self._guided(circumscribed=True),
             evidence=self._evidence(circumscribed=True),
             horizon=self._horizon(),
-            bare_discs=mission.body_discs,
         )
 
     def oriented(self, circumscribed: PlannerInput) -> PlannerInput:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.decision import Action, Label
+from wayproof.harness.stack.gait import Gait
 from wayproof.harness.stack.reasons import Reason
 from wayproof.maps.elementary import norm
 from wayproof.planners import (
     FreeSpace,
-    MotionLimits,
     Plan,
     PlannerConfig,
     Trajectory,
@@ -97,16 +97,10 @@ class PlannerInput:
             Koenig and Smirnov 1997).
         cell_states: States of the costmap's cells.
         unknown_blocks: Whether the unknown policy keeps the body out of unknown space.
-        turns_in_place: Whether heading matters for motion (ground robots).
-        omnidirectional: Whether the sensors see all around the body, not ahead of it alone.
         penalize_unknown: Whether unknown space costs speed.
-        limits: Greatest speed, acceleration, jerk and yaw rate of a command.
+        gait: How the body moves.
         planner: Settings of the search.
         behaviour: Settings of the decision.
-        bare_discs: Offset along the x axis of the body, and radius without the margin, of each of
-            its discs, m; those of an elongated body in the circumscribed space, too.
-        sideways_speed: Speed in any direction, whatever the body faces, m/s; 0 if it turns before
-            it moves, or if it flies, if it takes a bend no faster than it turns.
         plan: Path planner: space, start, goal, settings, seed, heading.
         localization: Uncertainty of the pose; None if no covariance is stated.
         range_sigma: Standard deviation of the ranges of the sweeps, m; 0 where it is not estimated.
@@ -132,14 +126,10 @@ class PlannerInput:
     optimistic: FreeSpace
     cell_states: CellStates
     unknown_blocks: bool
-    turns_in_place: bool
-    omnidirectional: bool
     penalize_unknown: bool
-    limits: MotionLimits
+    gait: Gait
     planner: PlannerConfig
     behaviour: BehaviourConfig
-    bare_discs: tuple[tuple[float, float], ...]
-    sideways_speed: float = 0.0
     plan: PlanPath = plan
     localization: Localization | None = None
     range_sigma: float = 0.0

@@ -1,4 +1,10 @@
-"""The cost of unknown space that a robot in flight will see before it has to stop for it."""
+"""The cost of unknown space that a robot in flight will see before it has to stop for it.
+
+Unknown space costs less to it where enough of a path is admitted: it sees what lies ahead while it
+draws near, and at the full cost would take detours within what it has seen. Above and below itself
+it does not see well, so there the full cost remains. It remains all around for a body that has
+only a camera, whose cone leaves the sides unknown.
+"""
 
 from __future__ import annotations
 
@@ -18,20 +24,9 @@ LEVELS = 2
 """Least distances above the inflation that stand for unknown space, and for that of a prior map."""
 
 
-def discounts_unknown(input: PlannerInput) -> bool:
-    """Return whether unknown space costs less where enough of a path is admitted.
-
-    It does to a robot that flies: that sees what lies ahead while it draws near, and at the full
-    cost would take detours within what it has seen. Above and below itself it does not see well,
-    so there the full cost remains. It remains all around for a body that has only a camera, whose
-    cone leaves the sides unknown.
-    """
-    return input.omnidirectional and not input.turns_in_place
-
-
 def enough_admitted(input: PlannerInput, path: Array) -> bool:
     """Return whether the beginning of a path (n, 3), or all of it, is admitted for full speed."""
-    full_stop = stopping_distance(input.limits.speed, 0.0, input.limits)
+    full_stop = stopping_distance(input.gait.limits.speed, 0.0, input.gait.limits)
     needed = min(STOPS_AHEAD * full_stop, arc_length(path))
     return input.traversable.free_length(path) >= needed
 

@@ -75,7 +75,8 @@ def test_logs_replay_to_the_same_bits(logs, emulation):
 BENDS = """
 import hashlib, types
 import numpy as np
-from wayproof.harness.behaviour_config import BehaviourConfig
+from wayproof.harness.stack.gaits.flight import Flight
+from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
 from wayproof.harness.stack.manoeuvres.evasive_stop import _bends
 from wayproof.planners import MotionLimits
 
@@ -87,7 +88,7 @@ for ground in [False, True] * 1000:
     speed, reach = rng.uniform(0.3, 2.0), rng.uniform(0.3, 1.5)
     position, acceleration = rng.uniform(0.0, 20.0, 3), rng.uniform(-2.5, 2.5)
     now = types.SimpleNamespace(speed=speed, acceleration=acceleration, position=position)
-    view = types.SimpleNamespace(limits=limits, turns_in_place=ground, behaviour=BehaviourConfig())
+    view = types.SimpleNamespace(gait=(TurnThenGo if ground else Flight)(limits, ()))
     for bend in _bends(view, now, towards, reach):
         digest.update(bend.tobytes())
 print(digest.hexdigest())

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from wayproof.harness.behaviour_config import MAX_CORNER_ANGLE, MIN_ADVANCE
 from wayproof.harness.stack.diagnosis import diagnose_driving
-from wayproof.harness.stack.early_bends import bends_early
 from wayproof.harness.stack.footprint_checks import (
     MIN_PATH,
     first_misfit,
@@ -100,10 +99,9 @@ def drivable_part(input: PlannerInput, path: Array, start: TrajectorySample) -> 
     whole = arc_length(path)
     traversable = input.traversable.free_length(path)
     corner = whole
-    rounds_corners = bends_early(input) or (input.sideways_speed and input.turns_in_place)
-    if not rounds_corners:
+    if not input.gait.sideways_speed:
         corner = first_stop(path, 0.0, MAX_CORNER_ANGLE)
-    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     overrun = CORNER_OVERRUN if input.traversable.discs else 0.0
     if corner < braking - overrun:  # too late to stop there: the profile slows down for it
         corner = whole
@@ -128,7 +126,7 @@ def drive_along(course: Course, tail_first: bool) -> Decided | None:
     input, state, start, _, part = course
     path = truncate(state.path, part.length)
     if tail_first:
-        braking = stopping_distance(start.speed, start.acceleration, input.limits)
+        braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
         path = truncate_where_turnable(input.traversable, path, braking)
     slow_end = _unknown_end(input, path)
     doubtful = input.uncertain or input.noisy
@@ -156,7 +154,7 @@ def _unknown_end(input: PlannerInput, path: Array) -> SlowEnd | None:
     known = input.known_free.free_length(path)
     if known >= arc_length(path):
         return None
-    return SlowEnd(known, input.behaviour.unknown_speed_fraction * input.limits.speed)
+    return SlowEnd(known, input.behaviour.unknown_speed_fraction * input.gait.limits.speed)
 
 
 def fit_trajectory(
@@ -184,7 +182,7 @@ def fit_trajectory(
         speed_share = min(speed_share, input.behaviour.reverse_speed_fraction)
     if input.traversable.discs:
         speed_share = min(speed_share, input.behaviour.narrow_speed_fraction)
-    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     return shortened_to_fit(
         input,
         path,

@@ -62,7 +62,7 @@ def escape_inflation(situation: Situation) -> Decided | None:
         reason = obstructed("leaving_inflation", found, distance_m=away)
         return _escaping(state, _sidestep(input, start, path), path, reason, "escape")
     trajectory = turn_in_place(
-        start.position, input.effect_ns, start.heading, escape.heading, input.limits
+        start.position, input.effect_ns, start.heading, escape.heading, input.gait.limits
     )
     turn = wrap_angle(escape.heading - start.heading)
     reason = obstructed("leaving_inflation", found, turn_rad=turn)
@@ -107,13 +107,13 @@ def _leads_out(input: PlannerInput, start: TrajectorySample, target: Array, head
     spaces = (input.traversable, input.optimistic)
     if not all(keeps_clearance(space, start, target, heading) for space in spaces):
         return False
-    return keeps_bare_clearance(input.optimistic, input.bare_discs, start, target, heading)
+    return keeps_bare_clearance(input.optimistic, input.gait.discs, start, target, heading)
 
 
 def _sidestep(input: PlannerInput, start: TrajectorySample, path: Array) -> Trajectory:
     """Return a slow motion along a path (n, 3), at the heading at which the bare discs fit."""
     trajectory = plan_trajectory(input, start, path, ESCAPE_SPEED_SHARE)
-    still = len(input.bare_discs) > 1 or bool(input.sideways_speed)
+    still = len(input.gait.discs) > 1 or bool(input.gait.sideways_speed)
     return trajectory.facing(start.heading) if still else trajectory
 
 

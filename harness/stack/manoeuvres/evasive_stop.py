@@ -49,7 +49,7 @@ def clearest_stop(input: PlannerInput, start: TrajectorySample, path: Array) -> 
     Returns:
         (m, 3) from the same position on, m.
     """
-    reach = stopping_distance(start.speed, start.acceleration, input.limits)
+    reach = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     ahead = _with_length(path, reach)
     free = is_free_along(input.traversable, ahead)
     if start.speed < MIN_EVASION_SPEED or free:
@@ -99,7 +99,7 @@ def _bends(
     Each at the tightest curvature that the robot can take at the speed that is left, and at half
     of it; at most by a right angle.
     """
-    limits = input.limits
+    limits = input.gait.limits
     arcs = np.linspace(0.0, reach, max(round(reach / STEP), 1) + 1)  # (n,)
     speeds = start.speed * np.sqrt(np.maximum(1.0 - arcs / reach, 0.0)) + MIN_SPEED
     late = stopping_speeds(start.speed, start.acceleration, limits, arcs) + MIN_SPEED
@@ -110,7 +110,7 @@ def _bends(
         left = np.array([0.0, 1.0, 0.0])
     left /= norm(left)
     sides = [left, -left]
-    if input.turns_in_place:  # it moves where it faces
+    if input.gait.in_plane:  # it moves where it faces
         tightest = np.minimum(tightest, limits.yaw_rate / speeds)
     else:
         up = np.cross(tangent, left)

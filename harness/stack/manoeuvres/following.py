@@ -4,15 +4,7 @@ from __future__ import annotations
 
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.diagnosis import braking_reason, label_ahead, obstructed
-from wayproof.harness.stack.manoeuvres.course_keeping import keep_admitted_trajectory, keep_course
-from wayproof.harness.stack.manoeuvres.driving import Course, drivable_part, drive
-from wayproof.harness.stack.manoeuvres.pose_step import step_to_pose
-from wayproof.harness.stack.manoeuvres.setting_out import (
-    set_out,
-    step_aside,
-    turn_into_path,
-    turn_while_driving,
-)
+from wayproof.harness.stack.manoeuvres.driving import Course, drivable_part
 from wayproof.harness.stack.manoeuvres.stopping import brake, searched, wait
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation, first_that_applies
@@ -43,24 +35,6 @@ def wait_on_path(course: Course) -> Decided | None:
     return wait(input, state, course.start, label_ahead(found), obstructed("waiting", found))
 
 
-FOLLOWING = (
-    # In motion first what keeps the stop that is always left.
-    keep_admitted_trajectory,
-    brake_on_path,
-    # At rest, a way out of where the path is blocked at once; without one there is none.
-    step_aside,
-    step_to_pose,
-    wait_on_path,
-    # Then the heading, before the way: a body turns into its path where it has to, or meanwhile.
-    set_out,
-    turn_into_path,
-    turn_while_driving,
-    drive,
-    keep_course,
-)
-"""Manoeuvres along a global path by precedence."""
-
-
 def follow_global_path(situation: Situation) -> Decided:
     """Commit to the traversable part of the global path, ending at rest."""
     planned, start = situation.planned, situation.start
@@ -71,7 +45,7 @@ def follow_global_path(situation: Situation) -> Decided:
 def follow(
     input: PlannerInput, state: PlannerState, start: TrajectorySample, previous: PlannerState
 ) -> Decided:
-    """Follow the global path of a planner state.
+    """Follow the global path of a planner state, as the gait has it.
 
     Args:
         input: Planner input of the decision.
@@ -80,4 +54,4 @@ def follow(
         previous: Planner state before the decision, with the last global path.
     """
     part = drivable_part(input, state.path, start)
-    return first_that_applies(FOLLOWING, Course(input, state, start, previous, part))
+    return first_that_applies(input.gait.following, Course(input, state, start, previous, part))

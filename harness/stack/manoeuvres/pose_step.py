@@ -45,7 +45,7 @@ def step_to_pose(course: Course) -> Decided | None:
     nor a step on: it has to move off its heading, and to turn meanwhile.
     """
     input, state, start = course.input, course.state, course.start
-    if not (course.is_blocked_at_rest and course.headed and input.sideways_speed):
+    if not (course.is_blocked_at_rest and course.headed):
         return None
     seed = plan_seed(input.seed, "guide", input.sequence)
     space, goal, planner = input.optimistic, input.goal, input.planner
@@ -87,13 +87,13 @@ def _first_motion(
     """Return the turn or step to the first pose that differs; None if the body does not fit."""
     step = _first_step(start, waypoints, headings)
     turning = turn_in_place(
-        start.position, input.effect_ns, start.heading, step.heading, input.limits
+        start.position, input.effect_ns, start.heading, step.heading, input.gait.limits
     )
     if distance(start.position, step.position) <= STANDS:
         motions = [turning]
     else:
         path = np.stack([start.position, step.position])
-        sideways = input.sideways_speed / input.limits.speed
+        sideways = input.gait.sideways_speed / input.gait.limits.speed
         motions = [
             dataclasses.replace(
                 plan_trajectory(input, start, path, share * sideways), turning=turning.turning

@@ -46,7 +46,7 @@ def set_out(course: Course) -> Decided | None:
             driven = drive_along(course, tail_first=backwards)
             if driven is not None:
                 return driven
-        elif input.sideways_speed:
+        elif input.gait.sideways_speed:
             driven = _drive_turning(course, tail_first=backwards)
             if driven is not None:
                 return driven
@@ -63,9 +63,9 @@ def step_aside(course: Course) -> Decided | None:
     For a body that can move sideways, and has room at its heading, and not at that of its path.
     """
     input, state, start = course.input, course.state, course.start
-    if not (course.is_blocked_at_rest and course.headed and input.sideways_speed):
+    if not (course.is_blocked_at_rest and course.headed):
         return None
-    share = input.sideways_speed / input.limits.speed
+    share = input.gait.sideways_speed / input.gait.limits.speed
     path = truncate(state.path, min(MAX_STEP, arc_length(state.path)))
     trajectory = shortened_to_fit(
         input,
@@ -83,7 +83,7 @@ def step_aside(course: Course) -> Decided | None:
 def turn_into_path(course: Course) -> Decided | None:
     """Turn in place into the path, with a body at rest that turns before it moves."""
     input, start, path = course.input, course.start, course.state.path
-    if not course.at_rest or not input.turns_in_place or input.sideways_speed:
+    if not course.at_rest:
         return None
     target = heading_at(path, min(0.2, 0.5 * arc_length(path)))
     error = abs(wrap_angle(target - start.heading))
@@ -92,8 +92,7 @@ def turn_into_path(course: Course) -> Decided | None:
 
 def turn_while_driving(course: Course) -> Decided | None:
     """Turn about while driving, with a body in motion tail first that can move sideways."""
-    tail_first = moves_tail_first(course.input, course.start, course.state.path)
-    if not (tail_first and course.input.sideways_speed):
+    if not moves_tail_first(course.input, course.start, course.state.path):
         return None
     return _drive_turning(course, tail_first=False)
 
@@ -126,7 +125,7 @@ def turn_to(course: Course, target: float) -> Decided:
     trajectory = state.trajectory
     if not _goes_on_turning(trajectory, start, target):
         trajectory = turn_in_place(
-            start.position, input.effect_ns, start.heading, target, input.limits
+            start.position, input.effect_ns, start.heading, target, input.gait.limits
         )
     action: Action = "follow"
     end = trajectory.at(trajectory.start_ns + math.ceil(trajectory.duration_s * 1e9))

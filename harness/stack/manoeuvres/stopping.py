@@ -61,7 +61,7 @@ def brake(
     """Stop along a path (n, 3), or on a bend away from it where something has come into it."""
     path = clearest_stop(input, start, path)
     tail_first = moves_tail_first(input, start, path)
-    stop = stop_along(path, at_begin(input, start), input.limits, tail_first)
+    stop = stop_along(path, at_begin(input, start), input.gait.limits, tail_first)
     trajectory = _without_turn(input, start, stop)
     if reason.kind == "braking_for_goal":
         reason = replace(reason, path_m=arc_length(trajectory.path))

@@ -11,6 +11,9 @@ import numpy as np
 from tests.maps.exact_distances import scipy_squared
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.gaits.any_direction import AnyDirection
+from wayproof.harness.stack.gaits.flight import Flight
+from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
 from wayproof.harness.stack.manoeuvres.driving import Course, drivable_part
 from wayproof.harness.stack.types import PlannerInput, PlannerState
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
@@ -29,6 +32,16 @@ LIMITS = MotionLimits(
 )
 
 START, GOAL = (1.05, 2.05), (6.55, 2.05)
+
+
+def make_gait(kind, body=ROUND, **others):
+    """A gait of a body; others are its fields in place of the usual ones."""
+    discs = tuple(zip(body.offsets, body.radii, strict=True))
+    return kind(**{"limits": LIMITS, "discs": discs, **others})
+
+
+TURNS = make_gait(TurnThenGo)
+SIDLES = make_gait(AnyDirection, LONG, sideways_speed=0.4)
 
 
 def place(x, y):
@@ -56,7 +69,14 @@ def make_space(blocked, body=ROUND):
 
 
 def make_input(
-    states=None, body=ROUND, policy="forbid", position=START, goal=GOAL, sequence=0, **others
+    states=None,
+    body=ROUND,
+    policy="forbid",
+    position=START,
+    goal=GOAL,
+    sequence=0,
+    gait=None,
+    **others,
 ):
     """Make the input of one decision.
 
@@ -67,6 +87,7 @@ def make_input(
         position: (2,) estimated, m.
         goal: (2,) m.
         sequence: Number of the decision, which sets its times.
+        gait: From `make_gait`; by default a round body flies, and a long one turns, then goes.
         others: Fields of the input in place of these.
     """
     states = make_states() if states is None else states
@@ -85,13 +106,10 @@ def make_input(
         optimistic=passable,
         cell_states=lambda first, end: states[tuple(map(slice, first, end))],
         unknown_blocks=policy == "forbid",
-        turns_in_place=False,
-        omnidirectional=True,
         penalize_unknown=policy == "penalize",
-        limits=LIMITS,
+        gait=gait or make_gait(TurnThenGo if len(body.radii) > 1 else Flight, body),
         planner=PlannerConfig(),
         behaviour=BehaviourConfig(),
-        bare_discs=tuple(zip(body.offsets, body.radii, strict=True)),
     )
     return replace(input, **others)
 

@@ -12,6 +12,7 @@ from tests.harness.stack.make_input import (
     LONG,
     PERIOD_NS,
     START,
+    TURNS,
     at_rest,
     drive,
     make_input,
@@ -90,7 +91,7 @@ def unknown_space_is_like_free():
 
 
 def the_goal_lies_behind_a_robot_on_the_ground():
-    input = make_input(position=(4.05, 2.05), goal=(1.05, 2.05), turns_in_place=True)
+    input = make_input(position=(4.05, 2.05), goal=(1.05, 2.05), gait=TURNS)
     return Case(input, at_rest((4.05, 2.05)))
 
 

@@ -11,23 +11,21 @@ from tests.harness.stack.make_input import (
     START,
     at_rest,
     drive,
+    make_gait,
     make_input,
     make_states,
     next_input,
     place,
 )
-from wayproof.harness.stack.early_bends import (
-    bends_early,
-    blend_length,
-    fastest_found,
-    replan_period,
-)
+from wayproof.harness.stack.early_bends import fastest_found
+from wayproof.harness.stack.gaits.any_direction import AnyDirection
+from wayproof.harness.stack.gaits.flight import Flight
 from wayproof.harness.stack.global_path import keep_or_replan
 from wayproof.harness.stack.manoeuvres.driving import drivable_part
 from wayproof.harness.stack.types import arc_length, is_free_along
 from wayproof.planners import PathState, follow_path, stopping_distance
 
-FLIES = {"sideways_speed": LIMITS.speed}
+FLIES = {"gait": make_gait(Flight, sideways_speed=LIMITS.speed)}
 BLOCK = (4.0, 4.3, 0.0, 2.4)
 """What comes to light on the straight line, with room beside it."""
 
@@ -47,37 +45,34 @@ def leaves_after(path):
 
 def test_a_path_is_left_within_the_distance_of_a_stop_and_still_ends_at_rest_in_free_space():
     input, state, start = in_motion(**FLIES)
-    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     path = keep_or_replan(input, state, start).state.global_path
     assert leaves_after(path) < 0.7 * braking
     assert is_free_along(input.traversable, path)
     motion = PathState(0, 0.0, start.speed, start.acceleration, start.heading)
-    assert follow_path(path, motion, input.limits, 9.0).overshoot_m == 0.0
+    assert follow_path(path, motion, input.gait.limits, 9.0).overshoot_m == 0.0
     facing, state, start = in_motion()
     assert leaves_after(keep_or_replan(facing, state, start).state.global_path) > braking
 
 
 @pytest.mark.parametrize(
-    ("room", "early"),
-    [
-        (FLIES, True),
-        ({}, False),
-        ({**FLIES, "turns_in_place": True}, False),
-    ],
+    ("kind", "sideways", "early"),
+    [(Flight, 2.0, True), (Flight, 0.0, False), (AnyDirection, 2.0, False)],
 )
-def test_only_a_body_that_flies_in_any_direction_bends_early(room, early):
-    input = make_input(limits=replace(LIMITS, speed=4.0, lateral_acceleration=4.0), **room)
-    assert bends_early(input) is early
-    assert replan_period(input) == pytest.approx(0.3 if early else 1.0)
-    assert blend_length(input) == pytest.approx(1.2 if early else 0.6)
+def test_only_a_body_that_flies_in_any_direction_bends_early(kind, sideways, early):
+    limits = replace(LIMITS, speed=4.0, lateral_acceleration=4.0)
+    gait = make_gait(kind, limits=limits, sideways_speed=sideways)
+    assert bool(gait.early_bends) is early
+    assert gait.replan_period == pytest.approx(0.3 if early else 1.0)
+    assert gait.blend_length(0.6) == pytest.approx(1.2 if early else 0.6)
 
 
 def test_a_path_is_searched_anew_after_the_shorter_period():
     straight = np.array([place(*START), place(6.55, 2.05)])
     state = at_rest(global_path=straight)
-    fast = replace(LIMITS, speed=4.0)
+    gait = make_gait(Flight, limits=replace(LIMITS, speed=4.0), sideways_speed=2.0)
     for sequence, searched in ((2, False), (3, True)):
-        input = make_input(sequence=sequence, limits=fast, **FLIES)
+        input = make_input(sequence=sequence, gait=gait)
         planned = keep_or_replan(input, state, state.trajectory.at(input.effect_ns))
         assert (planned.search is not None) is searched
         assert planned.state.improved_ns == (sequence * PERIOD_NS if searched else 0)
@@ -109,7 +104,7 @@ def chosen(input, start, braking, paths):
 
 def test_the_fastest_path_is_taken_of_those_along_which_the_limits_are_kept():
     input, _, start = in_motion(**FLIES)
-    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     long, short = ahead(start, (3.0, 0.0), (3.0, 1.0)), ahead(start, (3.0, 0.0))
     kink = ahead(start, (0.1, 0.0), (0.1, 0.05), (0.1, 1.5))
     free = replace(input, traversable=make_input().traversable)
@@ -121,7 +116,7 @@ def test_the_fastest_path_is_taken_of_those_along_which_the_limits_are_kept():
 
 def test_no_path_is_taken_early_that_is_not_admitted_as_far_as_a_stop_takes():
     input, _, start = in_motion(**FLIES)
-    braking = stopping_distance(start.speed, start.acceleration, input.limits)
+    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     x = round(float(start.position[0]) + 0.5 * braking, 1)
     near = make_input(make_states(unknown=[(x, 8.0, 0.0, 4.0)])).traversable
     late, early = ahead(start, (3.0, 0.0), (3.0, 1.0)), ahead(start, (3.0, 0.0))

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from wayproof.harness.behaviour_config import BehaviourConfig
+from wayproof.harness.stack.gaits.flight import Flight
+from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
 from wayproof.harness.stack.manoeuvres.evasive_stop import EMERGENCY, clearest_stop
 from wayproof.harness.stack.types import PlannerInput
 from wayproof.planners import (
@@ -47,13 +49,10 @@ def stop(free_space, speed=2.0, ground=False, path=AHEAD, start=None):
         optimistic=free_space,
         cell_states=lambda first, end: np.ones(end - first, np.uint8),
         unknown_blocks=True,
-        turns_in_place=ground,
-        omnidirectional=True,
         penalize_unknown=False,
-        limits=LIMITS,
+        gait=(TurnThenGo if ground else Flight)(LIMITS, ((0.0, 0.3),)),
         planner=PlannerConfig(),
         behaviour=BehaviourConfig(),
-        bare_discs=((0.0, 0.3),),
     )
     return clearest_stop(input, now, path)
 

@@ -20,7 +20,7 @@ from tests.harness.stack.make_input import (
     place,
 )
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.early_bends import REPLAN_PERIOD
+from wayproof.harness.stack.gait import REPLAN_PERIOD
 from wayproof.harness.stack.global_path import (
     ARRIVED,
     keep_or_replan,

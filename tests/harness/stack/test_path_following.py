@@ -10,7 +10,9 @@ from tests.harness.stack.make_input import (
     LIMITS,
     LONG,
     PERIOD_NS,
+    SIDLES,
     START,
+    TURNS,
     at_rest,
     course_of,
     drive,
@@ -56,7 +58,7 @@ def test_a_path_is_driven_up_to_the_unknown_slowly_if_full_speed_could_not_stop(
 @pytest.mark.parametrize(("angle", "turns"), [(0.5, False), (0.7, True)])
 def test_a_ground_robot_turns_in_place_beyond_its_angle(angle, turns):
     assert BehaviourConfig().rotate_in_place_angle == 0.6
-    input = make_input(turns_in_place=True, heading=angle)
+    input = make_input(gait=TURNS, heading=angle)
     command, _ = decide(input, at_rest(heading=angle, global_path=PATH))
     assert (command.reason.kind == "turning") is turns
     moved = final_sample(command.trajectory).position[0] - START[0]
@@ -80,10 +82,10 @@ def test_braking_before_the_end_of_a_free_path_has_no_label():
 
 
 def test_a_turn_that_leads_to_the_heading_already_goes_on():
-    input = make_input(turns_in_place=True, sequence=0)
+    input = make_input(gait=TURNS, sequence=0)
     state = at_rest(heading=0.0, global_path=PATH)
     command, state = turn_to(course_of(input, state), 1.5)
-    later = make_input(turns_in_place=True, sequence=3)
+    later = make_input(gait=TURNS, sequence=3)
     start = state.trajectory.at(later.effect_ns)
     assert not start.at_rest
     again, _ = turn_to(course_of(later, state), 1.55)
@@ -93,7 +95,7 @@ def test_a_turn_that_leads_to_the_heading_already_goes_on():
 
 
 def test_a_turn_into_the_path_is_no_drive_that_ends_at_its_heading():
-    input = make_input(LANE, LONG, turns_in_place=True, sideways_speed=0.4)
+    input = make_input(LANE, LONG, gait=SIDLES)
     creeping = plan_trajectory(input, at_rest().trajectory.at(input.effect_ns), PATH, 1.0)
     state = replace(at_rest(global_path=PATH), trajectory=creeping)
     moving = creeping.at(input.effect_ns)._replace(at_rest=False)
@@ -104,7 +106,7 @@ def test_a_turn_into_the_path_is_no_drive_that_ends_at_its_heading():
 
 
 def test_a_robot_that_turns_while_exploring_says_that_it_explores():
-    input = make_input(turns_in_place=True)
+    input = make_input(gait=TURNS)
     state = at_rest(global_path=PATH, exploration=Exploration(since=4))
     command, _ = turn_to(course_of(input, state), 1.5)
     assert (command.action, command.reason.kind) == ("explore", "looking_elsewhere")
@@ -185,18 +187,18 @@ def test_a_trajectory_begins_with_the_speed_of_its_start():
 
 
 def test_a_body_that_moves_sideways_sets_out_at_once_and_turns_meanwhile():
-    input = make_input(heading=2.0, turns_in_place=True, sideways_speed=0.4)
+    input = make_input(heading=2.0, gait=SIDLES)
     state = at_rest(heading=2.0)
     command, _ = decide(input, state)
     assert command.reason.kind == "following"
-    turning, _ = decide(replace(input, sideways_speed=0.0), state)
+    turning, _ = decide(replace(input, gait=TURNS), state)
     assert turning.reason.kind == "turning"
 
 
 def test_a_long_body_steps_aside_at_its_heading_where_it_has_no_room_at_that_of_its_path():
     """Across a lane that is as wide as the body is long: it cannot turn into the way along it."""
     lane = make_states(occupied=[(0.0, 8.0, 0.0, 1.4), (0.0, 8.0, 2.7, 4.0)])
-    input = make_input(lane, LONG, heading=np.pi / 2, turns_in_place=True, sideways_speed=0.4)
+    input = make_input(lane, LONG, heading=np.pi / 2, gait=SIDLES)
     assert input.traversable.pose_free(input.position, np.pi / 2)
     state = at_rest(heading=np.pi / 2, global_path=np.array([place(*START), place(*GOAL)]))
     part = DrivablePart(0.0, blocked=True)
@@ -205,7 +207,6 @@ def test_a_long_body_steps_aside_at_its_heading_where_it_has_no_room_at_that_of_
     assert end.heading == np.pi / 2
     assert end.position[0] - START[0] == pytest.approx(0.5, abs=0.05)
     assert first_misfit(input.traversable, stepped.command.trajectory) is None
-    assert step_aside(course_of(replace(input, sideways_speed=0.0), state, part=part)) is None
 
 
 def test_a_long_body_keeps_an_admitted_trajectory_where_its_path_has_closed():

@@ -8,15 +8,18 @@ import pytest
 from tests.harness.stack.make_input import (
     CELL,
     LONG,
+    SIDLES,
     at_rest,
     course_of,
     final_sample,
+    make_gait,
     make_input,
     make_states,
 )
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.footprint_checks import first_misfit
 from wayproof.harness.stack.footprint_mode import decide_with_footprint
+from wayproof.harness.stack.gaits.any_direction import AnyDirection
 from wayproof.harness.stack.manoeuvres.driving import DrivablePart
 from wayproof.harness.stack.manoeuvres.pose_step import continue_step, is_stepping, step_to_pose
 from wayproof.harness.stack.situation import situation_of
@@ -35,7 +38,7 @@ def lane_course(input, state):
 
 
 def in_lane(**others):
-    return make_input(LANE, LONG, heading=ACROSS, turns_in_place=True, sideways_speed=0.4, **others)
+    return make_input(LANE, LONG, heading=ACROSS, gait=SIDLES, **others)
 
 
 def test_the_step_ends_at_a_pose_where_the_body_fits():
@@ -67,28 +70,23 @@ def test_a_step_under_way_goes_on_as_long_as_the_body_fits():
         LONG,
         heading=ACROSS,
         sequence=1,
-        turns_in_place=True,
-        sideways_speed=0.4,
+        gait=SIDLES,
     )
     assert continue_step(situation_of(blocked, under_way)) is None
     going = continue_step(situation_of(soon, under_way))
     assert going.command.trajectory is stepped.state.trajectory
 
 
-def test_round_bodies_and_those_that_only_move_ahead_take_no_such_step():
-    state = at_rest(heading=ACROSS)
-    for input in (
-        replace(in_lane(), sideways_speed=0.0),
-        make_input(turns_in_place=True, sideways_speed=0.4),
-    ):
-        assert step_to_pose(lane_course(input, state)) is None
+def test_round_bodies_take_no_such_step():
+    input = make_input(gait=make_gait(AnyDirection, sideways_speed=0.4))
+    assert step_to_pose(lane_course(input, at_rest(heading=ACROSS))) is None
 
 
 def test_a_way_that_there_is_not_takes_no_step():
     closed = make_states(
         occupied=[(0.0, 8.0, 0.0, 1.7), (0.0, 8.0, 2.4, 4.0), (3.0, 3.5, 0.0, 4.0)]
     )
-    input = make_input(closed, LONG, turns_in_place=True, sideways_speed=0.4)
+    input = make_input(closed, LONG, gait=SIDLES)
     state = at_rest()
     assert step_to_pose(lane_course(input, state)) is None
     assert np.array_equal(state.trajectory.path[0], input.position)
@@ -103,7 +101,7 @@ def test_a_step_under_way_is_checked_by_the_footprint_that_takes_it():
     x, y, _ = (final_sample(step.trajectory).position / CELL).astype(int)
     seen = LANE.copy()
     seen[x - 1 : x + 2, y - 1 : y + 2] = OCCUPIED  # where it leads
-    room = {"heading": ACROSS, "turns_in_place": True, "sideways_speed": 0.4, "sequence": 1}
+    room = {"heading": ACROSS, "gait": SIDLES, "sequence": 1}
     wide, narrow = (
         make_input(seen, body, **room)
         for body in (Body((0.0,), (LONG.circumscribed_radius,)), LONG)

@@ -11,6 +11,7 @@ from tests.harness.stack.make_input import (
     START,
     at_rest,
     final_sample,
+    make_gait,
     make_input,
     make_states,
     next_input,
@@ -18,6 +19,9 @@ from tests.harness.stack.make_input import (
     top_speed,
 )
 from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.gaits.any_direction import AnyDirection
+from wayproof.harness.stack.gaits.flight import Flight
+from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
 from wayproof.harness.stack.manoeuvres.escape import ESCAPE_SPEED_SHARE, escape_inflation
 from wayproof.harness.stack.manoeuvres.recovery import RECOVERIES, Wait
 from wayproof.harness.stack.manoeuvres.stopping import wait
@@ -55,7 +59,7 @@ def test_an_escape_of_the_circumscribed_disc_drags_no_disc_of_the_body_over_an_o
     """The centre stands beside a wall, and leaves it; the pillar is as far, beside the nose."""
     states = make_states(occupied=[(0.0, 8.0, 0.0, 1.9), (1.2, 1.3, 2.1, 2.2)])
     discs = tuple(zip(LONG.offsets, LONG.radii, strict=True))
-    input = make_input(states, Body((0.0,), (0.5,)), bare_discs=discs)
+    input = make_input(states, Body((0.0,), (0.5,)), gait=make_gait(Flight, discs=discs))
     command, _ = escape(input, at_rest())
     assert (command.action, command.reason.distance_m) == ("stop_and_wait", None)
 
@@ -76,23 +80,20 @@ def test_an_escape_leads_straight_and_slowly_to_the_nearest_traversable_position
         command.reason.distance_m, abs=1e-6
     )
     assert command.reason.distance_m < 0.15
-    assert top_speed(command.trajectory) <= ESCAPE_SPEED_SHARE * input.limits.speed + 1e-9
+    assert top_speed(command.trajectory) <= ESCAPE_SPEED_SHARE * input.gait.limits.speed + 1e-9
     assert (after.global_path, after.exploration, after.rest_since_ns) == (None, None, -1)
 
 
-@pytest.mark.parametrize("sideways", [0.0, 0.4])
-def test_a_long_body_leaves_the_inflation_at_its_heading(sideways):
+@pytest.mark.parametrize(("kind", "sideways"), [(TurnThenGo, 0.0), (AnyDirection, 0.4)])
+def test_a_long_body_leaves_the_inflation_at_its_heading(kind, sideways):
     """Its discs are checked at that heading; the disc about them has none of its own."""
     states = make_states(occupied=[(0.0, 0.6, 0.0, 4.0)])
     about = Body((0.0,), (0.5,))
-    discs = tuple(zip(LONG.offsets, LONG.radii, strict=True))
     input = make_input(
         states,
         about,
         heading=1.2,
-        bare_discs=discs,
-        turns_in_place=True,
-        sideways_speed=sideways,
+        gait=make_gait(kind, LONG, sideways_speed=sideways),
     )
     command, _ = escape(input, at_rest(heading=1.2))
     assert command.under_way == "escape"
@@ -209,7 +210,10 @@ def test_a_frontier_explored_from_before_is_not_chosen_again():
 
 def test_an_escape_that_is_under_way_goes_on_until_the_body_is_free():
     """At the heading that it has, one decision after the other, and then to the goal."""
-    room = {"states": make_states(occupied=[(0.0, 0.95, 0.0, 4.0)]), "sideways_speed": 0.3}
+    room = {
+        "states": make_states(occupied=[(0.0, 0.95, 0.0, 4.0)]),
+        "gait": make_gait(Flight, sideways_speed=0.3),
+    }
     state, kinds = at_rest(heading=1.0), []
     for sequence in range(25):
         command, state = decide(next_input(state, sequence, **room), state)

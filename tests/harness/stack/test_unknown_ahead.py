@@ -8,7 +8,9 @@ import pytest
 from tests.harness.stack.make_input import (
     GOAL,
     START,
+    TURNS,
     at_rest,
+    make_gait,
     make_input,
     make_space,
     make_states,
@@ -17,6 +19,7 @@ from tests.harness.stack.make_input import (
 from wayproof.harness.config import Config
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.stack.footprint import body_of, costs
+from wayproof.harness.stack.gaits.flight import Flight
 from wayproof.harness.stack.global_path import keep_or_replan
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder
@@ -62,9 +65,9 @@ def test_unknown_space_before_which_the_robot_would_brake_is_still_avoided():
     assert lowest_of(room_with(NEAR)) < 1.0
 
 
-@pytest.mark.parametrize("other", [{"turns_in_place": True}, {"omnidirectional": False}])
-def test_a_robot_on_the_ground_or_with_a_camera_alone_pays_in_full(other):
-    assert lowest_of(room_with(FAR, **other)) < 1.0
+@pytest.mark.parametrize("gait", [TURNS, make_gait(Flight, omnidirectional=False)])
+def test_a_robot_on_the_ground_or_with_a_camera_alone_pays_in_full(gait):
+    assert lowest_of(room_with(FAR, gait=gait)) < 1.0
 
 
 def test_a_known_detour_is_replaced_by_a_shorter_way_through_unknown_space():
@@ -74,7 +77,7 @@ def test_a_known_detour_is_replaced_by_a_shorter_way_through_unknown_space():
 
 def test_enough_is_admitted_for_a_stop_from_full_speed_and_a_quarter():
     input = room_with(FAR)
-    stop = stopping_distance(input.limits.speed, 0.0, input.limits)
+    stop = stopping_distance(input.gait.limits.speed, 0.0, input.gait.limits)
     straight = np.array([place(*START), place(*GOAL)])
     free = input.traversable.free_length(straight)
     assert free > 1.25 * stop

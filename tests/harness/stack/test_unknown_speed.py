@@ -33,12 +33,12 @@ def test_a_robot_slows_down_where_the_unknown_begins(unknown_from, action):
     known = command.reason.free_m
     assert (command.action, command.reason.kind) == (action, "slowing_for_unknown")
     before, beyond = speeds_of(command.trajectory, known)
-    assert beyond.max() <= SHARE * input.limits.speed + 1e-6
-    assert beyond.max() > 0.95 * SHARE * input.limits.speed
+    assert beyond.max() <= SHARE * input.gait.limits.speed + 1e-6
+    assert beyond.max() > 0.95 * SHARE * input.gait.limits.speed
     assert command.trajectory.stop_point == pytest.approx(input.goal)
     if action == "follow":
-        assert known > stopping_distance(input.limits.speed, 0.0, input.limits)
-        assert before.max() == pytest.approx(input.limits.speed)
+        assert known > stopping_distance(input.gait.limits.speed, 0.0, input.gait.limits)
+        assert before.max() == pytest.approx(input.gait.limits.speed)
 
 
 def test_a_tiny_share_still_ends_at_the_goal():
@@ -53,4 +53,4 @@ def test_a_way_that_is_known_costs_no_speed():
     input, command = decided(7.9)
     assert (command.action, command.reason.kind) == ("follow", "following")
     before, _ = speeds_of(command.trajectory, 1e9)
-    assert before.max() == pytest.approx(input.limits.speed)
+    assert before.max() == pytest.approx(input.gait.limits.speed)

@@ -32,8 +32,8 @@ class Reckless(Navigator):
                     acceleration=0.0,
                     heading=given.heading,
                 ),
-                given.limits,
-                given.limits.speed,
+                given.gait.limits,
+                given.gait.limits.speed,
             )
         straight = self._straight
         # It claims that the whole path is admitted, which an audit finds false where it is not.
