@@ -63,7 +63,7 @@ class BuiltinStack:
                 self._limits,
                 planar=self._planar,
             ).trajectory
-            state = replace(navigator.state, trajectory=brake, global_path=None, earlier=())
+            state = replace(navigator.state, committed=(brake,), route=None)
             navigator.load_state(state, navigator.chain)
 
 

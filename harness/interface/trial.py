@@ -145,8 +145,8 @@ class TrialNavigator(Navigator):
             decided = self._brake(oriented, judgement, start)
         else:
             decided = self._follow(command, trajectory, planner_input, judgement)
-        earlier = not_yet_superseded(planner_input, self.state)
-        state = replace(self.state, trajectory=decided.trajectory, earlier=earlier)
+        committed = (*not_yet_superseded(planner_input, self.state), decided.trajectory)
+        state = replace(self.state, committed=committed)
         fits = fits_along(planner_input.traversable, decided.trajectory.path)
         footprint = planner_input if fits else oriented
         return FootprintDecision(decided, state, footprint)

@@ -21,7 +21,7 @@ from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.harness.stack.types import PlannerState
+from wayproof.harness.stack.state import PlannerState
 from wayproof.models.arrays import Vector3
 from wayproof.planners import Trajectory
 from wayproof.plugin import UserCodeError
@@ -95,12 +95,12 @@ def shift_height(state: PlannerState, height: float) -> PlannerState:
     def shifted(trajectory: Trajectory) -> Trajectory:
         return replace(trajectory, path=trajectory.path + offset)
 
+    if state.route is not None:
+        state = state.along(state.route.path + offset)
     return replace(
         state,
-        trajectory=shifted(state.trajectory),
-        earlier=tuple(shifted(earlier) for earlier in state.earlier),
-        global_path=None if state.global_path is None else state.global_path + offset,
-        viewpoints=state.viewpoints + offset,
+        committed=tuple(shifted(one) for one in state.committed),
+        tries=replace(state.tries, viewpoints=state.tries.viewpoints + offset),
     )
 
 

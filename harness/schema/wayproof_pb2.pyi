@@ -505,6 +505,12 @@ class State(_message.Message):
     arrays: _containers.RepeatedCompositeFieldContainer[Array]
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., arrays: _Optional[_Iterable[_Union[Array, _Mapping]]] = ...) -> None: ...
 
+class Points(_message.Message):
+    __slots__ = ("coordinates",)
+    COORDINATES_FIELD_NUMBER: _ClassVar[int]
+    coordinates: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, coordinates: _Optional[_Iterable[float]] = ...) -> None: ...
+
 class Profile(_message.Message):
     __slots__ = ("times", "states", "jerks", "duration", "end")
     TIMES_FIELD_NUMBER: _ClassVar[int]
@@ -513,11 +519,11 @@ class Profile(_message.Message):
     DURATION_FIELD_NUMBER: _ClassVar[int]
     END_FIELD_NUMBER: _ClassVar[int]
     times: _containers.RepeatedScalarFieldContainer[float]
-    states: _containers.RepeatedScalarFieldContainer[float]
+    states: Points
     jerks: _containers.RepeatedScalarFieldContainer[float]
     duration: float
     end: float
-    def __init__(self, times: _Optional[_Iterable[float]] = ..., states: _Optional[_Iterable[float]] = ..., jerks: _Optional[_Iterable[float]] = ..., duration: _Optional[float] = ..., end: _Optional[float] = ...) -> None: ...
+    def __init__(self, times: _Optional[_Iterable[float]] = ..., states: _Optional[_Union[Points, _Mapping]] = ..., jerks: _Optional[_Iterable[float]] = ..., duration: _Optional[float] = ..., end: _Optional[float] = ...) -> None: ...
 
 class CommittedTrajectory(_message.Message):
     __slots__ = ("start_ns", "path", "motion", "turning", "overshoot_m")
@@ -527,17 +533,11 @@ class CommittedTrajectory(_message.Message):
     TURNING_FIELD_NUMBER: _ClassVar[int]
     OVERSHOOT_M_FIELD_NUMBER: _ClassVar[int]
     start_ns: int
-    path: _containers.RepeatedScalarFieldContainer[float]
+    path: Points
     motion: Profile
     turning: Profile
     overshoot_m: float
-    def __init__(self, start_ns: _Optional[int] = ..., path: _Optional[_Iterable[float]] = ..., motion: _Optional[_Union[Profile, _Mapping]] = ..., turning: _Optional[_Union[Profile, _Mapping]] = ..., overshoot_m: _Optional[float] = ...) -> None: ...
-
-class Points(_message.Message):
-    __slots__ = ("coordinates",)
-    COORDINATES_FIELD_NUMBER: _ClassVar[int]
-    coordinates: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, coordinates: _Optional[_Iterable[float]] = ...) -> None: ...
+    def __init__(self, start_ns: _Optional[int] = ..., path: _Optional[_Union[Points, _Mapping]] = ..., motion: _Optional[_Union[Profile, _Mapping]] = ..., turning: _Optional[_Union[Profile, _Mapping]] = ..., overshoot_m: _Optional[float] = ...) -> None: ...
 
 class Exploration(_message.Message):
     __slots__ = ("since", "backtracking", "returning")
@@ -549,6 +549,16 @@ class Exploration(_message.Message):
     returning: bool
     def __init__(self, since: _Optional[int] = ..., backtracking: _Optional[bool] = ..., returning: _Optional[bool] = ...) -> None: ...
 
+class Route(_message.Message):
+    __slots__ = ("path", "improved_ns", "exploration")
+    PATH_FIELD_NUMBER: _ClassVar[int]
+    IMPROVED_NS_FIELD_NUMBER: _ClassVar[int]
+    EXPLORATION_FIELD_NUMBER: _ClassVar[int]
+    path: Points
+    improved_ns: int
+    exploration: Exploration
+    def __init__(self, path: _Optional[_Union[Points, _Mapping]] = ..., improved_ns: _Optional[int] = ..., exploration: _Optional[_Union[Exploration, _Mapping]] = ...) -> None: ...
+
 class PathLoss(_message.Message):
     __slots__ = ("sequence", "under_way", "label")
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
@@ -559,39 +569,23 @@ class PathLoss(_message.Message):
     label: str
     def __init__(self, sequence: _Optional[int] = ..., under_way: _Optional[str] = ..., label: _Optional[str] = ...) -> None: ...
 
-class PlannerState(_message.Message):
-    __slots__ = ("trajectory", "earlier", "global_path", "exploration", "path_loss", "rest_since_ns", "improved_ns", "viewpoints", "breadcrumbs", "backtracks", "oriented", "unheld_trail", "returns", "closed_gaps", "lost_way")
-    TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
-    EARLIER_FIELD_NUMBER: _ClassVar[int]
-    GLOBAL_PATH_FIELD_NUMBER: _ClassVar[int]
-    EXPLORATION_FIELD_NUMBER: _ClassVar[int]
-    PATH_LOSS_FIELD_NUMBER: _ClassVar[int]
-    REST_SINCE_NS_FIELD_NUMBER: _ClassVar[int]
-    IMPROVED_NS_FIELD_NUMBER: _ClassVar[int]
+class Tries(_message.Message):
+    __slots__ = ("viewpoints", "backtracks", "returns")
     VIEWPOINTS_FIELD_NUMBER: _ClassVar[int]
-    BREADCRUMBS_FIELD_NUMBER: _ClassVar[int]
     BACKTRACKS_FIELD_NUMBER: _ClassVar[int]
-    ORIENTED_FIELD_NUMBER: _ClassVar[int]
-    UNHELD_TRAIL_FIELD_NUMBER: _ClassVar[int]
     RETURNS_FIELD_NUMBER: _ClassVar[int]
-    CLOSED_GAPS_FIELD_NUMBER: _ClassVar[int]
-    LOST_WAY_FIELD_NUMBER: _ClassVar[int]
-    trajectory: CommittedTrajectory
-    earlier: _containers.RepeatedCompositeFieldContainer[CommittedTrajectory]
-    global_path: Points
-    exploration: Exploration
-    path_loss: PathLoss
-    rest_since_ns: int
-    improved_ns: int
     viewpoints: Points
-    breadcrumbs: Points
     backtracks: int
-    oriented: bool
-    unheld_trail: Points
     returns: int
-    closed_gaps: _containers.RepeatedCompositeFieldContainer[ClosedGap]
-    lost_way: LostWay
-    def __init__(self, trajectory: _Optional[_Union[CommittedTrajectory, _Mapping]] = ..., earlier: _Optional[_Iterable[_Union[CommittedTrajectory, _Mapping]]] = ..., global_path: _Optional[_Union[Points, _Mapping]] = ..., exploration: _Optional[_Union[Exploration, _Mapping]] = ..., path_loss: _Optional[_Union[PathLoss, _Mapping]] = ..., rest_since_ns: _Optional[int] = ..., improved_ns: _Optional[int] = ..., viewpoints: _Optional[_Union[Points, _Mapping]] = ..., breadcrumbs: _Optional[_Union[Points, _Mapping]] = ..., backtracks: _Optional[int] = ..., oriented: _Optional[bool] = ..., unheld_trail: _Optional[_Union[Points, _Mapping]] = ..., returns: _Optional[int] = ..., closed_gaps: _Optional[_Iterable[_Union[ClosedGap, _Mapping]]] = ..., lost_way: _Optional[_Union[LostWay, _Mapping]] = ...) -> None: ...
+    def __init__(self, viewpoints: _Optional[_Union[Points, _Mapping]] = ..., backtracks: _Optional[int] = ..., returns: _Optional[int] = ...) -> None: ...
+
+class Trails(_message.Message):
+    __slots__ = ("breadcrumbs", "unheld")
+    BREADCRUMBS_FIELD_NUMBER: _ClassVar[int]
+    UNHELD_FIELD_NUMBER: _ClassVar[int]
+    breadcrumbs: Points
+    unheld: Points
+    def __init__(self, breadcrumbs: _Optional[_Union[Points, _Mapping]] = ..., unheld: _Optional[_Union[Points, _Mapping]] = ...) -> None: ...
 
 class ClosedGap(_message.Message):
     __slots__ = ("place", "tries")
@@ -610,6 +604,34 @@ class LostWay(_message.Message):
     length_m: float
     time_ns: int
     def __init__(self, place: _Optional[_Iterable[float]] = ..., length_m: _Optional[float] = ..., time_ns: _Optional[int] = ...) -> None: ...
+
+class Narrows(_message.Message):
+    __slots__ = ("oriented", "closed", "lost")
+    ORIENTED_FIELD_NUMBER: _ClassVar[int]
+    CLOSED_FIELD_NUMBER: _ClassVar[int]
+    LOST_FIELD_NUMBER: _ClassVar[int]
+    oriented: bool
+    closed: _containers.RepeatedCompositeFieldContainer[ClosedGap]
+    lost: LostWay
+    def __init__(self, oriented: _Optional[bool] = ..., closed: _Optional[_Iterable[_Union[ClosedGap, _Mapping]]] = ..., lost: _Optional[_Union[LostWay, _Mapping]] = ...) -> None: ...
+
+class PlannerState(_message.Message):
+    __slots__ = ("committed", "route", "path_loss", "rest_since_ns", "tries", "trails", "narrows")
+    COMMITTED_FIELD_NUMBER: _ClassVar[int]
+    ROUTE_FIELD_NUMBER: _ClassVar[int]
+    PATH_LOSS_FIELD_NUMBER: _ClassVar[int]
+    REST_SINCE_NS_FIELD_NUMBER: _ClassVar[int]
+    TRIES_FIELD_NUMBER: _ClassVar[int]
+    TRAILS_FIELD_NUMBER: _ClassVar[int]
+    NARROWS_FIELD_NUMBER: _ClassVar[int]
+    committed: _containers.RepeatedCompositeFieldContainer[CommittedTrajectory]
+    route: Route
+    path_loss: PathLoss
+    rest_since_ns: int
+    tries: Tries
+    trails: Trails
+    narrows: Narrows
+    def __init__(self, committed: _Optional[_Iterable[_Union[CommittedTrajectory, _Mapping]]] = ..., route: _Optional[_Union[Route, _Mapping]] = ..., path_loss: _Optional[_Union[PathLoss, _Mapping]] = ..., rest_since_ns: _Optional[int] = ..., tries: _Optional[_Union[Tries, _Mapping]] = ..., trails: _Optional[_Union[Trails, _Mapping]] = ..., narrows: _Optional[_Union[Narrows, _Mapping]] = ...) -> None: ...
 
 class MapContent(_message.Message):
     __slots__ = ("ticks", "bricks", "records", "window", "filters")

@@ -13,16 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from wayproof.harness.stack.types import (
-    ClosedGap,
-    LostWay,
-    Place,
-    PlannerInput,
-    PlannerState,
-    arc_length,
-    distance,
-    is_free_along,
-)
+from wayproof.harness.stack.state import ClosedGap, LostWay, Place, PlannerState
+from wayproof.harness.stack.types import PlannerInput, arc_length, distance, is_free_along
 from wayproof.planners import FreeSpace, point_at, remaining
 
 SEEN_WITHIN = 1.0
@@ -64,7 +56,8 @@ def note_lost_way(input: PlannerInput, state: PlannerState) -> PlannerState:
     if free > SEEN_WITHIN:
         return state
     x, y, z = point_at(path, min(free + input.optimistic.resolution, length)).tolist()
-    return replace(state, lost_way=LostWay((x, y, z), length, input.time_ns))
+    lost = LostWay((x, y, z), length, input.time_ns)
+    return replace(state, narrows=replace(state.narrows, lost=lost))
 
 
 def record_closed_gap(input: PlannerInput, state: PlannerState) -> PlannerState:
@@ -74,15 +67,16 @@ def record_closed_gap(input: PlannerInput, state: PlannerState) -> PlannerState:
         input: Planner input of the decision.
         state: Planner state after the decision; not written to.
     """
-    lost = state.lost_way
+    narrows, lost = state.narrows, state.narrows.lost
     if lost is None:
         return state
     if input.time_ns - lost.time_ns > GIVEN_UP_NS:
-        return replace(state, lost_way=None)
+        return replace(state, narrows=replace(narrows, lost=None))
     path = state.global_path
     if path is None or state.exploring or arc_length(path) < lost.length_m + DETOUR:
         return state
-    return replace(state, lost_way=None, closed_gaps=_with_try(state.closed_gaps, lost.place))
+    closed = _with_try(narrows.closed, lost.place)
+    return replace(state, narrows=replace(narrows, lost=None, closed=closed))
 
 
 def _with_try(gaps: tuple[ClosedGap, ...], place: Place) -> tuple[ClosedGap, ...]:
@@ -94,10 +88,10 @@ def _with_try(gaps: tuple[ClosedGap, ...], place: Place) -> tuple[ClosedGap, ...
 
 def with_closed_gaps(input: PlannerInput, state: PlannerState) -> PlannerInput:
     """Return the planner input by which ways through closed gaps cost more."""
-    if not state.closed_gaps:
+    if not state.narrows.closed:
         return input
     guided = input.guided or (lambda: input.optimistic)
-    weight, gaps = input.planner.clearance_weight, state.closed_gaps
+    weight, gaps = input.planner.clearance_weight, state.narrows.closed
     costly = functools.cache(lambda: costly_gaps(guided(), gaps, weight))
     return replace(input, guided=costly, avoids_gaps=True)
 

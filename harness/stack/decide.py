@@ -38,7 +38,8 @@ from wayproof.harness.stack.situation import (
     not_yet_superseded,
     situation_of,
 )
-from wayproof.harness.stack.types import Decided, PathLoss, PlannerInput, PlannerState
+from wayproof.harness.stack.state import PathLoss, PlannerState
+from wayproof.harness.stack.types import Decided, PlannerInput
 
 MANOEUVRES: tuple[Callable[[Situation], Decided | None], ...] = (
     # First the pose: what follows holds only for a robot that is where it thinks it is.
@@ -70,7 +71,6 @@ def decide(input: PlannerInput, state: PlannerState) -> Decided:
     Returns:
         The command, and the state for the next decision.
     """
-    committed = not_yet_superseded(input, state)
     state = record_unheld_trail(record_breadcrumb(state, input), input)
     situation = situation_of(input, forget_way_back(state, input))
     decided = first_that_applies(MANOEUVRES, situation)
@@ -78,8 +78,15 @@ def decide(input: PlannerInput, state: PlannerState) -> Decided:
         decided = first_that_applies(RECOVERIES, Wait(situation, decided))
     command, after = decided
     path_loss = None
-    if after.global_path is None:
+    if after.route is None:
         path_loss = PathLoss(input.sequence, command.under_way, command.label)
         if state.path_loss is not None and command.reason.since == state.path_loss.sequence:
             path_loss = state.path_loss
-    return Decided(command, replace(after, earlier=committed, path_loss=path_loss))
+    waits = command.reason.waited_s is not None
+    after = replace(
+        after,
+        committed=(*not_yet_superseded(input, state), command.trajectory),
+        path_loss=path_loss,
+        rest_since_ns=after.rest_since_ns if waits else -1,
+    )
+    return Decided(command, after)

@@ -12,11 +12,11 @@ from wayproof.harness.stack.footprint_checks import poses_from
 from wayproof.harness.stack.global_path import ARRIVED
 from wayproof.harness.stack.obstruction import Obstruction
 from wayproof.harness.stack.reasons import Kind, Reason
+from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import (
     LENGTH_ROUNDING,
     Array,
     PlannerInput,
-    PlannerState,
     arc_length,
     is_stationary,
 )
@@ -126,7 +126,7 @@ def exploration_reason(
         )
     if exploration.backtracking:
         return "recover", Reason("going_back", since=since, target=target)
-    places = len(state.viewpoints)
+    places = len(state.tries.viewpoints)
     return "explore", Reason("looking_elsewhere", since=since, target=target, places=places)
 
 

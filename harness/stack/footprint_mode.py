@@ -16,14 +16,8 @@ from wayproof.harness.stack.closed_gaps import note_lost_way, record_closed_gap,
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import heading_at
 from wayproof.harness.stack.manoeuvres.pose_step import is_stepping
-from wayproof.harness.stack.types import (
-    Command,
-    Decided,
-    PlannerInput,
-    PlannerState,
-    arc_length,
-    is_free_along,
-)
+from wayproof.harness.stack.state import PlannerState
+from wayproof.harness.stack.types import Command, Decided, PlannerInput, arc_length, is_free_along
 from wayproof.maps.elementary import cosine
 from wayproof.planners import remaining
 
@@ -77,26 +71,30 @@ def _decide(
     circumscribed: PlannerInput, make_oriented: Callable[[], PlannerInput], state: PlannerState
 ) -> FootprintDecision:
     """Decide for one of the footprints; arguments as of `decide_with_footprint`."""
-    if state.oriented and not _can_widen(circumscribed, state):
+    if state.narrows.oriented and not _can_widen(circumscribed, state):
         oriented = make_oriented()
         state = note_lost_way(oriented, state)
         oriented = with_closed_gaps(oriented, state)
         return FootprintDecision(*decide(oriented, state), oriented)
-    wide = decide(circumscribed, replace(state, oriented=False))
+    wide = decide(circumscribed, _planned_for(state, oriented=False))
     limit = DETOUR_RATIO * _length_left(state, circumscribed) + DETOUR_LENGTH
     wide_leads = _makes_progress(wide)
     if wide_leads and _path_length(wide.state) <= limit:
         return FootprintDecision(*wide, circumscribed)
     oriented = with_closed_gaps(make_oriented(), state)
-    narrow = decide(oriented, replace(state, oriented=True))
+    narrow = decide(oriented, _planned_for(state, oriented=True))
     narrow_leads = _makes_progress(narrow)
     if narrow_leads and (not wide_leads or _path_length(narrow.state) <= limit):
         return FootprintDecision(*narrow, oriented)
-    if state.oriented and _brakes(wide) and _brakes(narrow):
+    if state.narrows.oriented and _brakes(wide) and _brakes(narrow):
         return FootprintDecision(*narrow, oriented)
     if _steps_out(narrow) and not _escapes(wide):
         return FootprintDecision(*narrow, oriented)
     return FootprintDecision(*wide, circumscribed)
+
+
+def _planned_for(state: PlannerState, *, oriented: bool) -> PlannerState:
+    return replace(state, narrows=replace(state.narrows, oriented=oriented))
 
 
 def _can_widen(circumscribed: PlannerInput, state: PlannerState) -> bool:

@@ -11,10 +11,10 @@ import numpy as np
 from wayproof.harness.geometry import atan2_rounded
 from wayproof.harness.stack.early_bends import fastest_found
 from wayproof.harness.stack.path_timing import travel_time
+from wayproof.harness.stack.state import PlannerState, Route
 from wayproof.harness.stack.types import (
     Array,
     PlannerInput,
-    PlannerState,
     arc_length,
     distance,
     is_free_along,
@@ -86,34 +86,42 @@ def project_goal_to_free(input: PlannerInput) -> Array:
 
 def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySample) -> GlobalPlan:
     """Keep the global path while it is valid and no other is much cheaper; else replan it."""
-    path = None if state.global_path is None else remaining(state.global_path, start.arc_length)
-    if path is not None and arc_length(path) < ARRIVED and _replans_at_end(state, start):
-        path = None
-    driven = path
-    if path is None:  # on from the stop that is under way
-        driven = remaining(state.trajectory.path, start.arc_length)
-    valid = path is not None and _is_valid(input, state, path)
-    improve_due = input.time_ns - state.improved_ns >= input.gait.replan_period * 1e9
-    if valid and not improve_due:
-        return GlobalPlan(replace(state, global_path=path))
-    prefix = _prefix_to_keep(input, start, driven, slack=STOP_SLACK if driven is not path else 0.0)
-    if prefix is None:
-        if valid:  # it is too late to bend it, as where the robot brakes to its end
-            return GlobalPlan(replace(state, global_path=path))
-        return GlobalPlan(replace(state, global_path=None, exploration=None))
+    rest = None if state.route is None else state.along(remaining(state.path, start.arc_length))
+    if rest is not None and arc_length(rest.path) < ARRIVED and _replans_at_end(state, start):
+        rest = None
+    kept = rest if rest is not None and _is_valid(input, rest) else None
+    if kept is not None and not _is_improvement_due(input, kept):
+        return GlobalPlan(kept)
+    if rest is not None:
+        prefix = _prefix_to_keep(input, start, rest.path, slack=0.0)
+    else:  # on from the stop that is under way
+        stop = remaining(state.trajectory.path, start.arc_length)
+        prefix = _prefix_to_keep(input, start, stop, slack=STOP_SLACK)
+    if prefix is None:  # if the path is valid, it is too late to bend it, as where it ends
+        return GlobalPlan(replace(state, route=None) if kept is None else kept)
     seed = plan_seed(input.seed, "guide", input.sequence)
     search, found = fastest_found(
         input,
         start,
         prefix,
-        lambda kept: _replan(
-            input, kept, start.heading, seed, only_known=valid and state.exploring
+        lambda beginning: _replan(
+            input,
+            beginning,
+            start.heading,
+            seed,
+            only_known=kept is not None and kept.exploring,
         ),
     )
-    state = replace(state, improved_ns=input.time_ns)
-    if valid and path is not None and not _is_better(input, state, start, found, path):
-        return GlobalPlan(replace(state, global_path=path), search, seed)
-    return GlobalPlan(replace(state, global_path=found, exploration=None), search, seed)
+    if kept is not None and not _is_better(input, kept, start, found):
+        state = kept.searched(input.time_ns)
+    else:
+        state = replace(state, route=None if found is None else Route(found, input.time_ns))
+    return GlobalPlan(state, search, seed)
+
+
+def _is_improvement_due(input: PlannerInput, state: PlannerState) -> bool:
+    assert state.route is not None
+    return input.time_ns - state.route.improved_ns >= input.gait.replan_period * 1e9
 
 
 def _replans_at_end(state: PlannerState, start: TrajectorySample) -> bool:
@@ -124,8 +132,9 @@ def _replans_at_end(state: PlannerState, start: TrajectorySample) -> bool:
     return state.exploring or is_stationary(start)
 
 
-def _is_valid(input: PlannerInput, state: PlannerState, path: Array) -> bool:
-    """Return whether a path is not known to be blocked, and leads to the goal or a viewpoint."""
+def _is_valid(input: PlannerInput, state: PlannerState) -> bool:
+    """Return whether the path is not known to be blocked, and leads to the goal or a viewpoint."""
+    path = state.path
     valid = is_free_along(input.optimistic, path)
     if state.exploring:
         return valid
@@ -133,7 +142,7 @@ def _is_valid(input: PlannerInput, state: PlannerState, path: Array) -> bool:
 
 
 def _prefix_to_keep(
-    input: PlannerInput, start: TrajectorySample, path: Array | None, slack: float
+    input: PlannerInput, start: TrajectorySample, path: Array, slack: float
 ) -> Array | None:
     """Return the part (n, 3) that the robot drives before a new path can bend off; None if blocked.
 
@@ -142,8 +151,6 @@ def _prefix_to_keep(
     """
     if is_stationary(start):
         return start.position[None]
-    if path is None:
-        return None
     traversable = input.traversable.free_length(path)
     braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     if traversable < braking - slack:
@@ -272,11 +279,7 @@ def drop_duplicates(waypoints: Array) -> Array:
 
 
 def _is_better(
-    input: PlannerInput,
-    state: PlannerState,
-    start: TrajectorySample,
-    found: Array | None,
-    path: Array,
+    input: PlannerInput, state: PlannerState, start: TrajectorySample, found: Array | None
 ) -> bool:
     """Return whether a new path replaces a valid one; any way to the goal is better than exploring.
 
@@ -284,6 +287,7 @@ def _is_better(
     """
     if found is None or state.exploring:
         return found is not None
+    path = state.path
     found_cost, cost = _path_costs(input, found, path)
     if input.planner.replaces(found_cost, cost):
         return True

@@ -6,14 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from wayproof.harness.stack.types import (
-    Array,
-    Horizon,
-    PlannerInput,
-    PlannerState,
-    distance,
-    is_free_along,
-)
+from wayproof.harness.stack.state import PlannerState
+from wayproof.harness.stack.types import Array, Horizon, PlannerInput, distance, is_free_along
 from wayproof.planners import TrajectorySample, remaining
 
 RENEW = 6.0

@@ -19,7 +19,7 @@ from wayproof.harness.stack.map_content import (
     write_filters,
 )
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.harness.stack.planner_state_messages import read_state, state_message
+from wayproof.harness.stack.state_messages import read_state, state_message
 from wayproof.maps import VoxelMap
 from wayproof.maps.voxel.storage import VoxelContent
 

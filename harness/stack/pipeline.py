@@ -22,7 +22,8 @@ from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder, PlannerInputBuilder
 from wayproof.harness.stack.prediction import Predicted, Predictions
 from wayproof.harness.stack.record import StageClock, record, record_missed_deadline
-from wayproof.harness.stack.types import PlannerInput, PlannerState, for_next_goal
+from wayproof.harness.stack.state import PlannerState, for_next_goal
+from wayproof.harness.stack.types import PlannerInput
 from wayproof.planners import Trajectory, hold
 
 
@@ -51,7 +52,7 @@ class Navigator:
         self._spaces = self.SPACES(config, mission, self.costmap, self.mapper.omnidirectional)
         self._input_builder = PlannerInputBuilder(config, mission, self.mapper, self._spaces)
         start = self.mapper.planning_point(np.array(mission.start))
-        self.state = self._draft = PlannerState(hold(start, 0, mission.start_heading))
+        self.state = self._draft = PlannerState((hold(start, 0, mission.start_heading),))
         self.chain = ""
 
     def planner_inputs(self, inputs: Inputs) -> tuple[PlannerInput, PlannerInput]:

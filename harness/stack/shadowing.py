@@ -14,7 +14,7 @@ import numpy as np
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.harness.stack.types import Array, PlannerState
+from wayproof.harness.stack.state import Array, PlannerState, Tries
 from wayproof.planners import arc_lengths, hold, point_at
 
 NEAR_PATH = 0.5
@@ -53,17 +53,14 @@ def at_rest(state: PlannerState, position: Array, heading: float, time_ns: int) 
         heading: rad.
         time_ns: Time of the pose.
     """
-    path = None if state.global_path is None else rejoined(state.global_path, position)
+    path = None if state.route is None else rejoined(state.route.path, position)
+    state = replace(state, route=None) if path is None else state.along(path)
     return replace(
         state,
-        trajectory=hold(position, time_ns, heading),
-        earlier=(),
-        global_path=path,
-        exploration=None if path is None else state.exploration,
+        committed=(hold(position, time_ns, heading),),
         path_loss=None,
         rest_since_ns=-1,
-        viewpoints=np.empty((0, 3)),
-        backtracks=0,
+        tries=Tries(returns=state.tries.returns),
     )
 
 

@@ -15,14 +15,8 @@ from wayproof.harness.stack.global_path import (
     project_goal_to_free,
 )
 from wayproof.harness.stack.horizon import goal_within
-from wayproof.harness.stack.types import (
-    Array,
-    Decided,
-    PlannerInput,
-    PlannerState,
-    arc_length,
-    distance,
-)
+from wayproof.harness.stack.state import PlannerState
+from wayproof.harness.stack.types import Array, Decided, PlannerInput, arc_length, distance
 from wayproof.planners import Trajectory, TrajectorySample, remaining
 
 S = TypeVar("S")
@@ -100,7 +94,7 @@ def situation_of(input: PlannerInput, state: PlannerState) -> Situation:
 
 def not_yet_superseded(input: PlannerInput, state: PlannerState) -> tuple[Trajectory, ...]:
     """Return the committed trajectories from the one followed at the time of the sweep on."""
-    committed = (*state.earlier, state.trajectory)
+    committed = state.committed
     begun = [k for k, trajectory in enumerate(committed) if trajectory.start_ns <= input.time_ns]
     return committed[begun[-1] if begun else 0 :]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.decision import Action, Label
 from wayproof.harness.stack.gait import Gait
 from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.state import PlannerState, UnderWay
 from wayproof.maps.elementary import norm
 from wayproof.planners import (
     FreeSpace,
@@ -148,146 +149,6 @@ class PlannerInput:
     def noisy(self) -> bool:
         """Whether the deviation of the ranges costs speed."""
         return self.range_sigma > self.behaviour.noisy_sigma
-
-
-@dataclass(frozen=True)
-class Exploration:
-    """A detour to a viewpoint, from which the sensors may find a way to the goal.
-
-    Attributes:
-        since: Number of the decision that began it.
-        backtracking: Whether it leads back along the breadcrumbs, and not to a frontier.
-        returning: Whether it leads back to where the sweeps held the pose.
-    """
-
-    since: int
-    backtracking: bool = False
-    returning: bool = False
-
-
-UnderWay = Literal["", "escape", "step"]
-"""A manoeuvre without a global path that the next decision may go on with."""
-
-
-@dataclass(frozen=True)
-class PathLoss:
-    """The decision that dropped the global path without a new one.
-
-    Attributes:
-        sequence: Its number.
-        under_way: The manoeuvre that it began or went on with.
-        label: Its label.
-    """
-
-    sequence: int
-    under_way: UnderWay
-    label: Label
-
-
-Place = tuple[float, float, float]
-"""Position, m."""
-
-
-class LostWay(NamedTuple):
-    """The global path that last closed right before an elongated body.
-
-    Attributes:
-        place: Place on it at which it closed, m.
-        length_m: Length that was left of it, m.
-        time_ns: Time of the sweep.
-    """
-
-    place: Place
-    length_m: float
-    time_ns: int
-
-
-class ClosedGap(NamedTuple):
-    """A narrow gap that closed before the robot, which then took a detour.
-
-    Attributes:
-        place: Place on the global path at which it did, m.
-        tries: Number of times that it did.
-    """
-
-    place: Place
-    tries: int
-
-
-@dataclass(frozen=True)
-class PlannerState:
-    """All that one decision carries over to the next.
-
-    Attributes:
-        trajectory: The last one committed; the robot follows it until the next takes effect.
-        earlier: Trajectories committed before it, from the one that the robot follows now.
-        global_path: (n, 3) from the start of `trajectory` to the goal, or to a viewpoint while
-            exploring.
-        exploration: The detour that the global path belongs to; none if it leads to the goal.
-        path_loss: Since when there is no global path; none if there is one.
-        rest_since_ns: Time at which the robot began to wait for a way; -1 if it does not wait.
-        improved_ns: Time of the last search for a cheaper global path.
-        viewpoints: (n, 3) positions explored from, m.
-        breadcrumbs: (n, 3) positions travelled through, the latest last, as many as backtracking
-            needs, m.
-        backtracks: Number of times that the robot has backtracked.
-        oriented: Whether the global path is for the oriented footprint of an elongated body, not
-            for the circumscribed one.
-        unheld_trail: (n, 3) positions from the last one at which the sweeps held the pose, m.
-        returns: Number of times that the robot has gone back to where they did.
-        closed_gaps: Narrow gaps that closed before an elongated body, the latest last.
-        lost_way: The path that last closed before an elongated body, until it takes another.
-    """
-
-    trajectory: Trajectory
-    earlier: tuple[Trajectory, ...] = ()
-    global_path: Array | None = None
-    exploration: Exploration | None = None
-    path_loss: PathLoss | None = None
-    rest_since_ns: int = -1
-    improved_ns: int = 0
-    viewpoints: Array = field(default_factory=lambda: np.empty((0, 3)))
-    breadcrumbs: Array = field(default_factory=lambda: np.empty((0, 3)))
-    backtracks: int = 0
-    oriented: bool = False
-    unheld_trail: Array = field(default_factory=lambda: np.empty((0, 3)))
-    returns: int = 0
-    closed_gaps: tuple[ClosedGap, ...] = ()
-    lost_way: LostWay | None = None
-
-    @property
-    def returning(self) -> bool:
-        """Whether the global path leads back to where the sweeps held the pose."""
-        return self.exploration is not None and self.exploration.returning
-
-    @property
-    def exploring(self) -> bool:
-        """Whether the global path leads to a viewpoint."""
-        return self.exploration is not None
-
-    @property
-    def under_way(self) -> UnderWay:
-        """The manoeuvre without a global path that may go on."""
-        return "" if self.path_loss is None else self.path_loss.under_way
-
-    @property
-    def path(self) -> Array:
-        """The global path (n, 3), where there must be one."""
-        assert self.global_path is not None
-        return self.global_path
-
-
-def for_next_goal(state: PlannerState) -> PlannerState:
-    """Return the state after a goal was reached: all counts of tries begin anew."""
-    return replace(
-        state,
-        rest_since_ns=-1,
-        viewpoints=np.empty((0, 3)),
-        backtracks=0,
-        returns=0,
-        lost_way=None,
-        closed_gaps=(),
-    )
 
 
 @dataclass(frozen=True)

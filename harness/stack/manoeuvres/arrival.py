@@ -38,7 +38,7 @@ def arrive(situation: Situation) -> Decided | None:
     left = distance(input.position, input.goal)
     reason = Reason("arrived", distance_m=left, limit_m=input.goal_tolerance)
     command = Command("goal", reason, "none", trajectory)
-    return Decided(command, replace(situation.state, trajectory=trajectory))
+    return Decided(command, situation.state)
 
 
 def wait_at_blocked_goal(situation: Situation) -> Decided | None:
@@ -47,7 +47,7 @@ def wait_at_blocked_goal(situation: Situation) -> Decided | None:
         return None
     input = situation.input
     found = obstruction.at_place(input, input.goal, float(HEADINGS[0]), unknown_blocks=False)
-    state = replace(situation.state, global_path=None, exploration=None)
+    state = replace(situation.state, route=None)
     reason = obstructed("goal_blocked", found)
     return wait(input, state, situation.start, "goal_blocked", reason)
 

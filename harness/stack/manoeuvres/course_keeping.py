@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.diagnosis import braking_reason
 from wayproof.harness.stack.footprint_checks import first_misfit, poses_from
 from wayproof.harness.stack.manoeuvres.driving import Course, drivable_part, drive
 from wayproof.harness.stack.manoeuvres.stopping import brake
 from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import Command, Decided, arc_length
 from wayproof.planners import remaining
 
@@ -60,17 +59,24 @@ def _kept(course: Course) -> Decided:
         trajectory=previous.trajectory,
         global_path=previous.global_path,
     )
-    return Decided(command, replace(previous, improved_ns=course.state.improved_ns))
+    return Decided(command, _searched_as(course))
 
 
 def _drive_last_path(course: Course) -> Decided | None:
     """Drive the last global path as far as it still fits; None if that is too short to stop."""
     previous, start = course.previous, course.start
-    if previous.global_path is None:
+    if previous.route is None:
         return None
-    path = remaining(previous.global_path, start.arc_length)
+    path = remaining(previous.route.path, start.arc_length)
     part = drivable_part(course.input, path, start)
     if part.too_short:
         return None
-    state = replace(previous, global_path=path, improved_ns=course.state.improved_ns)
-    return drive(course._replace(state=state, part=part))
+    return drive(course._replace(state=_searched_as(course).along(path), part=part))
+
+
+def _searched_as(course: Course) -> PlannerState:
+    """Return the state before the decision, with the time of its search for a cheaper path."""
+    planned = course.state.route
+    if course.previous.route is None or planned is None:
+        return course.previous
+    return course.previous.searched(planned.improved_ns)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import NamedTuple
 
 from wayproof.harness.behaviour_config import MAX_CORNER_ANGLE, MIN_ADVANCE
@@ -16,12 +15,12 @@ from wayproof.harness.stack.footprint_checks import (
 )
 from wayproof.harness.stack.global_path import STOP_SLACK
 from wayproof.harness.stack.path_timing import plan_trajectory
+from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import (
     Array,
     Command,
     Decided,
     PlannerInput,
-    PlannerState,
     arc_length,
     is_stationary,
 )
@@ -144,7 +143,7 @@ def drive_along(course: Course, tail_first: bool) -> Decided | None:
         slowed=slow_end is not None,
     )
     command = Command(action, reason, label, trajectory, state.path)
-    return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
+    return Decided(command, state)
 
 
 def _unknown_end(input: PlannerInput, path: Array) -> SlowEnd | None:

@@ -19,13 +19,12 @@ from wayproof.harness.stack.manoeuvres.stopping import wait
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation
+from wayproof.harness.stack.state import PlannerState, UnderWay
 from wayproof.harness.stack.types import (
     Array,
     Command,
     Decided,
     PlannerInput,
-    PlannerState,
-    UnderWay,
     arc_length,
     distance,
     is_stationary,
@@ -56,7 +55,7 @@ def escape_inflation(situation: Situation) -> Decided | None:
     if escape is None or not _leads_out(input, start, escape.position, escape.heading):
         return wait(input, state, start, "start_blocked", obstructed("leaving_inflation", found))
     path = np.stack([start.position, escape.position])
-    state = replace(state, global_path=None, exploration=None, rest_since_ns=-1)
+    state = replace(state, route=None)
     if escape.heading == start.heading:
         away = distance(start.position, escape.position)
         reason = obstructed("leaving_inflation", found, distance_m=away)
@@ -96,7 +95,7 @@ def _escaping(
     command = Command(
         "recover", reason, "start_blocked", trajectory, global_path=path, under_way=under_way
     )
-    return Decided(command, replace(state, trajectory=trajectory))
+    return Decided(command, state)
 
 
 def _leads_out(input: PlannerInput, start: TrajectorySample, target: Array, heading: float) -> bool:

@@ -8,7 +8,8 @@ from wayproof.harness.stack.manoeuvres.driving import Course, drivable_part
 from wayproof.harness.stack.manoeuvres.stopping import brake, searched, wait
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation, first_that_applies
-from wayproof.harness.stack.types import Decided, PlannerInput, PlannerState
+from wayproof.harness.stack.state import PlannerState
+from wayproof.harness.stack.types import Decided, PlannerInput
 from wayproof.planners import TrajectorySample, truncate
 
 

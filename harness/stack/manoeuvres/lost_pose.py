@@ -17,13 +17,12 @@ from wayproof.harness.stack.manoeuvres.following import follow
 from wayproof.harness.stack.manoeuvres.stopping import brake
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation
+from wayproof.harness.stack.state import Exploration, PlannerState, Route
 from wayproof.harness.stack.types import (
     LENGTH_ROUNDING,
     Command,
     Decided,
-    Exploration,
     PlannerInput,
-    PlannerState,
     arc_length,
     distance,
     is_free_along,
@@ -41,18 +40,19 @@ def record_unheld_trail(state: PlannerState, input: PlannerInput) -> PlannerStat
     if pose is None:
         return state
     if pose.held:
-        return replace(state, unheld_trail=input.position[None])
-    trail = state.unheld_trail
+        return replace(state, trails=replace(state.trails, unheld=input.position[None]))
+    trail = state.trails.unheld
     if state.returning or (len(trail) and distance(trail[-1], input.position) < TRAIL_SPACING):
         return state
-    return replace(state, unheld_trail=np.vstack([trail, input.position]))
+    trail = np.vstack([trail, input.position])
+    return replace(state, trails=replace(state.trails, unheld=trail))
 
 
 def forget_way_back(state: PlannerState, input: PlannerInput) -> PlannerState:
     """Return the state without a way back to where the pose was held, once it is held again."""
     if not state.returning or _is_lost(input):
         return state
-    return replace(state, global_path=None, exploration=None)
+    return replace(state, route=None)
 
 
 def hold_position(situation: Situation) -> Decided | None:
@@ -64,8 +64,7 @@ def hold_position(situation: Situation) -> Decided | None:
     trajectory = hold(input.position, input.effect_ns, input.heading)
     reason = Reason("localization_lost", distance_m=away, limit_m=limit)
     command = Command("recover", reason, "localization_lost", trajectory)
-    state = replace(situation.state, trajectory=trajectory, global_path=None, exploration=None)
-    return Decided(command, state)
+    return Decided(command, replace(situation.state, route=None))
 
 
 def go_back_to_held(situation: Situation) -> Decided | None:
@@ -80,24 +79,20 @@ def go_back_to_held(situation: Situation) -> Decided | None:
         path = remaining(state.path, start.arc_length)
         arrived = arc_length(path) - LENGTH_ROUNDING <= ARRIVED
         if is_free_along(input.traversable, path) and not arrived:
-            return follow(input, replace(state, global_path=path), start, previous=state)
+            return follow(input, state.along(path), start, previous=state)
     if not is_stationary(start):
         path = remaining(state.trajectory.path, start.arc_length)
         reason = _lost(input, input.behaviour.lost_sigma)
         return brake(input, state, start, path, reason, label="localization_lost")
-    path = np.vstack([start.position, state.unheld_trail[::-1]])
+    path = np.vstack([start.position, state.trails.unheld[::-1]])
     path = path[np.append(True, np.abs(np.diff(path, axis=0)).max(axis=1) > 1e-6)]
     free = input.traversable.free_length(path) if len(path) > 1 else 0.0
-    done = state.returns >= input.behaviour.max_returns
+    done = state.tries.returns >= input.behaviour.max_returns
     if done or free < max(arc_length(path) - LENGTH_ROUNDING, MIN_ADVANCE):
         return give_up(situation, limit=input.behaviour.lost_sigma)
-    state = replace(
-        state,
-        global_path=path,
-        exploration=Exploration(input.sequence, returning=True),
-        improved_ns=input.time_ns,
-        returns=state.returns + 1,
-    )
+    back = Exploration(input.sequence, returning=True)
+    tries = replace(state.tries, returns=state.tries.returns + 1)
+    state = replace(state, route=Route(path, input.time_ns, back), tries=tries)
     return follow(input, state, start, previous=state)
 
 
@@ -106,8 +101,7 @@ def give_up(situation: Situation, limit: float) -> Decided:
     input, start = situation.input, situation.start
     trajectory = hold(start.position, input.effect_ns, start.heading)
     command = Command("abort", _lost(input, limit), "localization_lost", trajectory)
-    state = replace(situation.state, trajectory=trajectory, global_path=None, exploration=None)
-    return Decided(command, state)
+    return Decided(command, replace(situation.state, route=None))
 
 
 def _is_lost(input: PlannerInput) -> bool:

@@ -14,15 +14,8 @@ from wayproof.harness.stack.manoeuvres.driving import Course
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation
-from wayproof.harness.stack.types import (
-    Array,
-    Command,
-    Decided,
-    PlannerInput,
-    PlannerState,
-    arc_length,
-    distance,
-)
+from wayproof.harness.stack.state import PlannerState
+from wayproof.harness.stack.types import Array, Command, Decided, PlannerInput, arc_length, distance
 from wayproof.planners import Trajectory, TrajectorySample, plan_seed, turn_in_place
 
 STANDS = 1e-6
@@ -55,13 +48,12 @@ def step_to_pose(course: Course) -> Decided | None:
     trajectory = _first_motion(input, start, found.waypoints, found.headings)
     if trajectory is None:
         return None
-    state = replace(state, trajectory=trajectory, global_path=None, rest_since_ns=-1)
-    return Decided(_stepping(trajectory), state)
+    return Decided(_stepping(trajectory), replace(state, route=None))
 
 
 def is_stepping(state: PlannerState, start: TrajectorySample) -> bool:
     """Return whether a body is on its way to such a pose."""
-    return not start.at_rest and state.global_path is None and state.under_way == "step"
+    return not start.at_rest and state.route is None and state.under_way == "step"
 
 
 def continue_step(situation: Situation) -> Decided | None:

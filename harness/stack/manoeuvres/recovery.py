@@ -12,15 +12,8 @@ from wayproof.harness.stack.global_path import drop_duplicates
 from wayproof.harness.stack.manoeuvres.following import follow
 from wayproof.harness.stack.manoeuvres.stopping import seconds_waited
 from wayproof.harness.stack.situation import Situation
-from wayproof.harness.stack.types import (
-    Array,
-    Decided,
-    Exploration,
-    PlannerInput,
-    PlannerState,
-    arc_length,
-    distance,
-)
+from wayproof.harness.stack.state import Exploration, PlannerState, Route
+from wayproof.harness.stack.types import Array, Decided, PlannerInput, arc_length, distance
 from wayproof.planners import (
     Plan,
     TrajectorySample,
@@ -46,11 +39,12 @@ SPARE_BREADCRUMBS = 2
 
 def record_breadcrumb(state: PlannerState, input: PlannerInput) -> PlannerState:
     """Append the robot's position to the state if it is a spacing away from the last one."""
-    crumbs = state.breadcrumbs
+    crumbs = state.trails.breadcrumbs
     if len(crumbs) and distance(crumbs[-1], input.position) < BREADCRUMB_SPACING:
         return state
     kept = int(BACKTRACK_LENGTH / BREADCRUMB_SPACING) + SPARE_BREADCRUMBS
-    return replace(state, breadcrumbs=np.vstack([crumbs, input.position])[-kept:])
+    crumbs = np.vstack([crumbs, input.position])[-kept:]
+    return replace(state, trails=replace(state.trails, breadcrumbs=crumbs))
 
 
 @dataclass(frozen=True)
@@ -74,8 +68,8 @@ class Wait:
     def recovering(self) -> PlannerState:
         """The planner state in which the wait is over, and its place one looked from."""
         state = self.decided.state
-        viewpoints = np.vstack([state.viewpoints, self.situation.start.position])
-        return replace(state, viewpoints=viewpoints, rest_since_ns=-1)
+        viewpoints = np.vstack([state.tries.viewpoints, self.situation.start.position])
+        return replace(state, tries=replace(state.tries, viewpoints=viewpoints), rest_since_ns=-1)
 
     @property
     def seed(self) -> int:
@@ -86,7 +80,7 @@ class Wait:
     def search(self) -> Plan | None:
         """The path to the best frontier that can be reached; None if no frontier is left."""
         input, start = self.situation.heading_for, self.situation.start
-        return _search_frontier(input, start, self.recovering.viewpoints, self.seed)
+        return _search_frontier(input, start, self.recovering.tries.viewpoints, self.seed)
 
 
 def wait_for_goal(wait: Wait) -> Decided | None:
@@ -107,7 +101,7 @@ def wait_on(wait: Wait) -> Decided | None:
 def abort(wait: Wait) -> Decided | None:
     """Give the mission up: the robot has explored from as many viewpoints as it may."""
     command, state = wait.decided
-    places = len(state.viewpoints)
+    places = len(state.tries.viewpoints)
     if places < wait.situation.input.behaviour.max_recoveries:
         return None
     reason = replace(command.reason, places=places)
@@ -136,7 +130,8 @@ def backtrack(wait: Wait) -> Decided | None:
     command, state = _detour(wait, path, Exploration(input.sequence, backtracking=True))
     waited = wait.decided.command
     command = replace(command, search=waited.search, search_seed=waited.search_seed)
-    return Decided(command, replace(state, backtracks=state.backtracks + 1))
+    tries = replace(state.tries, backtracks=state.tries.backtracks + 1)
+    return Decided(command, replace(state, tries=tries))
 
 
 def wait_once_more(wait: Wait) -> Decided:
@@ -144,7 +139,7 @@ def wait_once_more(wait: Wait) -> Decided:
     command = wait.decided.command
     frontier = "none" if wait.search is None else "out_of_reach"
     reason = replace(command.reason, frontier=frontier)
-    state = replace(wait.recovering, global_path=None, exploration=None)
+    state = replace(wait.recovering, route=None)
     return Decided(replace(command, reason=reason, global_path=None), state)
 
 
@@ -164,9 +159,7 @@ RECOVERIES = (
 def _detour(wait: Wait, path: Array, exploration: Exploration) -> Decided:
     """Follow a path (n, 3) to a viewpoint."""
     input, start = wait.situation.heading_for, wait.situation.start
-    state = replace(
-        wait.recovering, global_path=path, exploration=exploration, improved_ns=input.time_ns
-    )
+    state = replace(wait.recovering, route=Route(path, input.time_ns, exploration))
     return follow(input, state, start, previous=state)
 
 
@@ -203,9 +196,9 @@ def backtrack_path(
     Returns:
         None if that is too short to be worth it, or if the robot has backtracked often enough.
     """
-    if state.backtracks >= input.behaviour.max_backtracks or len(state.breadcrumbs) == 0:
+    if state.tries.backtracks >= input.behaviour.max_backtracks:
         return None
-    crumbs = state.breadcrumbs[::-1]
+    crumbs = state.trails.breadcrumbs[::-1]
     # The way to a place right beside has no direction that an elongated body could lie in.
     away = np.flatnonzero(
         np.sqrt(np.square(crumbs - start.position).sum(axis=1)) >= BREADCRUMB_SPACING

@@ -54,7 +54,7 @@ def set_out(course: Course) -> Decided | None:
             return turn_to(course, target)
     along = plan_trajectory(input, start, truncate(path, part.length), speed_share=1.0)
     reason = diagnose_no_room(input, start, along, nose_first)
-    return wait(input, replace(state, global_path=None), start, "no_path", reason)
+    return wait(input, replace(state, route=None), start, "no_path", reason)
 
 
 def step_aside(course: Course) -> Decided | None:
@@ -77,7 +77,7 @@ def step_aside(course: Course) -> Decided | None:
         return None
     reason = Reason("following", free_m=arc_length(trajectory.path))
     command = Command("follow", reason, label="none", trajectory=trajectory, global_path=state.path)
-    return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
+    return Decided(command, state)
 
 
 def turn_into_path(course: Course) -> Decided | None:
@@ -134,7 +134,7 @@ def turn_to(course: Course, target: float) -> Decided:
         action, reason = exploration_reason(state, state.path, input)
     label: Label = "localization_lost" if state.returning else "none"
     command = Command(action, reason, label, trajectory, state.path)
-    return Decided(command, replace(state, trajectory=trajectory, rest_since_ns=-1))
+    return Decided(command, state)
 
 
 def _goes_on_turning(trajectory: Trajectory, start: TrajectorySample, target: float) -> bool:

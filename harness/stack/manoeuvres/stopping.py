@@ -12,12 +12,12 @@ from wayproof.harness.stack.manoeuvres.evasive_stop import clearest_stop
 from wayproof.harness.stack.path_timing import at_begin
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation
+from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import (
     Array,
     Command,
     Decided,
     PlannerInput,
-    PlannerState,
     arc_length,
     is_stationary,
 )
@@ -40,7 +40,7 @@ def wait(
     """Stay at rest until the map changes; the reason gets the time waited."""
     trajectory = hold(start.position, input.effect_ns, start.heading)
     since_ns = state.rest_since_ns if state.rest_since_ns >= 0 else input.time_ns
-    state = replace(state, trajectory=trajectory, rest_since_ns=since_ns)
+    state = replace(state, rest_since_ns=since_ns)
     reason = replace(reason, waited_s=seconds_waited(input, state))
     return Decided(Command("stop_and_wait", reason, label, trajectory, state.global_path), state)
 
@@ -66,9 +66,7 @@ def brake(
     if reason.kind == "braking_for_goal":
         reason = replace(reason, path_m=arc_length(trajectory.path))
     command = Command("stop_and_wait", reason, label, trajectory)
-    return Decided(
-        command, replace(state, trajectory=trajectory, global_path=None, exploration=None)
-    )
+    return Decided(command, replace(state, route=None))
 
 
 def _without_turn(input: PlannerInput, start: TrajectorySample, stop: Trajectory) -> Trajectory:
@@ -85,7 +83,7 @@ def stop_without_path(situation: Situation) -> Decided | None:
     Where there is no global path: it was lost, or a search found none.
     """
     planned, start = situation.planned, situation.start
-    if planned.state.global_path is not None:
+    if planned.state.route is not None:
         return None
     input, state, search = situation.heading_for, planned.state, planned.search
     path = remaining(state.trajectory.path, start.arc_length)

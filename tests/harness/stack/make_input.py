@@ -15,7 +15,8 @@ from wayproof.harness.stack.gaits.any_direction import AnyDirection
 from wayproof.harness.stack.gaits.flight import Flight
 from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
 from wayproof.harness.stack.manoeuvres.driving import Course, drivable_part
-from wayproof.harness.stack.types import PlannerInput, PlannerState
+from wayproof.harness.stack.state import PlannerState, Route
+from wayproof.harness.stack.types import PlannerInput
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 from wayproof.planners import Body, FreeSpace, MotionLimits, PlannerConfig, hold
 
@@ -115,8 +116,19 @@ def make_input(
 
 
 def at_rest(position=START, heading=0.0, **others):
-    """The state of a robot that has stood in its place so far."""
-    return PlannerState(hold(place(*position), 0, heading), **others)
+    """The state of a robot that has stood in its place so far; others as of `changed`."""
+    return changed(PlannerState((hold(place(*position), 0, heading),)), **others)
+
+
+def changed(state, **values):
+    """Return a state with other fields: its own, and those of its route, tries, trails, narrows."""
+    if "global_path" in values:
+        state = replace(state, route=Route(values.pop("global_path")))
+    for name in ("route", "tries", "trails", "narrows"):
+        part = getattr(state, name)
+        own = {key: values.pop(key) for key in [*values] if hasattr(part, key)}
+        state = replace(state, **{name: replace(part, **own)}) if own else state
+    return replace(state, **values)
 
 
 def course_of(input, state, previous=None, part=None):
@@ -128,9 +140,8 @@ def course_of(input, state, previous=None, part=None):
 
 def sample_at(state, time_ns):
     """Sample the trajectories that a robot has committed to, as a `TrajectorySample`."""
-    committed = (*state.earlier, state.trajectory)
-    begun = [one for one in committed if one.start_ns <= time_ns]
-    return (begun or committed[:1])[-1].at(time_ns)
+    begun = [one for one in state.committed if one.start_ns <= time_ns]
+    return (begun or state.committed[:1])[-1].at(time_ns)
 
 
 def next_input(state, sequence, **room):

@@ -26,8 +26,8 @@ def test_a_breadcrumb_is_dropped_at_each_spacing():
     state = at_rest()
     for x, count in ((1.0, 1), (1.09, 1), (1.11, 2), (1.2, 2), (1.22, 3)):
         state = record_breadcrumb(state, make_input(position=(x, 2.05)))
-        assert len(state.breadcrumbs) == count
-    np.testing.assert_array_equal(state.breadcrumbs[:, 0], [1.0, 1.11, 1.22])
+        assert len(state.trails.breadcrumbs) == count
+    np.testing.assert_array_equal(state.trails.breadcrumbs[:, 0], [1.0, 1.11, 1.22])
 
 
 def test_the_path_back_is_the_breadcrumbs_reversed_for_the_backtrack_length():

@@ -10,6 +10,7 @@ from tests.harness.stack.make_input import (
     LONG,
     START,
     at_rest,
+    changed,
     make_input,
     make_states,
     place,
@@ -22,7 +23,8 @@ from wayproof.harness.stack.closed_gaps import (
     record_closed_gap,
     with_closed_gaps,
 )
-from wayproof.harness.stack.types import ClosedGap, LostWay, arc_length
+from wayproof.harness.stack.state import ClosedGap, LostWay
+from wayproof.harness.stack.types import arc_length
 
 WALL = (3.0, 3.4)
 TWO_GAPS = make_states(
@@ -68,31 +70,31 @@ def test_a_way_that_closes_nearby_is_noted_and_one_that_closes_far_away_is_not()
     state = at_rest(global_path=WAY, oriented=True)
     near = make_states(occupied=[(2.0, 2.4, 0.0, 4.0)])
     noted = note_lost_way(make_input(near, LONG), state)
-    assert noted.lost_way.length_m == pytest.approx(arc_length(WAY))
-    assert START[0] < noted.lost_way.place[0] < 2.0
+    assert noted.narrows.lost.length_m == pytest.approx(arc_length(WAY))
+    assert START[0] < noted.narrows.lost.place[0] < 2.0
     for states in (make_states(occupied=[(4.0, 4.4, 0.0, 4.0)]), make_states()):
         assert note_lost_way(make_input(states, LONG), state) is state
 
 
 def test_a_gap_has_closed_once_the_robot_takes_a_detour():
     lost = LostWay(LOW, arc_length(WAY), 0)
-    short = at_rest(global_path=WAY, lost_way=lost)
+    short = at_rest(global_path=WAY, lost=lost)
     assert record_closed_gap(make_input(body=LONG), short) is short
     way = np.vstack([WAY, place(GOAL[0], GOAL[1] - DETOUR)])
-    detour = replace(short, global_path=way)
+    detour = changed(short, global_path=way)
     once = record_closed_gap(make_input(body=LONG), detour)
-    assert (once.closed_gaps, once.lost_way) == ((ClosedGap(LOW, 1),), None)
+    assert (once.narrows.closed, once.narrows.lost) == ((ClosedGap(LOW, 1),), None)
     nearby = LostWay((LOW[0] + 0.3, *LOW[1:]), arc_length(WAY), 0)
-    twice = record_closed_gap(make_input(body=LONG), replace(once, lost_way=nearby))
-    assert twice.closed_gaps == (ClosedGap(nearby.place, 2),)
+    twice = record_closed_gap(make_input(body=LONG), changed(once, lost=nearby))
+    assert twice.narrows.closed == (ClosedGap(nearby.place, 2),)
     late = replace(make_input(body=LONG), time_ns=GIVEN_UP_NS + 1)
-    assert record_closed_gap(late, detour).closed_gaps == ()
-    assert record_closed_gap(late, detour).lost_way is None
+    assert record_closed_gap(late, detour).narrows.closed == ()
+    assert record_closed_gap(late, detour).narrows.lost is None
 
 
 def test_without_closed_gaps_the_input_is_the_same():
     input = make_input(body=LONG)
     assert with_closed_gaps(input, at_rest()) is input
-    avoiding = with_closed_gaps(input, at_rest(closed_gaps=(ClosedGap(LOW, 1),)))
+    avoiding = with_closed_gaps(input, at_rest(closed=(ClosedGap(LOW, 1),)))
     assert avoiding.avoids_gaps
     assert avoiding.guided() is avoiding.guided()

@@ -26,7 +26,8 @@ from wayproof.harness.decision import Action, Label
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.reasons import Kind
-from wayproof.harness.stack.types import PlannerInput, PlannerState
+from wayproof.harness.stack.state import PlannerState
+from wayproof.harness.stack.types import PlannerInput
 
 WALL = (4.0, 4.3, 0.0, 4.0)
 """From one side of the room to the other, between start and goal."""

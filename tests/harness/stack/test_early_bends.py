@@ -75,7 +75,7 @@ def test_a_path_is_searched_anew_after_the_shorter_period():
         input = make_input(sequence=sequence, gait=gait)
         planned = keep_or_replan(input, state, state.trajectory.at(input.effect_ns))
         assert (planned.search is not None) is searched
-        assert planned.state.improved_ns == (sequence * PERIOD_NS if searched else 0)
+        assert planned.state.route.improved_ns == (sequence * PERIOD_NS if searched else 0)
 
 
 BENT = np.array([place(1.05, 2.05), place(3.05, 2.05), place(3.05, 3.55)])

@@ -39,7 +39,7 @@ def decide_in(states=None, state=None, **room):
     circumscribed = make_input(states, DISC, **room)
     decided = decide_with_footprint(circumscribed, oriented, state or at_rest())
     assert decided.input.traversable.discs == (
-        make_input(states, LONG).traversable.discs if decided.state.oriented else ()
+        make_input(states, LONG).traversable.discs if decided.state.narrows.oriented else ()
     )
     return decided, oriented.calls
 
@@ -47,13 +47,13 @@ def decide_in(states=None, state=None, **room):
 def test_where_the_disc_fits_the_oriented_footprint_is_not_even_built():
     decided, calls = decide_in()
     assert decided.command.action == "follow"
-    assert not decided.state.oriented
+    assert not decided.state.narrows.oriented
     assert calls == 0
 
 
 def test_a_gap_too_narrow_for_the_disc_is_taken_at_the_heading():
     decided, calls = decide_in(GAP)
-    assert decided.state.oriented
+    assert decided.state.narrows.oriented
     assert calls == 1
     assert decided.command.action == "follow"
     assert decided.command.global_path[-1] == pytest.approx(place(*GOAL))
@@ -66,7 +66,7 @@ def test_where_neither_footprint_leads_on_the_decision_is_that_of_the_disc():
     wall = make_states(occupied=[(3.0, 4.5, 0.0, 4.0)])
     decided, calls = decide_in(wall)
     assert calls == 1
-    assert not decided.state.oriented
+    assert not decided.state.narrows.oriented
     assert (decided.command.action, decided.command.label) == ("stop_and_wait", "no_path")
 
 
@@ -83,7 +83,7 @@ def in_gap(heading=0.0, **state):
 def test_the_oriented_footprint_is_kept_where_the_rest_of_the_path_is_too_narrow():
     state, room = in_gap()
     decided, calls = decide_in(GAP, state, **room)
-    assert decided.state.oriented
+    assert decided.state.narrows.oriented
     assert calls == 1
 
 
@@ -92,7 +92,7 @@ def test_a_body_that_grazes_a_gap_steps_back_into_it_where_its_disc_has_no_way_o
     position = (3.75, 2.05 + aside)
     decided, calls = decide_in(GAP, at_rest(position, oriented=True), position=position)
     assert calls == 1
-    assert decided.state.oriented is oriented
+    assert decided.state.narrows.oriented is oriented
     reason = decided.command.reason
     assert reason.kind == "leaving_inflation"
     assert (reason.distance_m is not None) is oriented
@@ -106,7 +106,7 @@ def test_the_disc_returns_once_the_rest_of_the_path_has_room():
     path = np.array([place(*position), place(*GOAL)])
     state = at_rest(position, global_path=path, oriented=True)
     decided, calls = decide_in(GAP, state, position=position)
-    assert not decided.state.oriented
+    assert not decided.state.narrows.oriented
     assert calls == 0
 
 
@@ -116,7 +116,7 @@ def test_the_disc_does_not_return_while_the_body_moves_tail_first():
     for heading, oriented in ((0.0, False), (np.pi, True)):
         state = at_rest(position, heading, global_path=path, oriented=True)
         decided, _ = decide_in(GAP, state, position=position, heading=heading)
-        assert decided.state.oriented is oriented
+        assert decided.state.narrows.oriented is oriented
 
 
 @pytest.mark.parametrize(
@@ -133,4 +133,4 @@ def test_a_detour_of_the_disc_loses_to_the_oriented_footprint_that_makes_none(
     before = np.array([place(*START), place(START[0] + length_before, 2.05)])
     decided, made = decide_in(states, at_rest(global_path=before))
     assert decided.command.action in ("follow", "slow")
-    assert (decided.state.oriented, made) == (oriented, calls)
+    assert (decided.state.narrows.oriented, made) == (oriented, calls)

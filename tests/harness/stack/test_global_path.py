@@ -26,7 +26,8 @@ from wayproof.harness.stack.global_path import (
     keep_or_replan,
     project_goal_to_free,
 )
-from wayproof.harness.stack.types import Exploration, arc_length
+from wayproof.harness.stack.state import Exploration
+from wayproof.harness.stack.types import arc_length
 from wayproof.maps import OCCUPIED
 from wayproof.planners import arc_lengths
 
@@ -48,7 +49,7 @@ def test_a_valid_path_is_kept_until_the_replan_period_has_passed():
     np.testing.assert_array_equal(planned.state.global_path, STRAIGHT)
     planned = replanned(make_input(sequence=period), state)
     assert planned.search is not None
-    assert planned.state.improved_ns == period * PERIOD_NS
+    assert planned.state.route.improved_ns == period * PERIOD_NS
 
 
 def test_a_detour_is_replaced_by_a_much_shorter_path_and_a_good_one_kept():

@@ -137,7 +137,7 @@ def test_it_goes_on_to_the_goal_once_the_pose_is_held_again():
 
 def test_it_gives_up_where_the_way_back_is_blocked():
     trail = np.array([place(1.05, 2.05), place(3.05, 2.05)])
-    state = at_rest(position=(3.05, 2.05), unheld_trail=trail)
+    state = at_rest(position=(3.05, 2.05), unheld=trail)
     blocked = make_states(occupied=[(1.5, 1.7, 0.0, 4.0)])
     command, _ = decide(make_input(blocked, position=(3.05, 2.05), localization=LOST), state)
     assert (command.action, command.reason.kind) == ("abort", "localization_lost")

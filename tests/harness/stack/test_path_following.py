@@ -14,6 +14,7 @@ from tests.harness.stack.make_input import (
     START,
     TURNS,
     at_rest,
+    changed,
     course_of,
     drive,
     final_sample,
@@ -30,7 +31,8 @@ from wayproof.harness.stack.manoeuvres.driving import DrivablePart, fit_trajecto
 from wayproof.harness.stack.manoeuvres.following import brake_on_path, follow
 from wayproof.harness.stack.manoeuvres.setting_out import set_out, step_aside, turn_to
 from wayproof.harness.stack.path_timing import plan_trajectory
-from wayproof.harness.stack.types import BehaviourConfig, Exploration, arc_length
+from wayproof.harness.stack.state import Exploration
+from wayproof.harness.stack.types import BehaviourConfig, arc_length
 from wayproof.planners import stopping_distance
 
 PATH = np.array([place(*START), place(*GOAL)])
@@ -72,7 +74,7 @@ def test_braking_before_the_end_of_a_free_path_has_no_label():
     input = next_input(state, 8)
     start = state.trajectory.at(input.effect_ns)
     path = start.position + np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])
-    state = replace(state, global_path=path)
+    state = changed(state, global_path=path)
     command, _ = brake_on_path(
         course_of(input, state, part=DrivablePart(0.2, blocked=False, too_short=True))
     )
@@ -85,6 +87,7 @@ def test_a_turn_that_leads_to_the_heading_already_goes_on():
     input = make_input(gait=TURNS, sequence=0)
     state = at_rest(heading=0.0, global_path=PATH)
     command, state = turn_to(course_of(input, state), 1.5)
+    state = changed(state, committed=(command.trajectory,))
     later = make_input(gait=TURNS, sequence=3)
     start = state.trajectory.at(later.effect_ns)
     assert not start.at_rest
@@ -97,10 +100,9 @@ def test_a_turn_that_leads_to_the_heading_already_goes_on():
 def test_a_turn_into_the_path_is_no_drive_that_ends_at_its_heading():
     input = make_input(LANE, LONG, gait=SIDLES)
     creeping = plan_trajectory(input, at_rest().trajectory.at(input.effect_ns), PATH, 1.0)
-    state = replace(at_rest(global_path=PATH), trajectory=creeping)
+    state = changed(at_rest(global_path=PATH), committed=(creeping,))
     moving = creeping.at(input.effect_ns)._replace(at_rest=False)
-    command, after = turn_to(course_of(input, state)._replace(start=moving), target=0.1)
-    assert after.trajectory is command.trajectory
+    command, _ = turn_to(course_of(input, state)._replace(start=moving), target=0.1)
     assert final_sample(command.trajectory).heading == pytest.approx(0.1, abs=1e-3)
     assert np.ptp(command.trajectory.path, axis=0).max() == 0.0
 
@@ -142,11 +144,11 @@ def test_a_long_body_with_no_room_to_turn_into_its_path_waits_and_drops_it():
 def test_a_long_body_keeps_its_course_where_that_is_free():
     state = drive(8, body=LONG)
     input = next_input(state, 8, body=LONG)
-    fresh = replace(state, improved_ns=123)
+    fresh = changed(state, improved_ns=123)
     command, after = keep_course(course_of(input, fresh, previous=state))
     assert (command.action, command.reason.kind) == ("follow", "following")
     assert command.trajectory is state.trajectory
-    assert after.improved_ns == 123
+    assert after.route.improved_ns == 123
 
 
 def test_a_long_body_drives_its_last_path_as_far_as_it_fits_before_it_brakes():
@@ -215,11 +217,11 @@ def test_a_long_body_keeps_an_admitted_trajectory_where_its_path_has_closed():
     input = next_input(state, 8, **room)
     start = state.trajectory.at(input.effect_ns)
     bend = start.position + np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 1.5, 0.0]])
-    closed = replace(state, global_path=bend, improved_ns=123)
+    closed = changed(state, global_path=bend, improved_ns=123)
     command, after = follow(input, closed, start, previous=state)
     assert command.reason.kind == "following"
     assert command.trajectory is state.trajectory
-    assert (after.improved_ns, after.global_path is state.global_path) == (123, True)
+    assert (after.route.improved_ns, after.global_path is state.global_path) == (123, True)
     room["states"] = make_states(occupied=[(0.0, 8.0, 2.9, 4.0), (4.0, 4.3, 0.0, 4.0)])
     command, _ = follow(next_input(state, 8, **room), closed, start, previous=state)
     assert command.reason.kind == "braking_for_blocked"

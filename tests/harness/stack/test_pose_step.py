@@ -10,6 +10,7 @@ from tests.harness.stack.make_input import (
     LONG,
     SIDLES,
     at_rest,
+    changed,
     course_of,
     final_sample,
     make_gait,
@@ -23,7 +24,7 @@ from wayproof.harness.stack.gaits.any_direction import AnyDirection
 from wayproof.harness.stack.manoeuvres.driving import DrivablePart
 from wayproof.harness.stack.manoeuvres.pose_step import continue_step, is_stepping, step_to_pose
 from wayproof.harness.stack.situation import situation_of
-from wayproof.harness.stack.types import PathLoss
+from wayproof.harness.stack.state import PathLoss
 from wayproof.maps import OCCUPIED
 from wayproof.planners import Body
 
@@ -33,7 +34,7 @@ ACROSS = 0.15  # heading off the lane, rad
 
 def lane_course(input, state):
     """The course of a robot whose path is blocked where it rests."""
-    state = replace(state, global_path=np.array([input.position, input.goal]))
+    state = changed(state, global_path=np.array([input.position, input.goal]))
     return course_of(input, state, part=DrivablePart(0.0, blocked=True))
 
 
@@ -58,12 +59,11 @@ def test_a_step_under_way_goes_on_as_long_as_the_body_fits():
     stepped = step_to_pose(lane_course(input, state))
     loss = decide(input, replace(stepped.state, path_loss=None)).state.path_loss
     assert loss is None or loss.under_way != "step"  # not by a decision of another kind
-    later = in_lane(sequence=2)
-    start = stepped.state.trajectory.at(later.effect_ns)
-    assert not is_stepping(stepped.state, start)
+    taken = changed(stepped.state, committed=(stepped.command.trajectory,))
+    assert not is_stepping(taken, taken.trajectory.at(in_lane(sequence=2).effect_ns))
     soon = in_lane(sequence=1)
     loss = PathLoss(1, stepped.command.under_way, "none")
-    under_way = replace(stepped.state, path_loss=loss)
+    under_way = changed(taken, path_loss=loss)
     assert is_stepping(under_way, under_way.trajectory.at(soon.effect_ns))
     blocked = make_input(
         make_states(occupied=[(0.0, 8.0, 0.0, 4.0)]),
@@ -74,7 +74,7 @@ def test_a_step_under_way_goes_on_as_long_as_the_body_fits():
     )
     assert continue_step(situation_of(blocked, under_way)) is None
     going = continue_step(situation_of(soon, under_way))
-    assert going.command.trajectory is stepped.state.trajectory
+    assert going.command.trajectory is taken.trajectory
 
 
 def test_round_bodies_take_no_such_step():
@@ -96,8 +96,9 @@ def test_a_step_under_way_is_checked_by_the_footprint_that_takes_it():
     """The circumscribed footprint has no headings to check it by."""
     state = at_rest(heading=ACROSS)
     first = in_lane()
-    step = step_to_pose(lane_course(first, state)).state
-    step = replace(step, oriented=True, path_loss=PathLoss(0, "step", "none"))
+    stepped = step_to_pose(lane_course(first, state))
+    step = changed(stepped.state, committed=(stepped.command.trajectory,))
+    step = changed(step, oriented=True, path_loss=PathLoss(0, "step", "none"))
     x, y, _ = (final_sample(step.trajectory).position / CELL).astype(int)
     seen = LANE.copy()
     seen[x - 1 : x + 2, y - 1 : y + 2] = OCCUPIED  # where it leads

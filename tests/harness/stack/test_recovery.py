@@ -1,7 +1,5 @@
 """Recovery manoeuvres: escape, explore, backtrack, abort; each called alone."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -10,6 +8,7 @@ from tests.harness.stack.make_input import (
     PERIOD_NS,
     START,
     at_rest,
+    changed,
     final_sample,
     make_gait,
     make_input,
@@ -27,7 +26,8 @@ from wayproof.harness.stack.manoeuvres.recovery import RECOVERIES, Wait
 from wayproof.harness.stack.manoeuvres.stopping import wait
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import first_that_applies, situation_of
-from wayproof.harness.stack.types import BehaviourConfig, Exploration
+from wayproof.harness.stack.state import Exploration
+from wayproof.harness.stack.types import BehaviourConfig
 from wayproof.planners import Body
 
 BESIDE = (2.05, 2.05)
@@ -70,7 +70,7 @@ def escape(input, state):
 
 def test_an_escape_leads_straight_and_slowly_to_the_nearest_traversable_position():
     input = make_input(make_states(occupied=[(0.0, 0.8, 0.0, 4.0)]))
-    state = at_rest(exploration=Exploration(since=1), rest_since_ns=0)
+    state = at_rest()
     command, after = escape(input, state)
     assert (command.action, command.label) == ("recover", "start_blocked")
     target = final_sample(command.trajectory).position
@@ -81,7 +81,7 @@ def test_an_escape_leads_straight_and_slowly_to_the_nearest_traversable_position
     )
     assert command.reason.distance_m < 0.15
     assert top_speed(command.trajectory) <= ESCAPE_SPEED_SHARE * input.gait.limits.speed + 1e-9
-    assert (after.global_path, after.exploration, after.rest_since_ns) == (None, None, -1)
+    assert after.route is None
 
 
 @pytest.mark.parametrize(("kind", "sideways"), [(TurnThenGo, 0.0), (AnyDirection, 0.4)])
@@ -152,7 +152,7 @@ def test_the_mission_is_aborted_after_as_many_explorations_as_allowed(viewpoints
     states = make_states(occupied=[WALL], unknown=[CORNER])
     command, after = recover(*waiting(1.0, states, viewpoints=places))
     assert command.action == action
-    assert len(after.viewpoints) == 12
+    assert len(after.tries.viewpoints) == 12
 
 
 def test_an_abort_keeps_the_reason_of_the_wait_and_counts_the_viewpoints():
@@ -177,7 +177,7 @@ def test_exploration_leads_to_the_unknown_corner_and_remembers_the_viewpoint():
     assert 2.3 < end[1] < 3.0
     assert input.traversable.is_free(end)
     assert after.exploration == Exploration(since=input.sequence)
-    np.testing.assert_array_equal(after.viewpoints, [place(*START)])
+    np.testing.assert_array_equal(after.tries.viewpoints, [place(*START)])
     assert command.search.waypoints is not None
     assert command.search_seed > 0
     assert after.rest_since_ns == -1
@@ -192,18 +192,18 @@ def test_without_a_frontier_the_robot_backtracks_and_without_breadcrumbs_it_wait
     assert after.exploration is None
     assert after.global_path is None
     crumbs = np.array([place(x, 2.05) for x in np.arange(2.05, 1.0, -0.1)])
-    state = replace(decided.state, breadcrumbs=crumbs)
+    state = changed(decided.state, breadcrumbs=crumbs)
     command, after = recover(situation, decided._replace(state=state))
     assert (command.action, command.reason.kind) == ("recover", "going_back")
     assert after.exploration.backtracking
-    assert after.backtracks == 1
+    assert after.tries.backtracks == 1
 
 
 def test_a_frontier_explored_from_before_is_not_chosen_again():
     states = make_states(occupied=[WALL], unknown=[CORNER])
     situation, decided = waiting(1.0, states)
     _, after = recover(situation, decided)
-    seen = replace(decided.state, viewpoints=after.global_path[-1:])
+    seen = changed(decided.state, viewpoints=after.global_path[-1:])
     _, again = recover(situation, decided._replace(state=seen))
     assert np.linalg.norm(again.global_path[-1] - after.global_path[-1]) > 0.3
 

@@ -10,6 +10,7 @@ from wayproof.harness.stack.footprint_mode import FootprintDecision
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder
 from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.state import Route
 from wayproof.harness.stack.types import Array, Command, PlannerInput, arc_length
 from wayproof.planners import Disc, PathState, follow_path
 
@@ -41,7 +42,8 @@ class Reckless(Navigator):
         command = Command(
             "follow", reason, label="none", trajectory=straight, global_path=straight.path
         )
-        state = replace(decided.state, trajectory=straight, global_path=straight.path)
+        committed = (*decided.state.committed[:-1], straight)
+        state = replace(decided.state, committed=committed, route=Route(straight.path))
         return FootprintDecision(command, state, given)
 
 
