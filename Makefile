@@ -8,7 +8,7 @@ ROS2   := .venv-ros2/.ready
 LOCK   := uv pip compile pyproject.toml --extra build --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --quiet
 RCLPY  := ros-jazzy-rclpy ros-jazzy-rmw-fastrtps-cpp $(foreach kind,sensor geometry nav rosgraph,ros-jazzy-$(kind)-msgs) numpy
 
-.PHONY: demo setup test test-all chains size test-ros2 check docs lock schema help
+.PHONY: demo setup test test-all chains figures size test-ros2 check docs lock schema help
 
 help:  ## Show this list.
 	@grep -E '^[a-z0-9-]+:.*##' Makefile | sed -E 's/:[^#]*## /\t/'
@@ -57,6 +57,9 @@ test-all: $(READY) $(TOOLS)  ## Run every test and every block of the docs, then
 
 chains: $(READY) $(TOOLS)  ## Compare the decisions of the corpus with tests/chains.txt, on two cores.
 	$(BIN)/python -m tests.chains
+
+figures: $(READY) $(TOOLS)  ## Write the tables of docs/measured.md again: an hour on two quiet cores.
+	$(BIN)/python -m docs.figures
 
 size:  ## Print lines, files, classes and what a reader must know, by package.
 	@$(PYTHON) -m tests.size

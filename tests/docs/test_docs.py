@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from docs import generate
+from docs import figures, generate
 from docs.blocks import FENCED
 from docs.catalogue import catalogue
 from wayproof.harness.cli.catalogue import read_catalogue
@@ -60,6 +60,15 @@ def test_every_page_is_reached_from_the_index():
 def test_the_reference_matches_the_code(name):
     written = (generate.FOLDER / name).read_text()
     assert written == generate.pages()[name], "run: python -m docs.generate"
+
+
+def test_the_tables_of_figures_have_their_places_and_headings():
+    page = figures.PAGE.read_text()
+    assert set(re.findall(r"<!-- figures: (\w+) -->", page)) == figures.FIGURES.keys()
+    assert page.count("<!-- figures: ") == page.count("<!-- end -->")
+    written = figures.table(figures.FIGURES["rays"], [{"scene": "a", "mray_per_s": 61.23}])
+    assert written.splitlines()[-1] == "| a | 61.2 |  |"
+    assert "`wayproof bench rays`, " in written
 
 
 def test_the_catalogue_matches_the_code():
