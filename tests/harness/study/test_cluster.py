@@ -26,6 +26,7 @@ seeds = 2
 """
 
 
+@pytest.mark.large
 @pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::ResourceWarning")
 def test_two_nodes_give_the_chains_of_one_machine(tmp_path: Path) -> None:
     """Including an episode that cannot be built, which is a row and not the end."""

@@ -45,6 +45,7 @@ def test_worlds_of_barn_have_their_published_way(here):
     assert first.config.costmap.localization_margin == pytest.approx(cell / math.sqrt(2), abs=1e-4)
 
 
+@pytest.mark.large
 def test_a_long_body_goes_through_a_gap_in_which_it_cannot_turn(here):
     """As a disc where that leads on, as its discs in the gap; and the audit agrees."""
     _, (one,) = planned("barn", barn_folder(here, gap=1.0), "seeds=[1]")
