@@ -25,14 +25,12 @@ suppress_warnings = [
 CHAPTERS = {
     "Get started": ["get-started", "concepts"],
     "Use your own": [
-        *("stack", "ros2", "gym"),
-        *("tutorials/planner", "robots"),
-        *("sensors", "worlds"),
-        "recordings",
+        *("stack", "ros2", "gym", "recordings"),
+        *("robots", "worlds", "sensors", "planning"),
     ],
     "Judge and explain": ["explain", "causes", "log"],
     "Study and gate": ["studies", "perturbations"],
-    "How it works": ["maps", "evidence", "planning"],
+    "How it works": ["maps", "evidence"],
     "Reference": [
         *("reference/cli", "reference/config", "reference/data", "measured"),
     ],
