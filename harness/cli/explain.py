@@ -260,14 +260,14 @@ def _draw(
 
 
 VERB = Verb(
-    help="explain why a decision was made, or how an episode went and why it failed; its metrics",
+    help="explain a decision, or an episode and why it failed; print metrics",
     add_arguments=arguments(
         arg("LOG", "log file, repeatable; after one log, N: number of a decision", nargs="+"),
         arg("--png FILE", "draw the decision, or that of the cause, into FILE", Path),
         arg("--check", "check the cause by simulating again with one thing corrected at a time"),
         arg(
             "--stack STACK",
-            "stack that was on trial, which is run and goes on itself",
+            "stack that was on trial, run again",
             needs=["--check"],
         ),
         arg("--metrics", "print the metrics of each log instead, computed from it alone"),

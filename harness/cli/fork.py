@@ -78,7 +78,7 @@ VERB = Verb(
         shared.log,
         arg("N", "number of the decision", int),
         shared.settings,
-        arg("--stack STACK", "stack that was on trial, which is run and goes on itself"),
+        arg("--stack STACK", "stack that was on trial, run again"),
         arg("--log FILE", "name of the new log", Path, dest="out"),
         shared.plugins,
     ),

@@ -76,12 +76,12 @@ def print_replay(console: Console, replayed: Replay) -> None:
 
 
 VERB = Verb(
-    help="recompute every decision of a log and compare bit by bit; or with one thing changed",
+    help="recompute every decision of a log and compare bit by bit, or change one thing",
     add_arguments=arguments(
         shared.log_paths,
         arg(
             "--jobs N",
-            "most processes, each of which begins from a state in the log (default: all cores)",
+            "number of processes, each from a state in the log (default: all cores)",
             int,
         ),
     ),

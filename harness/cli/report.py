@@ -47,8 +47,7 @@ def _recording(options: argparse.Namespace, console: Console) -> tuple[int, Docu
 
 
 VERB = Verb(
-    help="write a study as HTML: a site in its folder, and one self-contained page; "
-    "or the page of a recording, beside its log",
+    help="write a study as a site and one self-contained HTML page, or a recording as a page",
     add_arguments=arguments(
         arg("FOLDER", "folder of a study, or log of a recording", Path),
         shared.summaries,

@@ -156,8 +156,8 @@ def _point(place: tuple[float, ...]) -> str:
 
 
 VERB = Verb(
-    help="judge the way of a recorded robot, and what the stack would have done; "
-    "exit code 1 if some of it was not admitted, 3 if nothing was shown",
+    help="judge the way that a recorded robot took, and show what the stack would do; "
+    "exit code 1 if part of it was not admitted, 3 if nothing was shown",
     add_arguments=arguments(
         shared.recording,
         arg("--robot ROBOT", "body: a spec file, or a name of 'wayproof list'", required=True),

@@ -128,7 +128,7 @@ def _run(
 def kept(done: int, episodes: int) -> Interrupted:
     """Return the interrupt whose message says how much of a study is kept."""
     return Interrupted(
-        f"{done} of {episodes} episodes are kept, and the same command goes on with the others"
+        f"{done} of {episodes} episodes are kept, and the same command runs the others"
     )
 
 

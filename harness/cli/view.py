@@ -166,7 +166,7 @@ def _without_collector() -> Iterator[None]:
 
 
 VERB = Verb(
-    help="show a log in the Rerun viewer, also while it is written, or draw it; or list a study's",
+    help="show a log in the Rerun viewer, also while it is written; draw it; list a study's logs",
     add_arguments=arguments(
         arg("LOG", "log file, or folder of a study to list its episodes", Path),
         arg("NUMBER", "number of an episode in that list", int, nargs="?"),

@@ -130,7 +130,7 @@ def _answer(answer: Answer) -> str:
 
 
 VERB = Verb(
-    help="what other settings, or another stack, would have decided on the inputs of a log",
+    help="show what other settings, or another stack, decide on the inputs of a log",
     add_arguments=arguments(
         shared.log_paths,
         shared.settings,

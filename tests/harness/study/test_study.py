@@ -381,5 +381,5 @@ def test_ctrl_c_says_what_a_study_has_kept(
     store.log(plan_episodes(read_study(file))[0].key).touch()
     monkeypatch.setattr("wayproof.harness.study.study.run_study", interrupted)
     assert main(["study", file, "--out", str(store.folder)]) == 130
-    message = "interrupted; 1 of 4 episodes are kept, and the same command goes on with the others"
+    message = "interrupted; 1 of 4 episodes are kept, and the same command runs the others"
     assert message in capsys.readouterr().err
