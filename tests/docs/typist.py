@@ -51,10 +51,12 @@ from tests.sharing import alone
 from wayproof.harness.bench import BENCHES
 from wayproof.harness.cli.main import parse
 from wayproof.harness.cli.run import episode_name
+from wayproof.harness.config import BUILTIN
 from wayproof.harness.config_document import from_document, override
+from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.replay.signature import new_key
-from wayproof.harness.study.file import read_study
+from wayproof.harness.study.file import PACKAGED, read_study
 from wayproof.harness.study.plan import plan_episodes
 from wayproof.models.robots.custom import parse_spec
 
@@ -315,6 +317,10 @@ def check_against_parser(words):
         options = parse(rest[: _end(rest)])
         assert rest[0] != "bench" or options.part in BENCHES, words
         assert rest[0] != "run" or log_of(rest), words
+        stack = getattr(options, "stack", None) or BUILTIN
+        assert not stack.isidentifier() or stack in {BUILTIN, *STACKS, "ros2"}, words
+        if rest[0] == "study":
+            assert Path(rest[1]).suffix or (PACKAGED / f"{rest[1]}.toml").is_file(), words
     elif program == "make":
         assert rest[0] in TARGETS, words
     elif program == "python":
