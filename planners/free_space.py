@@ -1,6 +1,7 @@
 """Free space of a robot's reference point: a thresholded distance field with costs."""
 
 import dataclasses
+import functools
 import math
 from dataclasses import dataclass
 
@@ -8,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.planners.body import Disc
-from wayproof.planners.kernels import headed, obstruction, segment, sweep, sweep_cost
-from wayproof.planners.kernels.grid import OUTSIDE, Discs, Floats, Grid, Point, Pose
+from wayproof.planners.kernels import headed, segment, sweep, sweep_cost
+from wayproof.planners.kernels.grid import OUTSIDE, Cell, Discs, Floats, Grid, Point, Pose
 
 CLEARANCE_WEIGHT = 2.0
 """Weight of the cell cost against length: in a warehouse paths are 8 % longer with it, and their
@@ -33,6 +34,9 @@ class FreeSpace:
         collision_distance_sq: Largest forbidden squared cell distance.
         cost_by_distance: Cost of a cell by its squared cell distance, shape (t,): 1 at the border
             of the forbidden cells, falling to 0; the last entry holds for all beyond.
+        prices: Cells whose cost is not by distance: uint8 (nx, ny, nz) index of `cost_by_price`, 0
+            of all others; None without any.
+        cost_by_price: Cost of a cell by its price, shape (p,); the first is of none.
         discs: Discs of a body that is checked at its heading, each with a threshold of its own, the
             least of which is `collision_distance_sq`. Empty for a body that is one disc or ball.
         shape: The discs as a record of arrays.
@@ -49,6 +53,8 @@ class FreeSpace:
     collision_distance_sq: int
     cost_by_distance: Floats
     discs: tuple[Disc, ...] = ()
+    prices: NDArray[np.uint8] | None = None
+    cost_by_price: tuple[float, ...] = (0.0,)
     shape: Discs = dataclasses.field(init=False, repr=False, compare=False)
     grid: Grid = dataclasses.field(init=False, repr=False, compare=False)
 
@@ -56,9 +62,11 @@ class FreeSpace:
         self._check(self.distances)
         grid = Grid(
             np.ascontiguousarray(self.distances),
+            _no_prices(self.distances.shape) if self.prices is None else self.prices,
             np.array(self.origin, dtype=np.float64),
             float(self.resolution),
             np.array(self.cost_by_distance, dtype=np.float64),
+            np.array(self.cost_by_price, dtype=np.float64),
         )
         object.__setattr__(self, "grid", grid)
         discs = self.discs or (Disc(0.0, self.collision_distance_sq),)
@@ -91,6 +99,13 @@ class FreeSpace:
                 f"space.cost_by_distance: got {costs} above squared distance "
                 f"{self.collision_distance_sq}, expected finite costs of 0 or more"
             )
+        if self.prices is not None and self.prices.shape != field.shape:
+            got = f"{self.prices.shape}"
+            raise ValueError(f"space.prices: got {got}, expected one a cell, {field.shape}")
+        if not all(0.0 <= cost < math.inf for cost in self.cost_by_price):
+            raise ValueError(
+                f"space.cost_by_price: got {self.cost_by_price}, expected finite costs of 0 or more"
+            )
 
     @property
     def flat(self) -> bool:
@@ -114,7 +129,7 @@ class FreeSpace:
         """
         if self.discs:
             points = np.ascontiguousarray(path, dtype=np.float64)
-            return float(headed.headed_free_length(self.grid, self.shape, points))
+            return float(headed.walk_headed(self.grid, self.shape, points)[0])
         return float(self._walk(path, self.collision_distance_sq, 0.0)[0])
 
     def first_forbidden(self, path: Floats) -> NDArray[np.int64] | None:
@@ -122,11 +137,12 @@ class FreeSpace:
 
         The body's centre is in it, or that of one of its discs; it may lie outside of the array.
         """
-        points = np.ascontiguousarray(path, dtype=np.float64)
         if self.discs:
-            found, cell = obstruction.on_headed_path(self.grid, self.shape, points)
+            points = np.ascontiguousarray(path, dtype=np.float64)
+            _, found, cell = headed.walk_headed(self.grid, self.shape, points)
         else:
-            found, cell = obstruction.on_path(self.grid, self.collision_distance_sq, points)
+            _, least, _, cell = self._walk(path, self.collision_distance_sq, 0.0)
+            found = least <= self.collision_distance_sq
         return np.array(cell) if found else None
 
     def first_forbidden_pose(self, poses: Floats) -> tuple[int, NDArray[np.int64] | None]:
@@ -134,9 +150,8 @@ class FreeSpace:
 
         The last one and None if it can get to all.
         """
-        poses = np.ascontiguousarray(poses, dtype=np.float64)
-        reached, cell = obstruction.on_poses(self.grid, self.shape, poses)
-        return (reached, np.array(cell)) if reached >= 0 else (len(poses) - 1, None)
+        _, reached, cell = self._walk_poses(poses)
+        return (reached, np.array(cell)) if reached < len(poses) else (len(poses) - 1, None)
 
     def nearest_free(self, point: Floats, radius: float) -> Floats | None:
         """Return the centre (3,) of the nearest free cell at most `radius`, m, away, or None.
@@ -169,7 +184,7 @@ class FreeSpace:
         Returns:
             The cost, infinite if the path touches a forbidden cell.
         """
-        _, least, cost = self._walk(path, self.collision_distance_sq, clearance_weight)
+        _, least, cost, _ = self._walk(path, self.collision_distance_sq, clearance_weight)
         return float(cost) if least > self.collision_distance_sq else math.inf
 
     def sweep_free(self, a: Floats, b: Floats) -> bool:
@@ -218,8 +233,7 @@ class FreeSpace:
 
     def free_poses(self, poses: Floats) -> int:
         """Return the number of poses (n, 4) that the body reaches one after the other."""
-        poses = np.ascontiguousarray(poses, dtype=np.float64)
-        return int(sweep.poses_free_count(self.grid, self.shape, poses))
+        return self._walk_poses(poses)[1]
 
     def sweep_cost(self, poses: Floats, clearance_weight: float = CLEARANCE_WEIGHT) -> float:
         """Return the cost of a body's way through poses (n, 4), m; infinite if it is not free.
@@ -236,15 +250,23 @@ class FreeSpace:
 
         Along the reference point's path, in whole steps of a sweep.
         """
-        poses = np.ascontiguousarray(poses, dtype=np.float64)
-        return float(sweep.poses_free_length(self.grid, self.shape, poses))
+        return self._walk_poses(poses)[0]
 
-    def _walk(self, path: Floats, threshold: int, weight: float) -> tuple[float, int, float]:
+    def _walk(self, path: Floats, threshold: int, weight: float) -> segment.Walked:
         points = np.ascontiguousarray(path, dtype=np.float64)
-        walked: tuple[float, int, float] = segment.walk_path(
-            self.grid, threshold, float(weight), points
-        )
+        walked: segment.Walked = segment.walk_path(self.grid, threshold, float(weight), points)
         return walked
+
+    def _walk_poses(self, poses: Floats) -> tuple[float, int, Cell]:
+        poses = np.ascontiguousarray(poses, dtype=np.float64)
+        walked: tuple[float, int, Cell] = sweep.walk_poses(self.grid, self.shape, poses)
+        return walked
+
+
+@functools.lru_cache(maxsize=4)
+def _no_prices(shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Return the prices of a grid without any, which nothing writes to."""
+    return np.zeros(shape, np.uint8)
 
 
 def _point(point: Floats) -> Point:

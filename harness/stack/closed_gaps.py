@@ -7,12 +7,12 @@ before it turns away, sees the gap open from there, and comes back.
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import replace
 
 import numpy as np
 
+from wayproof.harness.stack.prices import TRIED_OFTEN, TRIED_ONCE, with_costs
 from wayproof.harness.stack.state import ClosedGap, LostWay, Place, PlannerState
 from wayproof.harness.stack.types import PlannerInput, arc_length, distance, is_free_along
 from wayproof.planners import FreeSpace, point_at, remaining
@@ -90,10 +90,9 @@ def with_closed_gaps(input: PlannerInput, state: PlannerState) -> PlannerInput:
     """Return the planner input by which ways through closed gaps cost more."""
     if not state.narrows.closed:
         return input
-    guided = input.guided or (lambda: input.optimistic)
+    guided = input.optimistic if input.guided is None else input.guided
     weight, gaps = input.planner.clearance_weight, state.narrows.closed
-    costly = functools.cache(lambda: costly_gaps(guided(), gaps, weight))
-    return replace(input, guided=costly, avoids_gaps=True)
+    return replace(input, guided=costly_gaps(guided, gaps, weight), avoids_gaps=True)
 
 
 def costly_gaps(space: FreeSpace, gaps: tuple[ClosedGap, ...], weight: float) -> FreeSpace:
@@ -106,22 +105,22 @@ def costly_gaps(space: FreeSpace, gaps: tuple[ClosedGap, ...], weight: float) ->
         gaps: Gaps that closed.
         weight: Weight of the cell cost against length.
     """
-    field, table = space.distances.copy(), space.cost_by_distance.copy()
-    markers = cost_markers(space)
-    if not markers:
-        return space
-    for marker, cost in zip(markers, TRY_COSTS, strict=False):
-        table[marker] = cost / (2.0 * GAP_RADIUS * max(weight, 1.0))
+    field = space.distances[:, :, 0]
+    prices = np.zeros(space.distances.shape, np.uint8)
+    if space.prices is not None:
+        prices[:] = space.prices
     middle = space.origin[:2] + 0.5 * space.resolution  # of the first cell
     for gap in sorted(gaps, key=lambda gap: gap.tries):
         columns, rows = _cells_about(space, gap)
-        near = field[columns, rows, 0]
         x = middle[0] + space.resolution * np.arange(columns.start, columns.stop)
         y = middle[1] + space.resolution * np.arange(rows.start, rows.stop)
         apart = np.square(x - gap.place[0])[:, None] + np.square(y - gap.place[1])
-        inside = (apart <= GAP_RADIUS * GAP_RADIUS) & (near > _threshold(space))
-        near[inside] = markers[min(gap.tries, len(markers)) - 1]
-    return replace(space, distances=field, cost_by_distance=table)
+        free = field[columns, rows] > space.shape.thresholds.max()
+        inside = (apart <= GAP_RADIUS * GAP_RADIUS) & free
+        prices[columns, rows, 0][inside] = TRIED_ONCE if gap.tries == 1 else TRIED_OFTEN
+    costs = zip((TRIED_ONCE, TRIED_OFTEN), TRY_COSTS, strict=True)
+    way = 2.0 * GAP_RADIUS * max(weight, 1.0)
+    return with_costs(replace(space, prices=prices), {price: cost / way for price, cost in costs})
 
 
 def _cells_about(space: FreeSpace, gap: ClosedGap) -> list[slice]:
@@ -133,23 +132,3 @@ def _cells_about(space: FreeSpace, gap: ClosedGap) -> list[slice]:
         slice(min(max(cell - reach, 0), n), min(max(cell + reach + 1, 0), n))
         for cell, n in zip(cells.tolist(), counts, strict=False)
     ]
-
-
-def cost_markers(space: FreeSpace) -> list[int]:
-    """Return squared distances that no cell has, and that stand for costs of tries, two at most.
-
-    No sum of two squares leaves 3 when divided by 4. They are so small that they promise no free
-    cell beside theirs.
-    """
-    threshold = _threshold(space)
-    first = threshold + 2 + (1 - threshold) % 4
-    above = first - threshold - 1
-    if above * above >= 4 * threshold:  # the root is greater by a cell
-        return []
-    beside = math.isqrt(threshold) + 1
-    return [first, *(n for n in (first + 4,) if n < beside * beside)]
-
-
-def _threshold(space: FreeSpace) -> int:
-    """Return the largest squared distance at which any disc of the body collides, cells^2."""
-    return int(space.shape.thresholds.max())

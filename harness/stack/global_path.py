@@ -215,7 +215,7 @@ def _spaces(input: PlannerInput, only_known: bool) -> Iterator[FreeSpace]:
     if only_known:
         return
     if input.guided is not None:
-        yield input.guided()
+        yield input.guided
     yield input.optimistic
 
 
@@ -306,7 +306,7 @@ def _path_costs(input: PlannerInput, found: Array, path: Array) -> tuple[float, 
         if not found_cost == cost == np.inf:
             return found_cost, cost
     if input.guided is not None:
-        found_cost, cost = (input.guided().path_cost(one, weight) for one in (found, path))
+        found_cost, cost = (input.guided.path_cost(one, weight) for one in (found, path))
         if not found_cost == cost == np.inf:
             return found_cost, cost
     return input.optimistic.path_cost(found, weight), input.optimistic.path_cost(path, weight)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,6 +16,7 @@ from wayproof.harness.stack.far_ways import FarWays
 from wayproof.harness.stack.footprint import NARROW_COST, body_of, costs
 from wayproof.harness.stack.gaits import gait_of
 from wayproof.harness.stack.mapping import Mapper
+from wayproof.harness.stack.prices import ELSEWHERE, UNKNOWN, with_costs
 from wayproof.harness.stack.types import (
     EvidenceSpace,
     Horizon,
@@ -111,33 +110,24 @@ class FreeSpaceBuilder:
             circumscribed: Whether for the disc.
         """
         space = self._optimistic(circumscribed and self._elongated)
-        unknown = space.collision_distance_sq + 1
-        elsewhere = unknown + 1
-        optimistic = self._costmap.optimistic(unknown)
-        near = measured.clearance < unknown
-        distances = np.where(near, np.minimum(optimistic, np.uint16(elsewhere)), optimistic)
-        table = space.cost_by_distance.copy()
-        table[elsewhere] = table[unknown] + self._config.prior.cost
-        table[elsewhere] -= self._config.behaviour.unknown_cost
-        return replace(space, distances=distances, cost_by_distance=table)
+        elsewhere = (measured.clearance <= space.collision_distance_sq) * np.uint8(ELSEWHERE)
+        prices = elsewhere if space.prices is None else np.maximum(space.prices, elsewhere)
+        beside = space.cost_by_price[UNKNOWN] - self._config.behaviour.unknown_cost
+        costs = {ELSEWHERE: beside + self._config.prior.cost}
+        return with_costs(replace(space, prices=prices), costs)
 
     def known_free(self, circumscribed: bool) -> FreeSpace:
         """Return space known to be free, for the disc about the body or for its discs."""
         return self._space(self._costmap.clearance, circumscribed and self._elongated)
 
-    def _space(
-        self,
-        distances: NDArray[np.uint16],
-        circumscribed: bool,
-        cost_by_distance: Array | None = None,
-    ) -> FreeSpace:
+    def _space(self, distances: NDArray[np.uint16], circumscribed: bool) -> FreeSpace:
         costmap = self._costmap
         return FreeSpace(
             distances=distances,
             origin=costmap.origin,
             resolution=costmap.resolution,
             collision_distance_sq=self._threshold(circumscribed),
-            cost_by_distance=self._costs() if cost_by_distance is None else cost_by_distance,
+            cost_by_distance=self._costs(),
             discs=() if circumscribed else self._discs(),
         )
 
@@ -147,11 +137,12 @@ class FreeSpaceBuilder:
         So a global path may cross the unknown, at `behaviour.unknown_cost`, and takes known space
         where it can.
         """
-        edge = self._threshold(circumscribed) + 1
+        costmap, threshold = self._costmap, self._threshold(circumscribed)
         oriented = self._elongated and not circumscribed
-        table = self._costs().copy()
-        table[edge] = self._config.behaviour.unknown_cost + (NARROW_COST if oriented else 0.0)
-        return self._space(self._costmap.optimistic(edge), circumscribed, table)
+        cost = self._config.behaviour.unknown_cost + (NARROW_COST if oriented else 0.0)
+        space = self._space(costmap.obstacle_clearance, circumscribed)
+        prices = (costmap.clearance <= threshold) * np.uint8(UNKNOWN)
+        return with_costs(replace(space, prices=prices), {UNKNOWN: cost})
 
     def _costs(self) -> Array:
         """Return the costs by squared distance; anew when the costmap's own have changed."""
@@ -241,12 +232,11 @@ class PlannerInputBuilder:
             evidence=self._evidence(circumscribed=False),
         )
 
-    def _guided(self, circumscribed: bool) -> Callable[[], FreeSpace] | None:
-        """Return a function that makes the guided space where it is needed, once per decision."""
+    def _guided(self, circumscribed: bool) -> FreeSpace | None:
         guide, measured = self._guide, self._mapper.stages[0].costmap
         if guide is None:
             return None
-        return functools.cache(lambda: guide.guided(measured, circumscribed))
+        return guide.guided(measured, circumscribed)
 
     def _horizon(self) -> Horizon | None:
         """Return this decision's rolling window, with ways beyond it that are planned once each."""

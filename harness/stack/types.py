@@ -105,7 +105,7 @@ class PlannerInput:
         plan: Path planner: space, start, goal, settings, seed, heading.
         localization: Uncertainty of the pose; None if no covariance is stated.
         range_sigma: Standard deviation of the ranges of the sweeps, m; 0 where it is not estimated.
-        guided: Makes the optimistic space with what was not measured laid under the map: its
+        guided: The optimistic space with what was not measured laid under the map: its
             occupied cells block, and its free ones cost less than unknown ones; and with the cost
             of closed gaps. None without either.
         avoids_gaps: Whether closed gaps cost more in it.
@@ -134,7 +134,7 @@ class PlannerInput:
     plan: PlanPath = plan
     localization: Localization | None = None
     range_sigma: float = 0.0
-    guided: Callable[[], FreeSpace] | None = None
+    guided: FreeSpace | None = None
     avoids_gaps: bool = False
     evidence: tuple[EvidenceSpace, ...] = ()
     horizon: Horizon | None = None

@@ -8,8 +8,7 @@ only a camera, whose cone leaves the sides unknown.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from wayproof.harness.stack.prices import ELSEWHERE, UNKNOWN, with_costs
 from wayproof.harness.stack.types import Array, PlannerInput, arc_length
 from wayproof.planners import FreeSpace, stopping_distance
 
@@ -19,9 +18,6 @@ STOPS_AHEAD = 1.25
 SHARE_OF_COST = 0.0625
 """Share of the cost of unknown space that is left on such a path: at the defaults half of a path's
 length. With twice that the drone took 1.03 instead of 1.02 of the shortest way in halls of 60 m."""
-
-LEVELS = 2
-"""Least distances above the inflation that stand for unknown space, and for that of a prior map."""
 
 
 def enough_admitted(input: PlannerInput, path: Array) -> bool:
@@ -33,8 +29,10 @@ def enough_admitted(input: PlannerInput, path: Array) -> bool:
 
 def discounted_space(input: PlannerInput) -> FreeSpace:
     """Return the optimistic space in which the unknown costs less."""
-    guided = input.guided is not None
-    space = input.optimistic if input.guided is None else input.guided()
-    table, unknown = space.cost_by_distance.copy(), space.collision_distance_sq + 1
-    table[unknown : unknown + (LEVELS if guided else 1)] *= SHARE_OF_COST
-    return replace(space, cost_by_distance=table)
+    space = input.optimistic if input.guided is None else input.guided
+    costs = {
+        price: SHARE_OF_COST * cost
+        for price, cost in enumerate(space.cost_by_price)
+        if price in (ELSEWHERE, UNKNOWN)
+    }
+    return with_costs(space, costs)

@@ -101,7 +101,6 @@ class Costmap:
         self._moved = False
         reach = self._set_margin(config.localization_margin)
         self._cells.read(voxel_map)
-        self._optimistic: dict[int, NDArray[np.uint16]] = {}  # by edge
         self.widening = NOT_WIDENED
         self._blocked = Widened(self._cells.free, self._cells.occupied)
         self._measure_all(reach)
@@ -170,7 +169,6 @@ class Costmap:
         elif changed is not None:
             wide = widening != NOT_WIDENED
             self._measure(reached(changed, cells.rows, widening) if wide else changed)
-        self._optimistic.clear()
         self._state = None
 
     @property
@@ -240,19 +238,6 @@ class Costmap:
         if self.config.unknown_policy == "forbid":
             return self.clearance
         return self.obstacle_clearance
-
-    def optimistic(self, edge: int) -> NDArray[np.uint16]:
-        """Return distances to obstacles, at most `edge` if within it anything is unknown, cells^2.
-
-        The freespace assumption (Koenig & Likhachev 2005, "Fast replanning for navigation in
-        unknown terrain"), with unknown space as costly as the edge of an obstacle.
-        """
-        if edge not in self._optimistic:
-            near = self._to_not_free.squared < edge
-            cut = np.where(near, np.minimum(self._to_obstacles.squared, np.uint16(edge)), 0)
-            np.copyto(cut, self._to_obstacles.squared, where=~near)
-            self._optimistic[edge] = self._truncated(cut)
-        return self._optimistic[edge]
 
     def _truncated(self, squared: NDArray[np.uint16]) -> NDArray[np.uint16]:
         """Cut distances off at `truncation`, where the fields reach farther."""

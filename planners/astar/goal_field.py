@@ -93,12 +93,14 @@ class GoalField:
         self, space: FreeSpace, weight: float, changed: tuple[Cells, Cells] | None
     ) -> Lattice:
         """Return the space's current lattice, with costs-to-go reset that a change can alter."""
-        rates = lattice.rate_table(space, weight)
+        rates = lattice.rates_of(space, weight)
         geometry = (space.grid.field.shape, space.grid.origin.tobytes(), space.grid.resolution)
-        known = (*geometry, space.collision_distance_sq, rates.tobytes())
+        tables = rates.by_distance.tobytes(), rates.by_price.tobytes()
+        known = (*geometry, space.collision_distance_sq, *tables)
         if self._lattice is None or known != self._known:
             return self._begin(space, weight, known)
-        grid = self._lattice._replace(field=space.grid.field, cells=space.grid.field.reshape(-1))
+        field = space.grid.field
+        grid = self._lattice._replace(field=field, cells=field.reshape(-1), rates=rates)
         low, high = _lattice_box(grid, changed)
         changes = refresh_box(grid, low, high)
         if self._goal_cell in changes or self._goal_cell != lattice.entry_cell(

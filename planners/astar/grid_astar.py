@@ -103,7 +103,7 @@ def search_costs(space: FreeSpace, kind: StateSpace, weight: float) -> tuple[Fre
 
     A body of discs can turn only where its circumscribed disc is free: cells that lack that room
     cost more by `NARROW_COST`, so a way leads through a gap only if that is much shorter, and has
-    its corners beside it.
+    its corners beside it. So do cells with a price: what is there is not sure.
     """
     if not kind.oriented:
         return space, weight
@@ -112,7 +112,8 @@ def search_costs(space: FreeSpace, kind: StateSpace, weight: float) -> tuple[Fre
     table = space.grid.cost_by_distance[np.minimum(squared, len(space.cost_by_distance) - 1)]
     costs = np.where(table < math.inf, weight * table, 0.0)
     costs = costs + NARROW_COST * (squared <= room * room)
-    return dataclasses.replace(space, cost_by_distance=costs), 1.0
+    priced = tuple(weight * cost + NARROW_COST for cost in space.cost_by_price)
+    return dataclasses.replace(space, cost_by_distance=costs, cost_by_price=priced), 1.0
 
 
 def poses_on(query: PoseQuery, points: Floats, grid: Lattice) -> Floats | None:

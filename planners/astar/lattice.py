@@ -21,6 +21,7 @@ from wayproof.planners.kernels.lattice_cells import (
     OPEN,
     Integers,
     Lattice,
+    Rates,
     rate_of,
 )
 
@@ -56,16 +57,17 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
     field = space.grid.field
     shape = _lattice_shape(space.flat, factor, field.shape)
     tables = _move_tables(space.flat, factor, field.shape, repairable)
-    rate_by_distance = rate_table(space, weight)
+    rates = rates_of(space, weight)
     cells = int(shape.prod())
-    longest = STEPS[2] * 2 * int(rate_by_distance.max())
+    dearest = max(int(rates.by_distance.max()), int(rates.by_price.max()))
+    longest = STEPS[2] * 2 * dearest
     return Lattice(
         field=field,
         cells=field.reshape(-1),
         threshold=space.collision_distance_sq,
         factor=_cells_along(space.flat, factor),
         shape=shape,
-        rate_by_distance=rate_by_distance,
+        rates=rates,
         moves=tables.moves,
         move_offsets=tables.offsets,
         move_lengths=tables.lengths,
@@ -163,13 +165,18 @@ def _strides(lattice: Lattice) -> Longs:
     return np.array([lattice.shape[1] * lattice.shape[2], lattice.shape[2], 1])
 
 
-def rate_table(space: FreeSpace, weight: float) -> NDArray[np.int32]:
-    """Return the integer cost per length by squared distance, shape (t,)."""
-    table = np.full(len(space.grid.cost_by_distance), FREE_RATE, np.int32)
-    free = slice(space.collision_distance_sq + 1, None)
-    costs = np.minimum(weight * space.grid.cost_by_distance[free], LARGEST_RATE / FREE_RATE)
-    table[free] = np.rint(FREE_RATE * (1.0 + costs)).astype(np.int32)
-    return table
+def rates_of(space: FreeSpace, weight: float) -> Rates:
+    """Return the integer cost per length of a space's cells."""
+    grid, free = space.grid, space.collision_distance_sq + 1
+    by_distance = np.full(len(grid.cost_by_distance), FREE_RATE, np.int32)
+    by_distance[free:] = _rounded(weight * grid.cost_by_distance[free:])
+    return Rates(grid.price, by_distance, _rounded(weight * grid.cost_by_price))
+
+
+def _rounded(costs: Floats) -> Integers:
+    """Return integer costs per length, of costs beside it."""
+    costs = np.minimum(costs, LARGEST_RATE / FREE_RATE)
+    return np.rint(FREE_RATE * (1.0 + costs)).astype(np.int32)
 
 
 class _MoveTables(NamedTuple):

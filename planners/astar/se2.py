@@ -118,10 +118,13 @@ def _path_on(
     budget: int,
 ) -> Floats | None:
     """Plan poses from a start to a goal over every `factor`-th cell; None without a way."""
+    rates = lattice.rates_of(space, 1.0)
     plane = Plane(
         space.grid.field[:, :, 0],
         space.collision_distance_sq,
-        lattice.rate_table(space, 1.0),
+        rates.price[:, :, 0],
+        rates.by_distance,
+        rates.by_price,
         factor,
         (space.grid.field.shape[0] // factor, space.grid.field.shape[1] // factor),
     )

@@ -1,4 +1,4 @@
-"""A distance field as kernels read it, and points in exact fractions of its cells."""
+"""Distances and prices of cells as kernels read them, and points in exact fractions of cells."""
 
 from __future__ import annotations
 
@@ -26,15 +26,18 @@ Pose = tuple[float, float, float, float]
 """Position x, y, z, m, and heading, rad."""
 
 SubcellPoint = tuple[int, int, int]
+Cell = tuple[int, int, int]
 
 
 class Grid(NamedTuple):
     """A distance field, its place in the world, and the cost of its cells."""
 
     field: NDArray[np.uint16]  # (nx, ny, nz) squared cell distances
+    price: NDArray[np.uint8]  # (nx, ny, nz) index of a cell's price; 0: its cost is by distance
     origin: Floats  # (3,) low corner, m
     resolution: float  # m
     cost_by_distance: Floats  # (t,) cost of a cell by its squared distance
+    cost_by_price: Floats  # (p,) cost of a cell by its price; the first is of none
 
 
 class Discs(NamedTuple):
@@ -48,6 +51,15 @@ class Discs(NamedTuple):
 def inside_value(field: NDArray[np.uint16], i: int, j: int, k: int) -> int:
     """Return a cell's squared distance; unsigned indices skip the check for negatives."""
     return int(field[np.uint64(i), np.uint64(j), np.uint64(k)])
+
+
+@kernel
+def cost_of(grid: Grid, value: int, i: int, j: int, k: int) -> float:
+    """Return the cost of a cell inside the grid with a squared distance."""
+    price = grid.price[np.uint64(i), np.uint64(j), np.uint64(k)]
+    if price > 0:
+        return float(grid.cost_by_price[price])
+    return float(grid.cost_by_distance[np.uint64(min(value, len(grid.cost_by_distance) - 1))])
 
 
 @kernel

@@ -7,21 +7,25 @@ import math
 from wayproof.maps._jit import kernel
 from wayproof.planners.kernels.angles import yaw_of_direction
 from wayproof.planners.kernels.free_box import any_heading_free
-from wayproof.planners.kernels.grid import Discs, Floats, Grid
+from wayproof.planners.kernels.grid import Cell, Discs, Floats, Grid
 from wayproof.planners.kernels.polyline import LEAST_EDGE, distance, path_length, row
 from wayproof.planners.kernels.segment import walk_path
-from wayproof.planners.kernels.sweep import LONGEST_BOX, sweep_free
+from wayproof.planners.kernels.sweep import LONGEST_BOX, sweep_free, walk_sweep
 
 BOXES = (16, 4, 1)
 """Numbers of edges that are checked together, the first that are free and within `LONGEST_BOX`."""
 
 
 @kernel
-def headed_free_length(grid: Grid, discs: Discs, path: Floats) -> float:
-    """Return the length of a path (n, 3) before the first edge that a body cannot head along, m.
+def walk_headed(grid: Grid, discs: Discs, path: Floats) -> tuple[float, bool, Cell]:
+    """Walk a path (n, 3) up to the first edge that a body cannot head along.
 
     It turns on the spot at each point: nose first, or where that is not free, tail first. Edges in
     a free box are not checked one by one.
+
+    Returns:
+        Length before that edge, m, whether there is one, and the cell that stops the body nose
+        first.
     """
     length, heading, begun, known = 0.0, 0.0, False, 0
     for n in range(len(path) - 1):
@@ -46,9 +50,13 @@ def headed_free_length(grid: Grid, discs: Discs, path: Floats) -> float:
                 if chosen:
                     heading, begun = facing, True
         if not chosen:
-            return length
+            nose = (a[0], a[1], a[2], ahead)
+            _, free, cell = walk_sweep(grid, discs, here if begun else nose, nose, 0.0)
+            if free:
+                _, free, cell = walk_sweep(grid, discs, nose, (b[0], b[1], b[2], ahead), 0.0)
+            return length, True, cell
         length += distance(a, b)
-    return length
+    return length, False, (0, 0, 0)
 
 
 @kernel
@@ -67,5 +75,5 @@ def free_up_to(grid: Grid, discs: Discs, path: Floats, first: int) -> int:
 def path_free(grid: Grid, discs: Discs, oriented: bool, path: Floats) -> bool:
     """Return whether a path (n, 3) is free, for one disc or for a body that heads along it."""
     if oriented:
-        return bool(headed_free_length(grid, discs, path) > path_length(path) - LEAST_EDGE)
+        return bool(walk_headed(grid, discs, path)[0] > path_length(path) - LEAST_EDGE)
     return bool(walk_path(grid, discs.thresholds[0], 0.0, path)[1] > discs.thresholds[0])

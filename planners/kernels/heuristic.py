@@ -16,8 +16,10 @@ from wayproof.planners.kernels.lattice_cells import (
     Integers,
     Lattice,
     Longs,
+    Rates,
     in_border,
     middle_cell,
+    rate_at,
     unravel,
 )
 
@@ -61,12 +63,12 @@ def column_rate(
     threshold: int,
     factor: Longs,
     shape: Longs,
-    rate_by_distance: Integers,
+    rates: Rates,
     i: int,
     j: int,
 ) -> int:
     """Return the least rate of a column's lattice cells, `BLOCKED` if none is free."""
-    least, last = LARGEST_RATE + 1, len(rate_by_distance) - 1
+    least = LARGEST_RATE + 1
     if in_border(shape, (i, j, 1)):
         return BLOCKED
     x, y, z = middle_cell(factor, (i, j, 1))
@@ -74,7 +76,7 @@ def column_rate(
     for at in range(np.uint64(z), np.uint64(len(row)), np.uint64(factor[2])):
         value = int(row[at])
         if value > threshold:
-            least = min(least, int(rate_by_distance[np.uint64(min(value, last))]))
+            least = min(least, rate_at(rates, value, x, y, at))
     return least if least <= LARGEST_RATE else BLOCKED
 
 
@@ -97,7 +99,7 @@ def bound_columns(lattice: Lattice, goal: int, target: int) -> bool:
         Whether there is a way in the plane; without one there is none in space.
     """
     field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
-    shape, table, seen = lattice.shape, lattice.rate_by_distance, lattice.rate
+    shape, rates = lattice.shape, lattice.rates
     head = np.full_like(lattice.head, -1)
     columns, begin, end = shape[0] * shape[1], target // shape[2], goal // shape[2]
     x, y = end // shape[1], end % shape[1]
@@ -105,9 +107,7 @@ def bound_columns(lattice: Lattice, goal: int, target: int) -> bool:
     closed = np.zeros(columns, np.bool_)
     keys, after, before = np.empty_like(cost), np.empty_like(cost), np.empty_like(cost)
     i, j = begin // shape[1], begin % shape[1]
-    rate[begin], cost[begin] = column_rate(field, threshold, factor, shape, table, i, j), 0
-    # Cells of the border are blocked in any case: a rate there marks the whole column as read.
-    seen[begin * shape[2]] = BLOCKED
+    rate[begin], cost[begin] = column_rate(field, threshold, factor, shape, rates, i, j), 0
     key, opened = octile_cost(i - x, j - y, 0), 1
     insert(head, after, before, keys, begin, key)
     while opened > 0 and not closed[end]:
@@ -125,8 +125,7 @@ def bound_columns(lattice: Lattice, goal: int, target: int) -> bool:
                 if closed[other]:
                     continue
                 if rate[other] == UNSEEN:
-                    rate[other] = column_rate(field, threshold, factor, shape, table, a, b)
-                    seen[other * shape[2]] = BLOCKED
+                    rate[other] = column_rate(field, threshold, factor, shape, rates, a, b)
                 if rate[other] < 0:
                     continue
                 step = STEPS[0] if a == i or b == j else STEPS[1]

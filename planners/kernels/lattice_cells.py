@@ -43,6 +43,14 @@ Integers = NDArray[np.int32]
 Longs = NDArray[np.int64]
 
 
+class Rates(NamedTuple):
+    """Cost per length of a grid cell."""
+
+    price: NDArray[np.uint8]  # (nx, ny, nz) index of a cell's price; 0: its cost is by distance
+    by_distance: Integers  # (t,) by squared distance
+    by_price: Integers  # (p,)
+
+
 class Lattice(NamedTuple):
     """A lattice over a distance field and the state of one search on it.
 
@@ -54,7 +62,7 @@ class Lattice(NamedTuple):
     threshold: int  # a grid cell is forbidden at or below it
     factor: Longs  # (3,) grid cells to a lattice cell
     shape: Longs  # (3,) lattice cells, border included
-    rate_by_distance: Integers  # (t,) cost per length by squared distance
+    rates: Rates
     moves: Longs  # (m, 3) to the neighbours
     move_offsets: Longs  # (m,) flat offsets to them
     move_lengths: Integers  # (m,)
@@ -106,12 +114,21 @@ def middle_index(field: NDArray[np.uint16], factor: Longs, indices: Indices) -> 
 
 
 @kernel
+def rate_at(rates: Rates, value: int, x: int, y: int, z: int) -> int:
+    """Return the rate of a free grid cell with a squared distance."""
+    price = rates.price[np.uint64(x), np.uint64(y), np.uint64(z)]
+    if price > 0:
+        return int(rates.by_price[price])
+    return int(rates.by_distance[np.uint64(min(value, len(rates.by_distance) - 1))])
+
+
+@kernel
 def middle_rate(
     field: NDArray[np.uint16],
     threshold: int,
     factor: Longs,
     shape: Longs,
-    rate_by_distance: Integers,
+    rates: Rates,
     indices: Indices,
 ) -> int:
     """Return the rate of a lattice cell by its middle grid cell."""
@@ -121,7 +138,7 @@ def middle_rate(
     value = int(field[np.uint64(x), np.uint64(y), np.uint64(z)])
     if value <= threshold:
         return BLOCKED
-    return int(rate_by_distance[np.uint64(min(value, len(rate_by_distance) - 1))])
+    return rate_at(rates, value, x, y, z)
 
 
 @kernel
@@ -156,7 +173,7 @@ def rate_of(lattice: Lattice, cell: int) -> int:
     if lattice.rate[cell] == UNSEEN:
         indices = unravel(lattice.shape, cell)
         lattice.rate[cell] = middle_rate(
-            field, threshold, factor, lattice.shape, lattice.rate_by_distance, indices
+            field, threshold, factor, lattice.shape, lattice.rates, indices
         )
         if len(lattice.mask) > 0:
             lattice.mask[cell] = block_mask(field, threshold, factor, lattice.shape, indices)

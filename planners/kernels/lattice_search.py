@@ -62,7 +62,7 @@ def expand(lattice: Lattice, until: int, target: int, budget: int, margin: int) 
     """
     # Arrays are taken out of the tuple once: inside the loop their references would be counted.
     field, threshold, cells = lattice.field, lattice.threshold, lattice.cells
-    factor, shape, rate_by_distance = lattice.factor, lattice.shape, lattice.rate_by_distance
+    factor, shape, rates = lattice.factor, lattice.shape, lattice.rates
     moves, offsets, lengths = lattice.moves, lattice.move_offsets, lattice.move_lengths
     touched, counts, rate = lattice.touched, lattice.touched_counts, lattice.rate
     blocks, bits = lattice.blocks, lattice.bits
@@ -92,7 +92,7 @@ def expand(lattice: Lattice, until: int, target: int, budget: int, margin: int) 
             at = np.uint64(other)
             indices = (i + moves[move, 0], j + moves[move, 1], k + moves[move, 2])
             if rate[at] == UNSEEN:
-                rate[at] = middle_rate(field, threshold, factor, shape, rate_by_distance, indices)
+                rate[at] = middle_rate(field, threshold, factor, shape, rates, indices)
                 if len(mask) > 0:
                     mask[at] = block_mask(field, threshold, factor, shape, indices)
             if rate[at] < 0:

@@ -27,21 +27,20 @@ from wayproof.planners.kernels.lattice_cells import (
 def refresh_box(lattice: Lattice, low: Longs, high: Longs) -> Integers:
     """Look the cells of a box up again that were looked up before; return those that changed."""
     field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
-    shape, rates, rate_by_distance = lattice.shape, lattice.rate, lattice.rate_by_distance
-    masks = lattice.mask
-    changed = np.empty(len(rates), np.int32)
+    shape, seen, masks = lattice.shape, lattice.rate, lattice.mask
+    changed = np.empty(len(seen), np.int32)
     count = 0
     for i in range(low[0], high[0]):
         for j in range(low[1], high[1]):
             for k in range(low[2], high[2]):
                 cell = (i * shape[1] + j) * shape[2] + k
-                if rates[cell] == UNSEEN:
+                if seen[cell] == UNSEEN:
                     continue
                 indices = i, j, k
-                rate = middle_rate(field, threshold, factor, shape, rate_by_distance, indices)
+                rate = middle_rate(field, threshold, factor, shape, lattice.rates, indices)
                 mask = block_mask(field, threshold, factor, shape, indices)
-                if rate != rates[cell] or mask != masks[cell]:
-                    rates[cell], masks[cell] = rate, mask
+                if rate != seen[cell] or mask != masks[cell]:
+                    seen[cell], masks[cell] = rate, mask
                     changed[count] = cell
                     count += 1
     return changed[:count].copy()

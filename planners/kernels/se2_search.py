@@ -71,7 +71,9 @@ class Plane(NamedTuple):
 
     field: NDArray[np.uint16]  # (nx, ny) squared cell distances
     threshold: int
+    price: NDArray[np.uint8]  # (nx, ny) index of a cell's price; 0: its cost is by distance
     rates: Integers  # (t,) cost per length by squared distance
+    priced: Integers  # (p,) cost per length by price
     factor: int
     shape: tuple[int, int]  # nodes
 
@@ -237,6 +239,8 @@ def motion_free(plane: Plane, i: int, j: int, swept: SweptCells, motion: int) ->
 @kernel
 def rate_at(plane: Plane, i: int, j: int) -> int:
     """Return the cost per length at a grid cell."""
+    if plane.price[i, j] > 0:
+        return int(plane.priced[plane.price[i, j]])
     return int(plane.rates[min(int(plane.field[i, j]), len(plane.rates) - 1)])
 
 

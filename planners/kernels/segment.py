@@ -11,29 +11,31 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from wayproof.maps._jit import kernel
 from wayproof.planners.kernels.grid import (
     FARTHEST_CELL,
     OUTSIDE,
     SUBCELL_BITS,
     SUBCELLS,
+    Cell,
     Floats,
     Grid,
     Point,
     SubcellPoint,
+    cost_of,
     inside_value,
     squared_distance,
     to_subcells,
 )
 from wayproof.planners.kernels.polyline import distance, row
 
+Walked = tuple[float, int, float, Cell]
+"""Share of a segment or length of a path that was walked, the least squared distance met, the cost
+integrated over it, and the cell where it ended."""
+
 
 @kernel
-def walk(
-    grid: Grid, threshold: int, start: SubcellPoint, end: SubcellPoint
-) -> tuple[float, int, float]:
+def walk(grid: Grid, threshold: int, start: SubcellPoint, end: SubcellPoint) -> Walked:
     """Walk the cells that a segment touches up to the first whose squared distance is <= threshold.
 
     The common case, inside the grid and through one face at a time; `walk_anywhere` does the rest
@@ -41,7 +43,7 @@ def walk(
 
     Returns:
         Share of the segment walked (two sub-cells short of the face that ended it; 1 if none did),
-        the least squared distance met, and the cost integrated over that share.
+        the least squared distance met, the cost integrated over that share, and the last cell.
     """
     i, j, k = start[0] >> SUBCELL_BITS, start[1] >> SUBCELL_BITS, start[2] >> SUBCELL_BITS
     u, v, w = end[0] >> SUBCELL_BITS, end[1] >> SUBCELL_BITS, end[2] >> SUBCELL_BITS
@@ -56,13 +58,12 @@ def walk(
     # earlier where the difference of the cross products is below 0.
     x_y, x_z = next_x * span_y - next_y * span_x, next_x * span_z - next_z * span_x
     y_z = next_y * span_z - next_z * span_y
-    field, cost_by_distance = grid.field, grid.cost_by_distance
-    furthest = len(cost_by_distance) - 1
+    field = grid.field
     least, walked, cost = value, 0.0, 0.0
     if least <= threshold:
-        return walked, least, cost
+        return walked, least, cost, (i, j, k)
     while faces_x + faces_y + faces_z > 0:
-        rate = cost_by_distance[np.uint64(min(value, furthest))]
+        rate = cost_of(grid, value, i, j, k)
         if faces_x > 0 and (faces_y == 0 or x_y < 0) and (faces_z == 0 or x_z < 0):
             first, span = next_x, span_x
             i, faces_x, next_x = i + step_x, faces_x - 1, next_x + SUBCELLS
@@ -83,28 +84,24 @@ def walk(
         if least <= threshold:
             # Before the last face too, if that is as near: rounding must not reach either.
             share = max((first - 2) / span, 0.0)
-            return share, least, cost + (share - walked) * rate
+            return share, least, cost + (share - walked) * rate, (i, j, k)
         cost += (share - walked) * rate
         walked = share
-    return 1.0, least, cost + (1.0 - walked) * cost_by_distance[min(value, furthest)]
+    return 1.0, least, cost + (1.0 - walked) * cost_of(grid, value, i, j, k), (i, j, k)
 
 
 @kernel
-def walk_anywhere(
-    grid: Grid, threshold: int, start: SubcellPoint, end: SubcellPoint
-) -> tuple[float, int, float]:
+def walk_anywhere(grid: Grid, threshold: int, start: SubcellPoint, end: SubcellPoint) -> Walked:
     """Go as `walk`, beyond the grid, too, and where a step crosses several faces at once."""
     i, j, k = start[0] >> SUBCELL_BITS, start[1] >> SUBCELL_BITS, start[2] >> SUBCELL_BITS
     # An axis crosses its next face at time next / span.
     faces_x, step_x, next_x, span_x = axis_steps(start[0], end[0])
     faces_y, step_y, next_y, span_y = axis_steps(start[1], end[1])
     faces_z, step_z, next_z, span_z = axis_steps(start[2], end[2])
-    cost_by_distance = grid.cost_by_distance
-    furthest = len(cost_by_distance) - 1
     value = squared_distance(grid, i, j, k)
     least, walked, cost = value, 0.0, 0.0
     if least <= threshold:
-        return walked, least, cost
+        return walked, least, cost, (i, j, k)
     while faces_x + faces_y + faces_z > 0:
         # The earliest crossing of all axes, at first / span: infinitely late so far.
         first, span = 1, 0
@@ -119,22 +116,23 @@ def walk_anywhere(
         cross_y = faces_y > 0 and next_y * span == first * span_y
         cross_z = faces_z > 0 and next_z * span == first * span_z
         di, dj, dk = cross_x * step_x, cross_y * step_y, cross_z * step_z
-        rate = cost_by_distance[np.uint64(min(value, furthest))]
-        value = squared_distance(grid, i + di, j + dj, k + dk)
+        rate = cost_of(grid, value, i, j, k)
+        value, cell = squared_distance(grid, i + di, j + dj, k + dk), (i + di, j + dj, k + dk)
         least = min(least, value)
         if cross_x + cross_y + cross_z > 1:
-            least = min(least, least_at_corners(grid, i, j, k, di, dj, dk))
+            beside, corner = least_at_corners(grid, threshold, (i, j, k), (di, dj, dk))
+            least, cell = min(least, beside), corner if value > threshold else cell
         share = first / span
         if least <= threshold:
             share = max((first - 2) / span, 0.0)
-            return share, least, cost + (share - walked) * rate
+            return share, least, cost + (share - walked) * rate, cell
         cost += (share - walked) * rate
         walked = share
         i, j, k = i + di, j + dj, k + dk
         faces_x, next_x = faces_x - cross_x, next_x + cross_x * SUBCELLS
         faces_y, next_y = faces_y - cross_y, next_y + cross_y * SUBCELLS
         faces_z, next_z = faces_z - cross_z, next_z + cross_z * SUBCELLS
-    return 1.0, least, cost + (1.0 - walked) * cost_by_distance[min(value, furthest)]
+    return 1.0, least, cost + (1.0 - walked) * cost_of(grid, value, i, j, k), (i, j, k)
 
 
 @kernel
@@ -148,64 +146,67 @@ def axis_steps(start: int, end: int) -> tuple[int, int, int, int]:
 
 
 @kernel
-def least_at_corners(grid: Grid, i: int, j: int, k: int, di: int, dj: int, dk: int) -> int:
+def least_at_corners(grid: Grid, threshold: int, cell: Cell, step: Cell) -> tuple[int, Cell]:
     """Return the least squared distance of the cells that meet where a step crosses an edge.
 
-    The cells beside the step; for a step along two axes its ends are among them.
+    The cells beside the step, and the last of them at or below the threshold, if any is; for a step
+    along two axes its ends are among them.
     """
-    least = squared_distance(grid, i + di, j, k)
+    (i, j, k), (di, dj, dk) = cell, step
+    least, found = squared_distance(grid, i + di, j, k), (i + di, j, k)
     for corner in range(2, 7):
         along_i, along_j, along_k = corner & 1, (corner >> 1) & 1, corner >> 2
-        cell = i + along_i * di, j + along_j * dj, k + along_k * dk
-        least = min(least, squared_distance(grid, cell[0], cell[1], cell[2]))
-    return least
+        beside = i + along_i * di, j + along_j * dj, k + along_k * dk
+        value = squared_distance(grid, beside[0], beside[1], beside[2])
+        least, found = min(least, value), beside if value <= threshold else found
+    return least, found
 
 
 @kernel
-def walk_between(grid: Grid, threshold: int, a: Point, b: Point) -> tuple[float, int, float]:
+def walk_between(grid: Grid, threshold: int, a: Point, b: Point) -> Walked:
     """Go as `walk` between two points, m; an end too far from the grid blocks the whole segment."""
     near_a, start = to_subcells(grid, a)
     near_b, end = to_subcells(grid, b)
     if not (near_a and near_b):
-        return 0.0, OUTSIDE, 0.0
+        x, y, z = start
+        return 0.0, OUTSIDE, 0.0, (x >> SUBCELL_BITS, y >> SUBCELL_BITS, z >> SUBCELL_BITS)
     return walk(grid, threshold, start, end)
 
 
 @kernel
 def edge_free(grid: Grid, threshold: int, a: Point, b: Point) -> bool:
     """Return whether all cells that a segment touches are farther than the squared threshold."""
-    _, least, _ = walk_between(grid, threshold, a, b)
-    return bool(least > threshold)
+    return bool(walk_between(grid, threshold, a, b)[1] > threshold)
 
 
 @kernel
 def edge_cost(grid: Grid, threshold: int, weight: float, a: Point, b: Point) -> float:
     """Integrate 1 + weight * cost along an edge, m; infinite if the edge is not free."""
-    _, least, inside = walk_between(grid, threshold, a, b)
+    _, least, inside, _ = walk_between(grid, threshold, a, b)
     if least <= threshold:
         return math.inf
     return distance(a, b) * (1.0 + weight * inside)
 
 
 @kernel
-def walk_path(grid: Grid, threshold: int, weight: float, path: Floats) -> tuple[float, int, float]:
+def walk_path(grid: Grid, threshold: int, weight: float, path: Floats) -> Walked:
     """Walk a polyline (n, 3), m, up to its first cell whose squared distance is <= threshold.
 
     Returns:
-        Length walked, m, the least squared distance met, and the integral of 1 + weight * cost over
-        that length, m.
+        Length walked, m, the least squared distance met, the integral of 1 + weight * cost over
+        that length, m, and the last cell.
     """
-    _, least, _ = walk_between(grid, threshold, row(path, 0), row(path, 0))
+    _, least, _, cell = walk_between(grid, threshold, row(path, 0), row(path, 0))
     length, cost = 0.0, 0.0
     for n in range(len(path) - 1):
         if least <= threshold:
             break
         a, b = row(path, n), row(path, n + 1)
-        share, value, inside = walk_between(grid, threshold, a, b)
+        share, value, inside, cell = walk_between(grid, threshold, a, b)
         length += share * distance(a, b)
         cost += (share + weight * inside) * distance(a, b)
         least = min(least, value)
-    return length, least, cost
+    return length, least, cost, cell
 
 
 @kernel

@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from wayproof.maps._jit import allocating, kernel
 from wayproof.planners.kernels.angles import cosine_sine, wrap
 from wayproof.planners.kernels.free_box import body_box_free
-from wayproof.planners.kernels.grid import SUBCELL_BITS, Discs, Floats, Grid, Pose, to_subcells
+from wayproof.planners.kernels.grid import (
+    SUBCELL_BITS,
+    Cell,
+    Discs,
+    Floats,
+    Grid,
+    Pose,
+    to_subcells,
+)
 from wayproof.planners.kernels.polyline import distance
 from wayproof.planners.kernels.segment import walk_between
 
@@ -49,38 +57,62 @@ def sweep_steps(a: Pose, b: Pose) -> int:
 
 
 @kernel
-def step_cost(grid: Grid, discs: Discs, a: Pose, b: Pose) -> tuple[bool, float]:
-    """Return whether a body is free over a small step of straight discs, and their mean cost."""
+def step_cost(grid: Grid, discs: Discs, a: Pose, b: Pose) -> tuple[bool, float, Cell]:
+    """Return whether a body is free over a small step of straight discs, and their mean cost.
+
+    And the cell in which a disc's centre ends, that of the first one that is not free.
+    """
     cosine_a, sine_a = cosine_sine(a[3])
     cosine_b, sine_b = cosine_sine(b[3])
-    cost = 0.0
+    cost, cell = 0.0, (0, 0, 0)
     for n in range(len(discs.offsets)):
         offset, threshold = discs.offsets[n], discs.thresholds[n]
         start = (a[0] + offset * cosine_a, a[1] + offset * sine_a, a[2])
         end = (b[0] + offset * cosine_b, b[1] + offset * sine_b, b[2])
-        _, least, inside = walk_between(grid, threshold, start, end)
+        _, least, inside, cell = walk_between(grid, threshold, start, end)
         if least <= threshold:
-            return False, math.inf
+            return False, math.inf, cell
         cost += inside
-    return True, cost / len(discs.offsets)
+    return True, cost / len(discs.offsets), cell
+
+
+@kernel
+def turn_boxed(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
+    """Return whether a short sweep with a turn is free by a box about it alone."""
+    if sweep_steps(a, b) == 1 or distance(a[:3], b[:3]) > LONGEST_BOX:
+        return False
+    low = min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2])
+    high = max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2])
+    return body_box_free(grid, discs, low, high)
 
 
 @kernel
 def sweep_free(grid: Grid, discs: Discs, a: Pose, b: Pose) -> bool:
     """Return whether a body is free all the way between two poses; the end is checked first."""
-    count = sweep_steps(a, b)
-    if count > 1 and distance(a[:3], b[:3]) <= LONGEST_BOX:
-        low = min(a[0], b[0]), min(a[1], b[1]), min(a[2], b[2])
-        high = max(a[0], b[0]), max(a[1], b[1]), max(a[2], b[2])
-        if body_box_free(grid, discs, low, high):
-            return True
-    if not step_cost(grid, discs, b, b)[0]:
-        return False
+    if turn_boxed(grid, discs, a, b):
+        return True
+    return step_cost(grid, discs, b, b)[0] and walk_sweep(grid, discs, a, b, 0.0)[1]
+
+
+@kernel
+def walk_sweep(
+    grid: Grid, discs: Discs, a: Pose, b: Pose, length: float
+) -> tuple[float, bool, Cell]:
+    """Sweep a body between two poses up to the first step that is not free.
+
+    Returns:
+        A length, m, and that of the way before this step; whether there is none; and the cell that
+        a disc meets there.
+    """
+    count, boxed, cell = sweep_steps(a, b), turn_boxed(grid, discs, a, b), (0, 0, 0)
     for n in range(count):
         before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
-        if not step_cost(grid, discs, before, after)[0]:
-            return False
-    return True
+        if not boxed:
+            free, _, cell = step_cost(grid, discs, before, after)
+            if not free:
+                return length, False, cell
+        length += distance(before[:3], after[:3])
+    return length, True, cell
 
 
 @kernel
@@ -101,29 +133,22 @@ def poses_free(grid: Grid, discs: Discs, poses: Floats) -> bool:
 
 
 @kernel
-def poses_free_length(grid: Grid, discs: Discs, poses: Floats) -> float:
-    """Return the length of the way through poses (n, 4) before the first blocked step, m."""
-    length = 0.0
-    for edge in range(len(poses) - 1):
-        a, b = pose_row(poses, edge), pose_row(poses, edge + 1)
-        count = sweep_steps(a, b)
-        for n in range(count):
-            before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
-            if not step_cost(grid, discs, before, after)[0]:
-                return length
-            length += distance(before[:3], after[:3])
-    return length
+def walk_poses(grid: Grid, discs: Discs, poses: Floats) -> tuple[float, int, Cell]:
+    """Sweep a body through poses (n, 4) up to the first step that is not free.
 
-
-@kernel
-def poses_free_count(grid: Grid, discs: Discs, poses: Floats) -> int:
-    """Return the number of poses (n, 4) that a body reaches one after the other."""
-    if not step_cost(grid, discs, pose_row(poses, 0), pose_row(poses, 0))[0]:
-        return 0
-    for n in range(len(poses) - 1):
-        if not sweep_free(grid, discs, pose_row(poses, n), pose_row(poses, n + 1)):
-            return n + 1
-    return len(poses)
+    Returns:
+        Length before that step, m; the pose that it leads to, n without one; and the cell that a
+        disc meets there.
+    """
+    length, (free, _, cell) = 0.0, step_cost(grid, discs, pose_row(poses, 0), pose_row(poses, 0))
+    if not free:
+        return length, 0, cell
+    for n in range(1, len(poses)):
+        before, after = pose_row(poses, n - 1), pose_row(poses, n)
+        length, free, cell = walk_sweep(grid, discs, before, after, length)
+        if not free:
+            return length, n, cell
+    return length, len(poses), cell
 
 
 @allocating

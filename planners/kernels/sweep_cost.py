@@ -50,7 +50,7 @@ def sweep_cost(grid: Grid, discs: Discs, weight: float, a: Pose, b: Pose) -> flo
         return cost  # nearness counts by length, which is 0
     for n in range(count):
         before, after = pose_between(a, b, n / count), pose_between(a, b, (n + 1) / count)
-        free, near = step_cost(grid, discs, before, after)
+        free, near, _ = step_cost(grid, discs, before, after)
         if not free:
             return math.inf
         off_heading = 0.0

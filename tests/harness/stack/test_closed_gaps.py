@@ -55,13 +55,9 @@ def test_a_way_leads_around_a_gap_that_closed_and_back_when_both_did():
 
 def test_costs_neither_free_nor_block_a_cell_and_leave_the_space_as_it_was():
     space = make_input(TWO_GAPS, LONG).optimistic
-    before = space.distances.copy()
     costly = costly_gaps(space, (ClosedGap(LOW, 2),), 2.0)
-    threshold = int(space.shape.thresholds.max())
-    assert np.array_equal(space.distances, before)
-    assert np.array_equal(costly.distances > threshold, before > threshold)
-    changed = np.argwhere(costly.distances != before)
-    assert 10 < len(changed) < 60
+    assert costly.distances is space.distances
+    assert 10 < np.count_nonzero(costly.prices) < 60
     path = np.array([place(2.0, 0.95), place(5.0, 0.95)])
     assert costly.path_cost(path, 2.0) - space.path_cost(path, 2.0) > 3.9
 
@@ -97,4 +93,4 @@ def test_without_closed_gaps_the_input_is_the_same():
     assert with_closed_gaps(input, at_rest()) is input
     avoiding = with_closed_gaps(input, at_rest(closed=(ClosedGap(LOW, 1),)))
     assert avoiding.avoids_gaps
-    assert avoiding.guided() is avoiding.guided()
+    assert avoiding.guided.prices.any()

@@ -23,6 +23,7 @@ from wayproof.harness.stack.gaits.flight import Flight
 from wayproof.harness.stack.global_path import keep_or_replan
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder
+from wayproof.harness.stack.prices import ELSEWHERE, TRIED_ONCE, UNKNOWN, with_costs
 from wayproof.harness.stack.unknown_ahead import discounted_space, enough_admitted
 from wayproof.maps import FREE, OCCUPIED
 from wayproof.planners import PlannerConfig, plan, stopping_distance
@@ -40,13 +41,8 @@ def room_with(unknown, **others):
     """Input in a room with unknown space, where that is as dear as in a costmap."""
     states = make_states(unknown=[unknown])
     known, passable = make_space(states != FREE), make_space(states == OCCUPIED)
-    edge = passable.collision_distance_sq + 1
-    costs = passable.cost_by_distance.copy()
-    costs[edge] = UNKNOWN_COST
-    distances = np.where(
-        known.distances < edge, np.minimum(passable.distances, edge), passable.distances
-    )
-    optimistic = replace(passable, distances=distances.astype(np.uint16), cost_by_distance=costs)
+    prices = (known.distances <= known.collision_distance_sq) * np.uint8(UNKNOWN)
+    optimistic = with_costs(replace(passable, prices=prices), {UNKNOWN: UNKNOWN_COST})
     return make_input(states, optimistic=optimistic, **others)
 
 
@@ -92,14 +88,12 @@ def test_enough_is_admitted_for_a_stop_from_full_speed_and_a_quarter():
 def test_only_unknown_space_costs_less():
     input = room_with(FAR)
     space, dear = discounted_space(input), input.optimistic
-    edge = dear.collision_distance_sq + 1
-    assert space.cost_by_distance[edge] == UNKNOWN_COST / 16
-    assert dear.cost_by_distance[edge] == UNKNOWN_COST
-    others = np.arange(len(space.cost_by_distance)) != edge
-    np.testing.assert_array_equal(space.cost_by_distance[others], dear.cost_by_distance[others])
-    guided = replace(dear, cost_by_distance=dear.cost_by_distance + 1.0)
-    costs = discounted_space(replace(input, guided=lambda: guided)).cost_by_distance
-    assert costs[edge : edge + 3].tolist() == [5.0 / 16, 1.0 / 16, 1.0]
+    assert space.prices is dear.prices
+    assert space.cost_by_price[UNKNOWN] == UNKNOWN_COST / 16
+    assert space.cost_by_distance is dear.cost_by_distance
+    guided = with_costs(dear, {ELSEWHERE: 1.0, TRIED_ONCE: 2.0})
+    costs = discounted_space(replace(input, guided=guided)).cost_by_price
+    assert costs[ELSEWHERE : TRIED_ONCE + 1] == (1.0 / 16, UNKNOWN_COST / 16, 2.0)
 
 
 def test_a_way_through_unknown_space_is_taken_where_that_costs_less():
@@ -120,5 +114,4 @@ def test_nearness_costs_a_robot_that_flies_half_and_the_unknown_as_much(robot, a
     spaces = builder.circumscribed()
     whole = costs(costmap, body_of(scenario.mission))
     np.testing.assert_array_equal(spaces.known_free.cost_by_distance, share * whole)
-    edge = spaces.optimistic.collision_distance_sq + 1
-    assert spaces.optimistic.cost_by_distance[edge] == UNKNOWN_COST
+    assert spaces.optimistic.cost_by_price[UNKNOWN] == UNKNOWN_COST

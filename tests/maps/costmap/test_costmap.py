@@ -401,5 +401,3 @@ def test_a_moved_window_is_as_a_new_costmap_of_it(motion):
             np.testing.assert_array_equal(kept.state, new.state)
             np.testing.assert_array_equal(kept.clearance, new.clearance)
             np.testing.assert_array_equal(kept.obstacle_clearance, new.obstacle_clearance)
-            edge = new.collision_distance_sq + 1
-            np.testing.assert_array_equal(kept.optimistic(edge), new.optimistic(edge))

@@ -48,7 +48,7 @@ def test_edges_in_free_boxes_are_free_one_by_one():
         t = np.linspace(0.0, 1.0, 20)[:-1, None]
         path = np.vstack([a + t * (b - a) for a, b in itertools.pairwise(corners)])
         found = space.free_length(path)
-        assert found == headed.headed_free_length.py_func(space.grid, space.shape, path)
+        assert found == headed.walk_headed.py_func(space.grid, space.shape, path)[0]
         assert found == pytest.approx(naive_headed_length(space, path), abs=1e-9)
         partly += 0.0 < found < 1.0
         low, high = tuple(path[:4].min(axis=0)), tuple(path[:4].max(axis=0))
@@ -68,5 +68,5 @@ def test_the_length_along_which_a_body_heads(bend):
     assert bend.free_length(lane[::-1]) == pytest.approx(2.0)  # nose or tail first
     across = np.vstack((lane[:2], point(bend, 22.5, 16.5)))
     assert bend.free_length(across) == pytest.approx(1.0)  # it cannot turn there
-    python = headed.headed_free_length.py_func(bend.grid, bend.shape, across)
+    python = headed.walk_headed.py_func(bend.grid, bend.shape, across)[0]
     assert python == bend.free_length(across)

@@ -7,7 +7,7 @@ import pytest
 
 from tests.planners.worlds import long_space, point, random_points, random_space, row_of_cells
 from wayproof.planners import point_at
-from wayproof.planners.kernels import obstruction
+from wayproof.planners.kernels import headed, segment, sweep
 
 
 def forbidden(space, cell):
@@ -22,14 +22,15 @@ def test_it_is_forbidden_and_right_where_the_free_length_ends():
         space = random_space(seed, (12, 12, 6))
         path = random_points(rng, space, 4)
         length, cell = space.free_length(path), space.first_forbidden(path)
-        found = obstruction.on_path.py_func(space.grid, space.collision_distance_sq, path)
-        assert (cell is not None) == found[0]
+        threshold = space.collision_distance_sq
+        found = segment.walk_path.py_func(space.grid, threshold, 0.0, path)
+        assert (cell is not None) == (found[1] <= threshold)
         if cell is None:
             whole = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
             assert length == pytest.approx(whole)
             continue
         ended += 1
-        assert cell.tolist() == list(found[1])
+        assert cell.tolist() == list(found[3])
         assert forbidden(space, cell)
         at = (point_at(path, length) - space.origin) / space.resolution
         assert np.abs(np.clip(at, cell, cell + 1) - at).max() < 1e-3
@@ -61,11 +62,11 @@ def test_a_long_body_is_stopped_where_its_free_length_ends():
         path = np.vstack([a + t * (b - a) for a, b in itertools.pairwise(corners)])
         whole = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
         cell = space.first_forbidden(path)
-        found = obstruction.on_headed_path.py_func(space.grid, space.shape, path)
-        assert (cell is None) == (space.free_length(path) > whole - 1e-9) == (not found[0])
+        found = headed.walk_headed.py_func(space.grid, space.shape, path)
+        assert (cell is None) == (space.free_length(path) > whole - 1e-9) == (not found[1])
         if cell is not None:
             ended += 1
-            assert cell.tolist() == list(found[1])
+            assert cell.tolist() == list(found[2])
             assert space.distances[tuple(cell)] <= max(space.shape.thresholds)
     assert ended > 3
 
@@ -79,4 +80,4 @@ def test_the_first_pose_that_cannot_be_reached():
     assert reached == space.free_poses(poses) == 3
     assert space.distances[tuple(cell)] <= max(space.shape.thresholds)
     assert space.first_forbidden_pose(poses[:2]) == (1, None)
-    assert obstruction.on_poses.py_func(space.grid, space.shape, poses)[0] == 3
+    assert sweep.walk_poses.py_func(space.grid, space.shape, poses)[1] == 3

@@ -19,7 +19,9 @@ def test_motions_are_free_where_all_their_cells_are():
     plane = Plane(
         space.distances[:, :, 0],
         space.collision_distance_sq,
+        space.grid.price[:, :, 0],
         np.full(201, 8, np.int32),
+        np.zeros(1, np.int32),
         2,
         (20, 15),
     )
@@ -50,7 +52,9 @@ def search_problem():
     blocked[4:10, 3] = blocked[4:10, 13] = True
     space = long_space(blocked)
     rates = np.full(201, 8, np.int32)
-    plane = Plane(space.distances[:, :, 0], space.collision_distance_sq, rates, 1, (24, 20))
+    price, priced = space.grid.price[:, :, 0], np.zeros(1, np.int32)
+    threshold = space.collision_distance_sq
+    plane = Plane(space.distances[:, :, 0], threshold, price, rates, priced, 1, (24, 20))
     ways = motion_primitives((-0.3 / 0.1, 0.0, 0.3 / 0.1), plane.threshold, 1)
     ways = ways._replace(turn_cost=40, reversal_cost=900)
     goal, starts = 18 * 20 + 8, np.array([(5 * 20 + 8) * 16, (5 * 20 + 8) * 16 + 8])

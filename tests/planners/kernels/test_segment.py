@@ -1,5 +1,6 @@
 import itertools
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -65,8 +66,13 @@ def naive_walk(space: FreeSpace, a: np.ndarray, b: np.ndarray) -> tuple[int, flo
     share = float(min(blocked, default=Fraction(1)))
     cost = 0.0
     if least > 0:
-        cost = sum(float(u - t) / (1.0 + field_value(space, c)) for c, (t, u) in spans.items())
+        cost = sum(float(u - t) * cell_cost(space, c) for c, (t, u) in spans.items())
     return least, share, cost
+
+
+def cell_cost(space: FreeSpace, cell: tuple[int, ...]) -> float:
+    price = space.prices[cell]
+    return space.cost_by_price[price] if price else 1.0 / (1.0 + field_value(space, cell))
 
 
 @pytest.mark.parametrize("shape", [(12, 9, 1), (8, 7, 6)])
@@ -74,7 +80,8 @@ def test_walks_touch_exactly_the_cells_that_geometry_says(shape):
     rng = np.random.default_rng(1)
     verdicts = []
     for seed in range(6):
-        space = random_space(seed, shape)
+        prices = rng.integers(0, 3, shape).astype(np.uint8)
+        space = replace(random_space(seed, shape), prices=prices, cost_by_price=(0.0, 0.7, 2.5))
         a, b = random_points(rng, space, 120).reshape(2, 60, 3)
         if shape[2] == 1:
             a[:, 2] = b[:, 2] = space.origin[2] + 0.5 * space.resolution

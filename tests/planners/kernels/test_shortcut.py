@@ -39,7 +39,7 @@ def test_the_fewest_corners_are_kept_that_their_price_is_worth():
     for price in (0.0, 0.01, 0.5):
         costs = {
             chosen: cost + price * (len(chosen) - 2)
-            for chosen, (_, least, cost) in naive.items()
+            for chosen, (_, least, cost, _) in naive.items()
             if least > 1
         }
         best = min(costs.values())

@@ -73,7 +73,7 @@ def test_poses_are_counted_up_to_the_first_that_does_not_fit(bend):
     assert bend.free_poses(poses[:2]) == 2
     assert bend.free_poses(poses[::-1]) == 0  # across the lane
     count = bend.free_poses(poses)
-    assert sweep.poses_free_count.py_func(bend.grid, bend.shape, poses) == count < 4
+    assert sweep.walk_poses.py_func(bend.grid, bend.shape, poses)[1] == count < 4
 
 
 def test_the_nearest_pose(bend):
