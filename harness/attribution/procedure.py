@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.attribution.standstill import cause_of_standstill, near_to_standstill
 from wayproof.harness.attribution.standstill_facts import standstill_facts
 from wayproof.harness.result import Contact
-from wayproof.harness.stack.rolling_window import rolls
+from wayproof.harness.stack.rolling_window import edge_of
 
 TOO_LARGE = "the operating area is too large to search all of it for a way"
 
@@ -51,7 +52,7 @@ def find_cause(case: Case) -> Finding | None:
 
 def _whole(case: Case) -> Case | None:
     """Return the case with costmaps of the whole area; None if that takes too much memory."""
-    rolling = any(rolls(one.config, one.mission) for one in case.segments)
+    rolling = any(math.isfinite(edge_of(one.config, one.mission)) for one in case.segments)
     return with_whole_area(case) if rolling else case
 
 

@@ -27,7 +27,10 @@ class FarWays:
     """
 
     def __init__(self, config: Config, mission: Mission, mapper: Mapper) -> None:
-        """Search the first goal's costs-to-go, which takes longest while all is unknown."""
+        """Search the costs-to-go of a first goal beyond the window, and compile what repairs them.
+
+        So that no decision waits for that.
+        """
         costmap = mapper.costmap
         low, high = mission.low, mission.high
         height = mission.height if mission.planar else 2.0 * costmap.radius
@@ -46,8 +49,10 @@ class FarWays:
             cost_by_distance=np.zeros(PASSABLE + 1),
         )
         self._goal_field: GoalField | None = None
-        for _ in range(2):  # the second time compiles what repairs them, so that no decision waits
-            self.way(np.array(mission.start), np.array(mission.goals[0]))
+        goal, (least, greatest) = np.array(mission.goals[0]), mapper.window.inner
+        beyond = (goal[:2] < least) | (goal[:2] > greatest)
+        for _ in range(2 if beyond.any() else 0):
+            self.way(np.array(mission.start), goal)
 
     def way(self, start: Array, goal: Array) -> Array | None:
         """Plan from a position to a goal, both (3,), m.

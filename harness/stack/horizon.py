@@ -29,7 +29,7 @@ def goal_within(input: PlannerInput, state: PlannerState, start: TrajectorySampl
         start: Start of the new trajectory.
     """
     horizon = input.horizon
-    if horizon is None or _in_window(horizon, input.goal):
+    if _in_window(horizon, input.goal):
         return input.goal
     if state.global_path is not None and not state.exploring:
         path = remaining(state.global_path, start.arc_length)

@@ -114,7 +114,7 @@ def keyframe_of(navigator: Navigator, decision: pb.Decision, with_map: bool) -> 
     )
     if with_map:
         write_bricks(_voxel_map(navigator).content(), keyframe.map)
-        keyframe.map.window.extend(_window_centre(navigator))
+        keyframe.map.window.extend(navigator.mapper.window.centre)
         write_filters(navigator.mapper.filters.contents(), keyframe.map)
     return keyframe
 
@@ -137,14 +137,12 @@ def restore_map(navigator: Navigator, keyframe: pb.Keyframe) -> None:
     voxel_map = _voxel_map(navigator)
     content = read_bricks(keyframe.map, voxel_map.most_bricks)
     centre = tuple(keyframe.map.window)
-    needed = len(_window_centre(navigator))
-    if len(centre) not in (2, needed) or max(map(abs, centre), default=0) > FARTHEST:
+    if len(centre) != 2 or max(map(abs, centre)) > FARTHEST:
         raise ValueError(f"a rolling window centred on {centre}")
     voxel_map.check(content, keyframe.timestamp.ToNanoseconds())
     navigator.mapper.filters.restore(read_filters(keyframe.map))
     voxel_map.restore(content)
-    if len(centre) == 2:  # a stack whose costmap holds the whole area does not need it
-        navigator.mapper.move_window(centre)
+    navigator.mapper.move_window(centre)
 
 
 def keyframe_differences(
@@ -168,7 +166,7 @@ def keyframe_differences(
         ]
     except ValueError as error:
         return [*found, Difference("map", str(error), "that of the inputs")]
-    if (centre := list(recorded.map.window)) != (own := list(_window_centre(navigator))):
+    if (centre := list(recorded.map.window)) != (own := list(navigator.mapper.window.centre)):
         found.append(Difference("map.window", str(centre), str(own)))
     return [
         *found,
@@ -183,12 +181,6 @@ def keyframe_differences(
 def _arrays(content: VoxelContent, voxel_map: VoxelMap) -> list[list[NDArray[np.generic]]]:
     """Return the fields of a content and those of a map."""
     return [[np.asarray(field) for field in one] for one in (content, voxel_map.content())]
-
-
-def _window_centre(navigator: Navigator) -> tuple[int, ...]:
-    """Return the cell (x, y) that the rolling window is centred on; empty without one."""
-    window = navigator.mapper.window
-    return () if window is None else window.centre
 
 
 def _voxel_map(navigator: Navigator) -> VoxelMap:

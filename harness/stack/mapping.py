@@ -21,7 +21,7 @@ from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_a
 from wayproof.harness.stack.footprint_clearing import clear_footprint
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.harness.stack.provenance import layers_of, stages_of
-from wayproof.harness.stack.rolling_window import Cell, RollingWindow, rolls
+from wayproof.harness.stack.rolling_window import Cell, RollingWindow
 from wayproof.maps import MAPS, Costmap, Representation, range_image
 from wayproof.maps.columns import ColumnMap
 from wayproof.maps.costmap.widening import NOT_WIDENED
@@ -44,7 +44,7 @@ class Mapper:
     Attributes:
         map: The map of the mission.
         measured: The map with the margins of its classes, as the costmap reads it.
-        window: Part of the operating area that the costmap holds; None if it holds all of it.
+        window: Part of the operating area that the costmap holds.
         labels: Classes of its cells, if sweeps have classes.
         costmap: Inflated for the mission's body: what the stack may enter.
         stages: The evidence by provenance, each with a costmap; the measured one first.
@@ -73,8 +73,8 @@ class Mapper:
         self.map = MAPS[config.map.kind](config.map, mission.low, mission.high)
         self.filters = Filters(names_of(config), config, mission, self.map)
         self.labels = make_layer(config.map, config.sensors.semantics)
-        self.window = RollingWindow(config, mission) if rolls(config, mission) else None
-        low, high = (mission.low, mission.high) if self.window is None else self.window.corners
+        self.window = RollingWindow(config, mission)
+        low, high = self.window.corners
         floor, ceiling = _altitude_window(config, mission)
         costs = replace(config.costmap, cost_range=config.costmap.cost_range + self._extra_radius)
 
@@ -156,9 +156,10 @@ class Mapper:
         self.update_costmap(inputs)
 
     def move_window(self, centre: Cell) -> None:
-        """Centre the rolling window, where there is one, on a cell."""
-        if self.window is not None and self.window.centre != centre:
-            self.window.centre = centre
+        """Centre the rolling window on a cell, or as near to it as it can be."""
+        before = self.window.centre
+        self.window.move(centre)
+        if self.window.centre != before:
             self.costmap.move(*self.window.corners)
 
     def planning_point(self, position: Array) -> Array:
@@ -202,9 +203,7 @@ class Mapper:
                 clear_footprint(a_map, self._mission, pose, time_ns)
 
     def _roll_window(self, position: Array) -> None:
-        """Take the rolling window, where there is one, along with a robot at a position (3,)."""
-        if self.window is None:
-            return
+        """Take the rolling window along with a robot at a position (3,)."""
         centre = self.window.centred_on(position)
         if self.window.leaves_behind(centre):
             self.move_window(centre)

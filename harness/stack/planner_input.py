@@ -184,7 +184,7 @@ class PlannerInputBuilder:
             (stage.provenance, FreeSpaceBuilder(config, mission, stage.costmap, around))
             for stage in stages
         ]
-        self._far_ways = None if mapper.window is None else FarWays(config, mission, mapper)
+        self._far_ways = FarWays(config, mission, mapper)
 
     @property
     def elongated(self) -> bool:
@@ -217,7 +217,7 @@ class PlannerInputBuilder:
             range_sigma=self._mapper.range_sigma,
             guided=self._guided(circumscribed=True),
             evidence=self._evidence(circumscribed=True),
-            horizon=self._horizon(),
+            horizon=Horizon(*self._mapper.window.inner, self._far_ways.way),
         )
 
     def oriented(self, circumscribed: PlannerInput) -> PlannerInput:
@@ -237,21 +237,6 @@ class PlannerInputBuilder:
         if guide is None:
             return None
         return guide.guided(measured, circumscribed)
-
-    def _horizon(self) -> Horizon | None:
-        """Return this decision's rolling window, with ways beyond it that are planned once each."""
-        window, far_ways = self._mapper.window, self._far_ways
-        if window is None or far_ways is None:
-            return None
-        ways: dict[bytes, Array | None] = {}
-
-        def way(start: Array, goal: Array) -> Array | None:
-            query = start.tobytes() + goal.tobytes()
-            if query not in ways:
-                ways[query] = far_ways.way(start, goal)
-            return ways[query]
-
-        return Horizon(*window.inner, way)
 
     def _evidence(self, circumscribed: bool) -> tuple[EvidenceSpace, ...]:
         return tuple(

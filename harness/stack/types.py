@@ -79,6 +79,10 @@ class Horizon(NamedTuple):
     way: Callable[[Array, Array], Array | None]
 
 
+EVERYWHERE = Horizon(np.full(2, -np.inf), np.full(2, np.inf), lambda start, goal: None)
+"""A window that holds any goal."""
+
+
 @dataclass(frozen=True)
 class PlannerInput:
     """All that one decision depends on besides the planner state; points in the costmap's frame.
@@ -111,7 +115,7 @@ class PlannerInput:
         avoids_gaps: Whether closed gaps cost more in it.
         evidence: Space known to be free by each stage of the evidence, the measured one first;
             empty without any other.
-        horizon: Part of a large operating area that the spaces hold; None if they hold all of it.
+        horizon: Part of the operating area that the spaces hold.
     """
 
     time_ns: int
@@ -137,7 +141,7 @@ class PlannerInput:
     guided: FreeSpace | None = None
     avoids_gaps: bool = False
     evidence: tuple[EvidenceSpace, ...] = ()
-    horizon: Horizon | None = None
+    horizon: Horizon = EVERYWHERE
 
     @property
     def uncertain(self) -> bool:

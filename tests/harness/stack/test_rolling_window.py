@@ -8,7 +8,7 @@ import pytest
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.mission import Mission
-from wayproof.harness.stack.rolling_window import INSET, RollingWindow, rolls
+from wayproof.harness.stack.rolling_window import INSET, RollingWindow, edge_of
 
 EDGE = 32.0
 MISSION = Mission(
@@ -37,7 +37,7 @@ def moved_to(window, x, y=10.0):
     centre = window.centred_on(np.array([x, y, 0.3]))
     moves = window.leaves_behind(centre)
     if moves:
-        window.centre = centre
+        window.move(centre)
     return moves
 
 
@@ -47,10 +47,17 @@ def along_x(corners):
 
 def test_only_an_area_half_as_long_again_as_the_window_is_not_held_whole():
     small = replace(MISSION, high=(48.0, 20.0, 3.0), goal=(40.0, 10.0, 0.3))
-    assert rolls(config_of(), MISSION)
-    assert not rolls(config_of(), small)
-    assert not rolls(config_of("costmap.window=0"), MISSION)
-    assert not rolls(config_of("costmap.max_slope=0.3"), MISSION)
+    assert edge_of(config_of(), MISSION) == EDGE
+    for settings, mission in (
+        ((), small),
+        (("costmap.window=0",), MISSION),
+        (("costmap.max_slope=0.3",), MISSION),
+    ):
+        window = RollingWindow(config_of(*settings), mission)
+        np.testing.assert_array_equal(window.corners, [mission.low, mission.high])
+        assert not moved_to(window, 40.0)
+        window.move((0, 0))
+        np.testing.assert_array_equal(window.inner, [mission.low[:2], mission.high[:2]])
 
 
 def test_it_begins_at_the_start_and_stays_within_the_area():
