@@ -110,8 +110,9 @@ class FreeSpaceBuilder:
             circumscribed: Whether for the disc.
         """
         space = self._optimistic(circumscribed and self._elongated)
-        elsewhere = (measured.clearance <= space.collision_distance_sq) * np.uint8(ELSEWHERE)
-        prices = elsewhere if space.prices is None else np.maximum(space.prices, elsewhere)
+        measured_free = measured.clearance > space.collision_distance_sq
+        elsewhere = np.where(measured_free, np.uint8(0), np.uint8(ELSEWHERE))
+        prices = np.where(space.grid.price == UNKNOWN, np.uint8(UNKNOWN), elsewhere)
         beside = space.cost_by_price[UNKNOWN] - self._config.behaviour.unknown_cost
         costs = {ELSEWHERE: beside + self._config.prior.cost}
         return with_costs(replace(space, prices=prices), costs)
@@ -141,8 +142,8 @@ class FreeSpaceBuilder:
         oriented = self._elongated and not circumscribed
         cost = self._config.behaviour.unknown_cost + (NARROW_COST if oriented else 0.0)
         space = self._space(costmap.obstacle_clearance, circumscribed)
-        prices = (costmap.clearance <= threshold) * np.uint8(UNKNOWN)
-        return with_costs(replace(space, prices=prices), {UNKNOWN: cost})
+        unknown = (costmap.clearance <= threshold).view(np.uint8)  # 1: `UNKNOWN`
+        return with_costs(replace(space, prices=unknown), {UNKNOWN: cost})
 
     def _costs(self) -> Array:
         """Return the costs by squared distance; anew when the costmap's own have changed."""

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from wayproof.planners import FreeSpace
 
-ELSEWHERE, UNKNOWN, TRIED_ONCE, TRIED_OFTEN = 1, 2, 3, 4
-"""Indices of `FreeSpace.cost_by_price`: free by other evidence than measurements alone; not known
-to be free; in a narrow gap that closed before the robot once, and more often."""
+UNKNOWN, ELSEWHERE, TRIED_ONCE, TRIED_OFTEN = 1, 2, 3, 4
+"""Indices of `FreeSpace.cost_by_price`: not known to be free; free by other evidence than
+measurements alone; in a narrow gap that closed before the robot once, and more often."""
 
 PRICES = 5
 """Number of prices, with that of none."""

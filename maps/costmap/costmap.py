@@ -175,10 +175,7 @@ class Costmap:
     def state(self) -> NDArray[np.uint8]:
         """The three states, (nx, ny, nz) uint8, without widening."""
         if self._state is None:
-            cells = self._cells
-            states = unpack(cells.free, cells.rows[2]) * np.uint8(FREE)
-            states += unpack(cells.occupied, cells.rows[2]) * np.uint8(OCCUPIED)
-            self._state = states.reshape(self.shape)
+            self._state = self._states(self._cells, np.zeros(3, np.int64), np.array(self.shape))
         return self._state
 
     def states_between(self, first: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.uint8]:
@@ -186,15 +183,7 @@ class Costmap:
 
         With the widening, as the distances have it.
         """
-        cells, blocked = self._cells, self._blocked
-        (x0, y0, z0), (x1, y1, z1) = first.tolist(), end.tolist()
-        flat = self.motion == "ground"  # there a row of bits runs along y
-        rows = (slice(x0, x1), slice(0, 1) if flat else slice(y0, y1))
-        states = unpack(blocked.free[rows], cells.rows[2]) * np.uint8(FREE)
-        states += unpack(blocked.occupied[rows], cells.rows[2]) * np.uint8(OCCUPIED)
-        if flat:
-            return states[:, 0, y0:y1, None]
-        return states[:, :, z0:z1]
+        return self._states(self._blocked, first, end)
 
     def blocker(self, centre: NDArray[np.float64]) -> Blocker:
         """Return the cell of the map for which a cell of the costmap blocks.
@@ -206,7 +195,7 @@ class Costmap:
         occupied = bool(self.states_between(cell, cell + 1)[0, 0, 0] == OCCUPIED)
         wide = np.array([*self.widening, 0])
         first, end = np.maximum(cell - wide, 0), np.minimum(cell + wide + 1, self.shape)
-        near = self.state[tuple(slice(a, b) for a, b in zip(first, end, strict=True))]
+        near = self._states(self._cells, first, end)
         found = first + np.argwhere(near == OCCUPIED if occupied else near == UNKNOWN)
         if not len(found):  # it is widened from beyond the window
             beyond = np.where(
@@ -292,6 +281,17 @@ class Costmap:
         """Bring the distances up to date with the columns of a part of the window."""
         self._to_not_free.update(self._blocked.free, flip=ALL_ONES, part=part)
         self._to_obstacles.update(self._blocked.occupied, part=part)
+
+    def _states(
+        self, cells: Projection | Widened, first: NDArray[np.int64], end: NDArray[np.int64]
+    ) -> NDArray[np.uint8]:
+        """Return the states of the cells from `first` (3,) up to, but not with, `end` (3,)."""
+        (x0, y0, z0), (x1, y1, z1) = first.tolist(), end.tolist()
+        flat = self.motion == "ground"  # there a row of bits runs along y
+        rows = (slice(x0, x1), slice(0, 1) if flat else slice(y0, y1))
+        states = unpack(cells.free[rows], self._cells.rows[2]) * np.uint8(FREE)
+        states += unpack(cells.occupied[rows], self._cells.rows[2]) * np.uint8(OCCUPIED)
+        return states[:, 0, y0:y1, None] if flat else states[:, :, z0:z1]
 
     def _widen(self) -> Widened:
         cells = self._cells

@@ -93,7 +93,7 @@ def test_only_unknown_space_costs_less():
     assert space.cost_by_distance is dear.cost_by_distance
     guided = with_costs(dear, {ELSEWHERE: 1.0, TRIED_ONCE: 2.0})
     costs = discounted_space(replace(input, guided=guided)).cost_by_price
-    assert costs[ELSEWHERE : TRIED_ONCE + 1] == (1.0 / 16, UNKNOWN_COST / 16, 2.0)
+    assert costs[UNKNOWN : TRIED_ONCE + 1] == (UNKNOWN_COST / 16, 1.0 / 16, 2.0)
 
 
 def test_a_way_through_unknown_space_is_taken_where_that_costs_less():
