@@ -29,6 +29,7 @@ from wayproof.planners import (
     Plan,
     TrajectorySample,
     blend_corners,
+    plan,
     plan_seed,
     remaining,
     stopping_distance,
@@ -187,7 +188,7 @@ def _replan(
         heading = heading_at(prefix, arc_length(prefix))
 
     def plan_in(space: FreeSpace) -> Plan:
-        return input.plan(space, straight[-1], input.goal, input.planner, seed, heading)
+        return plan(space, straight[-1], input.goal, input.planner, seed, heading)
 
     def joined(search: Plan, space: FreeSpace) -> Array | None:
         return _joined(input, prefix, straight, search, space)

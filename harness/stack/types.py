@@ -22,7 +22,6 @@ from wayproof.planners import (
     Trajectory,
     TrajectorySample,
     arc_lengths,
-    plan,
 )
 
 Array = NDArray[np.float64]
@@ -32,9 +31,6 @@ LENGTH_ROUNDING = 1e-6
 
 CellStates = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.uint8]]
 """States (nx, ny, nz) of the cells between two corners (3,) of the costmap, the upper excluded."""
-
-PlanPath = Callable[[FreeSpace, Array, Array, PlannerConfig, int, float], Plan]
-"""Plan in a space from a start (3,) to a goal (3,), with settings, a seed and a heading, rad."""
 
 
 class Localization(NamedTuple):
@@ -106,7 +102,6 @@ class PlannerInput:
         gait: How the body moves.
         planner: Settings of the search.
         behaviour: Settings of the decision.
-        plan: Path planner: space, start, goal, settings, seed, heading.
         localization: Uncertainty of the pose; None if no covariance is stated.
         range_sigma: Standard deviation of the ranges of the sweeps, m; 0 where it is not estimated.
         guided: The optimistic space with what was not measured laid under the map: its
@@ -135,7 +130,6 @@ class PlannerInput:
     gait: Gait
     planner: PlannerConfig
     behaviour: BehaviourConfig
-    plan: PlanPath = plan
     localization: Localization | None = None
     range_sigma: float = 0.0
     guided: FreeSpace | None = None

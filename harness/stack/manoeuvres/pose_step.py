@@ -16,7 +16,7 @@ from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation
 from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import Array, Command, Decided, PlannerInput, arc_length, distance
-from wayproof.planners import Trajectory, TrajectorySample, plan_seed, turn_in_place
+from wayproof.planners import Trajectory, TrajectorySample, plan, plan_seed, turn_in_place
 
 STANDS = 1e-6
 """Distance below which a pose is a turn on the spot, m."""
@@ -42,7 +42,7 @@ def step_to_pose(course: Course) -> Decided | None:
         return None
     seed = plan_seed(input.seed, "guide", input.sequence)
     space, goal, planner = input.optimistic, input.goal, input.planner
-    found = input.plan(space, start.position, goal, planner, seed, start.heading)
+    found = plan(space, start.position, goal, planner, seed, start.heading)
     if found.waypoints is None or found.headings is None:
         return None
     trajectory = _first_motion(input, start, found.waypoints, found.headings)

@@ -25,6 +25,7 @@ from wayproof.harness.stack.closed_gaps import (
 )
 from wayproof.harness.stack.state import ClosedGap, LostWay
 from wayproof.harness.stack.types import arc_length
+from wayproof.planners import plan
 
 WALL = (3.0, 3.4)
 TWO_GAPS = make_states(
@@ -35,7 +36,7 @@ WAY = np.linspace(place(*START), place(*GOAL), 101)
 
 
 def plan_in(space, input):
-    return input.plan(space, input.position, input.goal, input.planner, 1, 0.0)
+    return plan(space, input.position, input.goal, input.planner, 1, 0.0)
 
 
 def side(found):

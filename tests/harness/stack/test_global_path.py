@@ -160,7 +160,7 @@ BEHIND = [(3.0, 8.0, 0.0, 4.0)]
 def guided_by(*occupied):
     """The input of a room whose far part is unknown, with a prior map of what stands in it."""
     guide = make_space(make_states(occupied=occupied) == OCCUPIED)
-    return make_input(make_states(unknown=BEHIND), guided=lambda: guide)
+    return make_input(make_states(unknown=BEHIND), guided=guide)
 
 
 def test_a_path_goes_round_what_only_a_prior_map_knows():
@@ -187,7 +187,7 @@ def test_a_path_through_what_only_a_prior_map_holds_is_kept_until_there_is_a_bet
 
 def test_of_two_paths_that_a_prior_map_blocks_the_cheaper_one_without_it_is_taken():
     guide = make_space(make_states(occupied=[(4.0, 4.3, 0.0, 4.0)]) == OCCUPIED)
-    input = make_input(make_states(unknown=BEHIND), sequence=20, guided=lambda: guide)
+    input = make_input(make_states(unknown=BEHIND), sequence=20, guided=guide)
     planned = replanned(input, at_rest(global_path=DETOUR))
     assert arc_length(planned.state.global_path) < arc_length(DETOUR) - 0.3
 
