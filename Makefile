@@ -58,7 +58,7 @@ test-all: $(READY) $(TOOLS)  ## Run every test and every block of the docs, then
 chains: $(READY) $(TOOLS)  ## Compare the decisions of the corpus with tests/chains.txt, on two cores.
 	$(BIN)/python -m tests.chains
 
-figures: $(READY) $(TOOLS)  ## Write the tables of docs/measured.md again: an hour on two quiet cores.
+figures: $(READY) $(TOOLS)  ## Write the tables of figures again: an hour on two quiet cores.
 	$(BIN)/python -m docs.figures
 
 size:  ## Print lines, files, classes and what a reader must know, by package.

@@ -1,4 +1,4 @@
-"""Write the tables of `docs/measured.md` again, each with its command and date: `make figures`.
+"""Write the tables of figures again, each with its command and date: `make figures`.
 
 Usage: python -m docs.figures [NAME ...]
 
@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-PAGE = Path(__file__).parent / "measured.md"
+PAGES = sorted(Path(__file__).parent.glob("*.md"))
 END = "<!-- end -->"
 
 
@@ -44,7 +44,7 @@ FIGURES: dict[str, Figures] = {
             "ms": "ms a sweep",
             "x_octomap": "x OctoMap",
             "mib": "MiB",
-            "octomap_mib": "OctoMap",
+            "octomap_mib": "OctoMap, MiB",
         },
     ),
     "loop": Figures(
@@ -65,10 +65,11 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(FIGURES))
     for name in parser.parse_args().names or FIGURES:
         made = table(FIGURES[name], rows_of(FIGURES[name].command))
-        page = PAGE.read_text(encoding="utf-8")
-        before, mark, rest = page.partition(f"<!-- figures: {name} -->\n")
+        mark = f"<!-- figures: {name} -->\n"
+        [page] = [page for page in PAGES if mark in page.read_text(encoding="utf-8")]
+        before, _, rest = page.read_text(encoding="utf-8").partition(mark)
         after = rest[rest.index(END) :]
-        PAGE.write_text(f"{before}{mark}{made}\n{after}", encoding="utf-8")
+        page.write_text(f"{before}{mark}{made}\n{after}", encoding="utf-8")
 
 
 def rows_of(command: str) -> list[dict[str, Any]]:

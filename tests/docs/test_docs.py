@@ -63,9 +63,10 @@ def test_the_reference_matches_the_code(name):
 
 
 def test_the_tables_of_figures_have_their_places_and_headings():
-    page = figures.PAGE.read_text()
-    assert set(re.findall(r"<!-- figures: (\w+) -->", page)) == figures.FIGURES.keys()
-    assert page.count("<!-- figures: ") == page.count("<!-- end -->")
+    texts = [page.read_text() for page in figures.PAGES]
+    places = [name for text in texts for name in re.findall(r"<!-- figures: (\w+) -->\n", text)]
+    assert sorted(places) == sorted(figures.FIGURES)
+    assert all(text.count("<!-- figures: ") == text.count(figures.END) for text in texts)
     written = figures.table(figures.FIGURES["rays"], [{"scene": "a", "mray_per_s": 61.23}])
     assert written.splitlines()[-1] == "| a | 61.2 |  |"
     assert "`wayproof bench rays`, " in written
