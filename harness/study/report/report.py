@@ -24,6 +24,7 @@ from wayproof.harness.study.report.provenance import of_study
 from wayproof.harness.study.report.sections import (
     answers_section,
     arms_section,
+    changes_section,
     conditions_section,
     doses_section,
     gates_section,
@@ -189,7 +190,9 @@ def _overview(material: Material, runs: Sequence[Mapping[str, str]], linked: boo
     limit = max(one.config.episode.time_limit for one in material.planned)
     several = any(one.config.waypoints for one in material.planned)
     sections = [
+        _failures(material, linked),
         gates_section(result) if result.gates else None,
+        changes_section(result) if result.changes else None,
         conditions_section(samples),
         answers_section(result, material.study.kind),
         arms_section(result),
@@ -197,7 +200,6 @@ def _overview(material: Material, runs: Sequence[Mapping[str, str]], linked: boo
         doses_section(samples, limit),
         outcomes_section(result),
         metrics_section(result, several),
-        _failures(material, linked),
         Section(
             "Provenance", terms=of_study(material.study, material.planned, material.store, runs)
         ),
@@ -215,12 +217,13 @@ def _failures(material: Material, linked: bool) -> Section:
     for row in rows[:SHOWN_FAILURES]:
         view = material.views.of(row)
         log = shlex.quote(str(material.store.log(row.key)))
-        checked = f", {row.check} by its check" if row.check else ""
+        checked = f" ({row.check} by its check)" if row.check else ""
+        cause = f"Cause: {row.cause}{checked}{f': {row.evidence}' if row.evidence else ''}"
         figures.append(
             Figure(
                 f"{title_of(row)}: {row.outcome}",
                 link=material.page_of(row) if linked else "",
-                lines=[row.reason, *([f"Cause: {row.cause}{checked}"] if row.cause else [])],
+                lines=[row.reason, *([cause] if row.cause else [])],
                 pictures=[] if view is None else [map_picture(view)],
                 commands=[f"wayproof {verb} {log}" for verb in ("explain", "view") if view],
                 kind="map",
