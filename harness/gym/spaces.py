@@ -17,9 +17,9 @@ from wayproof.harness.interface.policy_tensors import (
     OBSERVATION,
     STILL,
     PolicyObserver,
-    in_world,
     velocity_of,
 )
+from wayproof.harness.interface.returns import in_world
 from wayproof.harness.interface.types import Motion, Observation, Task, Velocity, Waypoints
 
 Arrays = dict[str, NDArray[Any]]

@@ -7,16 +7,15 @@ every processor rounds alike.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.geometry import yaw_of_quaternion
-from wayproof.harness.interface.types import Array, Observation, Task, Velocity
+from wayproof.harness.interface.returns import in_body, scan
+from wayproof.harness.interface.types import Observation, Task, Velocity
 from wayproof.harness.mission import Mission
-from wayproof.maps.elementary import sines_cosines
 
 Tensor = NDArray[np.float32]
 
@@ -25,9 +24,6 @@ BEARINGS = 72
 
 SCAN_RANGE_M = 10.0
 """Range of a bearing of the scan without a return that is nearer, m."""
-
-FLOOR_NOISE_M = 0.01
-"""Height above what the body steps over below which a return counts as floor, m."""
 
 STILL = 0.05
 """Share of a limit below which a component of an action is zero, so that a body can rest."""
@@ -77,16 +73,13 @@ class PolicyObserver:
     def __init__(self, task: Task) -> None:
         """Take the body and the goal of a task."""
         self._mission = task.mission
-        angles = np.arange(BEARINGS, dtype=np.float64) * (2.0 * math.pi / BEARINGS)
-        sines, cosines = sines_cosines(angles)
-        self._edges = _pseudo_angles(cosines, sines)
 
     def tensors(self, observation: Observation) -> dict[str, Tensor]:
         """Return the tensors of `OBSERVATION`, without a batch."""
         heading = yaw_of_quaternion(observation.quaternion)
         reference = observation.reference
         values = {
-            "scan": self._scan(observation, heading),
+            "scan": scan(observation, self._mission, bearings=BEARINGS, reach_m=SCAN_RANGE_M),
             "goal": in_body(observation.goal - observation.position, heading),
             "velocity": np.append(in_body(observation.velocity, heading), observation.yaw_rate),
             "reference": np.append(
@@ -98,29 +91,6 @@ class PolicyObserver:
             name: np.clip(values[name], space.low, space.high).astype(np.float32)
             for name, space in OBSERVATION.items()
         }
-
-    def _scan(self, observation: Observation, heading: float) -> Array:
-        """Return the distance (BEARINGS,) of the nearest return by bearing, m."""
-        points = np.vstack([sweep.points for sweep in observation.sweeps] or [np.zeros((0, 3))])
-        low, high = self._heights(float(observation.position[2]))
-        points = points[(points[:, 2] > low) & (points[:, 2] < high)]
-        offsets = in_body(points - observation.position, heading)
-        x, y = offsets[:, 0], offsets[:, 1]
-        distances = np.sqrt(x * x + y * y)
-        near = (distances < SCAN_RANGE_M) & (distances > 0.0)
-        angles = _pseudo_angles(x[near], y[near])
-        bearings = np.searchsorted(self._edges, angles, side="right") - 1
-        scan = np.full(BEARINGS, SCAN_RANGE_M)
-        np.minimum.at(scan, bearings, distances[near])
-        return scan
-
-    def _heights(self, height: float) -> tuple[float, float]:
-        """Return heights between which a return is in the body's way, world frame, m."""
-        mission = self._mission
-        if not mission.planar:
-            return height - mission.radius, height + mission.radius
-        floor = height - mission.start[2] + FLOOR_NOISE_M
-        return floor + mission.step_height, floor + mission.height
 
 
 def velocity_of(action: NDArray[np.floating], mission: Mission) -> Velocity:
@@ -140,26 +110,3 @@ def velocity_of(action: NDArray[np.floating], mission: Mission) -> Velocity:
         yaw_rate=turn * mission.max_yaw_rate,
         duration_s=HOLD_S,
     )
-
-
-def in_body(vectors: Array, heading: float) -> Array:
-    """Return vectors (..., 3) of the world in the body's frame, by its heading alone."""
-    sines, cosines = sines_cosines(np.array([heading]))
-    sine, cosine = float(sines[0]), float(cosines[0])
-    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
-    return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1)
-
-
-def in_world(vectors: Array, heading: float) -> Array:
-    """Return vectors (..., 3) of the body's frame in the world; the inverse of `in_body`."""
-    return in_body(vectors, -heading)
-
-
-def _pseudo_angles(x: Array, y: Array) -> Array:
-    """Return numbers (n,) in [0, 4) that grow with the angle of (x, y) from the x axis.
-
-    Their order is that of the angles, and they need no arc tangent.
-    """
-    share = x / (np.abs(x) + np.abs(y))
-    angles: Array = np.where(y >= 0.0, 1.0 - share, 3.0 + share)
-    return angles

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.interface.returns import body_returns
 from wayproof.harness.interface.types import Array, Command, Observation, Reference, Task, Velocity
 
 CELL_M = 0.1
@@ -28,9 +29,6 @@ CELLS = 100
 
 DECAY_S = 5.0
 """Time after its last return at which a cell counts as free again, s."""
-
-FLOOR_NOISE_M = 0.01
-"""Height above what the body steps over below which a return counts as floor, m."""
 
 MARGIN_M, LEAST_MARGIN_M = 0.2, 0.08
 """Distance kept to occupied cells beyond the body, m: as a rule, and where nothing else fits."""
@@ -195,7 +193,7 @@ class Dwa:
         goal = observation.goal
         offset = (goal - reference.position)[: mission.axes]
         away = math.sqrt(float(np.square(offset).sum()))
-        returns = self._returns(observation)
+        returns = body_returns(observation, mission)
         around = self._grid.update(reference.position, returns, observation.time_ns * 1e-9)
         if away <= 0.5 * self._task.goal_tolerance:
             return Command(Velocity(0.0))
@@ -229,19 +227,6 @@ class Dwa:
 
     def close(self) -> None:
         """Do nothing: there is nothing to end."""
-
-    def _returns(self, observation: Observation) -> Array:
-        """Select the returns (k, 3) at a height that the body takes, world frame, m."""
-        mission = self._task.mission
-        points = np.vstack([sweep.points for sweep in observation.sweeps] or [np.zeros((0, 3))])
-        height = float(observation.position[2])
-        low, high = height - mission.radius, height + mission.radius
-        if mission.planar:
-            floor = height - mission.start[2]
-            low = floor + mission.step_height + FLOOR_NOISE_M
-            high = floor + mission.height + FLOOR_NOISE_M
-        kept: Array = points[(points[:, 2] > low) & (points[:, 2] < high)]
-        return kept
 
     def _path(
         self, around: Surroundings, following: NDArray[np.int32], position: Array, goal: Array
