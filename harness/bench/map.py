@@ -1,7 +1,7 @@
 """`wayproof bench map`: sweeps of 100,000 rays into the voxel map, beside OctoMap in the same run.
 
 The room of 20 x 20 x 3 m has 60 boxes and a lidar on a curved path through it. OctoMap is called as
-its documentation says, by its own binding, in its fastest mode (`pip install 'wayproof[peers]'`);
+its documentation says, by its own binding, in its fastest mode (the extra `peers`);
 without it its columns are left out.
 """
 

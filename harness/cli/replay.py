@@ -56,7 +56,7 @@ def print_replay(console: Console, replayed: Replay) -> None:
                 ("another program's", "bold yellow"),
                 f": {replayed.differing} of {replayed.decisions} decisions differ from those of "
                 f"wayproof {program.version}, code {program.code}; to replay it: "
-                f"pip install wayproof=={program.version}; {replayed.log}",
+                f"install Wayproof {program.version}; {replayed.log}",
             )
         )
         return

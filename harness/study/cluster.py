@@ -43,7 +43,9 @@ def run_on_ray(
     try:
         import ray
     except ImportError:
-        raise InputError("engine 'ray' is not installed: pip install 'wayproof[cluster]'") from None
+        raise InputError(
+            "engine 'ray' is not installed: pip install ray (the extra 'cluster')"
+        ) from None
     environment = {"env_vars": {"OPENBLAS_NUM_THREADS": "1"}}
     here: dict[str, Any] = {}
     if address is None:

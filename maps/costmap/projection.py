@@ -214,8 +214,8 @@ def walking_layers(window: Window, height: float, step_height: float) -> tuple[i
     end = math.ceil((height - bottom) / window.resolution - ROUNDING)
     if not 0 <= floor_layer < first:
         raise ValueError(
-            f"step_height: got {step_height:g} m, in layer {first}, expected above the floor's "
-            f"layer {floor_layer}, and that one in the window"
+            f"step_height: got {step_height:g} m with cells of {window.resolution:g} m, expected "
+            "smaller cells: the floor and what is above a step need layers of their own"
         )
     if end > layers:
         top = bottom + layers * window.resolution

@@ -72,7 +72,7 @@ def decompose(path: Path, mesh: Mesh) -> tuple[list[Mesh], float]:
         WorldFileError: CoACD is not installed, takes too long, or fails.
     """
     if importlib.util.find_spec("coacd") is None:
-        what = "a mesh that is not convex needs coacd: pip install 'wayproof[imports]'"
+        what = "a mesh that is not convex needs coacd: pip install coacd (the extra 'imports')"
         raise WorldFileError(path, what)
     half = float(np.ptp(mesh.vertices, axis=0).max()) / 2.0
     threshold = round(float(np.clip(CONCAVITY / half, *THRESHOLDS)), 3)

@@ -55,7 +55,7 @@ COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "EXT_mesh
 DRAWN_ONLY = ("image", "texture", "effect", "material", "light", "camera", "surface", "sampler")
 """Words in pycollada's errors about what no shape depends on."""
 
-EXTRA = "pip install 'wayproof[imports]'"
+EXTRA = "pip install '.[imports]' in Wayproof's folder"
 
 
 class Surface(NamedTuple):

@@ -14,7 +14,7 @@ try:
     from rosbags.typesys import Stores, get_typestore
     from rosbags.typesys.stores import ros2_jazzy as jazzy
 except ImportError:
-    raise InputError("--stack ros2 needs rosbags: pip install 'wayproof[ros2]'") from None
+    raise InputError("--stack ros2 needs rosbags: pip install rosbags (the extra 'ros2')") from None
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 

@@ -26,7 +26,8 @@ try:
     from wayproof.harness.interface.ros2.wire import wire_type
 except ImportError:
     raise InputError(
-        "--stack ros2 needs Cyclone DDS: pip install 'wayproof[ros2]' (Python 3.11 to 3.13)"
+        "--stack ros2 needs Cyclone DDS: pip install cyclonedds (the extra 'ros2'), with Python "
+        "3.11 to 3.13"
     ) from None
 
 CONFIG = (

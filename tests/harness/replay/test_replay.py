@@ -179,4 +179,4 @@ def test_decisions_of_another_program_are_named_so_and_not_a_divergence(recorded
     (line,) = capsys.readouterr().out.splitlines()
     assert line.startswith("another program's: 11 of 21 decisions differ")  # chained
     assert "wayproof 0.0.1, code 0123456789abcdef" in line
-    assert "pip install wayproof==0.0.1" in line
+    assert "install Wayproof 0.0.1" in line

@@ -235,7 +235,7 @@ def test_the_margin_widens_what_is_forbidden(voxel_map):
         ("ground", {"radius": math.nan}, "radius: got nan"),
         ("ground", {"height": 1.5}, "height: got 1.5, expected up to the window's top, 1.125 m"),
         ("ground", {"step_height": 0.5}, "step_height: got 0.5, expected 0 to below the height"),
-        ("ground", {"step_height": 0.01}, "step_height: got 0.01 m, in layer 3"),
+        ("ground", {"step_height": 0.01}, "step_height: got 0.01 m with cells of"),
         ("ground", {"radius": 20.0}, "expected at most 181"),
         ("air", {"floor": 2.0}, "floor, ceiling: got 2 to inf"),
         ("air", {"floor": 0.3, "ceiling": 0.35}, "floor, ceiling: got 0.3 to 0.35"),
