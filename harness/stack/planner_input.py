@@ -121,7 +121,13 @@ class FreeSpaceBuilder:
         """Return space known to be free, for the disc about the body or for its discs."""
         return self._space(self._costmap.clearance, circumscribed and self._elongated)
 
-    def _space(self, distances: NDArray[np.uint16], circumscribed: bool) -> FreeSpace:
+    def _space(
+        self,
+        distances: NDArray[np.uint16],
+        circumscribed: bool,
+        prices: NDArray[np.uint8] | None = None,
+        cost_by_price: tuple[float, ...] = (0.0,),
+    ) -> FreeSpace:
         costmap = self._costmap
         return FreeSpace(
             distances=distances,
@@ -130,6 +136,8 @@ class FreeSpaceBuilder:
             collision_distance_sq=self._threshold(circumscribed),
             cost_by_distance=self._costs(),
             discs=() if circumscribed else self._discs(),
+            prices=prices,
+            cost_by_price=cost_by_price,
         )
 
     def _optimistic(self, circumscribed: bool) -> FreeSpace:
@@ -141,9 +149,8 @@ class FreeSpaceBuilder:
         costmap, threshold = self._costmap, self._threshold(circumscribed)
         oriented = self._elongated and not circumscribed
         cost = self._config.behaviour.unknown_cost + (NARROW_COST if oriented else 0.0)
-        space = self._space(costmap.obstacle_clearance, circumscribed)
         unknown = (costmap.clearance <= threshold).view(np.uint8)  # 1: `UNKNOWN`
-        return with_costs(replace(space, prices=unknown), {UNKNOWN: cost})
+        return self._space(costmap.obstacle_clearance, circumscribed, unknown, (0.0, cost))
 
     def _costs(self) -> Array:
         """Return the costs by squared distance; anew when the costmap's own have changed."""
