@@ -32,9 +32,9 @@ from wayproof.harness.interface.types import Fate, Observation
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.diagnosis import braking_reason, obstructed
 from wayproof.harness.stack.footprint_mode import FootprintDecision
 from wayproof.harness.stack.manoeuvres.stopping import brake
+from wayproof.harness.stack.obstruction import braking_reason, obstructed
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.shadowing import AtRecordedPoses
 from wayproof.harness.stack.situation import not_yet_superseded

@@ -10,7 +10,7 @@ from wayproof.harness.mission import Mission
 from wayproof.planners import MotionLimits
 
 if TYPE_CHECKING:
-    from wayproof.harness.stack.manoeuvres.driving import Course
+    from wayproof.harness.stack.course import Course
     from wayproof.harness.stack.types import Decided
 
 REPLAN_PERIOD = 1.0

@@ -1,14 +1,16 @@
-"""The obstruction of a path, a turn or a pose: the cell that ends it, and where it does."""
+"""The obstruction of a path, a turn or a pose: the cell that ends it, where, and as a reason."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.decision import Label
 from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.stack.reasons import Kind, Reason
 from wayproof.harness.stack.types import Array, PlannerInput
 from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 from wayproof.planners import FreeSpace, arc_lengths
@@ -18,6 +20,9 @@ TURN_STEP = 0.02
 
 OUTSIDE = 3
 """State of a cell outside the operating area."""
+
+HERE: tuple[Kind, ...] = ("goal_blocked", "leaving_inflation")
+"""Kinds whose obstruction is where the body, or its goal, is, and not on a way."""
 
 NAMES = {UNKNOWN: "unknown", OCCUPIED: "occupied", OUTSIDE: "outside"}
 
@@ -36,6 +41,25 @@ class Obstruction(NamedTuple):
     cell: tuple[float, float, float] | None = None
     cell_state: str = ""
     place: tuple[float, float, float] | None = None
+
+
+def obstructed(kind: Kind, found: Obstruction, **figures: Any) -> Reason:
+    """Return a reason with its obstruction; of what is ahead, with the free length before it."""
+    if kind not in HERE:
+        figures["free_m"] = found.free_m
+    return Reason(kind, cell=found.cell, cell_state=found.cell_state, place=found.place, **figures)
+
+
+def label_ahead(found: Obstruction) -> Label:
+    """Return the label of what is ahead: unknown, or blocked."""
+    return "unknown_ahead" if found.cell_state == "unknown" else "path_blocked"
+
+
+def braking_reason(found: Obstruction) -> tuple[Reason, Label]:
+    """Return the reason and label of a robot that brakes for what is ahead."""
+    unknown = found.cell_state == "unknown"
+    kind: Kind = "braking_for_unknown" if unknown else "braking_for_blocked"
+    return obstructed(kind, found), label_ahead(found)
 
 
 def on_path(input: PlannerInput, path: Array, free_m: float, unknown_blocks: bool) -> Obstruction:

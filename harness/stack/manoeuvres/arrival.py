@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.diagnosis import obstructed
 from wayproof.harness.stack.global_path import HEADINGS
 from wayproof.harness.stack.manoeuvres.lost_pose import give_up
 from wayproof.harness.stack.manoeuvres.stopping import wait
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
+from wayproof.harness.stack.obstruction import obstructed
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation
 from wayproof.harness.stack.types import Command, Decided, distance

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.diagnosis import braking_reason
+from wayproof.harness.stack.course import Course, drivable_part
 from wayproof.harness.stack.footprint_checks import first_misfit, poses_from
-from wayproof.harness.stack.manoeuvres.driving import Course, drivable_part, drive
+from wayproof.harness.stack.manoeuvres.driving import drive
 from wayproof.harness.stack.manoeuvres.stopping import brake
+from wayproof.harness.stack.obstruction import braking_reason
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import Command, Decided, arc_length

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import replace
 
-from wayproof.harness.behaviour_config import MAX_CORNER_ANGLE, MIN_ADVANCE
-from wayproof.harness.stack.diagnosis import diagnose_driving
+from wayproof.harness.decision import Action, Label
+from wayproof.harness.stack import obstruction
+from wayproof.harness.stack.course import Course
 from wayproof.harness.stack.footprint_checks import (
     MIN_PATH,
     first_misfit,
     moves_tail_first,
     truncate_where_turnable,
 )
-from wayproof.harness.stack.global_path import STOP_SLACK
+from wayproof.harness.stack.obstruction import label_ahead, obstructed
 from wayproof.harness.stack.path_timing import plan_trajectory
+from wayproof.harness.stack.reasons import Kind, Reason
 from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import (
     Array,
@@ -28,10 +30,12 @@ from wayproof.planners import (
     SlowEnd,
     Trajectory,
     TrajectorySample,
-    first_stop,
     stopping_distance,
     truncate,
 )
+
+BRAKING_SLACK = 0.01
+"""Path left beyond the stopping distance, below which the robot counts as braking, m."""
 
 MAX_SHORTENINGS = 8
 """Number of times that a path is shortened to make the footprint fit along it.
@@ -41,75 +45,6 @@ Each time it ends earlier, the body turns later on it, and may not fit there, ei
 
 MISFIT_MARGIN = 0.02
 """Distance kept before the first place where the footprint does not fit, m."""
-
-CORNER_OVERRUN = 0.03
-"""Distance beyond a corner within which an elongated body that stops still turns into it, m."""
-
-
-class DrivablePart(NamedTuple):
-    """The part of the global path, from its beginning on, that the robot may drive now.
-
-    Attributes:
-        length: Up to what is not traversable, a corner too sharp to drive, or the end, m.
-        blocked: Whether what is not traversable ends it.
-        too_short: Whether the robot needs more to stop.
-    """
-
-    length: float
-    blocked: bool
-    too_short: bool = False
-
-
-class Course(NamedTuple):
-    """A global path to follow.
-
-    Attributes:
-        input: Planner input of the decision.
-        state: Planner state with the global path from `start` on.
-        start: Start of the new trajectory.
-        previous: Planner state before the decision, with the last global path.
-        part: Part of the path that the robot may drive now.
-    """
-
-    input: PlannerInput
-    state: PlannerState
-    start: TrajectorySample
-    previous: PlannerState
-    part: DrivablePart
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether the robot does not translate."""
-        return is_stationary(self.start)
-
-    @property
-    def is_blocked_at_rest(self) -> bool:
-        """Whether something blocks the path before an advance that is worth leaving rest for."""
-        return self.at_rest and self.part.blocked and self.part.length < MIN_ADVANCE
-
-    @property
-    def headed(self) -> bool:
-        """Whether the body is checked at its heading."""
-        return bool(self.input.traversable.discs)
-
-
-def drivable_part(input: PlannerInput, path: Array, start: TrajectorySample) -> DrivablePart:
-    """Return the part of a path (n, 3) that is traversable and without a corner to stop at."""
-    whole = arc_length(path)
-    traversable = input.traversable.free_length(path)
-    corner = whole
-    if not input.gait.sideways_speed:
-        corner = first_stop(path, 0.0, MAX_CORNER_ANGLE)
-    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
-    overrun = CORNER_OVERRUN if input.traversable.discs else 0.0
-    if corner < braking - overrun:  # too late to stop there: the profile slows down for it
-        corner = whole
-    length = min(traversable, corner, whole)
-    return DrivablePart(
-        length,
-        blocked=length == traversable and traversable < whole,
-        too_short=length < braking - STOP_SLACK - (overrun if length == corner else 0.0),
-    )
 
 
 def drive(course: Course) -> Decided | None:
@@ -133,7 +68,7 @@ def drive_along(course: Course, tail_first: bool) -> Decided | None:
     trajectory = fit_trajectory(input, start, path, share, tail_first, slow_end)
     if trajectory is None:
         return None
-    action, reason, label = diagnose_driving(
+    action, reason, label = _diagnosis(
         input,
         state,
         start,
@@ -211,3 +146,78 @@ def shortened_to_fit(
             return None
         path = truncate(path, end)
     return None
+
+
+def _diagnosis(
+    input: PlannerInput,
+    state: PlannerState,
+    start: TrajectorySample,
+    trajectory: Trajectory,
+    end: float,
+    blocked: bool,
+    slowed: bool,
+) -> tuple[Action, Reason, Label]:
+    """Return the action, reason and label of a robot that drives part of its global path.
+
+    Args:
+        input: Planner input of the decision.
+        state: Planner state with the global path.
+        start: Start of the new trajectory.
+        trajectory: That trajectory.
+        end: Length of the part, m.
+        blocked: Whether what is not traversable ends it there.
+        slowed: Whether unknown space on it costs speed.
+    """
+    path, full_stop = state.path, stopping_distance(input.gait.limits.speed, 0.0, input.gait.limits)
+    action: Action = "follow"
+    label: Label = "none"
+    if slowed:
+        driven = truncate(path, end)
+        free = input.known_free.free_length(driven)
+        found = obstruction.on_path(input, driven, free, unknown_blocks=True)
+        reason, label = obstructed("slowing_for_unknown", found), "unknown_ahead"
+        action = "slow" if free < full_stop else "follow"
+    elif blocked:
+        found = obstruction.on_path(input, path, end, input.unknown_blocks)
+        label, action = label_ahead(found), "slow" if end < full_stop else "follow"
+        slowing: Kind = "slowing_for_unknown" if label == "unknown_ahead" else "braking_for_blocked"
+        reason = obstructed(slowing if action == "slow" else "following", found)
+    else:
+        reason = _unobstructed_reason(input, start, trajectory, arc_length(path) - end)
+    if input.uncertain and input.localization is not None:
+        action, reason = "slow", replace(reason, sigma_m=input.localization.sigma)
+    if input.noisy:
+        action, reason = "slow", replace(reason, range_sigma_m=input.range_sigma)
+    if state.exploration is not None:
+        action, reason = exploration_reason(state, path, input)
+    return action, reason, "localization_lost" if state.returning else label
+
+
+def _unobstructed_reason(
+    input: PlannerInput, start: TrajectorySample, trajectory: Trajectory, beyond: float
+) -> Reason:
+    """Return the reason where a path is traversable to its end, or to a corner before, m."""
+    committed = arc_length(trajectory.path)
+    stop = stopping_distance(start.speed, start.acceleration, input.gait.limits)
+    if beyond <= 0.0 and not is_stationary(start) and committed - stop < BRAKING_SLACK:
+        return Reason("braking_for_goal", path_m=committed)
+    return Reason("following", free_m=committed)
+
+
+def exploration_reason(
+    state: PlannerState, path: Array, input: PlannerInput
+) -> tuple[Action, Reason]:
+    """Return the action and reason of a robot on its way to a viewpoint, or back."""
+    exploration = state.exploration
+    assert exploration is not None
+    x, y, z = path[-1].tolist()
+    since, target = exploration.since, (x, y, z)
+    if exploration.returning and input.localization is not None:
+        limit, sigma = input.behaviour.lost_sigma, input.localization.sigma
+        return "recover", Reason(
+            "going_back", since=since, target=target, limit_m=limit, sigma_m=sigma
+        )
+    if exploration.backtracking:
+        return "recover", Reason("going_back", since=since, target=target)
+    places = len(state.tries.viewpoints)
+    return "explore", Reason("looking_elsewhere", since=since, target=target, places=places)

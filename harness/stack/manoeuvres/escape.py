@@ -9,13 +9,13 @@ import numpy as np
 
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.diagnosis import obstructed
 from wayproof.harness.stack.footprint_checks import (
     footprint_free,
     keeps_bare_clearance,
     keeps_clearance,
 )
 from wayproof.harness.stack.manoeuvres.stopping import wait
+from wayproof.harness.stack.obstruction import obstructed
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation

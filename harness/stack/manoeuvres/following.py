@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.diagnosis import braking_reason, label_ahead, obstructed
-from wayproof.harness.stack.manoeuvres.driving import Course, drivable_part
+from wayproof.harness.stack.course import Course, drivable_part
 from wayproof.harness.stack.manoeuvres.stopping import brake, searched, wait
+from wayproof.harness.stack.obstruction import braking_reason, label_ahead, obstructed
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation, first_that_applies
 from wayproof.harness.stack.state import PlannerState

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.stack.course import Course
 from wayproof.harness.stack.footprint_checks import first_misfit
-from wayproof.harness.stack.manoeuvres.driving import Course
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation

@@ -9,18 +9,25 @@ import numpy as np
 
 from wayproof.harness.decision import Action, Label
 from wayproof.harness.geometry import wrap_angle
-from wayproof.harness.stack.diagnosis import diagnose_no_room, exploration_reason
+from wayproof.harness.stack import obstruction
+from wayproof.harness.stack.course import Course
 from wayproof.harness.stack.footprint_checks import (
     MIN_PATH,
     headings_to_start_at,
     moves_tail_first,
+    poses_from,
 )
 from wayproof.harness.stack.global_path import heading_at
-from wayproof.harness.stack.manoeuvres.driving import Course, drive_along, shortened_to_fit
+from wayproof.harness.stack.manoeuvres.driving import (
+    drive_along,
+    exploration_reason,
+    shortened_to_fit,
+)
 from wayproof.harness.stack.manoeuvres.stopping import wait
+from wayproof.harness.stack.obstruction import obstructed
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.reasons import Reason
-from wayproof.harness.stack.types import Command, Decided, arc_length
+from wayproof.harness.stack.types import Command, Decided, PlannerInput, arc_length
 from wayproof.planners import Trajectory, TrajectorySample, truncate, turn_in_place
 
 ALIGNED = 0.05
@@ -53,7 +60,7 @@ def set_out(course: Course) -> Decided | None:
         if error > ALIGNED:
             return turn_to(course, target)
     along = plan_trajectory(input, start, truncate(path, part.length), speed_share=1.0)
-    reason = diagnose_no_room(input, start, along, nose_first)
+    reason = _no_room(input, start, along, nose_first)
     return wait(input, replace(state, route=None), start, "no_path", reason)
 
 
@@ -143,3 +150,22 @@ def _goes_on_turning(trajectory: Trajectory, start: TrajectorySample, target: fl
         return False
     end = trajectory.at(trajectory.start_ns + round(trajectory.duration_s * 1e9))
     return abs(wrap_angle(target - end.heading)) <= 0.2
+
+
+def _no_room(
+    input: PlannerInput, start: TrajectorySample, along: Trajectory, target: float
+) -> Reason:
+    """Return the reason of an elongated body that can neither turn into its path nor follow it.
+
+    Args:
+        input: Planner input of the decision.
+        start: Start of the new trajectory.
+        along: Trajectory along the path at the present heading.
+        target: Heading of the path, rad.
+    """
+    turn = wrap_angle(target - start.heading)
+    found = obstruction.on_turn(input, start.position, start.heading, start.heading + turn)
+    if found.cell is not None:
+        return obstructed("waiting", found)
+    found = obstruction.on_poses(input, poses_from(along, 0.0), input.unknown_blocks)
+    return obstructed("waiting", found)

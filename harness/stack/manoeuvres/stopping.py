@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 from wayproof.harness.decision import Label
-from wayproof.harness.stack.diagnosis import diagnose_lost_path, diagnose_no_path
+from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.footprint_checks import first_misfit, moves_tail_first
-from wayproof.harness.stack.global_path import GlobalPlan
+from wayproof.harness.stack.global_path import ARRIVED, GlobalPlan
 from wayproof.harness.stack.manoeuvres.evasive_stop import clearest_stop
+from wayproof.harness.stack.obstruction import braking_reason, obstructed
 from wayproof.harness.stack.path_timing import at_begin
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.situation import Situation
 from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import (
+    LENGTH_ROUNDING,
     Array,
     Command,
     Decided,
@@ -22,11 +24,13 @@ from wayproof.harness.stack.types import (
     is_stationary,
 )
 from wayproof.planners import (
+    Plan,
     Trajectory,
     TrajectorySample,
     hold,
     remaining,
     stop_along,
+    stopping_distance,
 )
 
 
@@ -88,9 +92,9 @@ def stop_without_path(situation: Situation) -> Decided | None:
     input, state, search = situation.heading_for, planned.state, planned.search
     path = remaining(state.trajectory.path, start.arc_length)
     if search is None:
-        reason, label = diagnose_lost_path(input, situation.state, start)
+        reason, label = _lost_path(input, situation.state, start)
         return brake(input, state, start, path, reason, label)
-    reason = diagnose_no_path(input, search)
+    reason = _no_path(input, search)
     if is_stationary(start):
         decided = wait(input, state, start, search.label, reason)
     else:
@@ -102,3 +106,42 @@ def searched(decided: Decided, planned: GlobalPlan) -> Decided:
     """Return a decision whose command names the search that it rests on, if one was made."""
     command = replace(decided.command, search=planned.search, search_seed=planned.seed)
     return decided._replace(command=command)
+
+
+def _no_path(input: PlannerInput, search: Plan) -> Reason:
+    """Return the reason of a robot for which no path to the goal was found."""
+    if search.label == "goal_blocked":
+        found = obstruction.at_place(input, input.goal, 0.0, unknown_blocks=False)
+        return obstructed("goal_blocked", found)
+    return Reason("no_path", iterations=search.iterations)
+
+
+def _lost_path(
+    input: PlannerInput, previous: PlannerState, start: TrajectorySample
+) -> tuple[Reason, Label]:
+    """Return the reason and label of a robot in motion without a global path.
+
+    Args:
+        input: Planner input of the decision.
+        previous: State before it; it has the path, unless an earlier decision dropped that.
+        start: Start of the new trajectory.
+    """
+    if previous.global_path is None:
+        return _earlier_loss(input, previous)
+    path = remaining(previous.global_path, start.arc_length)
+    if previous.exploring and arc_length(path) < ARRIVED:  # at its viewpoint
+        return Reason("waiting", since=input.sequence), "none"
+    stop = stopping_distance(start.speed, start.acceleration, input.gait.limits)
+    free = input.traversable.free_length(path)
+    bendable = min(stop, arc_length(path) - LENGTH_ROUNDING)
+    if free < bendable:  # no stretch of it is left that could be bent
+        return braking_reason(obstruction.on_path(input, path, free, input.unknown_blocks))
+    return Reason("braking_for_goal"), "none"  # which has another place now
+
+
+def _earlier_loss(input: PlannerInput, previous: PlannerState) -> tuple[Reason, Label]:
+    """Return the reason and label where an earlier decision dropped the path."""
+    loss = previous.path_loss
+    if loss is None:  # a robot in motion without a path has had none from the start
+        return Reason("waiting", since=input.sequence), "none"
+    return Reason("waiting", since=loss.sequence), loss.label

@@ -17,11 +17,11 @@ from tests.harness.stack.make_input import (
     next_input,
     place,
 )
+from wayproof.harness.stack.course import drivable_part
 from wayproof.harness.stack.early_bends import fastest_found
 from wayproof.harness.stack.gaits.any_direction import AnyDirection
 from wayproof.harness.stack.gaits.flight import Flight
 from wayproof.harness.stack.global_path import keep_or_replan
-from wayproof.harness.stack.manoeuvres.driving import drivable_part
 from wayproof.harness.stack.types import arc_length, is_free_along
 from wayproof.planners import PathState, follow_path, stopping_distance
 

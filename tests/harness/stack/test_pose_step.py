@@ -17,11 +17,11 @@ from tests.harness.stack.make_input import (
     make_input,
     make_states,
 )
+from wayproof.harness.stack.course import DrivablePart
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.footprint_checks import first_misfit
 from wayproof.harness.stack.footprint_mode import decide_with_footprint
 from wayproof.harness.stack.gaits.any_direction import AnyDirection
-from wayproof.harness.stack.manoeuvres.driving import DrivablePart
 from wayproof.harness.stack.manoeuvres.pose_step import continue_step, is_stepping, step_to_pose
 from wayproof.harness.stack.situation import situation_of
 from wayproof.harness.stack.state import PathLoss
