@@ -81,17 +81,6 @@ def remaining(path: Floats, s: float) -> Floats:
     return kept
 
 
-def project(path: Floats, point: Floats) -> float:
-    """Return the arc length of the path's point nearest to a point, m; the first of several."""
-    if len(path) == 1:
-        return 0.0
-    lengths, tangents = edge_lengths(path), edge_tangents(path)
-    along = np.clip(_dot(point - path[:-1], tangents), 0.0, lengths)  # (n - 1,)
-    offsets = point - path[:-1] - along[:, None] * tangents  # (n - 1, 3)
-    edge = int(np.argmin(_dot(offsets, offsets)))
-    return float(arc_lengths(path)[edge] + along[edge])
-
-
 def poses_along(points: Floats, start: Pose, goal: Pose | None) -> Floats:
     """Return poses of a body that heads along a path and turns at its corners, shape (n, 4).
 

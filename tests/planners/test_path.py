@@ -10,7 +10,6 @@ from wayproof.planners import (
     blend_corners,
     first_stop,
     point_at,
-    project,
     remaining,
     speed_limits,
     tangent_at,
@@ -35,9 +34,6 @@ def test_an_ell_by_hand():
     assert truncate(ELL, 0.0).tolist() == [[0, 0, 1], [0, 0, 1]]
     assert remaining(ELL, 5.0).tolist() == [[3, 2, 1], [3, 4, 1]]
     assert remaining(ELL, 8.0).tolist() == [[3, 4, 1], [3, 4, 1]]
-    assert project(ELL, np.array([1.0, 0.5, 1.0])) == 1.0
-    assert project(ELL, np.array([9.0, 3.0, 0.0])) == 6.0
-    assert project(ELL, np.array([-1.0, -1.0, 1.0])) == 0.0
 
 
 def test_paths_without_length_have_a_place_but_no_direction():
@@ -45,7 +41,6 @@ def test_paths_without_length_have_a_place_but_no_direction():
         assert arc_lengths(path)[-1] == 0.0
         assert point_at(path, 1.0).tolist() == ELL[0].tolist()
         assert tangent_at(path, 0.0).tolist() == [0.0, 0.0, 0.0]
-        assert project(path, ELL[2]) == 0.0
         assert first_stop(path, 0.0) == 0.0
 
 
