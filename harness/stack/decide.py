@@ -25,7 +25,6 @@ from wayproof.harness.stack.manoeuvres.lost_pose import (
     hold_position,
     record_unheld_trail,
 )
-from wayproof.harness.stack.manoeuvres.pose_step import continue_step
 from wayproof.harness.stack.manoeuvres.recovery import (
     RECOVERIES,
     Wait,
@@ -51,7 +50,6 @@ MANOEUVRES: tuple[Callable[[Situation], Decided | None], ...] = (
     # Then the body: inside the inflation no path leads on, and a way out is not left halfway.
     escape_inflation,
     continue_escape,
-    continue_step,
     # A goal inside the inflation is as near as it gets; anything else is headed for.
     give_up_beside_goal,
     wait_at_blocked_goal,

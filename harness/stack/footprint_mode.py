@@ -15,7 +15,6 @@ from typing import NamedTuple
 from wayproof.harness.stack.closed_gaps import note_lost_way, record_closed_gap, with_closed_gaps
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import heading_at
-from wayproof.harness.stack.manoeuvres.pose_step import is_stepping
 from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import Command, Decided, PlannerInput, arc_length, is_free_along
 from wayproof.maps.elementary import cosine
@@ -100,8 +99,6 @@ def _planned_for(state: PlannerState, *, oriented: bool) -> PlannerState:
 def _can_widen(circumscribed: PlannerInput, state: PlannerState) -> bool:
     """Return whether an oriented footprint's path ahead has room for the circumscribed one."""
     start = state.trajectory.at(circumscribed.effect_ns)
-    if is_stepping(state, start):
-        return False
     if state.global_path is None:
         return True
     path = remaining(state.global_path, start.arc_length)

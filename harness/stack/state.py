@@ -13,7 +13,7 @@ from wayproof.planners import Trajectory
 
 Array = NDArray[np.float64]
 
-UnderWay = Literal["", "escape", "step"]
+UnderWay = Literal["", "escape"]
 """A manoeuvre without a global path that the next decision may go on with."""
 
 Place = tuple[float, float, float]

@@ -7,7 +7,6 @@ from wayproof.harness.stack.gait import Gait
 from wayproof.harness.stack.manoeuvres.course_keeping import keep_admitted_trajectory, keep_course
 from wayproof.harness.stack.manoeuvres.driving import drive
 from wayproof.harness.stack.manoeuvres.following import brake_on_path, wait_on_path
-from wayproof.harness.stack.manoeuvres.pose_step import step_to_pose
 from wayproof.harness.stack.manoeuvres.setting_out import set_out, step_aside, turn_while_driving
 
 
@@ -20,7 +19,6 @@ class AnyDirection(Gait):
         brake_on_path,
         # At rest, a way off the path where it is blocked at once; without one the body waits.
         step_aside,
-        step_to_pose,
         wait_on_path,
         set_out,
         turn_while_driving,
