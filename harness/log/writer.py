@@ -33,7 +33,7 @@ from wayproof.harness.log.codec.packed import pack
 from wayproof.harness.log.machine import installed_version, this_machine
 from wayproof.harness.outputs import Draft, check_target
 
-FORMAT_VERSION = "6"
+FORMAT_VERSION = "7"
 """Format of the logs written and read; raised when messages are recorded differently."""
 
 LEAST_FREE_BYTES = 64 * 2**20

@@ -36,5 +36,5 @@ def test_a_format_that_is_not_known_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr(log, "FORMAT_VERSION", "99")
     with log.LogWriter(tmp_path / "later.mcap", b"{}", b"{}", "<mujoco/>") as writer:
         writer.finish({"outcome": "success", "chain": ""})
-    with pytest.raises(InputError, match=r"format version 99, expected 6$"):
+    with pytest.raises(InputError, match=r"format version 99, expected 7$"):
         open_log(tmp_path / "later.mcap")
