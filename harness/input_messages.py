@@ -76,6 +76,8 @@ def inputs_from_messages(
                 classes=decode_classes(sweep),
                 beams=read_list(sweep),
                 mount=read_mount(sweep),
+                age_ns=sweep.age_ns,
+                lag=sweep.lag,
             )
             for sweep in sweeps
         ),

@@ -47,6 +47,7 @@ class Pose:
         covariance: (4, 4) stated covariance of x, y, z, m, and heading, rad, in world axes; none if
             the estimator states standard deviations alone.
         unheld: (k, 3) unit directions along which the sweeps do not hold the position.
+        age_ns: Time since it was estimated, by its own stamp, ns.
     """
 
     position: NDArray[np.float64]
@@ -56,6 +57,7 @@ class Pose:
     heading_sigma: float = 0.0
     covariance: NDArray[np.float64] | None = None
     unheld: NDArray[np.float64] = field(default_factory=lambda: NONE_UNHELD)
+    age_ns: int = 0
 
     @cached_property
     def rotation(self) -> NDArray[np.float64]:
@@ -169,7 +171,7 @@ class Beams:
                 f"expected {self.table.beams}"
             )
         if self.table.non_repetitive:
-            self._directions = directions(self.table, sequence)
+            self._directions = directions(self.table, sequence - sweep.lag)
         several = self.table.scan_poses > 1
         origins, rotations = self._poses(pose, self._ages if several else None, *sweep.mount)
         one = len(rotations) == 1
@@ -233,6 +235,8 @@ class SweepInput:
         classes: (n,) uint8 class of what each beam hit, if there are any.
         beams: Beams of a sweep that lists them; else those of the sensor's tables.
         mount: T_base_sensor of a sweep by tables, if it is not that of the sensor.
+        age_ns: Time since it was taken, by its own stamp, ns.
+        lag: Number of sweeps since it was taken in truth, which a pattern of beams goes by.
     """
 
     sensor: str
@@ -240,6 +244,8 @@ class SweepInput:
     classes: NDArray[np.uint8] | None = None
     beams: ListedBeams | None = None
     mount: Mount = (None, None)
+    age_ns: int = 0
+    lag: int = 0
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,7 @@ yaw_rate = 1.0
 PERTURBATIONS = (
     *("calibration:3", "depth_dropout:3", "depth_noise:4", "depth_scale:3", "false_returns:3"),
     *("latency:3", "motion:3", "occlusion:3", "pose_drift:4", "pose_jump:4", "rate:3", "slip:3"),
+    *("clock_skew:2", "out_of_order:4"),
 )
 
 WORDED = ("reason", "predicate", "chain", "stages")

@@ -97,7 +97,7 @@ def true_pose(log: Log, case: Case) -> Change:
         estimate=replace(log.config.estimate, kind="truth"),
         pose_model=replace(EXACT, rate=log.config.pose_model.rate),
     )
-    return Change(_unperturbed(config, "pose"), forget=("estimate",))
+    return Change(_unperturbed(config, "pose", "pose_arrivals"), forget=("estimate",))
 
 
 def true_ranges(log: Log, case: Case) -> Change:

@@ -80,6 +80,7 @@ def _inputs(observation: Observation) -> Inputs:
         heading_sigma=observation.heading_sigma,
         covariance=None if observation.covariance is None else observation.covariance.copy(),
         unheld=observation.unheld.copy(),
+        age_ns=observation.pose_age_ns,
     )
     sweeps = tuple(_sweep_input(sweep) for sweep in observation.sweeps)
     return Inputs(observation.time_ns, observation.sequence, pose, sweeps, digest="")
@@ -87,4 +88,6 @@ def _inputs(observation: Observation) -> Inputs:
 
 def _sweep_input(sweep: Sweep) -> SweepInput:
     classes = None if sweep.classes is None else sweep.classes.copy()
-    return SweepInput(sweep.sensor, sweep.ranges_mm.copy(), classes)
+    return SweepInput(
+        sweep.sensor, sweep.ranges_mm.copy(), classes, age_ns=sweep.age_ns, lag=sweep.lag
+    )

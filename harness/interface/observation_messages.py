@@ -119,7 +119,11 @@ def observation_message(observation: Observation, task: Task) -> sb.Observation:
             sensor=sweep.sensor,
             ranges_mm=_in_16_bits(sweep.ranges_mm).tobytes(),
             classes=b"" if sweep.classes is None else sweep.classes.tobytes(),
-            directions=_directions(sensor, observation.sequence) if _varies(sensor) else b"",
+            directions=(
+                _directions(sensor, observation.sequence - sweep.lag) if _varies(sensor) else b""
+            ),
+            age_ns=sweep.age_ns,
+            lag=sweep.lag,
         )
     return message
 
@@ -138,6 +142,8 @@ def sweep_inputs(message: sb.Observation) -> list[SweepInput]:
             sweep.sensor,
             np.frombuffer(sweep.ranges_mm, "<u2").astype(np.uint16, copy=False),
             np.frombuffer(sweep.classes, np.uint8) if sweep.classes else None,
+            age_ns=sweep.age_ns,
+            lag=sweep.lag,
         )
         for sweep in message.sweeps
     ]

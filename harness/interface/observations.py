@@ -130,12 +130,14 @@ class ObservationBuilder:
             unheld=read_only(inputs.pose.unheld),
             goal=read_only(np.array(self._mission.goal) if inputs.goal is None else inputs.goal),
             goals_reached=inputs.goals_reached,
+            pose_age_ns=inputs.pose.age_ns,
         )
 
     def _sweep(self, sweep: SweepInput, pose: Pose, sequence: int) -> Sweep:
         place = partial(self._beams[sweep.sensor].place, copy.deepcopy(sweep), pose, sequence)
         classes = None if sweep.classes is None else read_only(sweep.classes)
-        return Sweep(sweep.sensor, read_only(sweep.ranges_mm), classes, place)
+        ranges_mm = read_only(sweep.ranges_mm)
+        return Sweep(sweep.sensor, ranges_mm, classes, place, sweep.age_ns, sweep.lag)
 
     def _twist(self, inputs: Inputs) -> tuple[Array, float]:
         """Return the velocity (3,), m/s, and yaw rate, rad/s, from this pose and the one before."""

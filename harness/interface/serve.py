@@ -291,6 +291,8 @@ def observation_from(message: sb.Observation, task: Task) -> Observation:
             sweep.ranges_mm,
             sweep.classes,
             partial(_placed, task.sensors[sweep.sensor], sweep, pose, message.sequence),
+            sweep.age_ns,
+            sweep.lag,
         )
         for sweep in sweep_inputs(message)
     )

@@ -115,12 +115,16 @@ class Sweep:
             range.
         classes: (n,) uint8, of what each beam met, where `sensors.semantics` is set; else none.
         place: Beams in the world frame by the estimated pose, computed when called.
+        age_ns: Time since it was taken, by its own stamp, ns; 0 of one of this instant.
+        lag: Number of sweeps since it was taken, which the pattern of its beams goes by.
     """
 
     sensor: str
     ranges_mm: Ranges
     classes: NDArray[np.uint8] | None
     place: Callable[[], WorldSweep]
+    age_ns: int = 0
+    lag: int = 0
 
     @property
     def ranges_m(self) -> Array:
@@ -200,6 +204,7 @@ class Observation:
             none if the estimator states standard deviations alone.
         unheld: (k, 3) unit directions along which the sweeps do not hold the position.
         goals_reached: Number of the mission's goals that were reached before.
+        pose_age_ns: Time since the pose was estimated, by its own stamp, ns; 0 of one of now.
     """
 
     time_ns: int
@@ -219,6 +224,7 @@ class Observation:
     covariance: Array | None = None
     unheld: Array = field(default_factory=lambda: np.zeros((0, 3)))
     goals_reached: int = 0
+    pose_age_ns: int = 0
 
     @property
     def rotation(self) -> Array:

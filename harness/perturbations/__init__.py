@@ -11,6 +11,7 @@ import msgspec
 
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.perturbations.calibration import Calibration
+from wayproof.harness.perturbations.clock_skew import ClockSkew
 from wayproof.harness.perturbations.depth_dropout import DepthDropout
 from wayproof.harness.perturbations.depth_noise import DepthNoise
 from wayproof.harness.perturbations.depth_scale import DepthScale
@@ -20,6 +21,7 @@ from wayproof.harness.perturbations.imu_bias import ImuBias
 from wayproof.harness.perturbations.latency import Latency
 from wayproof.harness.perturbations.motion import Motion
 from wayproof.harness.perturbations.occlusion import Occlusion
+from wayproof.harness.perturbations.out_of_order import OutOfOrder
 from wayproof.harness.perturbations.perturbation import (
     MAX_SEVERITY,
     UNPERTURBED,
@@ -27,9 +29,14 @@ from wayproof.harness.perturbations.perturbation import (
     Report,
 )
 from wayproof.harness.perturbations.pose_drift import PoseDrift
+from wayproof.harness.perturbations.pose_freeze import PoseFreeze
 from wayproof.harness.perturbations.pose_jump import PoseJump
+from wayproof.harness.perturbations.pose_stop import PoseStop
 from wayproof.harness.perturbations.rate import Rate
+from wayproof.harness.perturbations.sensor_freeze import SensorFreeze
+from wayproof.harness.perturbations.sensor_stop import SensorStop
 from wayproof.harness.perturbations.slip import Slip
+from wayproof.harness.perturbations.stack_stall import StackStall
 from wayproof.harness.perturbations.stale_prior import StalePrior
 
 AnyPerturbation: TypeAlias = (
@@ -47,6 +54,13 @@ AnyPerturbation: TypeAlias = (
     | ImuBias
     | Slip
     | StalePrior
+    | SensorStop
+    | SensorFreeze
+    | PoseStop
+    | PoseFreeze
+    | ClockSkew
+    | OutOfOrder
+    | StackStall
 )
 
 PERTURBATIONS: dict[str, type[Perturbation]] = {

@@ -19,7 +19,7 @@ class Latency(Perturbation, frozen=True, tag="latency"):
     measured_in: ClassVar[str] = "s"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.02, 0.05, 0.1, 0.15, 0.25)
 
-    @property
-    def delay(self) -> float:
-        """Delay added to each decision, s."""
+    def delay_at(self, seed: int, time_ns: int) -> float:
+        """Return the delay added to each decision, s."""
+        del seed, time_ns
         return self.amount

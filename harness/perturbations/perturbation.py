@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.errors import unknown_name
 from wayproof.harness.perturbations.displacement import Displacement
 from wayproof.harness.perturbations.inertial_bias import InertialBias
 from wayproof.models.pose_model import PoseError
@@ -33,12 +34,23 @@ Severity = Annotated[float, msgspec.Meta(gt=0.0, le=5.0)]
 MAX_SEVERITY = 5.0
 """Severity at which the scale ends."""
 
+MOST_LAG = 20
+"""Greatest number of messages by which one is late."""
+
+Lag = int | Literal["none", "last"]
+"""Message that comes in place of one that was sent: the one so many before it, up to `MOST_LAG`,
+none, or again the last one that came."""
+
 Changes = Literal[
-    "nothing", "pose", "motion_sensors", "ranges", "arrivals", "delay", "world", "prior"
+    *("nothing", "pose", "motion_sensors", "ranges", "arrivals", "pose_arrivals", "delay"),
+    *("world", "prior"),
 ]
 """Input that a perturbation changes: the estimated pose, the sensors of motion that a pose is
-estimated by, the ranges of sweeps, which sweeps arrive, the delay of decisions, the simulated
-world, or the prior map."""
+estimated by, the ranges of sweeps, which sweeps or poses arrive, the delay of decisions, the
+simulated world, or the prior map."""
+
+LATE: tuple[Changes, ...] = ("arrivals", "pose_arrivals")
+"""What perturbations change whose messages come late, again or never."""
 
 UNCHANGED = PoseError()
 
@@ -55,6 +67,24 @@ class Misplacement(NamedTuple):
     x: float = 0.0
     y: float = 0.0
     turn: float = 0.0
+
+
+class Arrival(NamedTuple):
+    """One message that is sent to the stack.
+
+    Attributes:
+        stream: Name of its sensor, or `pose`.
+        number: Number of the decision.
+        time_ns: Simulated time, ns.
+        period_ns: Time between two messages of the stream, ns.
+        seed: Seed of the episode.
+    """
+
+    stream: str
+    number: int
+    time_ns: int
+    period_ns: int
+    seed: int
 
 
 class RangeLimits(Protocol):
@@ -152,6 +182,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         values: Amounts at severities 1 to 5, with their sources in docs/perturbations.md.
         nothing: Amount at severity 0, which changes nothing.
         windowed: Whether it can act for a part of an episode.
+        restamps: Whether a message that comes late or again has the stamp of a new one.
     """
 
     severity: Severity = 3
@@ -161,6 +192,7 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
     values: ClassVar[tuple[float, float, float, float, float]] = (0.0, 0.0, 0.0, 0.0, 0.0)
     nothing: ClassVar[float] = 0.0
     windowed: ClassVar[bool] = True
+    restamps: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         """Write a whole severity as one number alone, and check the window."""
@@ -235,12 +267,33 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         return Misplacement()
 
     def affected(self, sensors: Sequence[str]) -> tuple[str, ...]:
-        """Return the sensors whose sweeps it changes, in the order given: all, or none."""
-        return tuple(sensors) if self.changes in ("ranges", "arrivals") else ()
+        """Return the sensors whose sweeps it changes, in the order given: all, or none.
+
+        Raises:
+            InputError: It names a sensor that there is not.
+        """
+        if self.changes not in ("ranges", "arrivals"):
+            return ()
+        return self.named(getattr(self, "sensor", ""), sensors)
+
+    def named(self, sensor: str, sensors: Sequence[str], *others: str) -> tuple[str, ...]:
+        """Return the one named of some sensors, all if the name is empty.
+
+        Raises:
+            InputError: It is none of them, nor of the other names that it may have.
+        """
+        if sensor and sensor not in sensors:
+            raise unknown_name(f"sensor of --perturb {self.kind}", sensor, [*sensors, *others])
+        return (sensor,) if sensor else tuple(sensors)
+
+    @property
+    def delays_pose(self) -> bool:
+        """Whether it changes which poses arrive."""
+        return self.changes == "pose_arrivals"
 
     def streams(self, sensors: Sequence[str]) -> tuple[str, ...]:
         """Return names of the input streams that it changes; see `harness.log.streams`."""
-        if self.changes in ("pose", "motion_sensors"):
+        if self.changes in ("pose", "motion_sensors") or self.delays_pose:
             return ("pose",)
         if self.changes == "delay":
             return ("latency",)
@@ -262,10 +315,14 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         del seed, time_ns, travelled
         return UNCHANGED
 
-    def delivers(self, sequence: int) -> bool:
-        """Return whether the sweeps of this decision reach the stack."""
-        del sequence
-        return True
+    def lag_at(self, arrival: Arrival) -> Lag:
+        """Return which message comes in place of one that is sent: that one while it rests."""
+        return self.lag(arrival) if self.is_active(arrival.time_ns) else 0
+
+    def lag(self, arrival: Arrival) -> Lag:
+        """Return which message comes in place of one that is sent, while it acts."""
+        del arrival
+        return 0
 
     def report(self, report: Report) -> Ranges:  # (n,)
         """Return the ranges (n,) that the stack gets in place of those reported, mm."""
@@ -281,9 +338,9 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
         del seed
         return None
 
-    @property
-    def delay(self) -> float:
-        """Delay added to each decision, s."""
+    def delay_at(self, seed: int, time_ns: int) -> float:
+        """Return the delay added to a decision while it acts, s."""
+        del seed, time_ns
         return 0.0
 
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from wayproof.harness.perturbations.outage import EARLIEST, LATEST
 from wayproof.harness.perturbations.perturbation import UNCHANGED, Changes, Perturbation
 from wayproof.harness.perturbations.pose_drift import along, direction
 from wayproof.models.pose_model import PoseError
 from wayproof.models.random_streams import stream
-
-EARLIEST, LATEST = 2.0, 10.0
-"""Span of the seeded time, s: the robots are on their way, and in most worlds not yet there."""
 
 
 class PoseJump(Perturbation, frozen=True, tag="pose_jump"):

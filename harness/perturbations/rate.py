@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from wayproof.harness.perturbations.perturbation import Changes, Perturbation
+from wayproof.harness.perturbations.perturbation import Arrival, Changes, Lag, Perturbation
 
 
 class Rate(Perturbation, frozen=True, tag="rate"):
@@ -19,6 +19,8 @@ class Rate(Perturbation, frozen=True, tag="rate"):
     values: ClassVar[tuple[float, float, float, float, float]] = (2.0, 3.0, 5.0, 10.0, 20.0)
     nothing: ClassVar[float] = 1.0
 
-    def delivers(self, sequence: int) -> bool:
-        """Return whether the sweeps of this decision are among those that arrive."""
-        return math.floor(sequence / self.amount) > math.floor((sequence - 1) / self.amount)
+    def lag(self, arrival: Arrival) -> Lag:
+        """Return none of the sweeps between those that arrive."""
+        number = arrival.number
+        arrives = math.floor(number / self.amount) > math.floor((number - 1) / self.amount)
+        return 0 if arrives else "none"

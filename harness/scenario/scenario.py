@@ -146,6 +146,8 @@ def build(config: Config, world: World | None = None) -> Scenario:
     config = replace(config, start=start, goal=goal, waypoints=tuple(waypoints), sensors=sensors)
     config = with_prior(log_robot_identity(robot, log_world_identity(world, config)), world)
     scene = _compose(world, robot, config)
+    if config.perturbation is not None:  # it may name a sensor
+        config.perturbation.affected([caster.mount.name for caster in scene.casters])
     return Scenario(
         config=config,
         world=world,

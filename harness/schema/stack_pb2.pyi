@@ -169,19 +169,23 @@ class Sensor(_message.Message):
     def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., range_m: _Optional[float] = ..., rate_hz: _Optional[float] = ..., position_base_sensor: _Optional[_Iterable[float]] = ..., rotation_base_sensor: _Optional[_Iterable[float]] = ..., directions: _Optional[bytes] = ..., beams: _Optional[int] = ..., info: _Optional[bytes] = ..., measures: _Optional[str] = ...) -> None: ...
 
 class Sweep(_message.Message):
-    __slots__ = ("sensor", "ranges_mm", "classes", "directions")
+    __slots__ = ("sensor", "ranges_mm", "classes", "directions", "age_ns", "lag")
     SENSOR_FIELD_NUMBER: _ClassVar[int]
     RANGES_MM_FIELD_NUMBER: _ClassVar[int]
     CLASSES_FIELD_NUMBER: _ClassVar[int]
     DIRECTIONS_FIELD_NUMBER: _ClassVar[int]
+    AGE_NS_FIELD_NUMBER: _ClassVar[int]
+    LAG_FIELD_NUMBER: _ClassVar[int]
     sensor: str
     ranges_mm: bytes
     classes: bytes
     directions: bytes
-    def __init__(self, sensor: _Optional[str] = ..., ranges_mm: _Optional[bytes] = ..., classes: _Optional[bytes] = ..., directions: _Optional[bytes] = ...) -> None: ...
+    age_ns: int
+    lag: int
+    def __init__(self, sensor: _Optional[str] = ..., ranges_mm: _Optional[bytes] = ..., classes: _Optional[bytes] = ..., directions: _Optional[bytes] = ..., age_ns: _Optional[int] = ..., lag: _Optional[int] = ...) -> None: ...
 
 class Observation(_message.Message):
-    __slots__ = ("time_ns", "sequence", "position", "quaternion", "position_sigma", "heading_sigma", "velocity", "yaw_rate", "sweeps", "effect_ns", "reference_position", "reference_velocity", "reference_heading", "reference_yaw_rate", "at_rest", "last", "trail_positions", "trail_quaternions", "trail_period_s", "covariance", "unheld", "goal", "goals_reached")
+    __slots__ = ("time_ns", "sequence", "position", "quaternion", "position_sigma", "heading_sigma", "velocity", "yaw_rate", "sweeps", "effect_ns", "reference_position", "reference_velocity", "reference_heading", "reference_yaw_rate", "at_rest", "last", "trail_positions", "trail_quaternions", "trail_period_s", "covariance", "unheld", "goal", "goals_reached", "pose_age_ns")
     TIME_NS_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
@@ -205,6 +209,7 @@ class Observation(_message.Message):
     UNHELD_FIELD_NUMBER: _ClassVar[int]
     GOAL_FIELD_NUMBER: _ClassVar[int]
     GOALS_REACHED_FIELD_NUMBER: _ClassVar[int]
+    POSE_AGE_NS_FIELD_NUMBER: _ClassVar[int]
     time_ns: int
     sequence: int
     position: Vector
@@ -228,7 +233,8 @@ class Observation(_message.Message):
     unheld: _containers.RepeatedScalarFieldContainer[float]
     goal: Vector
     goals_reached: int
-    def __init__(self, time_ns: _Optional[int] = ..., sequence: _Optional[int] = ..., position: _Optional[_Union[Vector, _Mapping]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., heading_sigma: _Optional[float] = ..., velocity: _Optional[_Union[Vector, _Mapping]] = ..., yaw_rate: _Optional[float] = ..., sweeps: _Optional[_Iterable[_Union[Sweep, _Mapping]]] = ..., effect_ns: _Optional[int] = ..., reference_position: _Optional[_Union[Vector, _Mapping]] = ..., reference_velocity: _Optional[_Union[Vector, _Mapping]] = ..., reference_heading: _Optional[float] = ..., reference_yaw_rate: _Optional[float] = ..., at_rest: _Optional[bool] = ..., last: _Optional[_Union[Fate, _Mapping]] = ..., trail_positions: _Optional[_Iterable[float]] = ..., trail_quaternions: _Optional[_Iterable[float]] = ..., trail_period_s: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., unheld: _Optional[_Iterable[float]] = ..., goal: _Optional[_Union[Vector, _Mapping]] = ..., goals_reached: _Optional[int] = ...) -> None: ...
+    pose_age_ns: int
+    def __init__(self, time_ns: _Optional[int] = ..., sequence: _Optional[int] = ..., position: _Optional[_Union[Vector, _Mapping]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., heading_sigma: _Optional[float] = ..., velocity: _Optional[_Union[Vector, _Mapping]] = ..., yaw_rate: _Optional[float] = ..., sweeps: _Optional[_Iterable[_Union[Sweep, _Mapping]]] = ..., effect_ns: _Optional[int] = ..., reference_position: _Optional[_Union[Vector, _Mapping]] = ..., reference_velocity: _Optional[_Union[Vector, _Mapping]] = ..., reference_heading: _Optional[float] = ..., reference_yaw_rate: _Optional[float] = ..., at_rest: _Optional[bool] = ..., last: _Optional[_Union[Fate, _Mapping]] = ..., trail_positions: _Optional[_Iterable[float]] = ..., trail_quaternions: _Optional[_Iterable[float]] = ..., trail_period_s: _Optional[float] = ..., covariance: _Optional[_Iterable[float]] = ..., unheld: _Optional[_Iterable[float]] = ..., goal: _Optional[_Union[Vector, _Mapping]] = ..., goals_reached: _Optional[int] = ..., pose_age_ns: _Optional[int] = ...) -> None: ...
 
 class Fate(_message.Message):
     __slots__ = ("sequence", "fate", "verdict")

@@ -48,7 +48,7 @@ class SensorInfo(_message.Message):
     def __init__(self, name: _Optional[str] = ..., kind: _Optional[str] = ..., range_m: _Optional[float] = ..., row_width: _Optional[int] = ..., rows: _Optional[_Iterable[float]] = ..., columns: _Optional[_Iterable[float]] = ..., position_base_sensor: _Optional[_Iterable[float]] = ..., rotation_base_sensor: _Optional[_Iterable[float]] = ..., order: _Optional[str] = ..., beams: _Optional[int] = ..., row_step: _Optional[int] = ..., column_step: _Optional[int] = ..., scan_poses: _Optional[int] = ..., measures: _Optional[str] = ..., rate_hz: _Optional[float] = ..., device: _Optional[str] = ..., source: _Optional[str] = ...) -> None: ...
 
 class Sweep(_message.Message):
-    __slots__ = ("timestamp", "sequence", "sensor", "rows", "columns", "codec", "ranges", "classes", "directions", "beam_poses", "ages_ns", "mount")
+    __slots__ = ("timestamp", "sequence", "sensor", "rows", "columns", "codec", "ranges", "classes", "directions", "beam_poses", "ages_ns", "mount", "age_ns", "lag")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     SENSOR_FIELD_NUMBER: _ClassVar[int]
@@ -61,6 +61,8 @@ class Sweep(_message.Message):
     BEAM_POSES_FIELD_NUMBER: _ClassVar[int]
     AGES_NS_FIELD_NUMBER: _ClassVar[int]
     MOUNT_FIELD_NUMBER: _ClassVar[int]
+    AGE_NS_FIELD_NUMBER: _ClassVar[int]
+    LAG_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     sensor: str
@@ -73,10 +75,12 @@ class Sweep(_message.Message):
     beam_poses: bytes
     ages_ns: _containers.RepeatedScalarFieldContainer[int]
     mount: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., sensor: _Optional[str] = ..., rows: _Optional[int] = ..., columns: _Optional[int] = ..., codec: _Optional[str] = ..., ranges: _Optional[bytes] = ..., classes: _Optional[bytes] = ..., directions: _Optional[bytes] = ..., beam_poses: _Optional[bytes] = ..., ages_ns: _Optional[_Iterable[int]] = ..., mount: _Optional[_Iterable[float]] = ...) -> None: ...
+    age_ns: int
+    lag: int
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., sensor: _Optional[str] = ..., rows: _Optional[int] = ..., columns: _Optional[int] = ..., codec: _Optional[str] = ..., ranges: _Optional[bytes] = ..., classes: _Optional[bytes] = ..., directions: _Optional[bytes] = ..., beam_poses: _Optional[bytes] = ..., ages_ns: _Optional[_Iterable[int]] = ..., mount: _Optional[_Iterable[float]] = ..., age_ns: _Optional[int] = ..., lag: _Optional[int] = ...) -> None: ...
 
 class Pose(_message.Message):
-    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma", "history_positions", "history_quaternions", "history_period_s", "heading_sigma", "estimator", "covariance", "information", "unheld")
+    __slots__ = ("timestamp", "sequence", "position", "quaternion", "position_sigma", "history_positions", "history_quaternions", "history_period_s", "heading_sigma", "estimator", "covariance", "information", "unheld", "age_ns")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     POSITION_FIELD_NUMBER: _ClassVar[int]
@@ -90,6 +94,7 @@ class Pose(_message.Message):
     COVARIANCE_FIELD_NUMBER: _ClassVar[int]
     INFORMATION_FIELD_NUMBER: _ClassVar[int]
     UNHELD_FIELD_NUMBER: _ClassVar[int]
+    AGE_NS_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     position: _containers.RepeatedScalarFieldContainer[float]
@@ -103,7 +108,8 @@ class Pose(_message.Message):
     covariance: _containers.RepeatedScalarFieldContainer[float]
     information: _containers.RepeatedScalarFieldContainer[float]
     unheld: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., history_positions: _Optional[_Iterable[float]] = ..., history_quaternions: _Optional[_Iterable[float]] = ..., history_period_s: _Optional[float] = ..., heading_sigma: _Optional[float] = ..., estimator: _Optional[str] = ..., covariance: _Optional[_Iterable[float]] = ..., information: _Optional[_Iterable[float]] = ..., unheld: _Optional[_Iterable[float]] = ...) -> None: ...
+    age_ns: int
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., quaternion: _Optional[_Iterable[float]] = ..., position_sigma: _Optional[float] = ..., history_positions: _Optional[_Iterable[float]] = ..., history_quaternions: _Optional[_Iterable[float]] = ..., history_period_s: _Optional[float] = ..., heading_sigma: _Optional[float] = ..., estimator: _Optional[str] = ..., covariance: _Optional[_Iterable[float]] = ..., information: _Optional[_Iterable[float]] = ..., unheld: _Optional[_Iterable[float]] = ..., age_ns: _Optional[int] = ...) -> None: ...
 
 class Goal(_message.Message):
     __slots__ = ("timestamp", "sequence", "position", "index")

@@ -18,6 +18,7 @@ from wayproof.harness.geometry import polyline_length
 from wayproof.harness.input_messages import beams_from_info, decode_ranges
 from wayproof.harness.listed_beams import read_list, write_list
 from wayproof.harness.perturbations import UNPERTURBED, Displacement, Report
+from wayproof.harness.perturbations.delivery import Delivery
 from wayproof.harness.perturbations.perturbation import ListedDirections, Ranges
 from wayproof.harness.result import way_of
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -78,22 +79,38 @@ class RecordedPerturbation:
         self._displacement = self._perturbation.displacement(config.seed)
         self._first: dict[str, Array] = {}  # directions of the first sweep of each sensor
         self._travelled, self._changed_beams = 0.0, 0
-        self._added, self._withheld = PoseError(), False
+        self._added, self._withheld = PoseError(), list[str]()
+        period_ns = round(1e9 / max(next(iter(infos)).rate_hz, 1e-3)) if infos else 10**8
+        self._delivery = Delivery(self._perturbation, config.seed, period_ns)
 
     def sweeps(self, sweeps: list[pb.Sweep], time_ns: int, sequence: int) -> list[pb.Sweep]:
         """Return the sweeps that the stack gets at a decision, changed in place."""
         active = self._perturbation.is_active(time_ns)
-        self._changed_beams = 0
-        self._withheld = active and not self._perturbation.delivers(sequence)
-        if self._withheld:
-            return [sweep for sweep in sweeps if sweep.sensor not in self._affected]
+        self._changed_beams, self._withheld = 0, []
+        if self._perturbation.changes == "arrivals":
+            return self._delivered(sweeps)
         for sweep in sweeps if active else ():
             if sweep.sensor in self._affected:
                 self._change(sweep, sequence)
         return sweeps
 
+    def _delivered(self, sent: list[pb.Sweep]) -> list[pb.Sweep]:
+        """Return the sweeps that come in place of those that were sent."""
+        came = []
+        for sweep in sent:
+            affected = sweep.sensor in self._affected
+            one = self._delivery.take(sweep.sensor, sweep) if affected else sweep
+            if one is None:
+                self._withheld.append(sweep.sensor)
+            else:
+                came.append(one)
+        return came
+
     def pose(self, pose: pb.Pose, motion: pb.RecordedMotion, time_ns: int) -> None:
-        """Add the error to the pose that the stack gets."""
+        """Add the error to the pose that the stack gets, or put a late one in its place."""
+        if self._perturbation.delays_pose:
+            pose.CopyFrom(self._delivery.take("pose", pose) or pose)
+            return
         self._travelled += polyline_length(way_of(motion)[:, :3])
         self._added = self._perturbation.pose_error(self._seed, time_ns, self._travelled)
         if self._added == PoseError():
@@ -115,7 +132,9 @@ class RecordedPerturbation:
 
     def delay(self, time_ns: int) -> float:
         """Return the delay added to a decision, s."""
-        return self._perturbation.delay if self._perturbation.is_active(time_ns) else 0.0
+        if not self._perturbation.is_active(time_ns):
+            return 0.0
+        return self._perturbation.delay_at(self._seed, time_ns)
 
     def message(self, sequence: int, time_ns: int) -> pb.Perturbation | None:
         """Describe the perturbation of a decision's inputs for the log; None if unperturbed."""
@@ -134,7 +153,7 @@ class RecordedPerturbation:
             pose_shift=self._added.shift,
             pose_turn=self._added.turn,
             changed_beams=self._changed_beams,
-            withheld=self._affected if self._withheld else [],
+            withheld=self._withheld,
             added_delay_s=self.delay(time_ns),
         )
         if self._displacement is not None and active:

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
 from wayproof.harness.perturbations import UNPERTURBED, Report
+from wayproof.harness.perturbations.delivery import Delivery
+from wayproof.harness.perturbations.perturbation import LATE
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.classes import UNKNOWN_CLASS
 from wayproof.models.pose_model import PoseError
@@ -21,7 +23,11 @@ from wayproof.models.sensors.caster import Caster
 
 
 class PerturbationInjector:
-    """One episode's perturbation, or none, applied to one scene's sensors and delays."""
+    """One episode's perturbation, or none, applied to one scene's sensors and delays.
+
+    Attributes:
+        delivery: Delivery of the messages; None where all arrive as they are sent.
+    """
 
     def __init__(self, config: Config, scene: Scene) -> None:
         """Find the sensors that it affects."""
@@ -32,15 +38,20 @@ class PerturbationInjector:
         self._model = scene.model
         self._sensors = [caster.mount.name for caster in scene.casters]
         self._affected = self._perturbation.affected(self._sensors)
+        self._withheld: list[str] = []
         self._displacement = self._perturbation.displacement(config.seed)
         self._changed_beams = 0
         self._rate = scene.casters[0].mount.device.rate  # decisions follow the first sensor
-        self._active = True
+        self._active, self._time_ns = True, 0
+        self.delivery: Delivery | None = None
+        if self._perturbation.changes in LATE:
+            period_ns = round(1e9 / self._rate)
+            self.delivery = Delivery(self._perturbation, config.seed, period_ns)
 
     @property
     def delay(self) -> float:
         """Delay added to the present decision, s."""
-        return self._perturbation.delay if self._active else 0.0
+        return self._perturbation.delay_at(self._seed, self._time_ns) if self._active else 0.0
 
     @property
     def _streams(self) -> tuple[str, ...]:
@@ -49,12 +60,31 @@ class PerturbationInjector:
         sensed = any(name.startswith("sensor/") for name in own)
         return (*own, "pose") if sensed and self._registers else own
 
-    def delivered(self, casters: tuple[Caster, ...], sequence: int) -> list[Caster]:
-        """Return the sensors whose sweeps reach the stack at this decision."""
-        self._changed_beams = 0
-        self._active = self._perturbation.is_active(round(sequence / self._rate * 1e9))
-        arrives = not self._active or self._perturbation.delivers(sequence)
-        return [one for one in casters if arrives or one.mount.name not in self._affected]
+    def begin(self, sequence: int) -> None:
+        """Begin with the inputs of a decision."""
+        self._changed_beams, self._withheld = 0, []
+        self._time_ns = round(sequence / self._rate * 1e9)
+        self._active = self._perturbation.is_active(self._time_ns)
+
+    def sweeps(self, sent: list[pb.Sweep]) -> list[pb.Sweep]:
+        """Return the sweeps that reach the stack in place of those that were sent."""
+        if self.delivery is None:
+            return sent
+        came = []
+        for sweep in sent:
+            affected = sweep.sensor in self._affected
+            one = self.delivery.take(sweep.sensor, sweep) if affected else sweep
+            if one is None:
+                self._withheld.append(sweep.sensor)
+            else:
+                came.append(one)
+        return came
+
+    def pose(self, sent: pb.Pose) -> pb.Pose:
+        """Return the pose that reaches the stack in place of one that was sent."""
+        if self.delivery is None or not self._perturbation.delays_pose:
+            return sent
+        return self.delivery.take("pose", sent) or sent
 
     def cast(
         self, caster: Caster, data: mujoco.MjData, trail: Trail, sequence: int
@@ -107,7 +137,6 @@ class PerturbationInjector:
         perturbation = self._perturbation
         if perturbation is UNPERTURBED:
             return None
-        arrives = not self._active or perturbation.delivers(sequence)
         message = pb.Perturbation(
             sequence=sequence,
             kind=perturbation.kind,
@@ -119,7 +148,7 @@ class PerturbationInjector:
             pose_shift=added.shift,
             pose_turn=added.turn,
             changed_beams=self._changed_beams,
-            withheld=[] if arrives else self._affected,
+            withheld=self._withheld,
             added_delay_s=self.delay,
         )
         if self._displacement is not None and self._active:

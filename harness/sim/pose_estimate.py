@@ -197,7 +197,8 @@ class PoseEstimate:
         self._mapped = inputs.sequence
         pose = inputs.pose
         assert pose.covariance is not None
-        points = self._points(inputs.sweeps, pose, inputs.sequence)
+        fresh = [sweep for sweep in inputs.sweeps if not sweep.age_ns]
+        points = self._points(fresh, pose, inputs.sequence)
         self._lidar.add_to_map(points, pose.position, pose.covariance)
 
     def pose(self, trail: Trail, rolling: bool) -> pb.Pose:

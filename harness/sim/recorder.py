@@ -54,6 +54,8 @@ class Recorder:
         }
         if simulation.traffic is not None:
             self.parts["traffic"] = simulation.traffic
+        if injector.delivery is not None:
+            self.parts["delivery"] = injector.delivery
         if simulation.rolling:
             self.parts["steps"] = simulation.step_poses
         self.positions: list[NDArray[np.float64]] = []

@@ -40,18 +40,23 @@ class Sensors:
         mujoco.mj_kinematics(self._scene.model, self._simulation.data)
         began = time.perf_counter()
         trail, estimate = self._simulation.trail(), self._simulation.estimate
-        delivered = self._injector.delivered(self._scene.casters, sequence)
-        sweeps = [self._sweep(caster, trail, sequence, time_ns) for caster in delivered]
+        self._injector.begin(sequence)
+        sent = [self._sweep(one, trail, sequence, time_ns) for one in self._scene.casters]
+        sweeps = self._injector.sweeps(sent)
         sense_ms = (time.perf_counter() - began) * 1e3
         estimate.advance(time_ns, trail.positions[-1], trail.quaternions[-1])
         rolling = self._simulation.rolling
         if estimate.registers:
-            inputs = [SweepInput(sweep.sensor, decode_ranges(sweep)) for sweep in sweeps]
+            inputs = [
+                SweepInput(sweep.sensor, decode_ranges(sweep), lag=sweep.lag)
+                for sweep in sweeps
+                if not sweep.age_ns  # it is registered at its own time or not at all
+            ]
             estimate.correct(sequence, trail, rolling, inputs)
         pose = estimate.pose(trail, rolling)
         pose.sequence = sequence
         pose.timestamp.FromNanoseconds(time_ns)
-        return sweeps, pose, sense_ms
+        return sweeps, self._injector.pose(pose), sense_ms
 
     def _sweep(self, caster: Caster, trail: Trail, sequence: int, time_ns: int) -> pb.Sweep:
         table = caster.table

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.config import BUILTIN, PLUGIN, Config
 from wayproof.harness.decision import Difference, message_differences
+from wayproof.harness.perturbations.perturbation import LATE
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.map_content import (
     read_bricks,
@@ -54,8 +55,13 @@ def has_keyframes(config: Config) -> bool:
 
 
 def has_maps(config: Config) -> bool:
-    """Return whether keyframes of these settings hold maps: voxel maps without classes."""
-    return has_keyframes(config) and config.map.kind == "voxel" and not config.sensors.semantics
+    """Return whether keyframes of these settings hold maps: voxel maps without classes.
+
+    Nor where sweeps come late: they are placed by the poses before.
+    """
+    in_time = config.perturbation is None or config.perturbation.changes not in LATE
+    kept = config.map.kind == "voxel" and not config.sensors.semantics and in_time
+    return has_keyframes(config) and kept
 
 
 class Schedule:

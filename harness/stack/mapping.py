@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
@@ -33,6 +34,13 @@ ALIKE = 0.02
 
 MOST_DOUBT = 100
 """Greatest part of a margin for the stated covariance, cells: nothing is free with that already."""
+
+POSE_WITHIN_NS = 300_000_000
+"""Greatest time between a sweep and the pose that places it, ns: Nav2's `transform_tolerance` of a
+costmap."""
+
+POSES = 64
+"""Number of poses that are kept for sweeps that come late."""
 
 MARGIN_SIGMAS = 2.0
 """Localization margin in standard deviations of the estimated position (95 %)."""
@@ -100,6 +108,7 @@ class Mapper:
         self.on_integrated: Callable[[Inputs], None] | None = None
         self.on_placed: Callable[[WorldSweep, float, int], None] | None = None
         self.returns: Representation | None = None
+        self._poses: deque[tuple[int, Pose]] = deque(maxlen=POSES)
         self._as_they_come = Filters(AS_THEY_COME, config, mission, self.map)
         self._declare_start_free(self.map)
 
@@ -120,6 +129,7 @@ class Mapper:
     def integrate(self, inputs: Inputs) -> None:
         """Integrate the sweeps of one instant into the map, and roll the window along."""
         self.newest, self.range_sigma = inputs, 0.0
+        self._poses.append((inputs.time_ns - inputs.pose.age_ns, inputs.pose))
         for a_map in self._maps:
             a_map.advance(inputs.time_ns)
         for sweep in inputs.sweeps:
@@ -175,22 +185,34 @@ class Mapper:
         return float(time_ns - max(int(observed.min()), 0)) * 1e-9
 
     def _integrate_sweep(self, sweep: SweepInput, inputs: Inputs) -> None:
-        """Place a sweep by the pose, and integrate its beams and the classes that they hit."""
+        """Place a sweep by the pose, and integrate its beams and the classes that they hit.
+
+        By that of its own time; without one near that, it is no evidence of any place.
+        """
+        time_ns = inputs.time_ns - sweep.age_ns
+        pose = self._pose_at(time_ns)
+        if pose is None:
+            return
         beams = self._beams[sweep.sensor]
-        placed = beams.place(sweep, inputs.pose, inputs.sequence)
+        placed = beams.place(sweep, pose, inputs.sequence)
         if self._config.map.no_return == "ignored":
             placed = placed.without_no_returns()
-        origin = Origin(sweep.sensor, beams, inputs.pose, range_deviation(placed, beams))
+        origin = Origin(sweep.sensor, beams, pose, range_deviation(placed, beams))
         self.range_sigma = max(self.range_sigma, origin.deviation)
         if self.returns is not None:
-            _add(self._as_they_come(placed, origin), self.returns, beams=beams, inputs=inputs)
+            _add(self._as_they_come(placed, origin), self.returns, beams=beams, time_ns=time_ns)
         placed = self.filters(placed, origin)
-        _add(placed, to=self.map, beams=beams, inputs=inputs)
+        _add(placed, to=self.map, beams=beams, time_ns=time_ns)
         if self.on_placed is not None:
-            self.on_placed(placed, beams.range, inputs.time_ns)
+            self.on_placed(placed, beams.range, time_ns)
         if self.labels is not None and sweep.classes is not None:
             limits = self._config.map.minimum_range, beams.range
             vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
+
+    def _pose_at(self, time_ns: int) -> Pose | None:
+        """Return the pose nearest to a time; None if none is near."""
+        stamp, pose = min(self._poses, key=lambda one: abs(one[0] - time_ns))
+        return pose if abs(stamp - time_ns) <= POSE_WITHIN_NS else None
 
     def _hold_about_body(self, pose: Pose, time_ns: int) -> None:
         """Keep the blind zone about the body from decaying, and the body's own space free."""
@@ -228,14 +250,14 @@ class Mapper:
         a_map.mark_free((*low, self.costmap.origin[2] + ground), (*high, top + ground), 0)
 
 
-def _add(placed: WorldSweep, to: Representation, beams: Beams, inputs: Inputs) -> None:
+def _add(placed: WorldSweep, to: Representation, beams: Beams, time_ns: int) -> None:
     """Integrate a placed sweep into a map."""
     to.integrate(
         origins=placed.origins,
         directions=placed.directions,
         ranges_mm=placed.ranges_mm,
         range_limit=beams.range,
-        time_ns=inputs.time_ns,
+        time_ns=time_ns,
         moments=placed.moments,
         spared=placed.spared,
     )

@@ -39,7 +39,7 @@ def drawn(number):
     length = float(np.exp(rng.uniform(math.log(5.0), math.log(300.0))))
     width = float(rng.uniform(4.0, min(length, 60.0) + 4.0))
     low = rng.uniform(-20.0, 20.0, 2)
-    high = low + (length, width)
+    high = low + np.array([length, width])
     goal = placed(rng, low, high, inset, near=rng.choice(["corner", "border", "inside"]))
     start = goal
     for _ in range(1000):

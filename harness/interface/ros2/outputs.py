@@ -85,15 +85,19 @@ class Outputs:
         self._send("clock", Clock(time_of(time_ns + PAST_NS)))
 
     def send_observation(self, observation: Observation, stamp_ns: int) -> None:
-        """Send the pose, then the sweeps that it places."""
+        """Send the pose if it is new, then the sweeps that it places, each with its own stamp."""
         stamp = time_of(stamp_ns)
-        since_ns, self._moved_ns = self._moved_ns, stamp_ns
-        moved = moving_transforms(self._task, observation, self._options, stamp, since_ns)
-        self._send("tf", moved)
-        self._send("odom", odometry(observation, self._options, stamp))
+        if not observation.pose_age_ns:
+            since_ns, self._moved_ns = self._moved_ns, stamp_ns
+            moved = moving_transforms(self._task, observation, self._options, stamp, since_ns)
+            self._send("tf", moved)
+            self._send("odom", odometry(observation, self._options, stamp))
         for sweep in observation.sweeps:
+            stamp = time_of(max(stamp_ns - sweep.age_ns, 0))
             if (sensor := self._sensors.get(sweep.sensor)) is not None:
-                for topic, message in sensor.messages(sweep, observation.sequence, stamp):
+                for topic, message in sensor.messages(
+                    sweep, observation.sequence - sweep.lag, stamp
+                ):
                     self._send(topic, message)
                 ranges = self.publishers.get(sensor.ranges_topic)
                 if ranges is not None and ranges.readers:  # a recorder, seldom another

@@ -48,20 +48,28 @@ def ends_at_decision(subject: Subject) -> bool:
     return subject.log.result["outcome"] not in BETWEEN_DECISIONS
 
 
-def is_active(subject: Subject, number: int) -> bool:
-    """Return whether the perturbation acts on the inputs of a decision."""
+def time_of(subject: Subject, number: int) -> int:
+    """Return the time of a decision by which perturbations act, ns."""
     segment = subject.segment_of(number)
     if segment.config.recording is not None:
-        now_ns = subject.content.decisions[number].timestamp.ToNanoseconds()
-        return (segment.config.perturbation or UNPERTURBED).is_active(now_ns)
-    rate = next(iter(segment.beams.values())).rate  # as in `harness.sim.perturb`
-    return (segment.config.perturbation or UNPERTURBED).is_active(round(number / rate * 1e9))
+        return subject.content.decisions[number].timestamp.ToNanoseconds()
+    rate = next(iter(segment.beams.values())).rate  # as in `harness.sim.injector`
+    return round(number / rate * 1e9)
+
+
+def is_active(subject: Subject, number: int) -> bool:
+    """Return whether the perturbation acts on the inputs of a decision."""
+    perturbation = subject.segment_of(number).config.perturbation or UNPERTURBED
+    return perturbation.is_active(time_of(subject, number))
 
 
 def added_delay(subject: Subject, number: int) -> float:
     """Return the delay that the perturbation adds to that of a decision, s."""
-    perturbation = subject.segment_of(number).config.perturbation or UNPERTURBED
-    return perturbation.delay if is_active(subject, number) else 0.0
+    config = subject.segment_of(number).config
+    perturbation = config.perturbation or UNPERTURBED
+    if not is_active(subject, number):
+        return 0.0
+    return perturbation.delay_at(config.seed, time_of(subject, number))
 
 
 def is_number(text: str | None, value: float) -> bool:

@@ -18,8 +18,12 @@ from wayproof.harness.config_document import (
 )
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
-from wayproof.harness.perturbations.pose_jump import EARLIEST, LATEST, jump_time_ns
+from wayproof.harness.perturbations.delivery import Delivery
+from wayproof.harness.perturbations.outage import EARLIEST, LATEST
+from wayproof.harness.perturbations.perturbation import Arrival
+from wayproof.harness.perturbations.pose_jump import jump_time_ns
 from wayproof.harness.scenario.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.poses import Trail, rotation_matrices
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 from wayproof.models.sensors.devices import DEVICES
@@ -294,10 +298,92 @@ def test_what_the_estimator_does_not_have_cannot_be_off(kind, text, said):
 
 
 def test_every_nth_sweep_arrives():
-    arriving = [k for k in range(12) if perturbation_from("rate:3").delivers(k)]
-    assert arriving == [0, 5, 10]
-    between = [k for k in range(12) if perturbation_from("rate:1.5").delivers(k)]
-    assert between == [0, 3, 5, 8, 10]  # every 2.5th
+    assert came("rate:3", 12) == [(k, 0) for k in (0, 5, 10)]
+    assert came("rate:1.5", 12) == [(k, 0) for k in (0, 3, 5, 8, 10)]  # every 2.5th
+
+
+def came(perturbation, count, kind=pb.Sweep, restore_at=None):
+    """What comes of messages at 10 Hz: the number at which each was sent, and its stated age, s."""
+    if isinstance(perturbation, str):
+        perturbation = perturbation_from(perturbation)
+    delivery, found = Delivery(perturbation, 3, 10**8), []
+    for number in range(count):
+        if number == restore_at:
+            state = delivery.state()
+            delivery = Delivery(perturbation, 3, 10**8)
+            delivery.restore(state)
+        sent = kind(sequence=number)
+        if kind is pb.Sweep:
+            sent.rows = number
+        else:
+            sent.position.append(number)
+        sent.timestamp.FromNanoseconds(number * 10**8)
+        one = delivery.take("lidar", sent)
+        if one is not None:
+            assert (one.sequence, one.timestamp) == (number, sent.timestamp)
+            what = one.rows if kind is pb.Sweep else int(one.position[0])
+            found.append((what, one.age_ns * 1e-9))
+    return found
+
+
+def from_1_to_2(text):
+    return replace_struct(perturbation_from(text), window=(1.0, 2.0))
+
+
+@pytest.mark.parametrize("restore_at", [None, 15])
+def test_streams_stop_and_freeze_and_come_again(restore_at):
+    before, after = [(k, 0) for k in range(10)], [(k, 0) for k in range(20, 25)]
+    stopped = came(from_1_to_2("sensor_stop:4"), 25, restore_at=restore_at)
+    assert stopped == before + after
+    frozen = came(from_1_to_2("sensor_freeze:4"), 25, restore_at=restore_at)
+    assert frozen == before + [(9, 0)] * 10 + after
+    for text, old in (("pose_stop:4", True), ("pose_freeze:4", False)):
+        poses = came(from_1_to_2(text), 25, pb.Pose, restore_at)
+        ages = [pytest.approx(0.1 * (k + 1) * old) for k in range(10)]
+        assert poses == before + [(9, age) for age in ages] + after
+
+
+def test_an_outage_is_as_long_as_its_severity_says():
+    assert came(from_1_to_2("sensor_stop:1"), 25) == [
+        (k, 0) for k in range(25) if k not in (10, 11, 12)
+    ]
+    stop = perturbation_from("sensor_stop:3")
+    begins = {stop.end_ns(seed, 10_000_000_000) for seed in range(30)}
+    assert None in begins
+    assert all(EARLIEST + 2.0 <= end * 1e-9 <= LATEST + 2.0 for end in begins - {None})
+
+
+def test_a_skewed_clock_lies_and_late_sweeps_do_not():
+    assert came("clock_skew:3", 8) == [(k, 0) for k in range(5)]
+    late = came("out_of_order:5", 40)
+    assert all(
+        age == pytest.approx(0.1 * (k - what))
+        for k, (what, age) in list(enumerate(late))[3:]
+        if len(late) == 40
+    )
+    assert len({what for what, _ in late}) < len(late)
+    assert max(age for _, age in late) == pytest.approx(0.3)
+
+
+def test_a_stall_delays_what_falls_into_it():
+    stall = replace_struct(perturbation_from("stack_stall:2"), window=(1.0, 5.0))
+    delays = [stall.delay_at(0, time_ns * 10**8) for time_ns in (9, 10, 15, 20)]
+    assert delays == [0.0, pytest.approx(1.0), pytest.approx(0.5), 0.0]
+
+
+@pytest.mark.parametrize("kind", ["sensor_stop", "sensor_freeze", "out_of_order", "clock_skew"])
+def test_one_sensor_of_several_can_be_meant(kind):
+    both = ["lidar", "depth"]
+    assert perturbation_from(f"{kind}:3:depth").affected(both) == ("depth",)
+    assert perturbation_from(f"{kind}:3").affected(both) == ("lidar", "depth")
+    with pytest.raises(InputError, match=r"'dpeth'.*did you mean 'depth'"):
+        perturbation_from(f"{kind}:3:dpeth").affected(both)
+
+
+def test_a_late_message_is_one_of_those_that_are_kept():
+    arrival = Arrival("lidar", 5, 5 * 10**8, 10**8, 0)
+    assert perturbation_from("clock_skew:5").lag_at(arrival) == 10
+    assert perturbation_from("clock_skew:5:pose").affected(["lidar"]) == ()
 
 
 def test_a_pose_error_is_confined_to_its_window_and_takes_the_direction_given():

@@ -17,6 +17,7 @@ from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.streams import compare
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
+from wayproof.harness.perturbations.outage import Outage
 from wayproof.harness.perturbations.pose_jump import jump_time_ns
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
@@ -51,6 +52,14 @@ TEXTS = {
     "imu_bias:3:gyroscope": {"pose"},
     "slip:4": {"world", "pose", "sensor/lidar"},
     "stale_prior:3": {"prior"},
+    "sensor_stop:3": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
+    "sensor_freeze:3:depth": {"sensor/depth"},
+    "pose_stop:1": {"pose"},
+    "pose_freeze:1": {"pose"},
+    "clock_skew:2": {"sensor/lidar", "sensor/depth", "sensor/altimeter"},
+    "clock_skew:2:pose": {"pose"},
+    "out_of_order:4:lidar": {"sensor/lidar"},
+    "stack_stall:2": {"latency"},
 }
 
 ROBOT = {"slip": "quadruped"}
@@ -74,6 +83,12 @@ def test_every_perturbation_is_paired_below():
     assert {text.split(":")[0] for text in TEXTS} == PERTURBATIONS.keys()
 
 
+def early(perturbation):
+    """An outage within a short episode, or another perturbation as it is."""
+    outage = isinstance(perturbation, Outage)
+    return replace_struct(perturbation, window=(1.0, 2.4)) if outage else perturbation
+
+
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory):
     """An episode's log unperturbed, and with each perturbation; three seconds in a corridor."""
@@ -88,7 +103,7 @@ def pair(tmp_path_factory):
         if key not in logs:
             config = override(Config(world, robot, JUMPS_AT_2_S), settings)
             if text is not None:
-                config = replace(config, perturbation=perturbation_from(text))
+                config = replace(config, perturbation=early(perturbation_from(text)))
             logs[key] = folder / f"{len(logs)}.mcap"
             run_episode(build(config), logs[key])
         return logs[key]
@@ -109,7 +124,13 @@ def test_only_the_declared_stream_changes_before_the_first_differing_action(pair
     assert {message.kind for message in done} == {text.split(":")[0]}
 
 
-@pytest.mark.parametrize("text", ["pose_jump:3", "latency:3", "rate:3", "slip:4", "stale_prior:3"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("pose_jump:3", "latency:3", "rate:3", "slip:4", "stale_prior:3", "clock_skew:2:pose"),
+        *("sensor_freeze:3:depth", "pose_stop:1", "out_of_order:4:lidar", "stack_stall:2"),
+    ],
+)
 def test_a_perturbed_episode_replays_from_its_log(pair, text):
     assert replay(pair(text)).identical
 

@@ -7,6 +7,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.log.streams import _streams
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
+from wayproof.harness.perturbations.outage import Outage
 from wayproof.harness.replay.replay import replay
 
 NOT_RECORDED = ("world", "motion_sensors", "prior")
@@ -27,7 +28,7 @@ def hashes(log):
 @pytest.mark.parametrize("kind", ON_RECORDINGS)
 def test_only_the_declared_streams_change_and_the_log_replays(kind, clean, robot, tmp_path):
     perturbation = perturbation_from(f"{kind}:5")
-    if kind == "pose_jump":
+    if kind == "pose_jump" or isinstance(perturbation, Outage):
         perturbation = type(perturbation)(severity=5, window=(0.3, 10.0))
     log = shadowed(
         FR079, robot, tmp_path / "one.mcap", end_s=1.0, perturbation=perturbation, seed=1
