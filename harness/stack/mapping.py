@@ -26,6 +26,7 @@ from wayproof.harness.stack.rolling_window import Cell, RollingWindow
 from wayproof.maps import MAPS, Costmap, Representation, range_image
 from wayproof.maps.columns import ColumnMap
 from wayproof.maps.costmap.widening import NOT_WIDENED
+from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,12 @@ MOST_DOUBT = 100
 POSE_WITHIN_NS = 300_000_000
 """Greatest time between a sweep and the pose that places it, ns: Nav2's `transform_tolerance` of a
 costmap."""
+
+FROZEN_ECHOES = 100
+"""Number of echoes from which a sweep is not the one before by chance, to the millimetre."""
+
+FROZEN_SHIFT = 0.05
+"""Way of the sensor's body beyond which that sweep cannot be new, m."""
 
 POSES = 64
 """Number of poses that are kept for sweeps that come late."""
@@ -61,6 +68,7 @@ class Mapper:
         newest: Inputs of the newest decision that the map holds; None before the first.
         returns: The map of the returns as they came, without the word of any filter; None unless
             `keep_returns` was asked for.
+        pose_age_ns: Time since the pose was estimated, by its stamp or as it comes again, ns.
         range_sigma: Standard deviation of the ranges of the newest sweeps, of the worst sensor, m;
             0 where it is not estimated.
         on_integrated: Callback after each integration; only counterfactuals set one.
@@ -105,10 +113,13 @@ class Mapper:
         self.stages, self.costmap, self.guide = stages_of(self.measured, self._layers, costmap_of)
         self.newest: Inputs | None = None
         self.range_sigma = 0.0
+        self.pose_age_ns = 0
         self.on_integrated: Callable[[Inputs], None] | None = None
         self.on_placed: Callable[[WorldSweep, float, int], None] | None = None
         self.returns: Representation | None = None
         self._poses: deque[tuple[int, Pose]] = deque(maxlen=POSES)
+        self._estimated_ns = 0
+        self._before: dict[str, tuple[SweepInput, Array]] = {}  # newest sweep and where it came
         self._as_they_come = Filters(AS_THEY_COME, config, mission, self.map)
         self._declare_start_free(self.map)
 
@@ -129,7 +140,7 @@ class Mapper:
     def integrate(self, inputs: Inputs) -> None:
         """Integrate the sweeps of one instant into the map, and roll the window along."""
         self.newest, self.range_sigma = inputs, 0.0
-        self._poses.append((inputs.time_ns - inputs.pose.age_ns, inputs.pose))
+        self._take_pose(inputs)
         for a_map in self._maps:
             a_map.advance(inputs.time_ns)
         for sweep in inputs.sweeps:
@@ -191,7 +202,7 @@ class Mapper:
         """
         time_ns = inputs.time_ns - sweep.age_ns
         pose = self._pose_at(time_ns)
-        if pose is None:
+        if pose is None or self._is_frozen(sweep, pose.position):
             return
         beams = self._beams[sweep.sensor]
         placed = beams.place(sweep, pose, inputs.sequence)
@@ -208,6 +219,28 @@ class Mapper:
         if self.labels is not None and sweep.classes is not None:
             limits = self._config.map.minimum_range, beams.range
             vote(self.labels, placed, sweep.classes, limits, inputs.sequence)
+
+    def _take_pose(self, inputs: Inputs) -> None:
+        """Keep a pose by its stamp, and note its age: one that comes again is no new one."""
+        pose, stamp_ns = inputs.pose, inputs.time_ns - inputs.pose.age_ns
+        before = self._poses[-1][1] if self._poses else None
+        if before is None or (pose.position != before.position).any():
+            self._estimated_ns = stamp_ns
+        self.pose_age_ns = inputs.time_ns - min(stamp_ns, self._estimated_ns)
+        self._poses.append((stamp_ns, pose))
+
+    def _is_frozen(self, sweep: SweepInput, position: Array) -> bool:
+        """Return whether a sweep is the one before again, bit by bit, from another position (3,).
+
+        It is then no evidence of what is there now.
+        """
+        before, place = self._before.get(sweep.sensor, (None, position))
+        if before is None or not np.array_equal(before.ranges_mm, sweep.ranges_mm):
+            self._before[sweep.sensor] = sweep, position
+            return False
+        echoes = (sweep.ranges_mm != DROPPED) & (sweep.ranges_mm != NO_RETURN)
+        moved = float(np.abs(position - place).max()) > FROZEN_SHIFT
+        return moved and np.count_nonzero(echoes) >= FROZEN_ECHOES
 
     def _pose_at(self, time_ns: int) -> Pose | None:
         """Return the pose nearest to a time; None if none is near."""

@@ -223,6 +223,7 @@ class PlannerInputBuilder:
             behaviour=config.behaviour,
             localization=localization_of(inputs.pose, mission.axes),
             range_sigma=self._mapper.range_sigma,
+            pose_age_s=self._mapper.pose_age_ns * 1e-9,
             guided=self._guided(circumscribed=True),
             evidence=self._evidence(circumscribed=True),
             horizon=Horizon(*self._mapper.window.inner, self._far_ways.way),

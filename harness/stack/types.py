@@ -104,6 +104,7 @@ class PlannerInput:
         behaviour: Settings of the decision.
         localization: Uncertainty of the pose; None if no covariance is stated.
         range_sigma: Standard deviation of the ranges of the sweeps, m; 0 where it is not estimated.
+        pose_age_s: Time since the pose was estimated, by its stamp or as it comes again, s.
         guided: The optimistic space with what was not measured laid under the map: its
             occupied cells block, and its free ones cost less than unknown ones; and with the cost
             of closed gaps. None without either.
@@ -132,6 +133,7 @@ class PlannerInput:
     behaviour: BehaviourConfig
     localization: Localization | None = None
     range_sigma: float = 0.0
+    pose_age_s: float = 0.0
     guided: FreeSpace | None = None
     avoids_gaps: bool = False
     evidence: tuple[EvidenceSpace, ...] = ()

@@ -56,13 +56,24 @@ def forget_way_back(state: PlannerState, input: PlannerInput) -> PlannerState:
 
 
 def hold_position(situation: Situation) -> Decided | None:
-    """Hold the estimated pose: the robot is too far from its setpoint."""
-    input, limit = situation.input, situation.input.behaviour.tracking_tolerance
+    """Hold the estimated pose: the robot is too far from its setpoint.
+
+    By a pose that is old the setpoint has gone on, and the robot with it: it brakes on its way, and
+    is at rest within its own stopping distance of the limit.
+    """
+    input, start = situation.input, situation.start
+    limit = input.behaviour.tracking_tolerance
     away = distance(input.position, situation.setpoint.position)
     if away <= limit:
         return None
-    trajectory = hold(input.position, input.effect_ns, input.heading)
     reason = Reason("localization_lost", distance_m=away, limit_m=limit)
+    is_old = input.pose_age_s > 0.0
+    if is_old and not is_stationary(start):
+        path = remaining(situation.state.trajectory.path, start.arc_length)
+        return brake(input, situation.state, start, path, reason, label="localization_lost")
+    trajectory = hold(input.position, input.effect_ns, input.heading)
+    if is_old:
+        trajectory = hold(start.position, input.effect_ns, start.heading)
     command = Command("recover", reason, "localization_lost", trajectory)
     return Decided(command, replace(situation.state, route=None))
 

@@ -296,6 +296,14 @@ def run_lossy(path, world, robot, seed, perturbation, *settings):
     return run_episode(build(lossy), path)
 
 
+@pytest.mark.parametrize("text", ["pose_stop:3", "pose_freeze:3", "sensor_freeze:3"])
+def test_the_drone_flies_on_after_its_streams_froze(tmp_path, text):
+    """By a pose of 2 s ago its setpoint is 4 m on: it brakes along it, and jumps nowhere."""
+    result = run_lossy(tmp_path / "late.mcap", "warehouse", "drone", 3, text)
+    assert (result.outcome, result.collisions) == ("success", 0), result.reason
+    assert result.min_clearance_m > 0.25
+
+
 def test_echoes_lost_in_patches_do_not_stop_the_quadruped(tmp_path):
     """A tenth of each sweep is lost in one rectangle, of which the lower ones look like holes."""
     path, lossy = tmp_path / "lossy.mcap", "depth_dropout:3:patch"
