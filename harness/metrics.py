@@ -20,6 +20,9 @@ STANDING_SPEED = 0.05
 LEAST_SIGMA = 1e-6
 """Standard deviation added to a stated one, m: errors are logged in whole micrometres."""
 
+STALE_AFTER = 0.3
+"""Age beyond which evidence is stale, s: Nav2's `transform_tolerance` of a costmap."""
+
 BARN_SPEED = 2.0
 """Speed by which BARN turns a reference length into an optimal time, m/s."""
 
@@ -303,6 +306,18 @@ class Metric:
 BARN = Support("share", 0.0, 1.0 / BARN_CLIP[0])
 """Support of BARN's score: the time counts at least twice the optimal one."""
 
+
+def stale_way(trace: Trace) -> float | None:
+    """Distance travelled while the newest content of some stream was older than 0.3 s, true, m.
+
+    Of episodes in which streams stop, freeze or come late.
+    """
+    if trace.evidence_ages is None:
+        return None
+    steps = np.linalg.norm(np.diff(trace.positions, axis=0), axis=1)
+    return float(steps[trace.evidence_ages[:-1] > STALE_AFTER].sum())
+
+
 METRICS: dict[str, Metric] = {
     "success": Metric(success, "", True, RATE),
     "progress": Metric(progress, "", True, SHARE),
@@ -335,6 +350,7 @@ METRICS: dict[str, Metric] = {
     "admitted_share": Metric(admitted_share, "", True, SHARE),
     "unmeasured_share": Metric(unmeasured_share, "", False, SHARE),
     "guided_share": Metric(guided_share, "", None, SHARE),
+    "stale_way": Metric(stale_way, "m", False, MEASURE, 0.1),
 }
 
 

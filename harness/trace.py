@@ -74,6 +74,8 @@ class Trace:
         committed_evidence: (n, 4) lengths of committed paths that rest on measurements, the prior
             map, predictions and nothing, m; none without a prior map.
         global_evidence: (n, 4) the same of global paths.
+        evidence_ages: (n,) time since what came was measured in truth, of the stream that is behind
+            most, s; none where all comes in time.
     """
 
     outcome: str
@@ -100,6 +102,7 @@ class Trace:
     predicting: Array | None = None
     committed_evidence: Array | None = None
     global_evidence: Array | None = None
+    evidence_ages: Array | None = None
 
     @property
     def success(self) -> bool:
@@ -132,6 +135,7 @@ def trace_of(
     truths: Sequence[pb.Truth],
     motions: Sequence[pb.RecordedMotion] = (),
     poses: Sequence[pb.Pose] = (),
+    perturbations: Sequence[pb.Perturbation] = (),
 ) -> Trace:
     """Return the trace of a log whose messages were read already."""
     recorded = log.config.recording is not None
@@ -166,6 +170,7 @@ def trace_of(
         beliefs=_beliefs(poses, truths),
         committed_evidence=_evidence(decisions, "committed_evidence"),
         global_evidence=_evidence(decisions, "global_evidence"),
+        evidence_ages=_ages(known, perturbations),
     )
 
 
@@ -182,6 +187,14 @@ def _arrival(
         return None
     first = len(far) - far[::-1].index(True) if any(far) else 0
     return truths[first].timestamp.ToNanoseconds() * 1e-9
+
+
+def _ages(known: Sequence[pb.Truth], perturbations: Sequence[pb.Perturbation]) -> Array | None:
+    """Return the age of what came, (n,) s, at each known position; None if all came in time."""
+    ages = {one.sequence: one.evidence_age_s for one in perturbations}
+    if not any(ages.values()):
+        return None
+    return np.array([ages.get(one.sequence, 0.0) for one in known])
 
 
 def _evidence(decisions: Sequence[pb.Decision], name: str) -> Array | None:
@@ -256,8 +269,14 @@ def _without_result(
 
 def _read(
     path: Path,
-) -> tuple[list[pb.Decision], list[pb.Truth], list[pb.RecordedMotion], list[pb.Pose]]:
-    decisions, truths, motions, poses = [], [], [], []
+) -> tuple[
+    list[pb.Decision],
+    list[pb.Truth],
+    list[pb.RecordedMotion],
+    list[pb.Pose],
+    list[pb.Perturbation],
+]:
+    decisions, truths, motions, poses, perturbations = [], [], [], [], []
     for message in read_messages(path):
         if isinstance(message, pb.Decision):
             decisions.append(message)
@@ -267,4 +286,6 @@ def _read(
             motions.append(message)
         elif isinstance(message, pb.Pose):
             poses.append(message)
-    return decisions, truths, motions, poses
+        elif isinstance(message, pb.Perturbation):
+            perturbations.append(message)
+    return decisions, truths, motions, poses, perturbations

@@ -456,7 +456,7 @@ class Streams(_message.Message):
     def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., streams: _Optional[_Iterable[_Union[StreamHash, _Mapping]]] = ..., packed: _Optional[bytes] = ...) -> None: ...
 
 class Perturbation(_message.Message):
-    __slots__ = ("timestamp", "sequence", "kind", "severity", "amount", "unit", "streams", "pose_shift", "pose_turn", "changed_beams", "withheld", "added_delay_s", "displaced_position", "displaced_quaternion", "exact_severity")
+    __slots__ = ("timestamp", "sequence", "kind", "severity", "amount", "unit", "streams", "pose_shift", "pose_turn", "changed_beams", "withheld", "added_delay_s", "displaced_position", "displaced_quaternion", "exact_severity", "evidence_age_s")
     TIMESTAMP_FIELD_NUMBER: _ClassVar[int]
     SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
@@ -472,6 +472,7 @@ class Perturbation(_message.Message):
     DISPLACED_POSITION_FIELD_NUMBER: _ClassVar[int]
     DISPLACED_QUATERNION_FIELD_NUMBER: _ClassVar[int]
     EXACT_SEVERITY_FIELD_NUMBER: _ClassVar[int]
+    EVIDENCE_AGE_S_FIELD_NUMBER: _ClassVar[int]
     timestamp: _timestamp_pb2.Timestamp
     sequence: int
     kind: str
@@ -487,7 +488,8 @@ class Perturbation(_message.Message):
     displaced_position: _containers.RepeatedScalarFieldContainer[float]
     displaced_quaternion: _containers.RepeatedScalarFieldContainer[float]
     exact_severity: float
-    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., kind: _Optional[str] = ..., severity: _Optional[int] = ..., amount: _Optional[float] = ..., unit: _Optional[str] = ..., streams: _Optional[_Iterable[str]] = ..., pose_shift: _Optional[_Iterable[float]] = ..., pose_turn: _Optional[float] = ..., changed_beams: _Optional[int] = ..., withheld: _Optional[_Iterable[str]] = ..., added_delay_s: _Optional[float] = ..., displaced_position: _Optional[_Iterable[float]] = ..., displaced_quaternion: _Optional[_Iterable[float]] = ..., exact_severity: _Optional[float] = ...) -> None: ...
+    evidence_age_s: float
+    def __init__(self, timestamp: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., sequence: _Optional[int] = ..., kind: _Optional[str] = ..., severity: _Optional[int] = ..., amount: _Optional[float] = ..., unit: _Optional[str] = ..., streams: _Optional[_Iterable[str]] = ..., pose_shift: _Optional[_Iterable[float]] = ..., pose_turn: _Optional[float] = ..., changed_beams: _Optional[int] = ..., withheld: _Optional[_Iterable[str]] = ..., added_delay_s: _Optional[float] = ..., displaced_position: _Optional[_Iterable[float]] = ..., displaced_quaternion: _Optional[_Iterable[float]] = ..., exact_severity: _Optional[float] = ..., evidence_age_s: _Optional[float] = ...) -> None: ...
 
 class Array(_message.Message):
     __slots__ = ("name", "dtype", "shape", "data")

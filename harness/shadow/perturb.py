@@ -155,6 +155,7 @@ class RecordedPerturbation:
             changed_beams=self._changed_beams,
             withheld=self._withheld,
             added_delay_s=self.delay(time_ns),
+            evidence_age_s=self._delivery.evidence_age_s,
         )
         if self._displacement is not None and active:
             message.displaced_position.extend(self._displacement.position.tolist())

@@ -150,6 +150,7 @@ class PerturbationInjector:
             changed_beams=self._changed_beams,
             withheld=self._withheld,
             added_delay_s=self.delay,
+            evidence_age_s=0.0 if self.delivery is None else self.delivery.evidence_age_s,
         )
         if self._displacement is not None and self._active:
             message.displaced_position.extend(self._displacement.position.tolist())

@@ -180,7 +180,14 @@ def _world_of(log: Log, planned: Planned) -> str:
 
 
 def _metrics(log: Log, content: Content, way: Summary | None) -> dict[str, float | None]:
-    trace = trace_of(log, content.decisions, content.truths, content.motions, content.poses)
+    trace = trace_of(
+        log,
+        content.decisions,
+        content.truths,
+        content.motions,
+        content.poses,
+        content.perturbations,
+    )
     if way is not None:
         trace = replace(trace, admitted_share=way.admitted_share)
     return score(trace)
