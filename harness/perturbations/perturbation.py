@@ -42,8 +42,15 @@ Lag = int | Literal["none", "last"]
 none, or again the last one that came."""
 
 Changes = Literal[
-    *("nothing", "pose", "motion_sensors", "ranges", "arrivals", "pose_arrivals", "delay"),
-    *("world", "prior"),
+    "nothing",
+    "pose",
+    "motion_sensors",
+    "ranges",
+    "arrivals",
+    "pose_arrivals",
+    "delay",
+    "world",
+    "prior",
 ]
 """Input that a perturbation changes: the estimated pose, the sensors of motion that a pose is
 estimated by, the ranges of sweeps, which sweeps or poses arrive, the delay of decisions, the

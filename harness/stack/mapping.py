@@ -240,7 +240,7 @@ class Mapper:
             return False
         echoes = (sweep.ranges_mm != DROPPED) & (sweep.ranges_mm != NO_RETURN)
         moved = float(np.abs(position - place).max()) > FROZEN_SHIFT
-        return moved and np.count_nonzero(echoes) >= FROZEN_ECHOES
+        return moved and int(np.count_nonzero(echoes)) >= FROZEN_ECHOES
 
     def _pose_at(self, time_ns: int) -> Pose | None:
         """Return the pose nearest to a time; None if none is near."""

@@ -45,6 +45,7 @@ def trace(**changes: object) -> Trace:
         predicting=np.array([2.0, 3.0, 9.0]),
         committed_evidence=np.array([[3.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 4.0]]),
         global_evidence=np.array([[1.0, 2.0, 1.0, 4.0]]),
+        evidence_ages=np.array([0.0, 0.4, 0.3, 2.0]),
         beliefs=Beliefs(
             np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.2, 0.9]]),
             np.array([np.diag([0.01, 0.04, 0.09])] * 3),
@@ -94,6 +95,7 @@ def test_every_metric_by_hand() -> None:
             "admitted_share": 0.9,
             "unmeasured_share": 1.0 / 8.0,
             "guided_share": 3.0 / 8.0,
+            "stale_way": 1.0,
         }
     )
 
