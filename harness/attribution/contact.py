@@ -14,6 +14,7 @@ from wayproof.harness.attribution.case import Case
 from wayproof.harness.attribution.commanded import CommandedFacts
 from wayproof.harness.attribution.contact_facts import LATE, ContactFacts, contact_facts
 from wayproof.harness.attribution.finding import Finding
+from wayproof.harness.attribution.ranges import RECENT
 from wayproof.harness.result import Contact
 
 BLIND = 1.0
@@ -87,7 +88,8 @@ def perception(facts: ContactFacts) -> str | None:
 def latency(facts: ContactFacts) -> str | None:
     """A decision that avoids the obstacle was made in time, but took effect too late."""
     if facts.ranges.withheld >= 0.5:
-        return f"{facts.ranges.withheld:.0%} of the decisions were made without a new sweep"
+        share = f"{facts.ranges.withheld:.0%} of the last {RECENT} decisions"
+        return f"{share} were made without a new sweep"
     if facts.late is None:
         return None
     number, delay, expected = facts.late

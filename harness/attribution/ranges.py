@@ -26,6 +26,9 @@ SWEEPS = 16
 END_S = 3.0
 """Duration of the end of an episode, s."""
 
+RECENT = 20
+"""Decisions before the end that show whether sweeps still came: 2 s at 10 Hz."""
+
 BEAMS = 1500
 """Number of beams of a sweep that are cast, evenly spread."""
 
@@ -65,7 +68,7 @@ class RangeFacts:
             it, as noise makes both.
         bias: Median of reported less true range, m.
         blind: Distance below which the map drops every return, m.
-        withheld: Fraction of moments without a sweep of the first sensor.
+        withheld: Fraction of the last `RECENT` moments without a sweep of the first sensor.
     """
 
     beams: int = 0
@@ -134,7 +137,8 @@ def range_facts(case: Case, until: int) -> RangeFacts:
     every = np.concatenate(errors) if errors else np.zeros(0)
     first = next(iter(case.beams_at(0)), "")
     arrived = [
-        first in {one.sensor for one in moment.sweeps} for moment in case.moments[: until + 1]
+        first in {one.sensor for one in moment.sweeps}
+        for moment in case.moments[max(until + 1 - RECENT, 0) : until + 1]
     ]
     return RangeFacts(
         beams=expected,

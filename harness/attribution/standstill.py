@@ -14,6 +14,7 @@ from wayproof.harness.attribution.case import Case
 from wayproof.harness.attribution.contact import BLIND
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.attribution.floor_edge import HELD
+from wayproof.harness.attribution.ranges import RECENT
 from wayproof.harness.attribution.standstill_facts import (
     StandstillFacts,
     standing_since,
@@ -126,7 +127,7 @@ def latency(facts: StandstillFacts) -> str | None:
         )
     ranges = facts.ranges()
     if ranges.withheld >= HALF:
-        return f"{ranges.withheld:.0%} of the decisions were made without a new sweep"
+        return f"{ranges.withheld:.0%} of the last {RECENT} decisions were made without a new sweep"
     return None
 
 
