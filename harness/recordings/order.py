@@ -35,7 +35,10 @@ def nearly_sorted(
 
 
 SET_BACK_NS = 10**9
-"""Least step back of the stamps that is a clock set back, ns."""
+"""Step back of a stream that is a clock set back whatever it goes through again, ns."""
+
+MOST_AGAIN = 10_000
+"""Greatest number of messages on either side that are looked at for times that come again."""
 
 
 class Order(NamedTuple):
@@ -61,16 +64,56 @@ def order_of(stamps: NDArray[np.int64], sizes: NDArray[np.int64]) -> Order:
     return Order(False, kept)
 
 
-def set_back(stamps: NDArray[np.int64]) -> int:
-    """Return by how much a clock was set back between stamps (n,) in the order of the file, ns.
+def set_backs(stamps: NDArray[np.int64]) -> list[int]:
+    """Return where a clock was set back: indices of the first stamps (n,) after it.
 
-    0 where it never was by a second or more: a few stamps far off are no other clock.
+    Stamps in the order of the file go back, and the time that they go through again has about twice
+    the messages that it should have. Where messages are exchanged, or one stamp is far off, it has
+    no more of them. A step back of a second or more, of a stream with a gap, counts by its
+    neighbours alone. Steps of less than five periods may pass for a
+    driver's jitter.
     """
-    for k in (np.flatnonzero(np.diff(stamps) < -SET_BACK_NS) + 1).tolist():
+    back = np.flatnonzero(np.diff(stamps) < 0) + 1
+    if not len(back):
+        return []
+    blocks = stamps[: len(stamps) // WINDOW * WINDOW].reshape(-1, WINDOW)
+    blocks = blocks if len(blocks) else stamps[None]
+    spans = blocks.max(axis=1) - blocks.min(axis=1)
+    period = max(float(np.median(spans)) / (blocks.shape[1] - 1), 1.0)
+    found: list[tuple[int, int]] = []  # place, and by how much its neighbours go back
+    for k in back.tolist():
         before, after = stamps[max(k - 5, 0) : k], stamps[k : k + 5]
-        if min(len(before), len(after)) >= 3 and np.median(after) < np.median(before):
-            return int(stamps[k - 1] - stamps[k])
-    return 0
+        if min(len(before), len(after)) < 3:
+            continue
+        fall = int(np.median(before) - np.median(after))
+        again = fall > SET_BACK_NS or _is_passed_again(stamps, k, period)
+        if not again:
+            continue
+        if found and k - found[-1][0] <= 2 * WINDOW:  # the same one
+            found[-1] = max(found[-1], (k, fall), key=lambda one: one[1])
+        else:
+            found.append((k, fall))
+    return [k for k, _ in found]
+
+
+def _is_passed_again(stamps: NDArray[np.int64], k: int, period: float) -> bool:
+    """Return whether the time from a stamp to the highest before it has twice its messages.
+
+    It is so where two publish the same, one behind the other: then not all messages lie in it.
+    """
+    low, high = int(stamps[k]), int(stamps[max(k - WINDOW, 0) : k].max())
+    should = (high - low) / period + 1.0
+    reach = int(min(1.5 * should, MOST_AGAIN)) + 10
+    near = stamps[max(k - reach, 0) : k + reach]
+    inside = int(((near >= low) & (near <= high)).sum())
+    usual = int(((near >= 2 * low - high) & (near < low)).sum())
+    count = int(should)
+    whole = min(
+        float((stamps[max(k - count, 0) : k] >= low).mean()),
+        float((stamps[k : k + count] <= high).mean()),
+    )
+    enough = 1.5 * max(should, min(usual, 2.0 * should)) + 0.9
+    return should >= 2.5 and inside >= enough and whole >= 0.7
 
 
 def in_order(stamps: NDArray[np.int64]) -> NDArray[np.int64]:

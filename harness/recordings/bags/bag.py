@@ -27,10 +27,12 @@ from wayproof.harness.recordings.bags.choose import (
 from wayproof.harness.recordings.bags.clouds import OWN_TIME, read_cloud
 from wayproof.harness.recordings.bags.container import Broken, RawMessage
 from wayproof.harness.recordings.bags.frames import FramePath
-from wayproof.harness.recordings.bags.messages import IMAGE, header_stamp
+from wayproof.harness.recordings.bags.messages import IMAGE, frame_of, header_stamp
 from wayproof.harness.recordings.bags.own_maps import own_maps
+from wayproof.harness.recordings.bags.runs import choose_run
 from wayproof.harness.recordings.bags.sensors import Reading, Topic, beams_of, first_of, measured_by
 from wayproof.harness.recordings.bags.survey import (
+    OF_FRAME,
     STAMPLESS,
     SensorTopic,
     Survey,
@@ -38,6 +40,7 @@ from wayproof.harness.recordings.bags.survey import (
     files_of,
     messages_of,
     survey,
+    topic_of,
     unreadable,
 )
 from wayproof.harness.recordings.bags.transforms import tree_for
@@ -50,7 +53,7 @@ from wayproof.harness.recordings.beams import (
     from_first_beam,
 )
 from wayproof.harness.recordings.digest import digest_of
-from wayproof.harness.recordings.order import Order, nearly_sorted, set_back
+from wayproof.harness.recordings.order import Order, nearly_sorted
 from wayproof.harness.recordings.poses import track_of
 from wayproof.harness.recordings.recording import Faults, Recording, RecordingOptions
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
@@ -79,8 +82,8 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
     found = survey(files, faults)
     names = choose_sensors(path, found, options)
     names.sort(key=lambda name: order_in_task(name, found))
+    found, runs = choose_run(path, found, names, faults)
     found.tree = tree_for(path, found.transforms, names, faults, options.pose)
-    _refuse_set_back(path, found, names)
     topics = [_topic(path, name, found, options) for name in names]
     motion = choose_motion(path, found, topics, options)
     poses, task = motion.poses, found.task
@@ -104,7 +107,7 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
         start_ns=start,
         sensors=tuple(reader.sensor for reader in readers),
         track=track,
-        chosen=f"{', '.join(reader.text for reader in readers)}; poses: {motion.source}",
+        chosen=f"{', '.join(reader.text for reader in readers)}; poses: {motion.source}{runs}",
         opening=faults,
         read=_Sweeps(readers),
         body_height=body_height(found, motion.body, start),
@@ -132,6 +135,8 @@ class _TopicReader:
     Attributes:
         files: Files of the bag.
         topic: Its topic.
+        frame: Frame of its messages, where the topic has others too; else None.
+        skipped: Number of its first messages that are of another run.
         sensor: Properties of the sensor.
         reading: Settings by which its messages are read.
         order: Messages that are read, and whether they are in order.
@@ -142,6 +147,8 @@ class _TopicReader:
 
     files: Sequence[Path]
     topic: str
+    frame: str | None
+    skipped: int
     sensor: RecordedSensor
     reading: Reading
     order: Order
@@ -153,7 +160,8 @@ class _TopicReader:
     def text(self) -> str:
         """Topic, kind of sensor and field of the times, in words."""
         time = self.reading.topic.time
-        return f"{self.topic} ({self.sensor.kind}{f', time {time.text}' if time else ''})"
+        name = self.topic if self.frame is None else f"{self.topic}{OF_FRAME}{self.frame}"
+        return f"{name} ({self.sensor.kind}{f', time {time.text}' if time else ''})"
 
     def sweeps(self, counted: Faults, faults: Faults) -> Iterator[RecordedSweep]:
         """Yield the sweeps in order of their stamps."""
@@ -209,16 +217,19 @@ class _TopicReader:
 
     def _in_file(self, counted: Faults, keep: bool) -> Iterator[tuple[int, int, _Item]]:
         """Yield stamp, size and message of the topic in the order of the files."""
-        place = 0
+        place = -self.skipped
         silent: tuple[int, Silent] | None = None
         for raw in messages_of(self.files, counted):
             if raw.topic in (self.topic + SILENT, self.topic + UNSURE):
                 silent = _silent(raw)
-            if raw.topic != self.topic:
+            if raw.topic != self.topic or self.frame not in (None, frame_of(raw)):
                 continue
             try:
                 stamp = header_stamp(raw)
             except Broken:
+                continue
+            if not 0 <= place < len(self.order.kept):  # of another run
+                place += 1
                 continue
             if keep:
                 raw = raw._replace(data=bytes(raw.data))
@@ -253,15 +264,9 @@ def _topic(path: Path, name: str, found: Survey, options: RecordingOptions) -> T
     assert first is not None
     if info is not None:
         return measured_by(info)
-    if len(found.sensors[name].frames) > 1:
-        listed = ", ".join(sorted(found.sensors[name].frames)[:20])
-        raise InputError(
-            f"recording '{path}': '{name}' has messages of several frames: {listed}; expected one"
-            " sensor a topic: split it by frame_id"
-        )
-    cameras = choose_cameras(path, name, found, options) if first.type == IMAGE else ()
+    cameras = choose_cameras(path, topic_of(name), found, options) if first.type == IMAGE else ()
     try:
-        limits = found.limits.get(name + LIMITS, (0.0, np.inf))
+        limits = found.limits.get(topic_of(name) + LIMITS, (0.0, np.inf))
         topic = first_of(first, cameras, limits, found.sensors[name].period_ns)
     except Broken as error:
         raise InputError(f"recording '{path}': '{name}' cannot be read ({error})") from None
@@ -271,25 +276,6 @@ def _topic(path: Path, name: str, found: Survey, options: RecordingOptions) -> T
         return topic
     varies = found.sensors[name].maximum_varies
     return topic._replace(range_max=max(maxima), maximum_varies=varies)
-
-
-def _refuse_set_back(path: Path, found: Survey, names: Sequence[str]) -> None:
-    """Refuse a bag whose clock was set back: one time of it has two poses, or two sweeps.
-
-    Raises:
-        InputError: The stamps of a sensor, of transforms or of poses begin again.
-    """
-    streams = {name: found.sensors[name].stamps for name in names}
-    streams |= {name: topic.samples.stamps for name, topic in found.poses.items()}
-    for one in found.transforms.values():
-        streams |= {f"{a} -> {b}": samples.stamps for (a, b), samples in one.moving.items()}
-    for name, stamps in streams.items():
-        back = set_back(np.array(stamps, np.int64))
-        if back:
-            raise InputError(
-                f"recording '{path}': the stamps of {name} go back by {back / 1e9:.1f} s (a"
-                " simulator was reset, or a clock set), expected one run: split it there"
-            )
 
 
 def _reader(
@@ -321,7 +307,9 @@ def _reader(
     reading = Reading(topic, limits, options)
     return _TopicReader(
         files=files,
-        topic=name,
+        topic=topic_of(name),
+        frame=topic.frame if OF_FRAME in name else None,
+        skipped=one.skipped,
         sensor=sensor,
         reading=reading,
         order=one.order(),

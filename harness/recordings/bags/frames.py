@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from bisect import bisect_left
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from functools import reduce
@@ -28,15 +29,24 @@ class Samples:
     Attributes:
         stamps: Stamps, ns.
         numbers: Seven for each: position and quaternion.
+        places: Places of their messages in the file.
     """
 
     stamps: array[int] = field(default_factory=lambda: array("q"))
     numbers: array[float] = field(default_factory=lambda: array("d"))
+    places: array[int] = field(default_factory=lambda: array("q"))
 
-    def add(self, pose: StampedTransform) -> None:
-        """Take up a pose."""
+    def add(self, pose: StampedTransform, place: int) -> None:
+        """Take up a pose of a message at a place in the file."""
         self.stamps.append(pose.stamp_ns)
         self.numbers.extend(pose.numbers)
+        self.places.append(place)
+
+    def between(self, first: int, last: int) -> Samples:
+        """Return those of messages at places in the file from the first up to, not with, a last."""
+        part = slice(bisect_left(self.places, first), bisect_left(self.places, last))
+        rows = slice(7 * part.start, 7 * part.stop)
+        return Samples(self.stamps[part], self.numbers[rows], self.places[part])
 
     def poses(self) -> StampedPoses:
         """Return all poses."""

@@ -27,15 +27,19 @@ class Grids:
     """Grids of one topic, of which one is kept for each `PERIOD_NS`.
 
     Attributes:
-        kept: Stamp, grid without its states, and these packed by zlib.
+        kept: Grids without states, these packed by zlib, their shape, and places in the file.
         last: The last grid, with its updates.
     """
 
-    kept: list[tuple[Grid, bytes, tuple[int, int]]]
+    kept: list[tuple[Grid, bytes, tuple[int, int], int]]
     last: Grid | None = None
 
-    def take(self, one: Grid | Patch) -> None:
-        """Take a grid, or an update of the last one.
+    def between(self, first: int, last: int) -> Grids:
+        """Return those of messages at places in the file from the first up to, not with, a last."""
+        return Grids([one for one in self.kept if first <= one[3] < last])
+
+    def take(self, one: Grid | Patch, place: int) -> None:
+        """Take a grid, or an update of the last one, of a message at a place in the file.
 
         Raises:
             Broken: It does not lie in the last one.
@@ -50,10 +54,10 @@ class Grids:
             piece[:] = one.states
             one = self.last._replace(stamp_ns=one.stamp_ns, states=states)
         self.last = one
-        if not self.kept or one.stamp_ns - self.kept[-1][0].stamp_ns >= PERIOD_NS:
+        if not self.kept or abs(one.stamp_ns - self.kept[-1][0].stamp_ns) >= PERIOD_NS:
             packed = zlib.compress(one.states.tobytes(), 1)
             bare = one._replace(states=np.empty((0, 0), np.uint8))
-            self.kept.append((bare, packed, (one.states.shape[0], one.states.shape[1])))
+            self.kept.append((bare, packed, (one.states.shape[0], one.states.shape[1]), place))
 
 
 def own_maps(
@@ -74,7 +78,7 @@ def own_maps(
     for topic, one in grids.items():
         if topic + RAW in grids:
             continue
-        for grid, packed, shape in one.kept:
+        for grid, packed, shape, _ in one.kept:
             place = _placed(grid, tree, world)
             if place is None:
                 faults[UNPLACED] += 1

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from array import array
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,10 @@ first ones of a driver that starts up may hold no point, or few."""
 TASK = "/task"
 """End of the topic with the task of an episode, as a stack of ROS 2 nodes gets it."""
 
+OF_FRAME = "@"
+"""Between topic and frame in the name of a sensor whose topic has messages of several frames; it is
+in no name of a topic."""
+
 UNREADABLE = "message: cannot be read"
 NO_TASK = "task: cannot be read"
 STAMPLESS = "sweep: without a stamp, taken as recorded"
@@ -86,7 +91,8 @@ class SensorTopic:
         stamps: Stamps of the headers, ns.
         logged: Times at which they were recorded, ns.
         sizes: Bytes of the messages.
-        frames: Frames of the messages.
+        places: Their places in the file.
+        skipped: Number of messages of the topic, of other runs, before these.
         maxima: Maximum ranges of scans, m, with the number of scans of each.
     """
 
@@ -95,7 +101,8 @@ class SensorTopic:
     stamps: array[int] = field(default_factory=lambda: array("q"))
     logged: array[int] = field(default_factory=lambda: array("q"))
     sizes: array[int] = field(default_factory=lambda: array("q"))
-    frames: set[str] = field(default_factory=set)
+    places: array[int] = field(default_factory=lambda: array("q"))
+    skipped: int = 0
     maxima: Counter[float] = field(default_factory=Counter)
 
     @property
@@ -114,6 +121,18 @@ class SensorTopic:
     def is_stamped(self) -> bool:
         """Whether its headers have stamps."""
         return any(self.stamps)
+
+    def between(self, first: int, last: int) -> SensorTopic:
+        """Return it with messages at places in the file from the first up to, not with, a last."""
+        part = slice(bisect_left(self.places, first), bisect_left(self.places, last))
+        return replace(
+            self,
+            stamps=self.stamps[part],
+            logged=self.logged[part],
+            sizes=self.sizes[part],
+            places=self.places[part],
+            skipped=part.start,
+        )
 
     def order(self) -> Order:
         """Return the order in which its messages are to be read."""
@@ -137,7 +156,7 @@ class Survey:
     """Result of the first pass over a bag.
 
     Attributes:
-        sensors: Topics with ranges, points or depths.
+        sensors: Topics with ranges, points or depths; of several frames each for itself.
         poses: Topics with poses.
         cameras: Geometry of cameras by the topic of their CameraInfo, from stamps on, ns.
         limits: Minimum and maximum range by the topic of a Range, m.
@@ -222,7 +241,7 @@ def survey(files: Sequence[Path], faults: Faults) -> Survey:
             faults[unreadable(faults, error)] += 1
             unread.setdefault(raw.topic, str(error))
     return Survey(
-        sensors=walk.sensors,
+        sensors=_by_name(walk.sensors),
         poses=walk.poses,
         cameras={name: known for name, known in walk.cameras.items() if known},
         limits=walk.limits,
@@ -235,12 +254,27 @@ def survey(files: Sequence[Path], faults: Faults) -> Survey:
     )
 
 
+def topic_of(name: str) -> str:
+    """Return the topic of a sensor: its name without a frame."""
+    return name.partition(OF_FRAME)[0]
+
+
+def _by_name(found: dict[tuple[str, str], SensorTopic]) -> dict[str, SensorTopic]:
+    """Return sensors by name: a topic, with the frame where it has messages of several."""
+    counts = Counter(topic for topic, _ in found)
+    return {
+        topic if counts[topic] == 1 else f"{topic}{OF_FRAME}{frame}": one
+        for (topic, frame), one in found.items()
+    }
+
+
 class _Walk:
     """First pass over a bag."""
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults
-        self.sensors: dict[str, SensorTopic] = {}
+        self.place = 0
+        self.sensors: dict[tuple[str, str], SensorTopic] = {}
         self.poses: dict[str, PoseTopic] = {}
         self.cameras: dict[str, list[tuple[int, Camera]]] = {}
         self.limits: dict[str, tuple[float, float]] = {}
@@ -251,6 +285,7 @@ class _Walk:
         self.task: Announcement | None = None
 
     def take(self, raw: RawMessage) -> None:
+        self.place += 1
         if raw.type in SENSORS:
             self._sensor(raw)
         elif raw.type in TRANSFORMS:
@@ -259,12 +294,14 @@ class _Walk:
             pose = pose_of(raw)
             new = PoseTopic(pose.parent, pose.child, raw.type, resets=pose.resets)
             topic = self.poses.setdefault(raw.topic, new)
-            topic.samples.add(pose)
+            topic.samples.add(pose, self.place)
             if topic.resets != pose.resets:
                 self._faults[RESET] += 1
                 topic.resets = pose.resets
         elif raw.type in GRIDS and is_costmap(raw.topic, raw.type):
-            self.grids.setdefault(base_of(raw.topic), Grids([])).take(GRIDS[raw.type](decode(raw)))
+            self.grids.setdefault(base_of(raw.topic), Grids([])).take(
+                GRIDS[raw.type](decode(raw)), self.place
+            )
         elif raw.type == CAMERA:
             add_camera(self.cameras.setdefault(raw.topic, []), raw)
         elif raw.type == RANGE:
@@ -284,19 +321,21 @@ class _Walk:
             self._faults[NO_TASK] += 1
 
     def _sensor(self, raw: RawMessage) -> None:
-        stamp = header_stamp(raw)
+        stamp, key = header_stamp(raw), (raw.topic, frame_of(raw))
         if raw.topic in self.others:
             return
-        topic = self.sensors.setdefault(raw.topic, SensorTopic())
+        if key not in self.sensors and len(self.sensors) >= MOST_FRAMES:
+            self._faults["message: of too many topics and frames"] += 1
+            return
+        topic = self.sensors.setdefault(key, SensorTopic())
         topic.stamps.append(stamp)
         topic.logged.append(min(raw.logged_ns, 2**62))
         topic.sizes.append(len(raw.data))
-        if len(topic.frames) < MOST_FRAMES:
-            topic.frames.add(frame_of(raw))
+        topic.places.append(self.place)
         if raw.type == SCAN:
             topic.maxima[scan_maximum(raw)] += 1
         if topic.first is None and not is_sensor(raw):
-            del self.sensors[raw.topic]
+            del self.sensors[key]
             self.others[raw.topic] = raw.type
         elif topic.first is None or len(topic.stamps) <= FIRST_CLOUDS:
             points = finite_points(raw) if raw.type in CLOUDS else 0
@@ -316,4 +355,4 @@ class _Walk:
                     continue
                 self._links[is_fixed] += 1
                 self.transforms.setdefault(namespace, known).topics.add(raw.topic)
-            links.setdefault(key, Samples()).add(pose)
+            links.setdefault(key, Samples()).add(pose, self.place)

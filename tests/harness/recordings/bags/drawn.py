@@ -16,6 +16,7 @@ CORNERS = [(-2.0, -3.0), (6.0, -3.0), (6.0, 4.0), (-2.0, 4.0)]
 PILLAR = [(3.0, 1.5), (3.4, 1.5), (3.4, 1.9), (3.0, 1.9)]
 WALLS = np.array([(a, b) for c in (CORNERS, PILLAR) for a, b in zip(c, c[1:] + c[:1], strict=True)])
 START, PERIOD, SWEEPS, BEAMS = 1000.0, 0.1, 12, 90
+SET_BACK_AT = SWEEPS * PERIOD - 1e-6
 NEAR = 0.15
 """Distance from a wall within which a return is on it, m: that of the wall's own cells."""
 
@@ -38,6 +39,7 @@ class Plan:
     codes: tuple[float, ...] = ()
     encoding: str = "16UC1"
     info: str = "K"
+    set_back: float = 0.0
     changes: tuple[str, ...] = field(default=())
 
 
@@ -78,12 +80,20 @@ class Recorder:
 
     def __init__(self, plan: Plan, seed: int):
         self.plan, self.bag, self.random = plan, Bag(plan.kind), np.random.default_rng(seed)
-        self.sent = 0
+        self.moments = []
 
-    def seen(self, stamp, offsets, angles, mount=None):
-        """Return the ranges (n,) at offsets (n,) after a stamp along angles of the sensor."""
+    def stamp(self, moment):
+        """Return the stamp of a moment of the drive, s: the clock is set back in its middle."""
+        return START + moment - (self.plan.set_back if moment >= SET_BACK_AT else 0.0)
+
+    def sent_at(self, moment):
+        """Say when the messages were sent that were added since."""
+        self.moments += [moment] * (len(self.bag.messages) - len(self.moments))
+
+    def seen(self, moment, offsets, angles, mount=None):
+        """Return the ranges (n,) at offsets (n,) after a moment along angles of the sensor."""
         x, y, heading = mount or self.plan.mount
-        position, yaws = poses(stamp + offsets - START, self.plan.turn)
+        position, yaws = poses(moment + offsets, self.plan.turn)
         turned = np.column_stack(
             [np.cos(yaws) * x - np.sin(yaws) * y, np.sin(yaws) * x + np.cos(yaws) * y]
         )
@@ -110,7 +120,8 @@ class Recorder:
             self.bag.tf("base_link", frame, 0.0, at(x + 1.0, y, 0.0), "/tf_static")
         if "static_missing" not in plan.changes:
             self.bag.tf("base_link", frame, 0.0, static, "/tf_static")
-        times = np.arange(-0.5, SWEEPS * PERIOD + 0.5, 0.02)
+        self.sent_at(-np.inf)
+        times = np.arange(-0.5, self.sweeps * PERIOD + 0.5, 0.02)
         if "gap" in plan.changes:
             times = times[(times < 0.3) | (times > 0.9)]
         if "late_start" in plan.changes:
@@ -118,27 +129,28 @@ class Recorder:
         order = np.arange(len(times))
         if "shuffled" in plan.changes:
             order = np.argsort(order + self.random.uniform(0, 5, len(order)))
-        again = "reset" in plan.changes
-        if again:
-            order = np.concatenate([order, order])
         if "broken_poses" in plan.changes:
             self.bag.tf("odom", "base_link", START + 0.311, at(np.nan, 0.0))
             self.bag.tf("odom", "base_link", START + 0.313, at(0.0, 0.0, 0.0, (0.0, 0.0, 0.0, 0.0)))
+            self.sent_at(0.313)
         for place, k in enumerate(order):
             position, heading = poses(times[[k]], plan.turn)
-            if again and place >= len(times):
-                position = position + np.array([0.8, 0.0])
-            one = at(*position[0], 0.0, yaw(heading[0]))
+            one, stamp = at(*position[0], 0.0, yaw(heading[0])), self.stamp(times[k])
             if "odometry" in plan.changes:
-                self.bag.odometry(START + times[k], one)
+                self.bag.odometry(stamp, one)
             else:
-                self.bag.tf("odom", "base_link", START + times[k], one)
+                self.bag.tf("odom", "base_link", stamp, one)
             if "two_parents" in plan.changes:
                 wheels = at(*(1.1 * position[0]), 0.0, yaw(heading[0]))
-                self.bag.tf("wheels", "base_link", START + times[k], wheels)
+                self.bag.tf("wheels", "base_link", stamp, wheels)
+            self.sent_at(times[place])
 
-    def scan(self, stamp, number):
-        plan, step = self.plan, 2 * np.pi / BEAMS
+    @property
+    def sweeps(self):
+        return 2 * SWEEPS if self.plan.set_back else SWEEPS
+
+    def scan(self, moment, number):
+        plan, step, stamp = self.plan, 2 * np.pi / BEAMS, self.stamp(moment)
         angles = -np.pi + step * np.arange(BEAMS)
         each = PERIOD / BEAMS * (-1 if plan.is_reversed else 1)
         frame, mount = "laser", plan.mount
@@ -148,7 +160,7 @@ class Recorder:
                 self.bag.tf("base_link", "rear", 0.0, at(-0.2, 0.0, 0.0, yaw(3.0)), "/tf_static")
         if "slash" in plan.changes:
             frame = "/" + frame
-        ranges = self.seen(stamp, each * np.arange(BEAMS), angles, mount)
+        ranges = self.seen(moment, each * np.arange(BEAMS), angles, mount)
         most = float(ranges.max()) if "maximum_varies" in plan.changes else 30.0
         if "maximum_is_code" in plan.changes:
             ranges[::7] = most
@@ -164,14 +176,14 @@ class Recorder:
             range_max=most,
         )
 
-    def cloud(self, stamp, number):
-        plan, shares = self.plan, np.arange(BEAMS) / BEAMS
+    def cloud(self, moment, number):
+        plan, shares, stamp = self.plan, np.arange(BEAMS) / BEAMS, self.stamp(moment)
         offsets = PERIOD * shares
         origin = {"first": 0.0, "middle": PERIOD / 2, "last": offsets[-1]}.get(
             plan.time_origin, 0.0
         )
         angles = -np.pi + 2 * np.pi * shares
-        ranges = self.coded(self.seen(stamp, offsets - origin, angles))
+        ranges = self.coded(self.seen(moment, offsets - origin, angles))
         with np.errstate(invalid="ignore"):  # codes
             x, y = ranges * np.cos(angles), ranges * np.sin(angles)
         columns = {
@@ -196,8 +208,9 @@ class Recorder:
             columns[plan.time_field] = times.astype(plan.time_type)
         self.bag.cloud(stamp, columns)
 
-    def depth(self, stamp, number):
+    def depth(self, moment, number):
         plan, rows, columns, focal = self.plan, 12, 48, 30.0
+        stamp = self.stamp(moment)
         binning = 2 if plan.info == "binned" else 1
         cut = 8 if plan.info == "roi" else 0
         if "intrinsics_change" in plan.changes and number >= SWEEPS // 2:
@@ -205,7 +218,7 @@ class Recorder:
         centre = (columns - 1) / 2
         across = (np.arange(columns) - centre) / focal
         # Along the optical axis, each pixel looks to the right of it: a negative angle.
-        ranges = self.seen(stamp, np.zeros(columns), -np.arctan(across))
+        ranges = self.seen(moment, np.zeros(columns), -np.arctan(across))
         depths = ranges / np.sqrt(1.0 + across**2)
         image = np.tile(depths, (rows, 1))
         image = self.coded(image.reshape(-1)).reshape(rows, columns)
@@ -264,12 +277,17 @@ class Recorder:
 
     def record(self, path: Path) -> Path:
         self.transforms()
-        stamps = START + PERIOD * np.arange(SWEEPS)
+        moments = PERIOD * np.arange(self.sweeps)
+        order = np.arange(self.sweeps)
         if "sweeps_shuffled" in self.plan.changes:
-            stamps = stamps[np.argsort(np.arange(SWEEPS) + self.random.uniform(0, 3, SWEEPS))]
-        for number, stamp in enumerate(stamps):
+            order = np.argsort(order + self.random.uniform(0, 3, self.sweeps))
+        for number, k in enumerate(order):
             write = {"scan": self.scan, "cloud": self.cloud, "depth": self.depth}[self.plan.sensor]
-            write(float(stamp), number)
+            write(float(moments[k]), number)
+            self.sent_at(moments[number])
+        if "by_topic" not in self.plan.changes:
+            sent = np.argsort(self.moments, kind="stable")
+            self.bag.messages = [self.bag.messages[k] for k in sent]
         return self.bag.write(path)
 
 

@@ -84,9 +84,9 @@ def reset(bag):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (two_frames, "several frames: laser, rear"),
+        (two_frames, r"several sensors, choose: /scan@laser \(LaserScan, \d+\), /scan@rear"),
         (another_parent, "choose: frame odom, frame wheels"),
-        (reset, "go back by 4.0 s"),
+        (reset, "cannot be told which run they are of"),
     ],
 )
 def test_what_has_two_meanings_is_refused(tmp_path, change, said):
@@ -96,6 +96,40 @@ def test_what_has_two_meanings_is_refused(tmp_path, change, said):
     change(bag)
     with pytest.raises(InputError, match=said):
         opened(bag.write(tmp_path / "bag"))
+
+
+def test_a_topic_of_several_frames_is_a_sensor_for_each(tmp_path):
+    bag = with_body()
+    for stamp in STAMPS:
+        bag.scan(stamp, [1.0])
+    two_frames(bag)
+    path = bag.write(tmp_path / "bag")
+    (rear,) = opened(path, sensors=("/scan@rear",)).sweeps()
+    assert rear.T_body_sensor.position[0] == pytest.approx(-0.2)
+    both = opened(path, sensors=("/scan@rear", "/scan@laser"))
+    assert sorted({sweep.sensor for sweep in both.sweeps()}) == ["scan@laser", "scan@rear"]
+
+
+@pytest.mark.parametrize("back", [0.3, 5.0])
+def test_the_longer_run_is_judged_and_the_other_is_named(tmp_path, back):
+    bag = with_body()
+    bag.messages = bag.messages[:1]  # the mount
+    clock = [*np.arange(1000.0, 1002.0, 0.1), *np.arange(1002.0 - back, 1005.0 - back, 0.1)]
+    for k, stamp in enumerate(clock):
+        bag.tf("odom", "base_link", stamp - 0.01, at(0.1 * k))
+        bag.tf("odom", "base_link", stamp + 0.04, at(0.1 * k + 0.05))
+        bag.scan(stamp, [1.0])
+    recording = opened(bag.write(tmp_path / "bag"))
+    found = list(recording.sweeps())
+    assert [len(found), recording.faults] == [
+        30,
+        {"sweep: of another run, as the clock was set back": 20},
+    ]
+    assert "; run 2 of 2, as the clock was set back; not judged: run 1 (20 sweeps, 1000.0" in (
+        recording.chosen
+    )
+    x = recording.track.at(np.array([sweep.time_ns for sweep in found]))[0][:, 0]
+    assert x == pytest.approx(0.1 * np.arange(20, 50) + 0.01, abs=1e-6)
 
 
 def test_a_parent_can_be_chosen_and_the_last_static_transform_counts(tmp_path):

@@ -25,7 +25,7 @@ def packet(recorder, begin, lidar, dual=False, wrong=()):
         after = np.arange(per_block)[:, None] * cycle_us + np.arange(len(elevations)) * laser_us
         times = own + after.ravel() * 1e-6
         azimuths = 2 * np.pi * ((times - START) / PERIOD % 1.0)
-        flat = recorder.seen(START, times - START, -azimuths)
+        flat = recorder.seen(0.0, times - START, -azimuths)
         slant = flat / np.cos(np.radians(np.tile(elevations, per_block)))
         units = np.rint(slant / 0.002)
         if dual and block % 2 == 0:  # a second, farther return, or none
