@@ -65,11 +65,9 @@ def find_pending(
     changes: NDArray[np.int64],  # (blocks, 2) as of `replace_cells`
     layout: FieldLayout,
     farthest: NDArray[np.uint16],  # (blocks,) greatest value of each block of the section
-    x: int,
     pending: NDArray[np.bool_],  # (blocks,) out
-    least_bound: NDArray[np.uint16],  # (blocks, nx) in, out
 ) -> None:
-    """Find the blocks of rows of a plane that its changed columns may change, and by how little.
+    """Find the blocks of rows of a plane that its changed columns may change.
 
     A change at distance j along y brings or takes away values of j^2 or more. It matters only to a
     block that holds as much: less, and nothing there was attained through the changed column, nor
@@ -81,16 +79,12 @@ def find_pending(
     for b in range(blocks):
         j = 0 if changes[b, 0] >= 0 else b * block_rows - below
         pending[b] = j < reach and j * j <= farthest[b]
-        if pending[b]:
-            least_bound[b, x] = min(least_bound[b, x], np.uint16(j * j))
         below = changes[b, 1] if changes[b, 1] >= 0 else below
     # And downwards: the nearest one above each.
     above = blocks * block_rows + reach
     for b in range(blocks - 1, -1, -1):
         j = above - (b + 1) * block_rows + 1
-        if j < reach and j * j <= farthest[b]:
-            pending[b] = True
-            least_bound[b, x] = min(least_bound[b, x], np.uint16(j * j))
+        pending[b] |= j < reach and j * j <= farthest[b]
         above = changes[b, 0] if changes[b, 0] >= 0 else above
 
 

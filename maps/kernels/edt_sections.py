@@ -178,13 +178,20 @@ def store_unit(
     cells: int,
     sections: NDArray[np.uint16],  # out from an index on
     to: int,
-) -> int:
-    """Store a unit of a block in the sections; return its least element."""
-    source, first, least = np.uint64(at), np.uint64(to), np.uint16(FAR)
+) -> tuple[np.uint16, np.uint16]:
+    """Store a unit of a block in the sections.
+
+    Returns:
+        Its least element, and the least that came or went; FAR where none did.
+    """
+    source, first = np.uint64(at), np.uint64(to)
+    least, changed = np.uint16(FAR), np.uint16(FAR)
     for k in range(np.uint64(cells)):
-        sections[first + k] = block[source + k]
-        least = min(least, block[source + k])
-    return int(least)
+        new, old = block[source + k], sections[first + k]
+        sections[first + k] = new
+        least = min(least, new)
+        changed = min(changed, min(new, old) if new != old else np.uint16(FAR))
+    return least, changed
 
 
 @inlined
@@ -236,7 +243,7 @@ def update_sections(
             new_cells[x - x0], rows, y0, flip, inside, layout, blocked[x], changes
         ):
             continue
-        find_pending(changes, layout, farthest[x], x, pending, least_bound)
+        find_pending(changes, layout, farthest[x], pending)
         # Along z: measure the blocks that have new cells.
         for b in range(blocks):
             if changes[b, 0] >= 0:
@@ -267,5 +274,6 @@ def update_sections(
             for unit in range(units):
                 to = ((b * units + unit) * all_planes + margin + x) * UNIT
                 first, size = unit * UNIT, min(UNIT, cells - unit * UNIT)
-                least = store_unit(block, first, size, squared, to)
+                least, changed = store_unit(block, first, size, squared, to)
                 nearest[b, unit, margin + x] = least
+                least_bound[b, x] = min(least_bound[b, x], changed)
