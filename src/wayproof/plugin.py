@@ -148,6 +148,10 @@ def files_of(file: Path, module: str = "") -> list[Path]:
     return [file, *sorted(found - {file})]
 
 
+PACKAGE = modulefinder._PKG_DIRECTORY  # type: ignore[attr-defined]
+"""Kind of a module that is a folder."""
+
+
 class _OwnModules(modulefinder.ModuleFinder):
     """Finds the modules of one repository that a file imports.
 
@@ -177,7 +181,20 @@ class _OwnModules(modulefinder.ModuleFinder):
         """
         if parent is None and (name == "wayproof" or self._only not in ("", name, f"{name}.py")):
             raise ImportError(name)
-        return super().find_module(name, path, parent)
+        try:
+            return super().find_module(name, path, parent)
+        except AttributeError:  # it expects a loader, which a folder without __init__.py has not
+            folders = [Path(one) / name for one in path or self.path]
+            folder = next(one for one in folders if one.is_dir())
+            return None, str(folder), ("", "", PACKAGE)
+
+    def load_package(self, fqname: str, pathname: str) -> Any:
+        """Load a package, or a folder without `__init__.py` as one."""
+        if (Path(pathname) / "__init__.py").exists():
+            return super().load_package(fqname, pathname)
+        package = self.add_module(fqname)
+        package.__path__ = [pathname]
+        return package
 
 
 def _is_installed(folder: Path) -> bool:

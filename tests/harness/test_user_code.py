@@ -22,7 +22,7 @@ from wayproof.harness.study.matching import mismatch
 from wayproof.harness.study.plan import CLEAN, Arm, planned_for
 from wayproof.harness.user_code import LONGEST_TRACEBACK, bounded, failure_of
 from wayproof.planners import FreeSpace, PlannerConfig, plan
-from wayproof.plugin import UserCodeError, load_class
+from wayproof.plugin import UserCodeError, files_of, load_class
 
 ROOT = Path(__file__).parents[2]
 
@@ -443,3 +443,11 @@ def test_the_formulas_of_a_score_are_printed_where_asked_for(recorded, capsys):
     assert "Anderson" not in capsys.readouterr().out
     assert main(["explain", log, "--metrics", "--long"]) == 0
     assert "Anderson" in capsys.readouterr().out
+
+
+def test_the_code_of_a_class_is_found_in_folders_without_an_init(tmp_path):
+    inner = tmp_path / "parts" / "deep"
+    inner.mkdir(parents=True)
+    (inner / "gain.py").write_text("GAIN = 1\n")
+    (tmp_path / "stack.py").write_text("from parts.deep import gain\n")
+    assert files_of(tmp_path / "stack.py") == [tmp_path / "stack.py", inner / "gain.py"]
