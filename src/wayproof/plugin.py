@@ -192,7 +192,7 @@ class _OwnModules(modulefinder.ModuleFinder):
         """Load a package, or a folder without `__init__.py` as one."""
         if (Path(pathname) / "__init__.py").exists():
             return super().load_package(fqname, pathname)
-        package = self.add_module(fqname)
+        package: Any = self.add_module(fqname)
         package.__path__ = [pathname]
         return package
 
