@@ -90,9 +90,10 @@ def with_closed_gaps(input: PlannerInput, state: PlannerState) -> PlannerInput:
     """Return the planner input by which ways through closed gaps cost more."""
     if not state.narrows.closed:
         return input
-    guided = input.optimistic if input.guided is None else input.guided
+    guided = input.optimistic if input.spaces.guided is None else input.spaces.guided
     weight, gaps = input.planner.clearance_weight, state.narrows.closed
-    return replace(input, guided=costly_gaps(guided, gaps, weight), avoids_gaps=True)
+    costly = costly_gaps(guided, gaps, weight)
+    return replace(input, spaces=replace(input.spaces, guided=costly, avoids_gaps=True))
 
 
 def costly_gaps(space: FreeSpace, gaps: tuple[ClosedGap, ...], weight: float) -> FreeSpace:

@@ -100,7 +100,7 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
         prefix = _prefix_to_keep(input, start, stop, slack=STOP_SLACK)
     if prefix is None:  # if the path is valid, it is too late to bend it, as where it ends
         return GlobalPlan(replace(state, route=None) if kept is None else kept)
-    seed = plan_seed(input.seed, "guide", input.sequence)
+    seed = plan_seed(input.config.seed, "guide", input.sequence)
     search, found = fastest_found(
         input,
         start,
@@ -211,12 +211,12 @@ def _spaces(input: PlannerInput, only_known: bool) -> Iterator[FreeSpace]:
 
     Beyond known space at once where gaps closed: the way that the robot knows may lead through one.
     """
-    if only_known or not input.avoids_gaps:
+    if only_known or not input.spaces.avoids_gaps:
         yield input.known_free
     if only_known:
         return
-    if input.guided is not None:
-        yield input.guided
+    if input.spaces.guided is not None:
+        yield input.spaces.guided
     yield input.optimistic
 
 
@@ -306,8 +306,8 @@ def _path_costs(input: PlannerInput, found: Array, path: Array) -> tuple[float, 
         found_cost, cost = (space.path_cost(one, weight) for one in (found, path))
         if not found_cost == cost == np.inf:
             return found_cost, cost
-    if input.guided is not None:
-        found_cost, cost = (input.guided.path_cost(one, weight) for one in (found, path))
+    if input.spaces.guided is not None:
+        found_cost, cost = (input.spaces.guided.path_cost(one, weight) for one in (found, path))
         if not found_cost == cost == np.inf:
             return found_cost, cost
     return input.optimistic.path_cost(found, weight), input.optimistic.path_cost(path, weight)

@@ -120,7 +120,7 @@ def _at(
     states = np.full(high - low, OUTSIDE, np.uint8)
     first, end = np.clip(low, 0, shape), np.clip(high, 0, shape)
     inner = tuple(slice(a, b) for a, b in zip(first - low, end - low, strict=True))
-    states[inner] = input.cell_states(first, end)
+    states[inner] = input.spaces.cell_states(first, end)
     blocked = np.argwhere(states != FREE if unknown_blocks else states >= OCCUPIED)
     if not len(blocked):  # a distance is out of date, and the decision is made again
         return Obstruction(free_m)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +18,7 @@ from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.prices import ELSEWHERE, UNKNOWN, with_costs
 from wayproof.harness.stack.types import (
     EvidenceSpace,
+    FreeSpaces,
     Horizon,
     Localization,
     PlannerInput,
@@ -32,26 +32,8 @@ EDGE_COST_IN_FLIGHT = 0.5
 """Cost at the edge of the inflation to a robot that flies. Where it is 1, the floor alone has the
 drone climb by 0.4 m before it goes anywhere, and it passes obstacles in needlessly wide bends."""
 
-GOAL_SHARE = 0.8
-"""Share of `episode.goal_tolerance` within which the robot claims to have arrived."""
-
-
 HELD_SHARE = 0.5
 """Part of an unheld direction in the axes of motion from which these are not held."""
-
-
-class FreeSpaces(NamedTuple):
-    """Free space under three readings of the unknown.
-
-    Attributes:
-        traversable: Space that the unknown policy lets the body enter.
-        known_free: Space known to be free.
-        optimistic: Space not known to be blocked; what is not known to be free costs most.
-    """
-
-    traversable: FreeSpace
-    known_free: FreeSpace
-    optimistic: FreeSpace
 
 
 class FreeSpaceBuilder:
@@ -98,7 +80,8 @@ class FreeSpaceBuilder:
         traversable = known_free = self._space(costmap.clearance, circumscribed)
         if costmap.config.unknown_policy != "forbid":
             traversable = self._space(costmap.field(), circumscribed)
-        return FreeSpaces(traversable, known_free, self._optimistic(circumscribed))
+        optimistic = self._optimistic(circumscribed)
+        return FreeSpaces(traversable, known_free, optimistic, costmap.states_between)
 
     def guided(self, measured: Costmap, circumscribed: bool) -> FreeSpace:
         """Return optimistic space by all evidence, for the disc about the body or for its discs.
@@ -201,57 +184,38 @@ class PlannerInputBuilder:
 
     def circumscribed(self, inputs: Inputs) -> PlannerInput:
         """Return the planner input for the circumscribed footprint."""
-        config, mission = self._config, self._mission
-        spaces = self._spaces.circumscribed()
+        pose = inputs.pose
+        goal = self._goal if inputs.goal is None else self._mapper.planning_point(inputs.goal)
         return PlannerInput(
             time_ns=inputs.time_ns,
-            effect_ns=inputs.time_ns + config.latency.expected_ns,
+            effect_ns=inputs.time_ns + self._config.latency.expected_ns,
             sequence=inputs.sequence,
-            seed=config.seed,
-            position=self._mapper.planning_point(inputs.pose.position),
-            heading=inputs.pose.heading,
-            goal=self._goal if inputs.goal is None else self._mapper.planning_point(inputs.goal),
-            goal_tolerance=GOAL_SHARE * config.episode.goal_tolerance,
-            traversable=spaces.traversable,
-            known_free=spaces.known_free,
-            optimistic=spaces.optimistic,
-            cell_states=self._mapper.costmap.states_between,
-            unknown_blocks=config.costmap.unknown_policy == "forbid",
-            penalize_unknown=config.costmap.unknown_policy == "penalize",
+            position=self._mapper.planning_point(pose.position),
+            heading=pose.heading,
+            goal=goal,
+            config=self._config,
             gait=self._gait,
-            planner=config.planner,
-            behaviour=config.behaviour,
-            localization=localization_of(inputs.pose, mission.axes),
+            spaces=self._with_evidence(self._spaces.circumscribed(), circumscribed=True),
+            localization=localization_of(pose, self._mission.axes),
             range_sigma=self._mapper.range_sigma,
             pose_age_s=self._mapper.pose_age_ns * 1e-9,
-            guided=self._guided(circumscribed=True),
-            evidence=self._evidence(circumscribed=True),
             horizon=Horizon(*self._mapper.window.inner, self._far_ways.way),
         )
 
     def oriented(self, circumscribed: PlannerInput) -> PlannerInput:
         """Return the planner input for the oriented footprint."""
-        spaces = self._spaces.oriented()
-        return replace(
-            circumscribed,
-            traversable=spaces.traversable,
-            known_free=spaces.known_free,
-            optimistic=spaces.optimistic,
-            guided=self._guided(circumscribed=False),
-            evidence=self._evidence(circumscribed=False),
-        )
+        spaces = self._with_evidence(self._spaces.oriented(), circumscribed=False)
+        return replace(circumscribed, spaces=spaces)
 
-    def _guided(self, circumscribed: bool) -> FreeSpace | None:
+    def _with_evidence(self, spaces: FreeSpaces, circumscribed: bool) -> FreeSpaces:
+        """Return the spaces of a footprint with what was not measured, too."""
         guide, measured = self._guide, self._mapper.stages[0].costmap
-        if guide is None:
-            return None
-        return guide.guided(measured, circumscribed)
-
-    def _evidence(self, circumscribed: bool) -> tuple[EvidenceSpace, ...]:
-        return tuple(
-            EvidenceSpace(provenance, spaces.known_free(circumscribed))
-            for provenance, spaces in self._stages
+        guided = None if guide is None else guide.guided(measured, circumscribed)
+        evidence = tuple(
+            EvidenceSpace(provenance, builder.known_free(circumscribed))
+            for provenance, builder in self._stages
         )
+        return replace(spaces, guided=guided, evidence=evidence)
 
 
 def localization_of(pose: Pose, axes: int) -> Localization | None:

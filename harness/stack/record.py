@@ -72,8 +72,8 @@ def record(
         committed_length_m=_length(path),
     )
     add_points(decision, "global_path", thinned(command.global_path))
-    if planner_input.evidence:
-        spaces = planner_input.evidence
+    if planner_input.spaces.evidence:
+        spaces = planner_input.spaces.evidence
         decision.committed_evidence.CopyFrom(evidence_along(path, spaces))
         decision.global_evidence.CopyFrom(evidence_along(command.global_path, spaces))
     decision.timestamp.FromNanoseconds(inputs.time_ns)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.behaviour_config import BehaviourConfig
+from wayproof.harness.config import Config
 from wayproof.harness.decision import Action, Label
 from wayproof.harness.stack.gait import Gait
 from wayproof.harness.stack.reasons import Reason
@@ -79,6 +80,37 @@ EVERYWHERE = Horizon(np.full(2, -np.inf), np.full(2, np.inf), lambda start, goal
 """A window that holds any goal."""
 
 
+GOAL_SHARE = 0.8
+"""Share of `episode.goal_tolerance` within which the robot claims to have arrived."""
+
+
+@dataclass(frozen=True)
+class FreeSpaces:
+    """Free space for one footprint under several readings of the costmap.
+
+    Attributes:
+        traversable: Space that the unknown policy lets the body enter.
+        known_free: Space known to be free.
+        optimistic: Space not known to be blocked; the unknown costs most (freespace assumption,
+            Koenig and Smirnov 1997).
+        cell_states: States of the costmap's cells.
+        guided: The optimistic space with what was not measured laid under the map: its
+            occupied cells block, and its free ones cost less than unknown ones; and with the cost
+            of closed gaps. None without either.
+        avoids_gaps: Whether closed gaps cost more in it.
+        evidence: Space known to be free by each stage of the evidence, the measured one first;
+            empty without any other.
+    """
+
+    traversable: FreeSpace
+    known_free: FreeSpace
+    optimistic: FreeSpace
+    cell_states: CellStates
+    guided: FreeSpace | None = None
+    avoids_gaps: bool = False
+    evidence: tuple[EvidenceSpace, ...] = ()
+
+
 @dataclass(frozen=True)
 class PlannerInput:
     """All that one decision depends on besides the planner state; points in the costmap's frame.
@@ -87,57 +119,66 @@ class PlannerInput:
         time_ns: Time of the sweep.
         effect_ns: Time at which the command reaches the robot.
         sequence: Number of the decision.
-        seed: Seed of the episode.
         position: (3,) estimated position, m.
         heading: Estimated yaw, rad.
         goal: (3,) m.
-        goal_tolerance: Distance from the goal within which it counts as reached, m.
-        traversable: Space that the unknown policy lets the body enter.
-        known_free: Space known to be free.
-        optimistic: Space not known to be blocked; the unknown costs most (freespace assumption,
-            Koenig and Smirnov 1997).
-        cell_states: States of the costmap's cells.
-        unknown_blocks: Whether the unknown policy keeps the body out of unknown space.
-        penalize_unknown: Whether unknown space costs speed.
+        config: Settings of the mission.
         gait: How the body moves.
-        planner: Settings of the search.
-        behaviour: Settings of the decision.
+        spaces: Free space for the footprint that is decided for.
         localization: Uncertainty of the pose; None if no covariance is stated.
         range_sigma: Standard deviation of the ranges of the sweeps, m; 0 where it is not estimated.
         pose_age_s: Time since the pose was estimated, by its stamp or as it comes again, s.
-        guided: The optimistic space with what was not measured laid under the map: its
-            occupied cells block, and its free ones cost less than unknown ones; and with the cost
-            of closed gaps. None without either.
-        avoids_gaps: Whether closed gaps cost more in it.
-        evidence: Space known to be free by each stage of the evidence, the measured one first;
-            empty without any other.
         horizon: Part of the operating area that the spaces hold.
     """
 
     time_ns: int
     effect_ns: int
     sequence: int
-    seed: int
     position: Array
     heading: float
     goal: Array
-    goal_tolerance: float
-    traversable: FreeSpace
-    known_free: FreeSpace
-    optimistic: FreeSpace
-    cell_states: CellStates
-    unknown_blocks: bool
-    penalize_unknown: bool
+    config: Config
     gait: Gait
-    planner: PlannerConfig
-    behaviour: BehaviourConfig
+    spaces: FreeSpaces
     localization: Localization | None = None
     range_sigma: float = 0.0
     pose_age_s: float = 0.0
-    guided: FreeSpace | None = None
-    avoids_gaps: bool = False
-    evidence: tuple[EvidenceSpace, ...] = ()
     horizon: Horizon = EVERYWHERE
+
+    @property
+    def traversable(self) -> FreeSpace:
+        """Space that the unknown policy lets the body enter."""
+        return self.spaces.traversable
+
+    @property
+    def known_free(self) -> FreeSpace:
+        """Space known to be free."""
+        return self.spaces.known_free
+
+    @property
+    def optimistic(self) -> FreeSpace:
+        """Space not known to be blocked."""
+        return self.spaces.optimistic
+
+    @property
+    def planner(self) -> PlannerConfig:
+        """Settings of the search."""
+        return self.config.planner
+
+    @property
+    def behaviour(self) -> BehaviourConfig:
+        """Settings of the decision."""
+        return self.config.behaviour
+
+    @property
+    def goal_tolerance(self) -> float:
+        """Distance from the goal within which it counts as reached, m."""
+        return GOAL_SHARE * self.config.episode.goal_tolerance
+
+    @property
+    def unknown_blocks(self) -> bool:
+        """Whether the unknown policy keeps the body out of unknown space."""
+        return self.config.costmap.unknown_policy == "forbid"
 
     @property
     def uncertain(self) -> bool:

@@ -29,7 +29,7 @@ def enough_admitted(input: PlannerInput, path: Array) -> bool:
 
 def discounted_space(input: PlannerInput) -> FreeSpace:
     """Return the optimistic space in which the unknown costs less."""
-    space = input.optimistic if input.guided is None else input.guided
+    space = input.optimistic if input.spaces.guided is None else input.spaces.guided
     costs = {
         price: SHARE_OF_COST * cost
         for price, cost in enumerate(space.cost_by_price)

@@ -83,7 +83,7 @@ def drive_along(course: Course, tail_first: bool) -> Decided | None:
 
 def _unknown_end(input: PlannerInput, path: Array) -> SlowEnd | None:
     """Return where unknown space begins to cost speed on a path (n, 3); None if it nowhere does."""
-    if not input.penalize_unknown:
+    if input.config.costmap.unknown_policy != "penalize":
         return None
     known = input.known_free.free_length(path)
     if known >= arc_length(path):

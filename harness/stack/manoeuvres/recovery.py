@@ -74,7 +74,7 @@ class Wait:
     @property
     def seed(self) -> int:
         """Seed of the search for a frontier."""
-        return plan_seed(self.situation.input.seed, "errand", self.situation.input.sequence)
+        return plan_seed(self.situation.input.config.seed, "errand", self.situation.input.sequence)
 
     @cached_property
     def search(self) -> Plan | None:

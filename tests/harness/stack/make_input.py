@@ -4,21 +4,21 @@ A room is all free but for rectangles that are unknown or occupied; the distance
 plans on are computed from its cells as a costmap does.
 """
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
 from tests.maps.exact_distances import scipy_squared
-from wayproof.harness.behaviour_config import BehaviourConfig
+from wayproof.harness.config import Config
 from wayproof.harness.stack.course import Course, drivable_part
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.gaits.any_direction import AnyDirection
 from wayproof.harness.stack.gaits.flight import Flight
 from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
 from wayproof.harness.stack.state import PlannerState, Route
-from wayproof.harness.stack.types import PlannerInput
+from wayproof.harness.stack.types import FreeSpaces, PlannerInput
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
-from wayproof.planners import Body, FreeSpace, MotionLimits, PlannerConfig, hold
+from wayproof.planners import Body, FreeSpace, MotionLimits, hold
 
 CELL = 0.1  # m
 SHAPE = (80, 40, 1)
@@ -77,6 +77,7 @@ def make_input(
     goal=GOAL,
     sequence=0,
     gait=None,
+    behaviour=None,
     **others,
 ):
     """Make the input of one decision.
@@ -89,30 +90,43 @@ def make_input(
         goal: (2,) m.
         sequence: Number of the decision, which sets its times.
         gait: From `make_gait`; by default a round body flies, and a long one turns, then goes.
-        others: Fields of the input in place of these.
+        behaviour: Settings; the usual ones by default.
+        others: Fields of the input, or of its spaces, in place of these.
     """
     states = make_states() if states is None else states
     known, passable = make_space(states != FREE, body), make_space(states == OCCUPIED, body)
-    input = PlannerInput(
-        time_ns=sequence * PERIOD_NS,
-        effect_ns=(sequence + 1) * PERIOD_NS,
-        sequence=sequence,
-        seed=1,
-        position=place(*position),
-        heading=0.0,
-        goal=place(*goal),
-        goal_tolerance=0.2,
+    config = Config("", "", seed=1)
+    config = replace(
+        config,
+        behaviour=behaviour or config.behaviour,
+        costmap=replace(config.costmap, unknown_policy=policy),
+        episode=replace(config.episode, goal_tolerance=0.25),
+    )
+    spaces = FreeSpaces(
         traversable=known if policy == "forbid" else passable,
         known_free=known,
         optimistic=passable,
         cell_states=lambda first, end: states[tuple(map(slice, first, end))],
-        unknown_blocks=policy == "forbid",
-        penalize_unknown=policy == "penalize",
-        gait=gait or make_gait(TurnThenGo if len(body.radii) > 1 else Flight, body),
-        planner=PlannerConfig(),
-        behaviour=BehaviourConfig(),
     )
-    return replace(input, **others)
+    input = PlannerInput(
+        time_ns=sequence * PERIOD_NS,
+        effect_ns=(sequence + 1) * PERIOD_NS,
+        sequence=sequence,
+        position=place(*position),
+        heading=0.0,
+        goal=place(*goal),
+        config=config,
+        spaces=spaces,
+        gait=gait or make_gait(TurnThenGo if len(body.radii) > 1 else Flight, body),
+    )
+    return with_spaces(input, **others)
+
+
+def with_spaces(input, **values):
+    """Return an input with other fields: its own, and those of its spaces."""
+    names = {field.name for field in fields(FreeSpaces)}
+    own = {name: values.pop(name) for name in [*values] if name in names}
+    return replace(input, spaces=replace(input.spaces, **own), **values)
 
 
 def at_rest(position=START, heading=0.0, **others):

@@ -93,5 +93,5 @@ def test_without_closed_gaps_the_input_is_the_same():
     input = make_input(body=LONG)
     assert with_closed_gaps(input, at_rest()) is input
     avoiding = with_closed_gaps(input, at_rest(closed=(ClosedGap(LOW, 1),)))
-    assert avoiding.avoids_gaps
-    assert avoiding.guided.prices.any()
+    assert avoiding.spaces.avoids_gaps
+    assert avoiding.spaces.guided.prices.any()

@@ -16,6 +16,7 @@ from tests.harness.stack.make_input import (
     make_states,
     next_input,
     place,
+    with_spaces,
 )
 from wayproof.harness.stack.course import drivable_part
 from wayproof.harness.stack.early_bends import fastest_found
@@ -107,7 +108,7 @@ def test_the_fastest_path_is_taken_of_those_along_which_the_limits_are_kept():
     braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     long, short = ahead(start, (3.0, 0.0), (3.0, 1.0)), ahead(start, (3.0, 0.0))
     kink = ahead(start, (0.1, 0.0), (0.1, 0.05), (0.1, 1.5))
-    free = replace(input, traversable=make_input().traversable)
+    free = with_spaces(input, traversable=make_input().traversable)
     assert chosen(free, start, braking, {1.0: long, 0.5: short, 0.05: kink}) is short
     assert chosen(free, start, braking, {1.0: short, 0.5: long, 0.05: kink}) is short
     assert chosen(free, start, braking, {1.0: None, 0.5: long, 0.05: None}) is long
@@ -121,5 +122,5 @@ def test_no_path_is_taken_early_that_is_not_admitted_as_far_as_a_stop_takes():
     near = make_input(make_states(unknown=[(x, 8.0, 0.0, 4.0)])).traversable
     late, early = ahead(start, (3.0, 0.0), (3.0, 1.0)), ahead(start, (3.0, 0.0))
     assert chosen(input, start, braking, {1.0: late, 0.5: None, 0.05: early}) is early
-    unknown = replace(input, traversable=near)
+    unknown = with_spaces(input, traversable=near)
     assert chosen(unknown, start, braking, {1.0: late, 0.5: None, 0.05: early}) is late

@@ -3,16 +3,15 @@
 import numpy as np
 import pytest
 
-from wayproof.harness.behaviour_config import BehaviourConfig
+from wayproof.harness.config import Config
 from wayproof.harness.stack.gaits.flight import Flight
 from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
 from wayproof.harness.stack.manoeuvres.evasive_stop import EMERGENCY, clearest_stop
-from wayproof.harness.stack.types import PlannerInput
+from wayproof.harness.stack.types import FreeSpaces, PlannerInput
 from wayproof.planners import (
     FreeSpace,
     MotionLimits,
     PathState,
-    PlannerConfig,
     arc_lengths,
     hold,
     stop_along,
@@ -35,24 +34,19 @@ def space(*blocked):
 
 def stop(free_space, speed=2.0, ground=False, path=AHEAD, start=None):
     now = start or hold(path[0], 0, 0.0).at(0)._replace(speed=speed)
+    spaces = FreeSpaces(
+        free_space, free_space, free_space, lambda first, end: np.ones(end - first, np.uint8)
+    )
     input = PlannerInput(
         time_ns=0,
         effect_ns=0,
         sequence=0,
-        seed=0,
         position=path[0],
         heading=0.0,
         goal=path[-1],
-        goal_tolerance=0.2,
-        traversable=free_space,
-        known_free=free_space,
-        optimistic=free_space,
-        cell_states=lambda first, end: np.ones(end - first, np.uint8),
-        unknown_blocks=True,
-        penalize_unknown=False,
+        config=Config("", "", seed=0),
         gait=(TurnThenGo if ground else Flight)(LIMITS, ((0.0, 0.3),)),
-        planner=PlannerConfig(),
-        behaviour=BehaviourConfig(),
+        spaces=spaces,
     )
     return clearest_stop(input, now, path)
 

@@ -15,6 +15,7 @@ from tests.harness.stack.make_input import (
     make_space,
     make_states,
     place,
+    with_spaces,
 )
 from wayproof.harness.config import Config
 from wayproof.harness.scenario.scenario import build
@@ -92,7 +93,7 @@ def test_only_unknown_space_costs_less():
     assert space.cost_by_price[UNKNOWN] == UNKNOWN_COST / 16
     assert space.cost_by_distance is dear.cost_by_distance
     guided = with_costs(dear, {ELSEWHERE: 1.0, TRIED_ONCE: 2.0})
-    costs = discounted_space(replace(input, guided=guided)).cost_by_price
+    costs = discounted_space(with_spaces(input, guided=guided)).cost_by_price
     assert costs[UNKNOWN : TRIED_ONCE + 1] == (UNKNOWN_COST / 16, 1.0 / 16, 2.0)
 
 
