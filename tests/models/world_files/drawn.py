@@ -439,7 +439,7 @@ def pcd(rng, drawn, folder):
         for k, name in enumerate("xyz"):
             rows[name] = points[:, k]
         data = rows.tobytes()
-    drawn.path, drawn.near = write(folder, "w.pcd", head + data), 2 * CELL * np.sqrt(3.0)
+    drawn.path, drawn.near = write(folder, "w.pcd", head + data), CELL * np.sqrt(3.0)
 
 
 FORMATS = {
