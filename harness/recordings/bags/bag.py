@@ -222,7 +222,9 @@ class _TopicReader:
         for raw in messages_of(self.files, counted):
             if raw.topic in (self.topic + SILENT, self.topic + UNSURE):
                 silent = _silent(raw)
-            if raw.topic != self.topic or self.frame not in (None, frame_of(raw)):
+            if raw.topic != self.topic:
+                continue
+            if self.frame is not None and frame_of(raw) != self.frame:
                 continue
             try:
                 stamp = header_stamp(raw)
