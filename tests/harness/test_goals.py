@@ -75,7 +75,10 @@ def test_each_claim_is_checked_against_its_own_goal():
     at = [np.array(goal) for goal in ANGLE.goals]
     assert limits.ending_at(decision("goal"), [at[0]], 0) is None
     assert limits.ending_at(decision("goal"), [at[1]], 1) is None
-    assert limits.ending_at(decision("goal"), [at[2]], 2) == ("success", "why")
+    assert limits.ending_at(decision("goal"), [at[2]], 2) == (
+        "success",
+        "at rest 0.00 m from goal 3 of 3",
+    )
     outcome, reason = limits.ending_at(decision("goal"), [at[0]], 1)
     assert (outcome, reason) == ("aborted", "claimed goal 2 of 3 from 4.00 m away")
 
@@ -85,7 +88,7 @@ def test_the_time_limit_holds_for_the_whole_mission_and_names_the_next_goal():
     at = [np.array(goal) for goal in ANGLE.goals]
     late = decision("goal", 10)
     assert limits.ending_at(late, [at[0]], 0) == ("timeout", "4.00 m from goal 2 of 3 after 1 s")
-    assert limits.ending_at(late, [at[2]], 2) == ("success", "why")
+    assert limits.ending_at(late, [at[2]], 2) == ("success", "at rest 0.00 m from goal 3 of 3")
 
 
 def test_a_false_claim_reaches_no_goal():

@@ -39,7 +39,7 @@ def walk(world, path, *options):
 
 def test_a_stack_that_walks_over_the_edge_did_not_lose_its_path(over):
     log = open_log(over)
-    assert (log.result["outcome"], log.result["cause"]) == ("fall", "unseen_obstacle")
+    assert (log.result["outcome"], log.result["cause"]) == ("fall", "disregarded_obstacle")
     case = read_case(log)
     edge = floor_edge(case)
     assert edge.place[0] == pytest.approx(EDGE_X + 0.05, abs=0.05)
