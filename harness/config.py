@@ -10,6 +10,7 @@ from wayproof.bounds import Bounds, check_fields
 from wayproof.harness.behaviour_config import BehaviourConfig
 from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.perturbations import AnyPerturbation
+from wayproof.harness.perturbations.perturbation import LATE
 from wayproof.harness.prediction_config import NO_PREDICTOR, PredictionConfig, is_outside
 from wayproof.harness.prior_config import NO_PRIOR, PriorConfig
 from wayproof.harness.recording_config import RecordingConfig
@@ -222,6 +223,11 @@ class Config:
         check_fields(self, "")
         _check_estimate(self.estimate.kind, self.perturbation)
         _check_class_margins(self.costmap.class_margins, self.sensors.semantics)
+
+    @property
+    def sweeps_come_late(self) -> bool:
+        """Whether sweeps may come later than the poses of their time, or out of order."""
+        return self.perturbation is not None and self.perturbation.changes in LATE
 
     @property
     def has_layers(self) -> bool:

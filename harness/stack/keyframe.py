@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from wayproof.harness.config import BUILTIN, PLUGIN, Config
 from wayproof.harness.decision import Difference, message_differences
-from wayproof.harness.perturbations.perturbation import LATE
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.map_content import (
     read_bricks,
@@ -59,9 +58,8 @@ def has_maps(config: Config) -> bool:
 
     Nor where sweeps come late: they are placed by the poses before.
     """
-    in_time = config.perturbation is None or config.perturbation.changes not in LATE
-    kept = config.map.kind == "voxel" and not config.sensors.semantics and in_time
-    return has_keyframes(config) and kept
+    kept = config.map.kind == "voxel" and not config.sensors.semantics
+    return has_keyframes(config) and kept and not config.sweeps_come_late
 
 
 class Schedule:

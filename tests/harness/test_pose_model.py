@@ -206,7 +206,7 @@ def test_the_stack_under_test_can_reach_neither_the_truth_nor_the_error_model():
 
 
 def test_the_stack_names_neither_truth_nor_perturbation():
-    files = [*(ROOT / "harness" / "stack").glob("*.py")]
+    files = [*(ROOT / "harness" / "stack").rglob("*.py")]
     assert len(files) > 10
     for file in (*files, ROOT / "harness" / "inputs.py", ROOT / "harness" / "mission.py"):
         tree = ast.parse(file.read_text())

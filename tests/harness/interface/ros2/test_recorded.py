@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from wayproof import Config, build, open_log, override, run_episode
+from wayproof.harness.filters import NAMES
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.recordings.formats import open_recording
 from wayproof.harness.recordings.recording import RecordingOptions
@@ -40,7 +41,8 @@ class Recorded:
         self, folder, topics, pace="lockstep", client="Repeats", settings=(), robot="quadruped"
     ):
         self.bag, stack = folder / "bag", f"stack.name=ros2:domain={DOMAIN},pace={pace}"
-        running = ["episode.time_limit=1.5", "plugins.wall_s=30", stack]
+        filtered = f"map.filters={','.join(NAMES)}"  # as the built-in stack's map has them
+        running = ["episode.time_limit=1.5", "plugins.wall_s=30", stack, filtered]
         scenario = build(override(Config("empty", robot, 1), [*running, *settings]))
         words = HERE / "recorder.py", DOMAIN, self.bag, "MCAP", *topics
         with run_process(*words) as recorder, recorder.stdout as output:
