@@ -108,13 +108,17 @@ def source_digest(name: str) -> str:
 
 
 def digest_of(files: Sequence[Path]) -> str:
-    """Return the SHA-256 of files, in hex, whatever the first one's folder and name; else empty."""
+    """Return the SHA-256 of files, in hex, whatever the first one's folder and name; else empty.
+
+    That of one file is that of its content, as `sha256sum` prints it.
+    """
     if not files:
         return ""
-    digest = hashlib.sha256()
-    for file in files:
-        name = "" if file is files[0] else os.path.relpath(file, files[0].parent)
-        digest.update(f"{name}\0{file.stat().st_size}\0".encode())
+    first, *others = files
+    digest = hashlib.sha256(first.read_bytes())
+    for file in others:
+        name = os.path.relpath(file, first.parent)
+        digest.update(f"\0{name}\0{file.stat().st_size}\0".encode())
         digest.update(file.read_bytes())
     return digest.hexdigest()
 
