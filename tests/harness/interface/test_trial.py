@@ -14,6 +14,7 @@ import pytest
 from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
+from wayproof.harness.filters import NAMES
 from wayproof.harness.interface import trial as trial_module
 from wayproof.harness.interface.connect import isolating
 from wayproof.harness.interface.observation_messages import task_from, task_message
@@ -64,7 +65,8 @@ def test_a_stack_in_a_child_process_gives_the_same_chain_as_in_this_one(tried, t
 
 @pytest.mark.parametrize(("robot", "limits"), [("quadruped", "full"), ("drone", "cautious")])
 def test_the_border_loses_nothing_of_the_built_in_stack(tried, tmp_path, robot, limits):
-    scene = "cylinders", robot, 2, f"motion.limits={limits}"
+    filtered = f"map.filters={','.join(NAMES)}"  # of the referee's map too
+    scene = "cylinders", robot, 2, f"motion.limits={limits}", filtered
     direct, here = tried("builtin", *scene), tried(own("OfSeed2"), *scene)
     there = trial(tmp_path, f"{CHILD} {own('OfSeed2')}", *scene)
     assert here.chain == there.chain
