@@ -338,7 +338,7 @@ def _files_of_command(command: str) -> list[Path]:
         for before, word in zip(["", *words], words, strict=False):
             if before == "-m":
                 word = f"{word.replace('.', '/')}.py"
-            file = Path(word.partition(SEPARATOR)[0])
+            file = Path(word.split(SEPARATOR, 1)[0])
             if file.is_file():
                 files |= dict.fromkeys(files_of(file) if file.suffix == SUFFIX else [file])
     return list(files)

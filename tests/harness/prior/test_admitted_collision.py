@@ -28,7 +28,7 @@ def run(policy, path):
     So the robot enters what nothing measured, or not at all.
     """
     config = override(Config("maze", "drone", 0), [*NEAR_IS_UNKNOWN, f"prior.policy={policy}"])
-    perturbed = with_perturbation(config, perturbation_from("stale_prior:4:moved"))
+    perturbed = with_perturbation(config, perturbation_from("stale_prior:5:moved"))
     return run_episode(build(perturbed), path)
 
 
