@@ -46,7 +46,8 @@ def at(scenario, offset):
 def test_a_claim_of_the_goal_is_checked_against_the_truth(scenario, monitor):
     tolerance = scenario.config.episode.goal_tolerance
     near, far = at(scenario, 0.99 * tolerance), at(scenario, 1.01 * tolerance)
-    assert monitor.check_decision(decision("goal"), [near]) == ("success", "why")
+    reached = "success", f"at rest {0.99 * tolerance:.2f} m from the goal"
+    assert monitor.check_decision(decision("goal"), [near]) == reached
     outcome, reason = monitor.check_decision(decision("goal"), [far])
     assert outcome == "aborted"
     assert reason == f"claimed the goal from {1.01 * tolerance:.2f} m away"

@@ -107,7 +107,7 @@ def test_the_last_centimetre_of_a_stop_may_go_by_another_name():
     """The body rests in what has become unknown, and ends the turn that it was in."""
     begin, end = (0.95, 0.0, 1.0), (0.9505, 0.0, 1.0)
     earlier = trajectory([(0.2, 0.0, 1.0), end], at_speed([(0.2, 0.0, 1.0), end], 0.1))
-    long = dataclasses.replace(AIR, discs=((-0.2, 0.15), (0.2, 0.15)))
+    long = dataclasses.replace(AIR, motion="ground", discs=((-0.2, 0.15), (0.2, 0.15)))
 
     def kind(way, turn, stack="builtin"):
         moment = in_the_air(way, at_speed(way, 0.01), "slow", earlier, mission=long)
