@@ -1,5 +1,6 @@
 """No compiled kernel outlives a change of what it calls, in whatever file that stands."""
 
+import hashlib
 import os
 import shutil
 import subprocess
@@ -128,10 +129,12 @@ def test_caches_that_are_in_use_are_kept(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["kernels-new"]
 
 
-def test_an_empty_cache_is_known(package, monkeypatch):
-    caches = package.parent / "caches" / "wayproof"
-    assert answer(package) == 41
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(next(caches.iterdir())))
-    assert any_cached()
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(package))
+def test_a_cache_is_filled_by_the_kernels_of_this_folder_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert not any_cached()
+    kernels = SOURCE / "maps" / "kernels"
+    for folder, found in (("/elsewhere/maps/kernels", False), (str(kernels), True)):
+        name = f"kernels_{hashlib.sha1(folder.encode()).hexdigest()}"  # as numba names it
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "beams.nbi").touch()
+        assert any_cached() == found

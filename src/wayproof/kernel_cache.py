@@ -53,9 +53,16 @@ def use_kernel_cache() -> None:
 
 
 def any_cached() -> bool:
-    """Return whether any kernel of these sources has been compiled and kept."""
-    folder = os.environ.get("NUMBA_CACHE_DIR", "")
-    return any(name.endswith(".nbi") for _, _, names in os.walk(folder) for name in names)
+    """Return whether any kernel of these sources, in this folder, has been compiled and kept.
+
+    Numba knows a kernel by the folder of its file as well: one of a copy elsewhere is not found.
+    """
+    from numba.core.caching import _CacheLocator
+
+    kernels = os.path.join(os.path.dirname(__file__), "maps", "kernels", "beams.py")
+    folder: str = _CacheLocator.get_suitable_cache_subpath(kernels)
+    own = os.path.join(os.environ.get("NUMBA_CACHE_DIR", ""), folder)
+    return any(name.endswith(".nbi") for _, _, names in os.walk(own) for name in names)
 
 
 def load_without_compiler() -> None:
