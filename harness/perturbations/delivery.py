@@ -7,6 +7,7 @@ come reaches neither the estimator nor the map.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Container, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -68,6 +69,24 @@ class Delivery:
         late.sequence = message.sequence
         late.age_ns = 0 if self._perturbation.restamps else time_ns - taken_ns
         return late
+
+    def take_sweeps(
+        self, sent: Sequence[pb.Sweep], affected: Container[str]
+    ) -> tuple[list[pb.Sweep], list[str]]:
+        """Return the sweeps that come in place of those sent, and the sensors of which none does.
+
+        Args:
+            sent: Sweeps of one instant.
+            affected: Names of the sensors that the perturbation changes.
+        """
+        came, withheld = [], []
+        for sweep in sent:
+            one = self.take(sweep.sensor, sweep) if sweep.sensor in affected else sweep
+            if one is None:
+                withheld.append(sweep.sensor)
+            else:
+                came.append(one)
+        return came, withheld
 
     @property
     def evidence_age_s(self) -> float:

@@ -96,14 +96,8 @@ class RecordedPerturbation:
 
     def _delivered(self, sent: list[pb.Sweep]) -> list[pb.Sweep]:
         """Return the sweeps that come in place of those that were sent."""
-        came = []
-        for sweep in sent:
-            affected = sweep.sensor in self._affected
-            one = self._delivery.take(sweep.sensor, sweep) if affected else sweep
-            if one is None:
-                self._withheld.append(sweep.sensor)
-            else:
-                came.append(one)
+        came, withheld = self._delivery.take_sweeps(sent, self._affected)
+        self._withheld += withheld
         return came
 
     def pose(self, pose: pb.Pose, motion: pb.RecordedMotion, time_ns: int) -> None:

@@ -70,14 +70,8 @@ class PerturbationInjector:
         """Return the sweeps that reach the stack in place of those that were sent."""
         if self.delivery is None:
             return sent
-        came = []
-        for sweep in sent:
-            affected = sweep.sensor in self._affected
-            one = self.delivery.take(sweep.sensor, sweep) if affected else sweep
-            if one is None:
-                self._withheld.append(sweep.sensor)
-            else:
-                came.append(one)
+        came, withheld = self.delivery.take_sweeps(sent, self._affected)
+        self._withheld += withheld
         return came
 
     def pose(self, sent: pb.Pose) -> pb.Pose:
