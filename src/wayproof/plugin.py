@@ -189,7 +189,9 @@ class _OwnModules(modulefinder.ModuleFinder):
             return super().find_module(name, path, parent)
         except AttributeError:  # it expects a loader, which a folder without __init__.py has not
             folders = [Path(one) / name for one in path or self.path]
-            folder = next(one for one in folders if one.is_dir())
+            folder = next((one for one in folders if one.is_dir()), None)
+            if folder is None:
+                raise ImportError(name) from None
             return None, str(folder), ("", "", PACKAGE)
 
     def load_package(self, fqname: str, pathname: str) -> Any:
