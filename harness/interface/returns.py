@@ -34,7 +34,7 @@ def body_returns(
         observation: The observation.
         mission: Mission of the task.
         frame: `world`, or `body`: about the estimated position, x forward, y left, z up, level.
-        thinned_m: Edge of the cubes of which one return each is kept, the first, m; 0 keeps all.
+        thinned_m: Edge of a cube, m; the first return in each cube is kept. 0 keeps all.
     """
     points = np.vstack([sweep.points for sweep in observation.sweeps] or [np.zeros((0, 3))])
     height = float(observation.position[2])

@@ -71,7 +71,8 @@ def changes_of(samples: Sequence[Sample], time_limit: float) -> list[Change]:
 
     Args:
         samples: The arms.
-        time_limit: Time limit of an episode, s, which a time of a failure counts as.
+        time_limit: Time limit of an episode, s, the greatest value of a time. A pair in which one
+            failed has no time to the goal: its loss shows in success.
     """
     changes = [one for names in (HARM, FURTHER) for one in _corrected(names, samples, time_limit)]
     order = {"bad": 0, "good": 1, "": 2}

@@ -41,7 +41,7 @@ def contents_of(names: Iterable[str]) -> Contents:
 
 
 def _identity(name: str) -> str | None:
-    """Return the identity of what may be a file; None of a name that is none."""
+    """Return the identity of what may be a file; None if the name is no file."""
     if name.endswith(WORLD_FILE):
         world = find_world(Config(name, "", 0))
         assert isinstance(world, FileWorld)

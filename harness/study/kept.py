@@ -1,4 +1,4 @@
-"""What a run of a study keeps of an earlier one: how many episodes, of when, of which code."""
+"""What a run of a study keeps of an earlier one: how many episodes, from when, by which code."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def lost_of(rows: Sequence[Row], pairs: Sequence[tuple[Row, Row]] = ()) -> tuple
 
     Args:
         rows: Rows of the episodes.
-        pairs: (first, second) of a comparison, of which `rows` are the second.
+        pairs: (first, second) of a comparison; `rows` are the second ones.
     """
     won = {(second.arm, second.seed) for first, second in pairs if first.success}
     failed = [
