@@ -5,7 +5,11 @@ from typing import Any, TypeVar
 
 import numba
 
+from wayproof.kernel_cache import share_between_checkouts
+
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+share_between_checkouts()
 
 # error_model="numpy" compiles a division without a branch for zero; nogil lets Python threads run
 # kernels side by side. No fastmath: it would let the compiler reorder arithmetic, and two machines

@@ -10,7 +10,11 @@ from typing import Any, TypeVar
 
 import numba
 
+from wayproof.kernel_cache import share_between_checkouts
+
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+share_between_checkouts()
 
 OPTIONS: dict[str, Any] = {
     "cache": True,

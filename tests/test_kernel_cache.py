@@ -1,6 +1,5 @@
 """No compiled kernel outlives a change of what it calls, in whatever file that stands."""
 
-import hashlib
 import os
 import shutil
 import subprocess
@@ -10,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import wayproof
-from wayproof.kernel_cache import any_cached, delete_unused, kernel_digest
+from wayproof.kernel_cache import ALWAYS_USED, any_cached, cache_of, delete_unused, kernel_digest
 
 SOURCE = Path(wayproof.__file__).parent
 CALLER = "from wayproof.maps import rates\nfrom wayproof.maps._jit import kernel\n"
@@ -36,15 +35,23 @@ def package(tmp_path):
     return root
 
 
-def answer(package, *imports, then="pass"):
-    """What the kernel gives in a new process, which finds what the last one compiled."""
+def environment_of(package, named=False):
+    """Environment of a process that runs the package, with a folder of its own for its kernels."""
     here = {"PYTHONPATH": str(package.parent), "XDG_CACHE_HOME": str(package.parent / "caches")}
-    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | here
+    return {k: v for k, v in os.environ.items() if named or k != "NUMBA_CACHE_DIR"} | here
+
+
+def answer(package, *imports, then="pass", named=False):
+    """What the kernel gives in a new process, which finds what the last one compiled."""
     code = "; ".join(
         (*imports, "from wayproof.maps.caller import answer", "print(answer(20))", then)
     )
     ended = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+        [sys.executable, "-c", code],
+        env=environment_of(package, named),
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return int(ended.stdout)
 
@@ -93,8 +100,7 @@ print(lean)
 def test_what_is_loaded_raises_and_is_called_by_kernels_compiled_later(package):
     (package / "maps" / "caller.py").write_text("import numpy as np\n" + LARGEST)
     (package.parent / "new.py").write_text(NEW)
-    here = {"PYTHONPATH": str(package.parent), "XDG_CACHE_HOME": str(package.parent / "caches")}
-    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | here
+    environment = environment_of(package)
     for lean in ("False\n", "True\n", "True\n"):
         command = [sys.executable, package.parent / "new.py"]
         assert subprocess.check_output(command, env=environment, text=True) == lean
@@ -113,11 +119,12 @@ def test_kernels_of_others_are_loaded_as_numba_does(package):
 
 
 def test_files_that_no_kernel_imports_do_not_matter(package):
-    before = kernel_digest(str(package))
+    digest = kernel_digest.__wrapped__  # which remembers nothing
+    before = digest(str(package))
     (package / "models" / "world.py").write_text("SIZE = 3\n")
-    assert kernel_digest(str(package)) == before
+    assert digest(str(package)) == before
     (package / "models" / "rays.py").write_text(CALLEE)
-    assert kernel_digest(str(package)) != before
+    assert digest(str(package)) != before
 
 
 def test_caches_that_are_in_use_are_kept(tmp_path):
@@ -129,12 +136,24 @@ def test_caches_that_are_in_use_are_kept(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["kernels-new"]
 
 
-def test_a_cache_is_filled_by_the_kernels_of_this_folder_alone(tmp_path, monkeypatch):
+def test_a_second_checkout_finds_the_kernels_of_the_first(package, tmp_path, monkeypatch):
+    """A copy compiled every kernel again, within an episode."""
+    second = shutil.copytree(package, tmp_path / "second" / "wayproof")
+    third = shutil.copytree(package, tmp_path / "third" / "wayproof")
+    (third / "maps" / "callee.py").write_text(CALLEE.replace("2 * x", "3 * x"))
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "named"))
+    written = []
+    for root, found in ((package, 41), (second, 41), (third, 61)):
+        assert answer(root, named=True) == found
+        kept = (tmp_path / "named").rglob("caller.answer*.nbc")
+        written.append({path.stat().st_ino for path in kept})
+    assert written[1] == written[0] < written[2]
+
+
+def test_a_cache_is_filled_by_our_kernels_alone(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert not any_cached()
-    kernels = SOURCE / "maps" / "kernels"
-    for folder, found in (("/elsewhere/maps/kernels", False), (str(kernels), True)):
-        name = f"kernels_{hashlib.sha1(folder.encode()).hexdigest()}"  # as numba names it
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "beams.nbi").touch()
+    for folder, found in ((tmp_path / "kernels_0", False), (Path(cache_of(ALWAYS_USED)), True)):
+        folder.mkdir()
+        (folder / "beams.nbi").touch()
         assert any_cached() == found

@@ -2,7 +2,8 @@
 
 Numba keeps a kernel until its own file changes, and goes on with the old code of a callee, and the
 old value of a constant, from another file. With another folder for each state of the sources, no
-kernel is ever out of date.
+kernel is ever out of date. Numba knows a kernel by the folder of its file, too; ours are known by
+their module, so that every checkout and every environment of the same sources finds them.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ OURS = re.compile(
 OURS_PREFIX = "wayproof."
 """Start of the names of our modules."""
 
+ALWAYS_USED = "wayproof.maps.kernels.beams"
+"""Every episode runs kernels of this package."""
+
 KEPT_S = 14 * 24 * 3600.0
 """Caches that no process has used for so long are deleted, s."""
 
@@ -52,17 +56,45 @@ def use_kernel_cache() -> None:
         os.utime(folder)
 
 
-def any_cached() -> bool:
-    """Return whether any kernel of these sources, in this folder, has been compiled and kept.
+@functools.cache
+def share_between_checkouts() -> None:
+    """Let numba keep our kernels by their module and the digest of the sources.
 
-    Numba knows a kernel by the folder of its file as well: one of a copy elsewhere is not found.
+    The digest counts even in a folder that the user or another checkout has named.
     """
-    from numba.core.caching import _CacheLocator
+    from numba.core import caching
 
-    kernels = os.path.join(os.path.dirname(__file__), "maps", "kernels", "beams.py")
-    folder: str = _CacheLocator.get_suitable_cache_subpath(kernels)
-    own = os.path.join(os.environ.get("NUMBA_CACHE_DIR", ""), folder)
-    return any(name.endswith(".nbi") for _, _, names in os.walk(own) for name in names)
+    implementation: Any = caching.CacheImpl
+    named: Any = caching.UserProvidedCacheLocator
+
+    class ByModule(named):  # type: ignore[misc]
+        """Where the kernels of one of our modules are."""
+
+        def __init__(self, kernel: Any, source: str) -> None:
+            super().__init__(kernel, source)
+            self._cache_path = cache_of(kernel.__module__)
+
+        @classmethod
+        def from_function(cls, kernel: Any, source: str) -> Any:
+            ours = kernel.__module__.startswith(OURS_PREFIX)
+            return super().from_function(kernel, source) if ours else None
+
+    implementation._locator_classes = [ByModule, *implementation._locator_classes]
+
+
+def cache_of(module: str) -> str:
+    """Return the folder with the compiled kernels of one of our modules."""
+    digest = kernel_digest(os.path.dirname(__file__))
+    package = module.rpartition(".")[0]
+    return os.path.join(os.environ["NUMBA_CACHE_DIR"], f"{package}-{digest}")
+
+
+def any_cached() -> bool:
+    """Return whether any kernel of these sources has been compiled and kept."""
+    try:
+        return any(name.endswith(".nbi") for name in os.listdir(cache_of(ALWAYS_USED)))
+    except FileNotFoundError:
+        return False
 
 
 def load_without_compiler() -> None:
@@ -156,6 +188,7 @@ def _name_modules_of_numba() -> None:
     environment._rebuild_env = rebuild_env
 
 
+@functools.cache
 def kernel_digest(root: str) -> str:
     """Hash of every file with kernels in the packages of a folder, and of all that these import."""
     sources = _sources(root)
