@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.recordings import carmen, frames, kitti, simulated, tum, ulog
+from wayproof.harness.recordings import carmen, frames, kitti, simulated, tum
 from wayproof.harness.recordings.bags import bag
 from wayproof.harness.recordings.depth import usable
 from wayproof.harness.recordings.recording import Format, Recording, RecordingOptions
@@ -21,8 +21,11 @@ FORMATS: dict[str, Format] = {
         simulated.open_episode,
         without=("pose", "body", "mount", *IMAGES),
     ),
-    "bag": Format("ROS 1 .bag, ROS 2 .mcap or .db3, or its folder", bag.looks_like, bag.open_bag),
-    "ulog": Format("ULog of PX4", ulog.looks_like, ulog.open_ulog, without=("body", *IMAGES)),
+    "bag": Format(
+        "ROS 1 .bag, ROS 2 .mcap or .db3, or its folder, or PX4's .ulg",
+        bag.looks_like,
+        bag.open_bag,
+    ),
     "carmen": Format(
         "CARMEN log of laser scans",
         carmen.looks_like,

@@ -14,6 +14,18 @@ from wayproof.harness.recordings.types import OwnMap, RecordedSensor, RecordedSw
 Faults = Counter[str]
 """Kind of fault -> how many were met."""
 
+UNREADABLE = "message: cannot be read"
+
+
+class Broken(Exception):
+    """A message, or a part of a file, cannot be read."""
+
+
+def unreadable(faults: Faults, error: Broken) -> str:
+    """Return the kind of fault of messages that cannot be read, with the text of the first one."""
+    first = next((kind for kind in faults if kind.startswith(UNREADABLE)), None)
+    return first or f"{UNREADABLE}, the first: {error}"
+
 
 @dataclass(frozen=True)
 class RecordingOptions:

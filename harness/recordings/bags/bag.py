@@ -25,7 +25,12 @@ from wayproof.harness.recordings.bags.choose import (
     order_in_task,
 )
 from wayproof.harness.recordings.bags.clouds import OWN_TIME, read_cloud
-from wayproof.harness.recordings.bags.container import Broken, RawMessage
+from wayproof.harness.recordings.bags.container import (
+    RawMessage,
+    container_of,
+    files_of,
+    messages_of,
+)
 from wayproof.harness.recordings.bags.frames import FramePath
 from wayproof.harness.recordings.bags.messages import IMAGE, frame_of, header_stamp
 from wayproof.harness.recordings.bags.own_maps import own_maps
@@ -36,12 +41,8 @@ from wayproof.harness.recordings.bags.survey import (
     STAMPLESS,
     SensorTopic,
     Survey,
-    container_of,
-    files_of,
-    messages_of,
     survey,
     topic_of,
-    unreadable,
 )
 from wayproof.harness.recordings.bags.transforms import tree_for
 from wayproof.harness.recordings.beams import (
@@ -55,7 +56,13 @@ from wayproof.harness.recordings.beams import (
 from wayproof.harness.recordings.digest import digest_of
 from wayproof.harness.recordings.order import Order, nearly_sorted
 from wayproof.harness.recordings.poses import track_of
-from wayproof.harness.recordings.recording import Faults, Recording, RecordingOptions
+from wayproof.harness.recordings.recording import (
+    Broken,
+    Faults,
+    Recording,
+    RecordingOptions,
+    unreadable,
+)
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
 from wayproof.harness.recordings.window import NO_BEAM, OUT_OF_ORDER, Window, window_of
 
@@ -78,7 +85,9 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
     faults: Faults = Counter()
     files = files_of(path)
     if not files or container_of(files[0]) is None:
-        raise InputError(f"recording '{path}': not a bag of ROS 1 (.bag) or ROS 2 (.mcap, .db3)")
+        raise InputError(
+            f"recording '{path}': not a bag of ROS 1 (.bag), ROS 2 (.mcap, .db3) or PX4 (.ulg)"
+        )
     found = survey(files, faults)
     names = choose_sensors(path, found, options)
     names.sort(key=lambda name: order_in_task(name, found))

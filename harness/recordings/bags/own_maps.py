@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from wayproof.harness.geometry import yaw_of_quaternion
-from wayproof.harness.recordings.bags.container import Broken
 from wayproof.harness.recordings.bags.frames import FrameTree
 from wayproof.harness.recordings.bags.parts import Grid, Patch
 from wayproof.harness.recordings.bags.vendors.nav2 import RAW, UPDATES
 from wayproof.harness.recordings.poses import compose
-from wayproof.harness.recordings.recording import Faults
+from wayproof.harness.recordings.recording import Broken, Faults
 from wayproof.harness.recordings.types import OwnMap, Transform
 
 PERIOD_NS = 1_000_000_000

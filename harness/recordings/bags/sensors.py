@@ -20,7 +20,7 @@ from wayproof.harness.recordings.bags.clouds import (
     point_time,
     read_cloud,
 )
-from wayproof.harness.recordings.bags.container import Broken, RawMessage
+from wayproof.harness.recordings.bags.container import RawMessage
 from wayproof.harness.recordings.bags.messages import (
     CLOUDS,
     IMAGE,
@@ -38,7 +38,7 @@ from wayproof.harness.recordings.beams import (
     scan_beams,
 )
 from wayproof.harness.recordings.depth import depth_beams, depths_of
-from wayproof.harness.recordings.recording import Faults, RecordingOptions
+from wayproof.harness.recordings.recording import Broken, Faults, RecordingOptions
 from wayproof.harness.recordings.types import SensorKind
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.sensors.beams import (

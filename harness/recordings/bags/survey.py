@@ -5,7 +5,7 @@ from __future__ import annotations
 from array import array
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,13 +13,7 @@ import numpy as np
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.ros2.task import Announcement, read_task
-from wayproof.harness.recordings.bags import mcap_container, ros1_container, sqlite_container
-from wayproof.harness.recordings.bags.container import (
-    DAMAGED,
-    Broken,
-    RawMessage,
-    unpacked_message,
-)
+from wayproof.harness.recordings.bags.container import RawMessage, messages_of
 from wayproof.harness.recordings.bags.frames import MOST_FRAMES, FrameTree, Samples
 from wayproof.harness.recordings.bags.messages import (
     CAMERA,
@@ -50,19 +44,7 @@ from wayproof.harness.recordings.bags.transforms import Transforms, namespace_of
 from wayproof.harness.recordings.bags.vendors.nav2 import is_costmap
 from wayproof.harness.recordings.order import Order, order_of
 from wayproof.harness.recordings.poses import RESET
-from wayproof.harness.recordings.recording import Faults
-
-Container = Callable[[Path, Faults], Iterator[RawMessage]]
-
-CONTAINERS: dict[bytes, Container] = {
-    mcap_container.MAGIC: mcap_container.messages,
-    ros1_container.MAGIC: ros1_container.messages,
-    sqlite_container.MAGIC: sqlite_container.messages,
-}
-"""First bytes of a file -> reader of its messages."""
-
-LEAST_MESSAGES, LEAST_BYTES = 200_000, 4
-"""Number of messages allowed in any bag, and bytes of the bag for each one beyond it."""
+from wayproof.harness.recordings.recording import Broken, Faults, unreadable
 
 FIRST_CLOUDS = 10
 """Number of clouds of a topic, of which one with most points gives the unit of their times: the
@@ -75,7 +57,6 @@ OF_FRAME = "@"
 """Between topic and frame in the name of a sensor whose topic has messages of several frames; it is
 in no name of a topic."""
 
-UNREADABLE = "message: cannot be read"
 NO_TASK = "task: cannot be read"
 STAMPLESS = "sweep: without a stamp, taken as recorded"
 
@@ -184,51 +165,6 @@ class Survey:
         """Topics whose messages could not be read, in words; empty without any."""
         listed = [f"{topic} ({why})" for topic, why in sorted(self.unread.items())[:5]]
         return f"; cannot be read: {', '.join(listed)}" if listed else ""
-
-
-def files_of(path: Path) -> list[Path]:
-    """Return the files of a bag: the one, or those of a folder by their numbers.
-
-    A folder is a bag of ROS 2, or holds the parts of one of ROS 1 (`rosbag record --split`).
-    """
-    if path.is_file():
-        return [path]
-    inside = [one for one in path.iterdir() if one.is_file()]
-    found = [one for one in inside if one.suffix in (".mcap", ".db3")]
-    found = found or [one for one in inside if one.suffix == ".bag"]
-    return sorted(found, key=lambda one: (len(one.name), one.name))
-
-
-def container_of(path: Path) -> Container | None:
-    """Return the reader of a file by its first bytes."""
-    with path.open("rb") as file:
-        head = file.read(16)
-    return next((read for magic, read in CONTAINERS.items() if head.startswith(magic)), None)
-
-
-def messages_of(files: Sequence[Path], faults: Faults) -> Iterator[RawMessage]:
-    """Yield the messages of all files of a bag, in their order.
-
-    Raises:
-        InputError: There are more than the files' sizes can account for.
-    """
-    left = LEAST_MESSAGES + sum(one.stat().st_size for one in files) // LEAST_BYTES
-    for path in files:
-        read = container_of(path)
-        for raw in read(path, faults) if read else ():
-            left -= 1
-            if left < 0:
-                raise InputError(f"recording '{path}': more messages than its size accounts for")
-            try:
-                yield raw._replace(data=unpacked_message(raw.data))
-            except Broken:
-                faults[DAMAGED] += 1
-
-
-def unreadable(faults: Faults, error: Broken) -> str:
-    """Return the kind of fault of messages that cannot be read, with the text of the first one."""
-    first = next((kind for kind in faults if kind.startswith(UNREADABLE)), None)
-    return first or f"{UNREADABLE}, the first: {error}"
 
 
 def survey(files: Sequence[Path], faults: Faults) -> Survey:

@@ -23,9 +23,8 @@ from tests.tools.soak.fuzz import watched
 from tests.tools.soak.mutate import mutate
 from tests.tools.soak.recording_sources import SOURCES
 from wayproof.harness.bench.table import Progress
-from wayproof.harness.recordings.bags.container import RawMessage
+from wayproof.harness.recordings.bags.container import RawMessage, container_of, messages_of
 from wayproof.harness.recordings.bags.messages import typestore
-from wayproof.harness.recordings.bags.survey import container_of, messages_of
 from wayproof.harness.recordings.formats import open_recording
 
 SIZES = (0, 1, 0xFF, 0xFFFF, 2**24, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**64 - 1)

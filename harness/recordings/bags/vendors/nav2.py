@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.recordings.bags.container import Broken
 from wayproof.harness.recordings.bags.parts import Grid, Patch, Vendor, frame_name, stamp_of
+from wayproof.harness.recordings.recording import Broken
 from wayproof.harness.recordings.types import OWN_CLOSED, OWN_FREE, OWN_UNKNOWN, Transform
 
 GRID, GRID_UPDATE = "nav_msgs/msg/OccupancyGrid", "map_msgs/msg/OccupancyGridUpdate"

@@ -9,15 +9,16 @@ to 1.18 begin alike, and the size tells two of the odometry apart. PX4's world i
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.recordings.bags.container import Broken
 from wayproof.harness.recordings.bags.parts import Cloud, StampedTransform, Vendor
 from wayproof.harness.recordings.poses import StampedPoses, compose, rotate, sound
+from wayproof.harness.recordings.recording import Broken
 from wayproof.harness.recordings.track import RecordedTrack
 from wayproof.harness.recordings.types import Transform
 
@@ -48,21 +49,22 @@ UP, DOWN, CUSTOM = 24, 25, 100
 """Orientations of a distance sensor beside the eighths of a turn to the right."""
 
 
-def _layout(*fields: tuple[str, str, int]) -> np.dtype[Any]:
+def _layout(size: int, *fields: tuple[str, str, int]) -> np.dtype[Any]:
     names, formats, offsets = zip(*fields, strict=True)
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets})
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
 
 
 _TIMES = ("timestamp", "<u8", 0), ("timestamp_sample", "<u8", 8)
 _ODOMETRY = (*_TIMES, ("frame", "u1", 16), ("position", "(3,)<f4", 20), ("q", "(4,)<f4", 32))
 LAYOUTS: dict[str, dict[int, np.dtype[Any]]] = {
     ODOMETRY: {
-        114: _layout(*_ODOMETRY, ("reset_counter", "u1", 112)),
-        260: _layout(*_ODOMETRY),
-        261: _layout(*_ODOMETRY, ("reset_counter", "u1", 260)),
+        114: _layout(114, *_ODOMETRY, ("reset_counter", "u1", 112)),
+        260: _layout(260, *_ODOMETRY),
+        261: _layout(261, *_ODOMETRY, ("reset_counter", "u1", 260)),
     },
     LOCAL: {
         180: _layout(
+            180,
             *_TIMES,
             ("xy_valid", "?", 16),
             ("z_valid", "?", 17),
@@ -72,9 +74,10 @@ LAYOUTS: dict[str, dict[int, np.dtype[Any]]] = {
             ("heading", "<f4", 100),
         )
     },
-    ATTITUDE: {49: _layout(*_TIMES, ("q", "(4,)<f4", 16))},
+    ATTITUDE: {49: _layout(49, *_TIMES, ("q", "(4,)<f4", 16))},
     DISTANCE: {
         57: _layout(
+            57,
             ("timestamp", "<u8", 0),
             ("min_distance", "<f4", 12),
             ("max_distance", "<f4", 16),
@@ -92,6 +95,27 @@ LONGER = {LOCAL: 40, DISTANCE: 1}
 
 PADDING = 3
 
+CDR_HEAD = b"\0\1\0\0"
+"""Head of a message of CDR, little-endian."""
+
+ULOG = {
+    "vehicle_odometry": ODOMETRY,
+    "vehicle_local_position": LOCAL,
+    "vehicle_attitude": ATTITUDE,
+    "distance_sensor": DISTANCE,
+}
+"""Topics of ULog, PX4's log on board, and the messages that they are sent as
+(https://docs.px4.io/main/en/dev_log/ulog_file_format.html)."""
+
+ULOG_NAMES = {"frame": ["pose_frame"], "position": ["x", "y", "z"]}
+OLD_ULOG_NAMES = {"frame": ["local_frame"], "heading": ["yaw"]}
+"""Columns of ULog of other names than the fields of messages."""
+
+ULOG_OPTIONAL = (
+    *("timestamp_sample", "signal_quality"),
+    *("reset_counter", "xy_reset_counter", "z_reset_counter"),
+)
+
 
 def decoded(kind: str, data: bytes) -> Any:
     """Return the fields of a message of CDR as a record.
@@ -105,6 +129,36 @@ def decoded(kind: str, data: bytes) -> Any:
             order = layout if data[1] & 1 else layout.newbyteorder(">")
             return np.frombuffer(data, order, 1, 4)[0]
     raise Broken(f"{kind} of {size} bytes, expected px4_msgs of 1.12 or later")
+
+
+def messages_of_ulog(
+    topic: str, columns: Mapping[str, NDArray[Any]]
+) -> Iterator[tuple[str, int, bytes]]:
+    """Yield the rows of a topic of ULog as messages: type, stamp, ns, and bytes of CDR.
+
+    Of a topic that is not read nothing.
+
+    Raises:
+        Broken: A column is missing.
+    """
+    kind = ULOG.get(topic)
+    if kind is None:
+        return
+    layout = list(LAYOUTS[kind].values())[-1 if "local_frame" in columns else 0]
+    rows = np.zeros(len(columns["timestamp"]), layout)
+    for name in layout.names or ():
+        field = rows[name]
+        parts = [f"{name}[{axis}]" for axis in range(field[0].size)] if field.ndim > 1 else [name]
+        choices = (parts, ULOG_NAMES.get(name, parts), OLD_ULOG_NAMES.get(name, parts))
+        known = next((one for one in choices if set(one) <= columns.keys()), None)
+        if known is not None:
+            rows[name] = np.column_stack([columns[one] for one in known]).reshape(field.shape)
+        elif name not in ULOG_OPTIONAL and (name, kind) != ("q", DISTANCE):
+            raise Broken(f"{topic} without {name}")
+    if kind == DISTANCE and "signal_quality" not in columns:
+        rows["signal_quality"] = -1
+    for row in rows:
+        yield kind, int(row["timestamp"]) * 1000, CDR_HEAD + row.tobytes()
 
 
 def to_ours(positions: NDArray[Any], quaternions: NDArray[Any], *, frd: bool = False) -> Transform:

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.recordings.bags.container import Broken
 from wayproof.harness.recordings.bags.parts import Cloud, Vendor, stamp_of
+from wayproof.harness.recordings.recording import Broken
 
 Floats = NDArray[np.floating[Any]]
 
