@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -14,19 +13,15 @@ from wayproof.harness.cli.verb import Document, Verb, arg, arguments, check_endi
 from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import written_whole
 
-if TYPE_CHECKING:
-    from wayproof.models.world_files import Found, ImportOptions
-
 WORLDS = Path("worlds")
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Read a file, write the world file, and print what was left out."""
-    from wayproof.models.world_files import ImportOptions, WorldFileError, read_scene, world_from
+    from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
 
     out = options.out or WORLDS / f"{options.file.stem}.xml"
     check_ending("--out", out, ".xml")
-    check_ending("--places", options.places, ".png")
     try:
         radius, height, step = _robot_size(options.robot)
         import_options = ImportOptions(
@@ -35,10 +30,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
             robot_height=height,
             robot_step=step,
         )
-        found = read_scene(options.file, import_options)
-        if options.places is not None:
-            return _show_places(options, import_options, found, console)
-        world = world_from(options.file, found, import_options, options.start, options.goal)
+        world, notes = import_world(options.file, import_options, options.start, options.goal)
     except WorldFileError as error:
         raise InputError(str(error)) from None
     except ValueError as error:
@@ -48,38 +40,12 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     document: Document = {
         "world": str(out), "name": world.identity, "solids": len(world.solids),
         "low": world.low, "high": world.high, "start": world.start, "goal": world.goal,
-        "notes": found.notes,
+        "notes": notes,
     }  # fmt: skip
     console.print(f"{out}: {len(world.solids)} solids, {world.identity}")
-    for note in found.notes:
+    for note in notes:
         console.print(f"  {note}")
     return 0, document
-
-
-def _show_places(
-    options: argparse.Namespace, import_options: ImportOptions, found: Found, console: Console
-) -> tuple[int, Document]:
-    """Draw the scene from above with numbered free places, and list them."""
-    from wayproof.harness.viewer.places import draw_places
-    from wayproof.models.world_files.importer import area_of
-    from wayproof.models.world_files.places import free_space
-
-    space = free_space(found, *area_of(found), import_options)
-    ends = {name: point for name, point in (("start", found.start), ("goal", found.goal)) if point}
-    draw_places(options.places, space, ends)
-    for number, place in enumerate(space.places, 1):
-        x, y, z = place.point
-        level = f", ground at {z:g} m" if z else ""
-        apart = "" if place.region == 1 else f", in region {place.region}: cut off from the largest"
-        line = f"{number}: {x:g},{y:g}, {place.clear:.2f} m clear{level}{apart}"
-        console.print(line)
-    radius = import_options.robot_radius
-    console.print(f"{options.places}: {len(space.places)} places for a radius of {radius:g} m")
-    document: Document = {
-        "picture": str(options.places), "places": [place._asdict() for place in space.places],
-        "notes": found.notes,
-    }  # fmt: skip
-    return int(not space.places), document
 
 
 def _kind(text: str) -> tuple[str, str]:
@@ -119,11 +85,6 @@ VERB = Verb(
             "--goal X,Y[,Z]", "goal, m (default: the file's, or chosen)", partial(_place, "--goal")
         ),
         arg(
-            "--places FILE.png",
-            "draw the scene from above with numbered free places and list them, and stop there",
-            Path,
-        ),
-        arg(
             "--height M",
             "height of obstacles of a flat map, or of white in a height image, m (default: 2)",
             float,
@@ -145,7 +106,7 @@ VERB = Verb(
             action="append",
             dest="model_paths",
         ),
-        arg("--floor Z", "height of the floor in the file, m (default: found, or 0)", float),
+        arg("--floor Z", "height of the floor in the file, m (default: its plane's, or 0)", float),
         arg(
             "--as KIND=MODEL",
             "kind of the models of that name or pattern, such as floor=ground* (repeatable)",

@@ -13,7 +13,8 @@ from wayproof.harness.errors import InputError
 from wayproof.maps.grid import FLOOR_HEIGHT_IN_CELL
 from wayproof.models.robots import RobotSpec
 from wayproof.models.world_files import FileWorld
-from wayproof.models.world_files.free_space import Grid
+from wayproof.models.world_files.ends import Grid
+from wayproof.models.world_files.terrain import ground_heights
 from wayproof.models.worlds import World
 
 Point = tuple[float, float, float]
@@ -57,10 +58,7 @@ def check_climb(
         return ()
     grid = Grid(world.low, world.high)
     i, j = np.indices(grid.shape).reshape(2, -1)
-    heights = np.full(i.shape, -np.inf)
-    for field in world.terrain:
-        np.maximum(heights, field.surface(grid.centres(i, j)), out=heights)
-    ground = np.where(np.isfinite(heights), heights, 0.0).reshape(grid.shape)
+    ground = ground_heights(world.terrain, grid.centres(i, j)).reshape(grid.shape)
     radius = min((radius for _, radius in spec.discs), default=spec.radius)
     gaps = grid.distances(world.solids, ground, (spec.step_height, spec.height), radius)
     leads = partial(_leads_through, grid, gaps >= radius, radius=radius, points=points)

@@ -13,13 +13,14 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.scenario.robots import find_robot
 from wayproof.models.robots import RobotSpec
 from wayproof.models.world_files import (
+    FORMATS,
     FileWorld,
     ImportOptions,
     WorldFileError,
     world_of,
     world_text,
 )
-from wayproof.models.world_files.importer import FORMATS, complete
+from wayproof.models.world_files.ends import complete
 
 WORLDS = Path("worlds")
 """Folder of the world files, one folder in it for each study."""

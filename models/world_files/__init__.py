@@ -1,11 +1,6 @@
 """Worlds from files of other tools, and the world files that they become."""
 
-from wayproof.models.world_files.importer import (
-    FORMATS,
-    import_world,
-    read_scene,
-    world_from,
-)
+from wayproof.models.world_files.importer import FORMATS, import_world
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.shape import shape_digest
@@ -24,10 +19,8 @@ __all__ = [
     "ImportOptions",
     "WorldFileError",
     "import_world",
-    "read_scene",
     "read_world_file",
     "shape_digest",
-    "world_from",
     "world_in_scene",
     "world_of",
     "world_text",

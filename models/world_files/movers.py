@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot, isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -14,11 +14,9 @@ import numpy as np
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.parts import Part
 from wayproof.models.world_files.solids import solid_of
+from wayproof.models.world_files.terrain import Terrain, ground_heights
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.solids import Cylinder
-
-if TYPE_CHECKING:
-    from wayproof.models.world_files.free_space import Ground
 
 MAX_MOVERS = 500
 """Maximum number of movers in a world: each is placed at every step of the physics."""
@@ -85,23 +83,22 @@ def check_movers(movers: Sequence[Mover]) -> None:
         )
 
 
-def stood_on_ground(movers: Sequence[Mover], ground: Ground) -> tuple[list[Mover], list[str]]:
-    """Return movers with their routes on the floor, and the names of those that are above it.
+def stood_on_ground(movers: Sequence[Mover], terrain: Terrain) -> tuple[list[Mover], int]:
+    """Return movers with their routes on the floor, and the number of those that are not near it.
 
     Args:
         movers: Movers with routes at the height of their feet, or near it, m.
-        ground: Ground of the scene as it will be, its floor at 0 or terrain.
+        terrain: What is not level of the scene's floor, which is at 0 elsewhere.
     """
-    stood, above = [], []
+    stood = []
     for mover in movers:
         points = np.array(mover.route)
-        heights = ground.height(points[:, :2])
+        heights = ground_heights(terrain, points)
         if np.abs(points[:, 2] - heights).max() > MAX_DROP:
-            above.append(mover.name)
             continue
         route = [(x, y, float(z)) for (x, y, _), z in zip(mover.route, heights, strict=True)]
         stood.append(replace(mover, route=tuple(route)))
-    return stood, above
+    return stood, len(movers) - len(stood)
 
 
 def around_start(mover: Mover) -> Cylinder:

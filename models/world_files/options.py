@@ -121,7 +121,6 @@ class Found:
         planes: Planes of the file, until the floor is settled.
         movers: Things that move, each with a body on the ground.
         extent: Corners of a scene with infinite walls, which are solid beyond, m; else None.
-        missing: Names of models and files that are not there and were left out.
         closed: Whether nothing is known beyond the parts, as around a map.
         grid: Whether the parts are cells of a grid, of which the lowest may be the floor.
         notes: Notes on parts left out or taken otherwise than written, a line each.
@@ -140,7 +139,6 @@ class Found:
     planes: list[Plane] = field(default_factory=list)
     movers: list[Mover] = field(default_factory=list)
     extent: tuple[Vector3, Vector3] | None = None
-    missing: list[str] = field(default_factory=list)
     closed: bool = False
     grid: bool = False
     notes: list[str] = field(default_factory=list)

@@ -6,12 +6,13 @@ models; it holds the poses that count.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from wayproof.models.world_files.ground import kind_of
+from wayproof.models.classes import CLASSES
 from wayproof.models.world_files.locating import Locator
 from wayproof.models.world_files.movers import check_movers
 from wayproof.models.world_files.options import Found, ImportOptions
@@ -23,6 +24,7 @@ from wayproof.models.world_files.sdf_includes import SHOWN, Includes
 from wayproof.models.world_files.sdf_shapes import Shapes
 from wayproof.models.world_files.urdf import as_model
 from wayproof.models.world_files.xml_tree import Element, read_xml
+from wayproof.models.worlds.materials import class_of
 
 LEFT_OUT = ("road", "population")
 """Elements of a world that are not taken over, each with a note of its line."""
@@ -163,11 +165,21 @@ class _Reading:
             else:
                 at = placed @ within.of(shape)
             for part in self._shapes.parts(path, shape, at, model, scale):
-                kind = part.kind if part.shape == "heights" else kind_of(model)
+                kind = part.kind if part.shape == "heights" else _kind_of(model)
                 part = replace(moved(part, at.position, at.R), model=model, kind=kind)
                 self.found.parts.append(part)
                 if len(self.found.parts) > MAX_SOLIDS:
                     raise WorldFileError(path, f"more than {MAX_SOLIDS} shapes", shape.line)
+
+
+def _kind_of(model: str) -> str:
+    """Return the kind of a model by its name: lower-case letters and underscores, no number.
+
+    A name alone makes nothing a floor: `--as` does.
+    """
+    word = re.sub(r"[_ ]*\d+$", "", model.strip().lower())
+    kind = re.sub("[^a-z_]+", "_", word).strip("_")[:40] or "structure"
+    return "structure" if class_of(kind) == CLASSES.index("floor") else kind
 
 
 def _shown(model: Element) -> str:

@@ -152,8 +152,9 @@ class Shapes:
         for (tag, name), places in self._missing.items():
             rest = len(places) - NOTED_PLACES
             where = ", ".join(places[:NOTED_PLACES]) + (f" and {rest} more" if rest > 0 else "")
-            self._found.notes.append(f"<{tag}> '{name}' ({where}): not there, left out")
-            self._found.missing.append(name)
+            self._found.notes.append(
+                f"<{tag}> '{name}' ({where}): not there, left out; --model-path with its folder"
+            )
         for why, count in self._untouched.items():
             self._found.notes.append(f"{count} collisions with {why}: {taken}")
         self._found.notes += [f"{count} {what}" for what, count in self._changed.items() if count]

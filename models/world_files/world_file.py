@@ -30,11 +30,11 @@ from wayproof.models.world_files.movers import mover_text
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.parts import UPRIGHT, Part
 from wayproof.models.world_files.reading import WorldFileError, read_text
-from wayproof.models.world_files.slopes import SlopedFloor, sloped_floors
 from wayproof.models.world_files.solids import solid_of
+from wayproof.models.world_files.terrain import Terrain, ground_heights, terrain_of
 from wayproof.models.world_files.xml_tree import Element, read_xml
 from wayproof.models.worlds.materials import class_of, colour_of
-from wayproof.models.worlds.solids import FRICTION, Box, HeightField
+from wayproof.models.worlds.solids import FRICTION, Box
 from wayproof.models.worlds.world import World, mover_body
 
 FORMAT = "1"
@@ -84,7 +84,7 @@ class FileWorld(World):
 
     text: str = field(default="", repr=False)
     source: str = ""
-    terrain: tuple[HeightField | SlopedFloor, ...] = field(default=(), repr=False)
+    terrain: Terrain = field(default=(), repr=False)
 
     @property
     def identity(self) -> str:
@@ -97,9 +97,7 @@ class FileWorld(World):
 
     def ground_height(self, point: ArrayLike) -> float:
         """Return the height of the floor at a point (>= 2,), m: of the highest terrain, else 0."""
-        at = np.ravel(np.asarray(point, np.float64))[None, :2]
-        height = max((float(field.surface(at)[0]) for field in self.terrain), default=-np.inf)
-        return height if np.isfinite(height) else 0.0
+        return float(ground_heights(self.terrain, np.ravel(point)[None, :2])[0])
 
     @cached_property
     def _corners(self) -> NDArray[np.float64]:  # (2, n, 3)
@@ -189,8 +187,7 @@ def _world_in(model: mujoco.MjModel, text: str, path: Path | str, robot: int | N
             start=ends.start, start_heading=ends.start_heading, goal=ends.goal,
             floor=None if found.plane or not slabs else slabs, route_length=found.route_length,
             text=text, source=found.source, movers=tuple(found.movers),
-            terrain=(*(one for one in floors if isinstance(one, HeightField)),
-                     *sloped_floors(found.planes, floors)),
+            terrain=terrain_of(floors, found.planes),
         )  # fmt: skip
     except ValueError as error:
         raise WorldFileError(path, str(error)) from None

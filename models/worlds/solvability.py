@@ -225,7 +225,7 @@ def _grid_path(
     first = int(np.ravel_multi_index(start, free.shape))
     node = int(np.ravel_multi_index(goal, free.shape))
     previous = csgraph.dijkstra(
-        _grid_graph(free), directed=False, indices=first, return_predecessors=True
+        grid_graph(free), directed=False, indices=first, return_predecessors=True
     )[1]
     path = [node]
     while node != first:
@@ -236,8 +236,8 @@ def _grid_path(
     return np.stack(np.unravel_index(path[::-1], free.shape), axis=1)
 
 
-def _grid_graph(free: NDArray[np.bool_]) -> sparse.csr_matrix:
-    """Return edges between neighbouring free cells, in metres."""
+def grid_graph(free: NDArray[np.bool_]) -> sparse.csr_matrix:
+    """Return edges between neighbouring free cells (nx, ny) by their numbers, m."""
     from scipy import sparse
 
     most = 4 * np.count_nonzero(free)

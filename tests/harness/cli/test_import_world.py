@@ -44,18 +44,3 @@ def test_the_help_names_the_defaults_of_the_options(capsys):
     for value in (own.height, own.resolution, own.scale, own.unknown):
         text = value if isinstance(value, str) else f"{value:g}"
         assert f"(default: {text})" in document
-
-
-def test_places_are_drawn_and_listed(tmp_path, capsys):
-    field_folder(tmp_path)
-    picture = tmp_path / "places.png"
-    command = ["import", str(tmp_path / "easy_0.csv"), "--robot", "drone", "--json"]
-    assert main([*command, "--places", str(picture)]) == 0
-    document = json.loads(capsys.readouterr().out)
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert len(document["places"]) > 1
-    x, y, _ = document["places"][0]["point"]
-    out = tmp_path / "field.xml"
-    assert main([*command, "--out", str(out), f"--start={x},{y}"]) == 0
-    assert json.loads(capsys.readouterr().out)["start"][:2] == [x, y]
-    assert main([*command, "--places", "places.svg"]) == 2

@@ -68,7 +68,7 @@ def test_what_is_missing_is_listed(tmp_path):
     includes = [INCLUDE.format(f"model://{name}") for name in ("cafe", "cafe", "bar")]
     path = write(tmp_path / "a.world", world(*includes))
     with pytest.raises(
-        WorldFileError, match=r"nothing solid.* --model-path to .*cafe, model://bar"
+        WorldFileError, match=r"nothing solid.*model://cafe'.*'model://bar'.*--model-path with"
     ):
         read(path, skip_missing=True)
     write(tmp_path / "m.sdf", mesh("model://m/none.dae"))
@@ -164,17 +164,15 @@ def test_planes_at_any_height_and_tilt(tmp_path):
     assert [note for note in notes if note.startswith("plane of 'ground': a box ")]
 
 
-def test_a_slab_under_everything_is_the_floor(tmp_path):
+def test_a_slab_that_ends_at_the_floor_is_the_floor(tmp_path):
     slab = box("hall", "20 20 0.2", "<pose>0 0 -0.066 0 0 0</pose>")
     path = write(tmp_path / "a.world", world(slab, box(pose="<pose>0 3 0.534 0 0 0</pose>")))
-    found, notes = read(path)
-    assert notes[:2] == [
-        "floor by its size: hall", "floor at 0.034 m: the scene is moved by -0.034 m in z",
-    ]  # fmt: skip
+    with pytest.raises(WorldFileError, match=r"start .* lies in 'hall_0'; expected .* --floor Z"):
+        read(path)
+    found, notes = read(path, floor=0.034)
+    assert notes == ["floor at 0.034 m: the scene is moved by -0.034 m in z"]
     assert len(found.floor) == 1
     assert found.solids[0].low[2] == pytest.approx(0.0, abs=1e-9)
-    named, _ = read(path, kinds=(("floor", "box"),), floor=1.034)
-    assert [solid.kind for solid in named.solids] == ["hall"]
     with pytest.raises(WorldFileError, match=r"no such model \(available: box, hall\)"):
         read(path, kinds=(("floor", "cafe"),))
 
@@ -203,7 +201,7 @@ def test_visuals_are_solid_only_where_they_are_to_be(tmp_path):
     assert len(read(path, visuals=True)[0].solids) == 2
 
 
-def test_the_upper_one_of_two_floors_hides_the_other(tmp_path):
+def test_what_lies_below_the_floor_is_no_obstacle(tmp_path):
     """A slab drawn as its top and its bottom, 0.1 m apart, with a wall and a high roof on it."""
     sheet = "v -4 -4 {0}\nv 4 -4 {0}\nv 4 4 {0}\nv -4 4 {0}\n"
     text = sheet.format(0.0) + sheet.format(-0.1) + "f 1 2 3\nf 1 3 4\nf 5 7 6\nf 5 8 7\n"
@@ -217,9 +215,18 @@ def test_the_upper_one_of_two_floors_hides_the_other(tmp_path):
     assert [name for name in found.solid_names if not name.startswith("m_")] == ["box_0", "roof_0"]
     raised = box("slab", "8 8 0.2", "<pose>0 0 0 0 0 0</pose>")
     path = write(tmp_path / "b.world", world(ground(), raised, wall))
-    assert "floor at 0.1 m: the scene is moved by -0.1 m in z" in import_world(path)[1]
+    moved, notes = import_world(path, ImportOptions(floor=0.1))
+    assert "floor at 0.1 m: the scene is moved by -0.1 m in z" in notes
+    assert moved.floor[0].high[2] == pytest.approx(0.0)
     with pytest.raises(WorldFileError, match="--floor for another"):
-        import_world(path, ImportOptions(floor=0.0, robot_radius=3.0))
+        import_world(path, ImportOptions(robot_radius=13.0))
+
+
+def test_a_scene_far_from_its_floor_is_refused(tmp_path):
+    path = write(tmp_path / "a.world", world(box(pose="<pose>0 0 12.5 0 0 0</pose>")))
+    with pytest.raises(WorldFileError, match=r"solids from 12 to 13 m; expected --floor Z"):
+        import_world(path)
+    assert import_world(path, ImportOptions(floor=12.0))[0].solids[0].low[2] == 0.0
 
 
 def test_a_model_that_flew_off_before_the_world_was_saved_is_left_out(tmp_path):

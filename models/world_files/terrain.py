@@ -1,15 +1,15 @@
-"""Floors that are not level, without the nodes of a height field: tilted boxes, planes, ramps."""
+"""Floors that are not level: height fields, tilted boxes and planes, ramps of meshes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wayproof.models.world_files.options import Plane
-from wayproof.models.worlds.solids import Box, ConvexMesh, Solid
+from wayproof.models.worlds.solids import Box, ConvexMesh, HeightField, Solid
 
 LEVEL = 1e-6
 """Deviation of a level surface's unit normal from upwards."""
@@ -45,8 +45,25 @@ class SlopedFloor(NamedTuple):
         return np.where(top >= bottom, top, -np.inf)
 
 
-def sloped_floors(planes: Iterable[Plane], floors: Iterable[Solid]) -> Iterator[SlopedFloor]:
-    """Yield the floors that are not level among a world's planes and the solids of its floor."""
+Terrain = tuple[HeightField | SlopedFloor, ...]
+
+
+def terrain_of(floors: Sequence[Solid], planes: Iterable[Plane] = ()) -> Terrain:
+    """Return what is not level among the solids of a floor, and planes."""
+    fields = (one for one in floors if isinstance(one, HeightField))
+    return (*fields, *_sloped(planes, floors))
+
+
+def ground_heights(terrain: Terrain, points: ArrayLike) -> NDArray[np.float64]:  # (n,)
+    """Return the height of the highest terrain at points (n, >= 2), m; 0 beside all of it."""
+    at = np.asarray(points, np.float64)
+    heights = np.full(len(at), -np.inf)
+    for one in terrain:
+        np.maximum(heights, one.surface(at), out=heights)
+    return np.where(np.isfinite(heights), heights, 0.0)
+
+
+def _sloped(planes: Iterable[Plane], floors: Iterable[Solid]) -> Iterator[SlopedFloor]:
     for plane in planes:
         if UPWARD < plane.normal[2] < 1.0 - LEVEL:
             yield SlopedFloor(np.array([[*plane.normal, -float(plane.normal @ plane.point)]]))
@@ -55,9 +72,8 @@ def sloped_floors(planes: Iterable[Plane], floors: Iterable[Solid]) -> Iterator[
             R, half = solid.R_world_box, np.array(solid.half_extents)
             normals = np.concatenate([R.T, -R.T])
             offsets = -(normals @ np.array(solid.centre)) - np.concatenate([half, half])
-            areas = np.roll(half, 1) * np.roll(half, 2) * 4.0
-            sloped = _slopes(normals) & (np.concatenate([areas, areas]) > LEAST_AREA)
-            if sloped.any():
+            areas = np.tile(np.roll(half, 1) * np.roll(half, 2) * 4.0, 2)
+            if (_slopes(normals) & (areas > LEAST_AREA)).any():
                 yield SlopedFloor(np.column_stack([normals, offsets]))
         elif isinstance(solid, ConvexMesh):
             a, b, c = (solid.triangles[:, n] for n in range(3))
@@ -65,8 +81,7 @@ def sloped_floors(planes: Iterable[Plane], floors: Iterable[Solid]) -> Iterator[
             doubled = np.linalg.norm(crosses, axis=1)
             kept = doubled > 0.0
             normals = crosses[kept] / doubled[kept, None]
-            sloped = _slopes(normals)
-            if float((doubled[kept] * normals[:, 2])[sloped].sum()) / 2.0 > LEAST_AREA:
+            if float((doubled[kept] * normals[:, 2])[_slopes(normals)].sum()) / 2.0 > LEAST_AREA:
                 offsets = -np.einsum("ij,ij->i", normals, a[kept])
                 yield SlopedFloor(np.column_stack([normals, offsets]))
 
