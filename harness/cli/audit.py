@@ -13,14 +13,14 @@ from wayproof.harness.cli import shared
 from wayproof.harness.cli.verb import Document, Verb, arg, arguments, check_log, one_or_all
 
 if TYPE_CHECKING:
-    from wayproof.harness.replay.audit import Audit, Volumes
+    from wayproof.harness.replay.audit import Audit
 
 SHOWN_VIOLATIONS = 10
 
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Check the decisions of one or more logs."""
-    from wayproof.harness.replay.audit import audit, together
+    from wayproof.harness.replay.audit import audit
 
     audits = []
     for path in options.log:
@@ -30,15 +30,11 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
                 path,
                 options.policy,
                 allow_plugins=options.allow_plugins,
-                volumes=options.volumes,
                 measured_only=options.measured_only,
                 as_measured=options.as_measured,
             )
         )
         print_audit(console, audits[-1])
-    measured = [one.volumes for one in audits if one.volumes is not None]
-    if len(measured) > 1:
-        print_volumes(console, f"{len(measured)} logs", together(measured))
     code = 1 if any(one.violations for one in audits) else 0
     return code, one_or_all("audits", [asdict(one) for one in audits])
 
@@ -58,12 +54,6 @@ def print_audit(console: Console, audited: Audit) -> None:
         f"{audited.reasons} reasons; {audited.log}",
     )
     console.print(text)
-    if audited.rests is not None:
-        rests = audited.rests
-        console.print(
-            f"  evidence: {rests.unmeasured} of the {rests.cells} cells of these paths admitted "
-            "by what was not measured"
-        )
     filtered = audited.filtered
     if filtered is not None and filtered.filtered_m > 0.0:
         counts = filtered.returns.items()
@@ -72,22 +62,10 @@ def print_audit(console: Console, audited: Audit) -> None:
             f"{len(filtered.decisions)} decisions, are free by the word of a filter alone"
             + "".join(f"; {name} changed {count} returns" for name, count in counts)
         )
-    if audited.volumes is not None:
-        print_volumes(console, "this log", audited.volumes)
     for violation in audited.violations[:SHOWN_VIOLATIONS]:
         console.print(f"  {violation.sequence}: {violation.rule}: {violation.text}")
     if count > SHOWN_VIOLATIONS:
         console.print(f"  and {count - SHOWN_VIOLATIONS} more")
-
-
-def print_volumes(console: Console, what: str, volumes: Volumes) -> None:
-    """Print how near paths come to the volumes of cells."""
-    share = volumes.short / volumes.paths if volumes.paths else 0.0
-    console.print(
-        f"  volumes, {what}: {volumes.short} of {volumes.paths} paths ({share:.1%}) come nearer "
-        f"than radius and margin, by {1e2 * volumes.greatest_m:.1f} cm at most "
-        f"(bound {1e2 * volumes.bound_m:.1f} cm); {volumes.bare} nearer than the radius"
-    )
 
 
 POLICIES = ("forbid", "penalize", "allow")
@@ -111,10 +89,6 @@ VERB = Verb(
         arg(
             "--as-measured",
             "check paths against the returns as they came, without the word of any filter",
-        ),
-        arg(
-            "--volumes",
-            "measure how near paths come to the volumes of cells that are not traversable",
         ),
     ),
     run=run,

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from wayproof.harness.judge.body import Body, track_of
 from wayproof.harness.judge.cells import OUTSIDE, SPACING, Cells, Integers, Mask
-from wayproof.harness.judge.volumes import box_distances
 from wayproof.harness.log.paths import Array, densely
 from wayproof.maps import OCCUPIED, UNKNOWN, Representation
 
@@ -105,7 +104,8 @@ def _gaps(body: Body, cells: Cells, poses: Array, chosen: Mask) -> Array:
     for offset, radius in body.discs:
         track = densely(track_of(poses, offset), SPACING * cells.size)[:, : cells.axes]
         for place in track:
-            gaps = np.minimum(gaps, box_distances(place, low, low + cells.size) - radius)
+            beyond = np.minimum(place - low, 0.0) + np.maximum(place - (low + cells.size), 0.0)
+            gaps = np.minimum(gaps, np.sqrt((beyond * beyond).sum(axis=-1)) - radius)
     return gaps
 
 

@@ -11,6 +11,5 @@ the body is swept along the committed path, cell by cell of that map (`harness.j
 
 from wayproof.harness.replay.audit.committed import Violation
 from wayproof.harness.replay.audit.run import CHECKS, Audit, Auditor, audit
-from wayproof.harness.replay.audit.volumes import Volumes, together
 
-__all__ = ["CHECKS", "Audit", "Auditor", "Violation", "Volumes", "audit", "together"]
+__all__ = ["CHECKS", "Audit", "Auditor", "Violation", "audit"]

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from wayproof.harness.config import Config
+from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.decision import SAMPLE_PERIOD, path_of
-from wayproof.harness.inputs import Inputs
 from wayproof.harness.judge.body import Body
 from wayproof.harness.judge.margin import MOST_MORE, believed_of
-from wayproof.harness.log.paths import Array, length
+from wayproof.harness.log.paths import Array, length, refined
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import Representation
 from wayproof.maps.columns import ColumnMap
 
@@ -46,7 +45,7 @@ class Violation:
     Attributes:
         sequence: Number of the decision.
         rule: `form`, `version`, `inputs`, `settings`, `margin`, `deadline`, `figure`, `limits`,
-            `rest`, `joined`, `swept`, `stop`, `recover`, `reason`, `evidence` or `volume`.
+            `rest`, `joined`, `swept`, `stop`, `recover`, `reason` or `evidence`.
         text: Found and expected.
     """
 
@@ -87,13 +86,39 @@ class Committed:
         """Decision that is checked."""
         return self.record.decision
 
+    @property
+    def reason(self) -> pb.Reason:
+        """Its reason."""
+        return self.decision.predicate
+
+    @property
+    def axes(self) -> int:
+        """Number of axes of motion: 2 for a walking body, 3 for a flying one."""
+        return self.mission.axes
+
+    @property
+    def on_trial(self) -> bool:
+        """Whether the built-in stack did not decide."""
+        return self.config.stack.name != BUILTIN
+
+    @property
+    def effect_ns(self) -> int:
+        """Simulated time for which the decision is made, ns."""
+        return self.decision.timestamp.ToNanoseconds() + self.config.latency.expected_ns
+
+    @property
+    def longest_offset(self) -> float:
+        """Greatest distance of a disc's centre from the body's, m."""
+        return max((abs(offset) for offset, _ in self.mission.discs), default=0.0)
+
     @cached_property
     def margin(self) -> float:
         """Localization margin, m, from settings, logged pose and body."""
-        lever = max((abs(offset) for offset, _ in self.mission.discs), default=0.0)
         pose, mission = self.record.inputs.pose, self.mission
         believed, _ = believed_of(pose, self.config.map.resolution, flat=mission.planar)
-        return self.config.costmap.localization_margin + believed + lever * HEADING_ERROR
+        return (
+            self.config.costmap.localization_margin + believed + self.longest_offset * HEADING_ERROR
+        )
 
     @property
     def late(self) -> bool:
@@ -104,6 +129,21 @@ class Committed:
     def path(self) -> Array:
         """Committed path, (n, 3) m."""
         return path_of(self.decision.trajectory.path)
+
+    @cached_property
+    def length(self) -> float:
+        """Length of the committed path, m."""
+        return length(self.path)
+
+    @cached_property
+    def global_path(self) -> Array:
+        """Global path, (n, 3) m; empty without one."""
+        return path_of(self.decision.global_path)
+
+    @cached_property
+    def way_ahead(self) -> Array:
+        """Global path, (n, 3) m, with all points of the committed path where that follows it."""
+        return refined(self.global_path, self.path)
 
     @cached_property
     def poses(self) -> Array:
@@ -158,42 +198,26 @@ class Committed:
         if len(widening) not in (0, 2) or max(widening, default=0) > MOST_MORE:
             return f"a widening by {tuple(widening)} cells, expected two of at most {MOST_MORE}"
         away = np.maximum(np.array(mission.low) - self.path, self.path - np.array(mission.high))
-        if not (away <= FARTHEST).all() or length(self.path) > LONGEST:
+        if not (away <= FARTHEST).all() or self.length > LONGEST:
             return (
                 f"a path that leaves the operating area by more than {FARTHEST:g} m, or has no end"
             )
         return ""
+
+    def apart(self, a: Array, b: Array) -> float:
+        """Return the distance between two points (3,), m; in the plane for a body on the ground."""
+        return float(np.sqrt(((a - b)[: self.axes] ** 2).sum()))
 
     def broken(self, rule: str, text: str) -> Violation:
         """Return a violation by this decision."""
         return Violation(self.decision.sequence, rule, text)
 
 
-def standing_at_start(mission: Mission) -> pb.Trajectory:
-    """Return the trajectory before the first decision: a hold at the start."""
-    x, y, z = mission.start
-    return pb.Trajectory(
-        path=[pb.Point(x=x, y=y, z=z)],
-        arc_length=[0.0],
-        heading=[mission.start_heading],
-        sample_period_s=0.1,
-    )
-
-
-def resting(navigator: Navigator, inputs: Inputs) -> pb.Trajectory:
-    """Return the trajectory before a decision of a recording: a hold at the recorded pose."""
-    x, y, z = navigator.mapper.planning_point(inputs.pose.position).tolist()
+def hold(place: Sequence[float], heading: float, start_ns: int = 0) -> pb.Trajectory:
+    """Return the trajectory of a body that stays at a place, m, from a time on, ns."""
+    x, y, z = place
     trajectory = pb.Trajectory(
-        path=[pb.Point(x=x, y=y, z=z)],
-        arc_length=[0.0],
-        heading=[inputs.pose.heading],
-        sample_period_s=0.1,
+        path=[pb.Point(x=x, y=y, z=z)], arc_length=[0.0], heading=[heading], sample_period_s=0.1
     )
-    trajectory.start.FromNanoseconds(inputs.time_ns)
+    trajectory.start.FromNanoseconds(start_ns)
     return trajectory
-
-
-def apart(committed: Committed, a: Array, b: Array) -> float:
-    """Return the distance between two points (3,), m; in the plane for a body on the ground."""
-    axes = committed.mission.axes
-    return float(np.sqrt(((a - b)[:axes] ** 2).sum()))

@@ -5,18 +5,15 @@ By simple code on arrays of states; of the stack it shares the format of the pri
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
-from wayproof.harness.judge.body import track_of
-from wayproof.harness.judge.cells import SPACING, Cells, reach_to
+from wayproof.harness.judge.cells import reach_to
 from wayproof.harness.log.paths import Array, densely, length
 from wayproof.harness.prior.cells import PriorCells, logged_cells
 from wayproof.harness.replay.audit.committed import Committed, Violation
@@ -36,20 +33,6 @@ SHIFT_SHARE = 0.02
 
 
 @dataclass(frozen=True)
-class Rests:
-    """Cells that committed paths were checked against.
-
-    Attributes:
-        cells: Number of cells within body and margin of the paths, path by path.
-        unmeasured: Number of these that no sweep had found free, and that admitted the body all
-            the same.
-    """
-
-    cells: int = 0
-    unmeasured: int = 0
-
-
-@dataclass(frozen=True)
 class Filtered:
     """Committed ways by what they are free by.
 
@@ -61,23 +44,10 @@ class Filtered:
         returns: Number of returns that each filter changed in all sweeps, by its name.
     """
 
-    way_m: float = 0.0
-    filtered_m: float = 0.0
-    decisions: tuple[tuple[int, float], ...] = ()
-    returns: dict[str, int] = field(default_factory=dict)
-
-    def with_one(self, committed: Committed) -> Filtered:
-        """Return the sums with another committed way."""
-        part, way = filtered_length(committed), length(committed.path)
-        one = ((committed.decision.sequence, part),) if part > 0.0 else ()
-        way, part = self.way_m + way, self.filtered_m + part
-        return replace(self, way_m=way, filtered_m=part, decisions=(*self.decisions, *one))
-
-
-def all_rests(parts: Iterable[Rests]) -> Rests:
-    """Return the cells of several paths together."""
-    parts = list(parts)
-    return Rests(sum(one.cells for one in parts), sum(one.unmeasured for one in parts))
+    way_m: float
+    filtered_m: float
+    decisions: tuple[tuple[int, float], ...]
+    returns: dict[str, int]
 
 
 class AdmittedMap(ColumnMap):
@@ -132,37 +102,6 @@ def prior_of(config: Config) -> PriorCells | None:
             f"{config.map.resolution:g} m"
         )
     return cells
-
-
-def rests_of(committed: Committed) -> Rests:
-    """Count the cells that the path of a decision needs, and the unmeasured ones among them.
-
-    The policy is `forbid`: the others admit unmeasured cells by themselves.
-    """
-    count = unmeasured = 0
-    body, size = committed.body, committed.measured.resolution
-    offsets = body.discs
-    if committed.mission.discs:
-        around = body.radius + committed.margin
-        if body.first_overlap(committed.map, committed.poses[:, :3], around) is None:
-            offsets = body.about
-    for offset, radius in offsets:
-        track = track_of(committed.poses, offset)
-        reach = body.reach(radius + committed.margin)
-        cells = body.cells(committed.measured, track, reach * size)
-        touched = _well_within(cells, densely(track, SPACING * size), committed.body.slack)
-        unmeasured += len(cells.near(touched, cells.not_free, reach))
-        count += len(cells.near(touched, np.ones_like(cells.not_free), reach))
-    return Rests(count, unmeasured)
-
-
-def _well_within(cells: Cells, places: Array, slack: float) -> NDArray[np.int64]:
-    """Return the distinct cells that hold places (n, 3) and all within the slack of them."""
-    found = cells.of(places)
-    inside = np.ones(len(places), np.bool_)
-    for x, y in itertools.product((-slack, slack), repeat=2):
-        inside &= (cells.of(places + np.array([x, y, 0.0])) == found).all(axis=1)
-    return np.unique(found[inside], axis=0)
 
 
 def check_evidence(committed: Committed) -> list[Violation]:

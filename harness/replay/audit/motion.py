@@ -8,8 +8,8 @@ import numpy as np
 
 from wayproof.harness.decision import SAMPLE_PERIOD
 from wayproof.harness.geometry import wrap_angle
-from wayproof.harness.log.paths import SAME_PLACE, heading_at, length, place_at, speed_at
-from wayproof.harness.replay.audit.committed import Committed, Violation, apart
+from wayproof.harness.log.paths import SAME_PLACE, heading_at, place_at, speed_at
+from wayproof.harness.replay.audit.committed import Committed, Violation
 
 LIMIT_SLACK = 1.05
 """Tolerance factor of speeds, rates and accelerations, which are read from samples 0.1 s apart;
@@ -34,7 +34,7 @@ def check_limits(committed: Committed) -> list[Violation]:
     stop = math.sqrt(2.0 * max(remaining, 0.0) * mission.max_acceleration)
     if speeds[-1] > max(REST, stop * LIMIT_SLACK):
         found.append(committed.broken("rest", f"moves at {speeds[-1]:.2f} m/s when it ends"))
-    if arcs[-1] > length(committed.path) + SAME_PLACE:
+    if arcs[-1] > committed.length + SAME_PLACE:
         found.append(committed.broken("rest", "runs on beyond the end of its path"))
     if speeds.max() > mission.max_speed * LIMIT_SLACK + REST:
         text = f"{speeds.max():.2f} m/s, {mission.max_speed:g} allowed"
@@ -61,7 +61,7 @@ def check_joint(committed: Committed) -> list[Violation]:
         return []
     if start_ns < before.start.ToNanoseconds():
         return [committed.broken("joined", "starts before the trajectory before it")]
-    off = apart(committed, place_at(trajectory, start_ns), place_at(before, start_ns))
+    off = committed.apart(place_at(trajectory, start_ns), place_at(before, start_ns))
     # Between samples 0.1 s apart the body is off the chord by a t^2 / 8 at most.
     if off > 2.0 * SAME_PLACE:
         text = f"starts {off:.2f} m from where the trajectory before it is then"
@@ -85,7 +85,7 @@ def check_rest(committed: Committed) -> list[Violation]:
     decision = committed.decision
     if decision.action not in ("goal", "abort") or committed.late:
         return []
-    moved = length(committed.path)
+    moved = committed.length
     if moved < SAME_PLACE:
         return []
     return [committed.broken("rest", f"action {decision.action}: leads on by {moved:.2f} m")]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-from wayproof.harness.log.paths import length
 from wayproof.harness.mission import Mission
 from wayproof.harness.replay.audit.committed import Committed, Violation
 
@@ -106,7 +105,7 @@ def check_figures(committed: Committed) -> list[Violation]:
     """
     decision = committed.decision
     found = []
-    own_length = length(committed.path)
+    own_length = committed.length
     if not abs(decision.committed_length_m - own_length) <= CELL_ROUNDING:
         text = (
             f"committed_length_m {decision.committed_length_m:.4f}, the path has {own_length:.4f}"

@@ -13,20 +13,13 @@ from wayproof.harness.judge.body import Body
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.prior.cells import PriorCells
 from wayproof.harness.recompute.moments import Moment, moments
-from wayproof.harness.replay.audit.committed import (
-    Committed,
-    Violation,
-    resting,
-    standing_at_start,
-)
+from wayproof.harness.replay.audit.committed import Committed, Violation, hold
 from wayproof.harness.replay.audit.evidence import (
     AdmittedMap,
     Filtered,
-    Rests,
-    all_rests,
     check_evidence,
+    filtered_length,
     prior_of,
-    rests_of,
 )
 from wayproof.harness.replay.audit.motion import (
     check_deadline,
@@ -34,6 +27,8 @@ from wayproof.harness.replay.audit.motion import (
     check_limits,
     check_rest,
 )
+from wayproof.harness.replay.audit.past import Past
+from wayproof.harness.replay.audit.reasons import false_parts
 from wayproof.harness.replay.audit.record import (
     check_figures,
     check_inputs,
@@ -41,12 +36,9 @@ from wayproof.harness.replay.audit.record import (
     check_settings,
     check_version,
 )
-from wayproof.harness.replay.audit.volumes import Volumes, measure, together
 from wayproof.harness.replay.audit.way import judge_way
-from wayproof.harness.replay.reasons import ReasonCheck
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.maps import Representation, UnknownPolicy
-from wayproof.maps.columns import ColumnMap
+from wayproof.maps import UnknownPolicy
 
 CHECKS: tuple[Callable[[Committed], list[Violation]], ...] = (
     check_version,
@@ -78,10 +70,7 @@ class Audit:
         late: Number of late decisions, which keep the trajectory before.
         violations: Violations, in order.
         rules: Number of violations by rule.
-        reasons: Number of reasons that were checked; 0 for a log of a format before 5.
-        volumes: Distances of the swept paths from the volumes of cells; None if not measured.
-        rests: Cells of the swept paths by what they rest on; None without a prior map or
-            prediction, and where the policy admits unknown cells.
+        reasons: Number of reasons that were checked.
         filtered: The swept paths by the word of a filter of returns; None where none was swept, or
             the map of the returns as they came was not kept.
     """
@@ -96,8 +85,6 @@ class Audit:
     violations: tuple[Violation, ...]
     rules: dict[str, int]
     reasons: int
-    volumes: Volumes | None = None
-    rests: Rests | None = None
     filtered: Filtered | None = None
 
 
@@ -105,7 +92,6 @@ def audit(
     path: Path,
     policy: UnknownPolicy | None = None,
     allow_plugins: bool = False,
-    volumes: bool = False,
     measured_only: bool = False,
     as_measured: bool = False,
 ) -> Audit:
@@ -115,7 +101,6 @@ def audit(
         path: The log.
         policy: As of `Auditor`.
         allow_plugins: Whether code that its config names may be imported.
-        volumes: As of `Auditor`.
         measured_only: As of `Auditor`.
         as_measured: As of `Auditor`.
 
@@ -123,7 +108,7 @@ def audit(
         InputError: The file is no finished log, or holds no decision.
     """
     log = open_log(path, allow_plugins)
-    auditor = Auditor(policy, volumes=volumes, measured_only=measured_only, as_measured=as_measured)
+    auditor = Auditor(policy, measured_only=measured_only, as_measured=as_measured)
     for moment in moments(log, returns=True):
         auditor(moment)
     return auditor.audit(log)
@@ -140,7 +125,6 @@ class Auditor:
         self,
         policy: UnknownPolicy | None = None,
         *,
-        volumes: bool = False,
         measured_only: bool = False,
         as_measured: bool = False,
     ) -> None:
@@ -148,7 +132,6 @@ class Auditor:
 
         Args:
             policy: Unknown policy to check paths against; by default that of the log.
-            volumes: Whether to measure the distances of paths from the volumes of cells, too.
             measured_only: Whether paths are checked against what was measured alone, also where
                 the prior map of the log admits.
             as_measured: Whether paths are checked against the map of the returns as they came,
@@ -156,15 +139,13 @@ class Auditor:
         """
         self._policy, self._measured_only = policy, measured_only
         self._as_measured = as_measured
-        self._filtered: Filtered | None = None
+        self._ways: list[tuple[int, float, float]] = []  # of those swept: number, length, filtered
         self._changed: Mapping[str, int] = {}
         self._config: Config | None = None
         self._prior: PriorCells | None = None
         self._before: tuple[pb.Trajectory, ...] = ()
         self._kinds: Counter[str] = Counter()
-        self._reasons = ReasonCheck()
-        self._cells: list[Rests] = []
-        self._volumes: list[Volumes] | None = [] if volumes else None
+        self._past, self._reasons = Past(), 0
         self.violations: list[Violation] = []
 
     def __call__(self, moment: Moment) -> None:
@@ -172,41 +153,36 @@ class Auditor:
         committed = self.committed(moment)
         kind, found = judge(committed, as_measured=self._as_measured)
         if not committed.malformed:
-            found += self._check_reason(committed)
-        self.follow(committed)
+            found += [committed.broken("reason", one) for one in false_parts(committed, self._past)]
+            self._reasons += committed.decision.HasField("predicate")
         self.violations += found
         self._kinds[kind] += 1
-        if kind != "swept":
-            return
-        if committed.returns is not None:
-            self._filtered = (self._filtered or Filtered()).with_one(committed)
+        if kind == "swept" and committed.returns is not None:
+            part = filtered_length(committed)
+            self._ways.append((committed.decision.sequence, committed.length, part))
             self._changed = moment.navigator.mapper.filters.changed
-        if committed.config.has_layers and committed.body.policy == "forbid":
-            self._cells.append(rests_of(committed))
-        if self._volumes is not None and not any(one.rule == "swept" for one in found):
-            self._volumes.append(measure(committed))
-            if self._volumes[-1].greatest_m > self._volumes[-1].bound_m:
-                text = f"{self._volumes[-1].greatest_m:.3f} m nearer than radius and margin"
-                self.violations.append(committed.broken("volume", text))
+        self.follow(committed)
 
     def committed(self, moment: Moment) -> Committed:
         """Return what the next decision committed to, with the body and the map to check it by."""
         record, config, navigator = moment.record, moment.config, moment.navigator
+        inputs, mission, measured = record.inputs, moment.mission, navigator.map
         if config is not self._config:
             self._config = config
             self._prior = None if self._measured_only else prior_of(config)
         if config.recording is not None:  # nothing follows the trajectories
-            self._before = (resting(navigator, record.inputs),)
+            here = navigator.mapper.planning_point(inputs.pose.position)
+            self._before = (hold(here, inputs.pose.heading, inputs.time_ns),)
         policy = self._policy or config.costmap.unknown_policy
         return Committed(
             record=record,
             config=config,
-            mission=moment.mission,
-            map=_admitted(navigator.map, self._prior),
-            measured=navigator.map,
+            mission=mission,
+            map=measured if self._prior is None else AdmittedMap(measured, self._prior),
+            measured=measured,
             version=navigator.mapper.version(),
-            body=Body(config, moment.mission, policy).placed(record.inputs.pose),
-            before=self._before or (standing_at_start(moment.mission),),
+            body=Body(config, mission, policy).placed(inputs.pose),
+            before=self._before or (hold(mission.start, mission.start_heading),),
             returns=navigator.mapper.returns,
         )
 
@@ -214,6 +190,7 @@ class Auditor:
         """Let the next decision begin on the trajectory of this one, if it is one."""
         if not committed.malformed:
             self._before = (*committed.before[-1:], committed.decision.trajectory)
+            self._past.take(committed.decision)
 
     def audit(self, log: Log) -> Audit:
         """Return the result for a log whose decisions were all checked.
@@ -224,7 +201,6 @@ class Auditor:
         decisions = self._kinds.total()
         if decisions == 0:
             raise InputError(f"log '{log.path}': no decisions in it")
-        filtered = self._filtered and replace(self._filtered, returns=dict(self._changed))
         return Audit(
             log=str(log.path),
             policy=self._policy or log.config.costmap.unknown_policy,
@@ -235,17 +211,19 @@ class Auditor:
             late=self._kinds["late"],
             violations=tuple(self.violations),
             rules=dict(Counter(violation.rule for violation in self.violations)),
-            reasons=self._reasons.checked,
-            volumes=None if self._volumes is None else together(self._volumes),
-            rests=all_rests(self._cells) if self._cells else None,
-            filtered=filtered,
+            reasons=self._reasons,
+            filtered=self._filtered(),
         )
 
-    def _check_reason(self, committed: Committed) -> list[Violation]:
-        found = self._reasons.check(
-            committed.decision, committed.map, committed.config, committed.mission
+    def _filtered(self) -> Filtered | None:
+        if not self._ways:
+            return None
+        return Filtered(
+            way_m=sum(way for _, way, _ in self._ways),
+            filtered_m=sum(part for _, _, part in self._ways),
+            decisions=tuple((number, part) for number, _, part in self._ways if part > 0.0),
+            returns=dict(self._changed),
         )
-        return [committed.broken("reason", text) for text in found]
 
 
 def judge(committed: Committed, *, as_measured: bool = False) -> tuple[str, list[Violation]]:
@@ -264,7 +242,3 @@ def judge(committed: Committed, *, as_measured: bool = False) -> tuple[str, list
     way = judge_way(swept)
     found = [violation for check in CHECKS for violation in check(committed)]
     return way.kind, [*found, *way.violations]
-
-
-def _admitted(measured: Representation, prior: PriorCells | None) -> ColumnMap:
-    return measured if prior is None else AdmittedMap(measured, prior)

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wayproof.harness.config import BUILTIN
 from wayproof.harness.decision import path_of
 from wayproof.harness.judge.body import Discs, track_of
 from wayproof.harness.log.paths import (
     SAME_PLACE,
     Array,
     arc_lengths,
-    length,
     rest_of,
     runs_along,
     speed_at,
@@ -128,7 +126,7 @@ def _distance(committed: Committed, track: Array, reach: float, unknown: bool) -
 
 def _comes_to_rest(committed: Committed) -> bool:
     """Return whether the built-in stack goes no farther, whatever it calls that; others creep."""
-    return committed.config.stack.name == BUILTIN and length(committed.path) < SAME_PLACE
+    return not committed.on_trial and committed.length < SAME_PLACE
 
 
 def _is_forced(committed: Committed) -> bool:
@@ -154,7 +152,7 @@ def _is_forced(committed: Committed) -> bool:
 def _straight_on(committed: Committed) -> Array:
     """Return poses (n, 4) of the trajectory before, as far as the one committed to leads."""
     before, trajectory = committed.before[-1], committed.decision.trajectory
-    reach = length(committed.path)
+    reach = committed.length
     if committed.mission.discs:
         ahead = committed.body.poses(before, trajectory.start.ToNanoseconds())
         ahead = ahead[arc_lengths(ahead[:, :3]) <= reach]

@@ -10,7 +10,9 @@ import pytest
 from tests.harness.replay.episodes import committed_of
 from wayproof.harness.config import StackConfig
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.replay.reasons import FACTS, ReasonCheck, figures_of
+from wayproof.harness.replay.audit.facts import FACTS
+from wayproof.harness.replay.audit.past import Past
+from wayproof.harness.replay.audit.reasons import false_parts, figures_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.reasons import (
     COUNTS,
@@ -99,8 +101,12 @@ def texts_by_fault(logs):
     return {robot: falsified(log) for robot, log in logs.items()}
 
 
+def with_decision(moment, decision):
+    return replace(moment, record=replace(moment.record, decision=decision))
+
+
 def falsified(log):
-    checks = {name: ReasonCheck() for name in FALSE}
+    pasts = {name: Past() for name in FALSE}
     found = {name: {} for name in FALSE}
     count = int(log.result["decisions"])
     for moment in committed_of(log):
@@ -109,14 +115,13 @@ def falsified(log):
         for name, (falsify, _) in FALSE.items():
             decision = pb.Decision()
             decision.CopyFrom(moment.decision)
-            if not chosen:
-                checks[name].pass_by(decision)
-                continue
-            falsify(decision)
-            decision.reason = sentence(logged_reason(decision.predicate))
-            texts = checks[name].check(decision, moment.map, moment.config, moment.mission)
-            if texts:
-                found[name].setdefault(decision.predicate.kind, []).extend(texts)
+            if chosen:
+                falsify(decision)
+                decision.reason = sentence(logged_reason(decision.predicate))
+                texts = false_parts(with_decision(moment, decision), pasts[name])
+                if texts:
+                    found[name].setdefault(decision.predicate.kind, []).extend(texts)
+            pasts[name].take(decision)
     return found
 
 
@@ -144,14 +149,14 @@ def test_a_walking_body_is_told_what_is_unknown_the_floor_or_what_is_above_it(lo
     assert moment.decision.predicate.cell_state == "floor not seen"
     moment.decision.predicate.cell_state = "unknown"
     moment.decision.reason = sentence(logged_reason(moment.decision.predicate))
-    texts = ReasonCheck().check(moment.decision, moment.map, moment.config, moment.mission)
+    texts = false_parts(moment, Past())
     assert any("the cell is floor not seen, not unknown" in text for text in texts)
 
 
 def test_words_that_its_figures_do_not_make_are_found(log):
-    check, moment = ReasonCheck(), next(committed_of(log))
+    moment = next(committed_of(log))
     moment.decision.reason = "the way ahead is blocked"
-    texts = check.check(moment.decision, moment.map, moment.config, moment.mission)
+    texts = false_parts(moment, Past())
     assert texts == ["its sentence is not that of its figures"]
 
 
@@ -180,9 +185,9 @@ PLANTED = {
 def test_a_false_reason_of_each_kind_is_found(log, kind):
     assert set(PLANTED) == set(MEANINGS) == set(FACTS)
     *_, moment = itertools.islice(committed_of(log), 13)
-    check = ReasonCheck()
+    past = Past()
     for decision in itertools.islice(log.decisions(), 12):
-        check.pass_by(decision)
+        past.take(decision)
     x, y = moment.decision.trajectory.path[5].x, moment.decision.trajectory.path[5].y
     names = ["target"] if "target" in figures_of(MEANINGS[kind].text) else []
     names += ["cell", "place"] if "cell_state" in PLANTED[kind] else []
@@ -191,7 +196,7 @@ def test_a_false_reason_of_each_kind_is_found(log, kind):
     decision.predicate.CopyFrom(reason_message(reason))
     decision.reason = sentence(reason)
     decision.action, decision.label = MEANINGS[kind].actions[0], MEANINGS[kind].labels[0]
-    texts = check.check(decision, moment.map, moment.config, moment.mission)
+    texts = false_parts(moment, past)
     assert any(text.startswith(f"{kind}: ") for text in texts)
 
 
@@ -203,7 +208,7 @@ def commanded_texts(moment, reason, verdict, free_m, cut=False):
     decision.verdict.verdict, decision.verdict.cut = verdict, cut
     decision.verdict.free_m = free_m
     config = replace(moment.config, stack=StackConfig("dwa"))
-    return " ".join(ReasonCheck().check(decision, moment.map, config, moment.mission))
+    return " ".join(false_parts(replace(moment, config=config), Past()))
 
 
 def test_a_command_without_proof_names_what_blocks_it_on_its_way(log):
@@ -233,8 +238,7 @@ def test_a_command_is_admitted_as_its_verdict_says(log):
 def test_a_decision_without_figures_is_found(log):
     moment = next(committed_of(log))
     moment.decision.ClearField("predicate")
-    given = moment.decision, moment.map, moment.config, moment.mission
-    assert ReasonCheck().check(*given) == ["there is no reason with figures"]
+    assert false_parts(moment, Past()) == ["there is no reason with figures"]
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e300])
@@ -247,8 +251,7 @@ def test_figures_that_no_decision_has_are_found_and_harm_nothing(log, value):
             getattr(decision.predicate, name).x = value
         else:
             setattr(decision.predicate, name, value)
-        given = decision, moment.map, moment.config, moment.mission
-        assert ReasonCheck().check(*given), name
+        assert false_parts(with_decision(moment, decision), Past()), name
 
 
 def test_a_sentence_is_made_of_its_figures():

@@ -22,8 +22,6 @@ def test_predictions_guide_and_admit_nothing(recorded):
     log = Path(recorded("warehouse", "quadruped", 1, SHORT, COMPLETION).log)
     found = audit(log)
     assert found.violations == ()
-    assert found.rests.cells > 1000
-    assert found.rests.unmeasured == 0
     stated = [one for one in read_messages(log) if isinstance(one, pb.Decision)]
     assert max(one.global_evidence.predicted_m for one in stated) > 0.0
     assert all(one.global_evidence.prior_m == 0.0 for one in stated)

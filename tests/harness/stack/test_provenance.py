@@ -47,8 +47,6 @@ def test_a_guide_changes_paths_and_admits_nothing(recorded):
     found = audit(Path(result.log))
     assert found.violations == ()
     assert found.swept > 30
-    assert found.rests.cells > 10_000
-    assert found.rests.unmeasured == 0
     stated = decisions(result)
     assert all(one.HasField("global_evidence") for one in stated)
     assert max(one.global_evidence.prior_m for one in stated) > 3.0
@@ -62,7 +60,6 @@ def test_a_prior_that_admits_is_found_by_the_audit_of_what_was_measured(recorded
     log = Path(recorded("warehouse", "drone", 1, SHORT, TRUTH, "prior.policy=admit").log)
     found = audit(log)
     assert found.violations == ()
-    assert found.rests.unmeasured > 100
     broken = audit(log, measured_only=True)
     assert "swept" in broken.rules
     assert all("unknown" in one.text for one in broken.violations if one.rule == "swept")

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from wayproof.harness.geometry import wrap_angle
-from wayproof.harness.log.paths import arc_lengths, place_at
-from wayproof.harness.replay.reasons.past import STILL, Past
-from wayproof.harness.replay.reasons.scene import Scene, point_of
+from wayproof.harness.log.paths import place_at
+from wayproof.harness.replay.audit.committed import Committed
+from wayproof.harness.replay.audit.past import STILL, Past, point_of
 from wayproof.harness.stack.reasons import Kind
 
 NEAR = 1e-3
@@ -21,7 +21,7 @@ GOAL_SHARE = 0.8
 SIGMAS = 2.0
 """Standard deviations within which the goal has to be to be claimed."""
 
-Fact = Callable[[Scene, Past], Iterator[str]]
+Fact = Callable[[Committed, Past], Iterator[str]]
 
 
 def same(name: str, claimed: float, found: float, within: float = NEAR) -> Iterator[str]:
@@ -30,141 +30,141 @@ def same(name: str, claimed: float, found: float, within: float = NEAR) -> Itera
         yield f"{name} is {claimed:.3f}, found {found:.3f}"
 
 
-def driving(scene: Scene, past: Past) -> Iterator[str]:
+def driving(now: Committed, past: Past) -> Iterator[str]:
     """Check that what is committed is free, or ends before the cell that is named."""
-    reason, committed = scene.reason, scene.committed
+    reason, committed = now.reason, now.length
     if not reason.HasField("cell"):
         yield from same("free_m", reason.free_m, committed)
     elif reason.kind == "following" and committed > reason.free_m + NEAR:
         yield f"{reason.free_m:.3f} m are free, {committed:.3f} m committed"
     doubtful = reason.HasField("sigma_m") or reason.HasField("range_sigma_m")
-    if reason.kind == "following" and (scene.decision.action == "slow") != doubtful:
-        yield f"action {scene.decision.action} on a path that is admitted"
-    yield from slowed(scene, past)
+    if reason.kind == "following" and (now.decision.action == "slow") != doubtful:
+        yield f"action {now.decision.action} on a path that is admitted"
+    yield from slowed(now, past)
 
 
-def slowed(scene: Scene, past: Past) -> Iterator[str]:
+def slowed(now: Committed, past: Past) -> Iterator[str]:
     """Check that a deviation that is stated is too great for full speed."""
-    reason, limits = scene.reason, scene.config.behaviour
+    reason, limits = now.reason, now.config.behaviour
     if reason.HasField("sigma_m"):
-        yield from same("sigma_m", reason.sigma_m, scene.decision.position_sigma)
+        yield from same("sigma_m", reason.sigma_m, now.decision.position_sigma)
         if not reason.sigma_m > limits.uncertain_sigma:
             yield f"a standard deviation of {reason.sigma_m:.2f} m costs no speed"
     if reason.HasField("range_sigma_m") and not reason.range_sigma_m > limits.noisy_sigma:
         yield f"a deviation of the ranges of {reason.range_sigma_m:.3f} m costs no speed"
 
 
-def turning(scene: Scene, past: Past) -> Iterator[str]:
+def turning(now: Committed, past: Past) -> Iterator[str]:
     """Check that the body stays in its place, and ends at the heading."""
-    if scene.committed >= STILL:
+    if now.length >= STILL:
         yield "the trajectory leaves its place"
-    turned = scene.decision.trajectory.heading[-1] - scene.reason.turn_rad
+    turned = now.decision.trajectory.heading[-1] - now.reason.turn_rad
     yield from same("turn_rad", 0.0, wrap_angle(turned))
 
 
-def braking_for_goal(scene: Scene, past: Past) -> Iterator[str]:
+def braking_for_goal(now: Committed, past: Past) -> Iterator[str]:
     """Check the length of the committed path."""
-    yield from same("path_m", scene.reason.path_m, scene.committed)
-    yield from slowed(scene, past)
+    yield from same("path_m", now.reason.path_m, now.length)
+    yield from slowed(now, past)
 
 
-def waiting(scene: Scene, past: Past) -> Iterator[str]:
+def waiting(now: Committed, past: Past) -> Iterator[str]:
     """Check that the robot has been at rest as long as stated, or without a path since."""
-    reason = scene.reason
+    reason = now.reason
     if reason.HasField("waited_s") == reason.HasField("since"):
         yield "it states neither how long it has waited, nor since when there is no path"
     if reason.HasField("since"):
-        steps = past.since(reason.since, scene.decision.sequence)
-        if reason.since != scene.decision.sequence and not steps:
+        steps = past.since(reason.since, now.decision.sequence)
+        if reason.since != now.decision.sequence and not steps:
             yield f"there is no earlier decision {reason.since}"
         if any(one.action in ("follow", "slow", "explore") for one in steps if not one.late):
             yield f"since decision {reason.since} there was a path"
-    yield from waited(scene, past)
+    yield from waited(now, past)
 
 
-def waited(scene: Scene, past: Past) -> Iterator[str]:
+def waited(now: Committed, past: Past) -> Iterator[str]:
     """Check that a robot that states how long it has waited has not moved since."""
-    reason = scene.reason
+    reason = now.reason
     if not reason.HasField("waited_s"):
         return
-    if scene.committed >= STILL:
+    if now.length >= STILL:
         yield "it moves"
-    begun_ns = scene.decision.timestamp.ToNanoseconds() - round(reason.waited_s * 1e9)
+    begun_ns = now.decision.timestamp.ToNanoseconds() - round(reason.waited_s * 1e9)
     first = past.at(begun_ns)
     if first is None and reason.waited_s > NEAR:
         yield f"no decision was made {reason.waited_s:.2f} s ago"
-    elif first is not None and any(one.moves for one in past.since(first, scene.decision.sequence)):
+    elif first is not None and any(one.moves for one in past.since(first, now.decision.sequence)):
         yield f"it has moved within {reason.waited_s:.2f} s"
-    behaviour = scene.config.behaviour
+    behaviour = now.config.behaviour
     if reason.frontier and reason.waited_s < behaviour.wait_timeout:
         yield f"looked for a frontier after {reason.waited_s:.2f} s"
     if reason.HasField("places") and reason.places < behaviour.max_recoveries:
         yield f"gave up after {reason.places} places"
 
 
-def errand(scene: Scene, past: Past) -> Iterator[str]:
+def errand(now: Committed, past: Past) -> Iterator[str]:
     """Check that the way leads to the stated place, and has since the decision that set out."""
-    reason, now = scene.reason, scene.decision.sequence
-    if len(scene.global_path) < 2:
+    reason, number = now.reason, now.decision.sequence
+    if len(now.global_path) < 2:
         yield "it names no way"
         return
     target = point_of(reason.target)
-    yield from same("target", 0.0, scene.apart(scene.global_path[-1], target))
-    if reason.since > now or (reason.since < now and reason.since not in past.steps):
+    yield from same("target", 0.0, now.apart(now.global_path[-1], target))
+    if reason.since > number or (reason.since < number and reason.since not in past.steps):
         yield f"there is no earlier decision {reason.since}"
-    for step in past.since(reason.since, now):
+    for step in past.since(reason.since, number):
         before = step.predicate
-        if before.kind == reason.kind and scene.apart(point_of(before.target), target) > NEAR:
+        if before.kind == reason.kind and now.apart(point_of(before.target), target) > NEAR:
             yield f"since decision {reason.since} it went elsewhere"
             return
 
 
-def going_back(scene: Scene, past: Past) -> Iterator[str]:
+def going_back(now: Committed, past: Past) -> Iterator[str]:
     """Check that the robot has been where it goes; if its pose is lost, that it is."""
-    yield from errand(scene, past)
-    target = point_of(scene.reason.target)
-    been = [scene.apart(one.position, target) for one in past.steps.values()]
-    if not been or min(been) > scene.size:
+    yield from errand(now, past)
+    target = point_of(now.reason.target)
+    been = [now.apart(one.position, target) for one in past.steps.values()]
+    if not been or min(been) > now.map.resolution:
         yield "it has not been where it goes back to"
-    if scene.reason.HasField("sigma_m"):
-        yield from lost(scene, past)
+    if now.reason.HasField("sigma_m"):
+        yield from lost(now, past)
 
 
-def leaving_inflation(scene: Scene, past: Past) -> Iterator[str]:
+def leaving_inflation(now: Committed, past: Past) -> Iterator[str]:
     """Check how far the robot moves, or turns, or how long it has waited."""
-    reason, headings = scene.reason, scene.decision.trajectory.heading
+    reason, headings = now.reason, now.decision.trajectory.heading
     if reason.HasField("distance_m"):
-        yield from same("distance_m", reason.distance_m, scene.committed)
+        yield from same("distance_m", reason.distance_m, now.length)
     elif reason.HasField("turn_rad"):
         yield from same("turn_rad", reason.turn_rad, headings[-1] - headings[0])
     elif not reason.HasField("waited_s"):
         yield "it states no way out, nor how long it has waited"
-    yield from waited(scene, past)
+    yield from waited(now, past)
 
 
-def no_path(scene: Scene, past: Past) -> Iterator[str]:
+def no_path(now: Committed, past: Past) -> Iterator[str]:
     """Check that a search was made, and names no path."""
-    if not scene.decision.planner:
+    if not now.decision.planner:
         yield "no search was made"
-    made = scene.decision.planner_iterations
-    if scene.reason.iterations != made:
-        yield f"{scene.reason.iterations} iterations, {made} were made"
-    yield from waited(scene, past)
+    made = now.decision.planner_iterations
+    if now.reason.iterations != made:
+        yield f"{now.reason.iterations} iterations, {made} were made"
+    yield from waited(now, past)
 
 
-def lost(scene: Scene, past: Past) -> Iterator[str]:
+def lost(now: Committed, past: Past) -> Iterator[str]:
     """Check that the deviation, or the distance from the trajectory, is beyond its limit."""
-    reason, behaviour = scene.reason, scene.config.behaviour
+    reason, behaviour = now.reason, now.config.behaviour
     if reason.HasField("sigma_m"):
-        yield from same("sigma_m", reason.sigma_m, scene.decision.position_sigma)
-        claim = GOAL_SHARE * scene.config.episode.goal_tolerance / SIGMAS
+        yield from same("sigma_m", reason.sigma_m, now.decision.position_sigma)
+        claim = GOAL_SHARE * now.config.episode.goal_tolerance / SIGMAS
         limits, value = [behaviour.lost_sigma, claim], reason.sigma_m
     else:
-        time_ns = scene.decision.timestamp.ToNanoseconds()
+        time_ns = now.decision.timestamp.ToNanoseconds()
         followed = past.followed(time_ns)
-        start = np.array(scene.mission.start)
+        start = np.array(now.mission.start)
         place = start if followed is None else place_at(followed, time_ns)
-        off = scene.apart(place, np.array(scene.decision.position))
+        off = now.apart(place, np.array(now.decision.position))
         yield from same("distance_m", reason.distance_m, off, 0.05)
         limits, value = [behaviour.tracking_tolerance], reason.distance_m
     if min(abs(reason.limit_m - one) for one in limits) > NEAR:
@@ -173,11 +173,11 @@ def lost(scene: Scene, past: Past) -> Iterator[str]:
         yield f"{value:.2f} m are within what is allowed"
 
 
-def late(scene: Scene, past: Past) -> Iterator[str]:
+def late(now: Committed, past: Past) -> Iterator[str]:
     """Check that the decision came late, and the trajectory is the last one."""
-    reason, decision = scene.reason, scene.decision
+    reason, decision = now.reason, now.decision
     yield from same("delay_s", reason.delay_s, decision.delay_s)
-    yield from same("deadline_s", reason.deadline_s, scene.config.latency.deadline)
+    yield from same("deadline_s", reason.deadline_s, now.config.latency.deadline)
     if not reason.delay_s > reason.deadline_s:
         yield "that is in time"
     last = past.trajectories[-1] if past.trajectories else decision.trajectory
@@ -189,14 +189,14 @@ def late(scene: Scene, past: Past) -> Iterator[str]:
         yield f"action {decision.action}, while the last trajectory {'is over' * over}"
 
 
-def arrived(scene: Scene, past: Past) -> Iterator[str]:
+def arrived(now: Committed, past: Past) -> Iterator[str]:
     """Check that the robot is at rest, near enough to the goal."""
-    here, reason = np.array(scene.decision.position), scene.reason
-    yield from same("distance_m", reason.distance_m, scene.apart(here, scene.goal))
-    yield from same("limit_m", reason.limit_m, GOAL_SHARE * scene.config.episode.goal_tolerance)
+    here, reason = np.array(now.decision.position), now.reason
+    yield from same("distance_m", reason.distance_m, now.apart(here, np.array(now.mission.goal)))
+    yield from same("limit_m", reason.limit_m, GOAL_SHARE * now.config.episode.goal_tolerance)
     if reason.distance_m > reason.limit_m:
         yield "that is too far"
-    time_ns = scene.decision.timestamp.ToNanoseconds()
+    time_ns = now.decision.timestamp.ToNanoseconds()
     followed = past.followed(time_ns)
     if followed is not None:
         end_ns = followed.start.ToNanoseconds() + followed.duration_s * 1e9
@@ -204,22 +204,22 @@ def arrived(scene: Scene, past: Past) -> Iterator[str]:
             yield f"its trajectory goes on for {(end_ns - time_ns) * 1e-9:.2f} s"
 
 
-def commanded(scene: Scene, past: Past) -> Iterator[str]:
+def commanded(now: Committed, past: Past) -> Iterator[str]:
     """Check that a stack was on trial, and was followed as far as the verdict says."""
-    verdict = scene.decision.verdict
-    if not scene.on_trial:
+    verdict = now.decision.verdict
+    if not now.on_trial:
         yield "no stack was on trial"
     if verdict.cut or not verdict.verdict:
         yield f"the guard cut it, or there is no verdict ('{verdict.verdict}')"
-    yield from same("free_m", scene.reason.free_m, verdict.free_m)
-    longest = float(arc_lengths(scene.path)[-1])
-    if not scene.reason.free_m <= longest + NEAR:
-        yield f"free_m is {scene.reason.free_m:.3f}, the path is {longest:.3f} long"
-    if (verdict.verdict == "admitted") == scene.reason.HasField("cell"):
+    yield from same("free_m", now.reason.free_m, verdict.free_m)
+    longest = now.length
+    if not now.reason.free_m <= longest + NEAR:
+        yield f"free_m is {now.reason.free_m:.3f}, the path is {longest:.3f} long"
+    if (verdict.verdict == "admitted") == now.reason.HasField("cell"):
         yield f"the verdict is {verdict.verdict}"
 
 
-def nothing(scene: Scene, past: Past) -> Iterator[str]:
+def nothing(now: Committed, past: Past) -> Iterator[str]:
     """Check nothing: the obstruction is all that the reason says."""
     yield from ()
 

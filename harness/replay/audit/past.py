@@ -8,6 +8,7 @@ import numpy as np
 
 from wayproof.harness.decision import path_of
 from wayproof.harness.log.paths import Array, length
+from wayproof.harness.replay.audit.committed import hold
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 STILL = 0.02
@@ -54,12 +55,11 @@ class Past:
 
     def take(self, decision: pb.Decision) -> None:
         """Add the next decision."""
-        path = path_of(decision.trajectory.path)
         self.steps[decision.sequence] = Step(
             time_ns=decision.timestamp.ToNanoseconds(),
             action=decision.action,
             predicate=decision.predicate,
-            moves=length(path) >= STILL,
+            moves=length(path_of(decision.trajectory.path)) >= STILL,
             position=np.array(decision.position),
         )
         self.trajectories = [*self.trajectories[-9:], decision.trajectory]
@@ -68,15 +68,7 @@ class Past:
 
     def stand(self, decision: pb.Decision) -> None:
         """Void all trajectories: a recorded robot stands where the next decision is made."""
-        x, y, z = decision.position
-        hold = pb.Trajectory(
-            start=decision.timestamp,
-            path=[pb.Point(x=x, y=y, z=z)],
-            arc_length=[0.0],
-            heading=[0.0],
-            sample_period_s=0.1,
-        )
-        self.trajectories = [hold]
+        self.trajectories = [hold(decision.position, 0.0, decision.timestamp.ToNanoseconds())]
 
     def followed(self, time_ns: int) -> pb.Trajectory | None:
         """Return the trajectory that the robot follows at a time; None before the first."""
@@ -91,3 +83,8 @@ class Past:
     def since(self, first: int, last: int) -> list[Step]:
         """Return the decisions from `first` to `last`, the latter excluded."""
         return [self.steps[k] for k in range(first, last) if k in self.steps]
+
+
+def point_of(point: pb.Point) -> Array:
+    """Return a logged point as an array (3,), m."""
+    return np.array([point.x, point.y, point.z])
