@@ -4,11 +4,24 @@ import gc
 import hashlib
 import os
 import pickle
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 from tests.sharing import alone
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Leave the cases of a test beyond its `few(N)` to `make test-all`."""
+    taken = Counter()
+    for item in items:
+        few = item.get_closest_marker("few")
+        if few is not None:
+            taken[item.function] += 1
+            if taken[item.function] > few.args[0]:
+                item.add_marker(pytest.mark.large)
 
 
 def pytest_collection_finish():

@@ -35,14 +35,15 @@ def test_reaches_the_goal_and_replays_identically(recorded, episode):
 
 def test_same_seed_gives_the_same_chain(recorded, tmp_path):
     episode = EPISODES[1]
-    first = recorded(*episode, "episode.time_limit=3")
-    config = override(Config(*episode), ["episode.time_limit=3"])
+    first = recorded(*episode, "episode.time_limit=1")
+    config = override(Config(*episode), ["episode.time_limit=1"])
     second = run_episode(build(config), tmp_path / "again.mcap")
     assert second.chain == first.chain
     third = run_episode(build(replace(config, seed=config.seed + 1)), tmp_path / "other.mcap")
     assert third.chain != first.chain
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("robot", sorted(ROBOTS))
 def test_unknown_space_is_never_entered_under_forbid(recorded, robot):
     """Each driven path against the very map it was decided on, cell by cell, by slow code."""
@@ -112,7 +113,7 @@ def test_every_trajectory_ends_at_rest_and_starts_where_the_last_one_is(recorded
 
 def test_a_late_decision_is_labelled_and_discarded(recorded):
     result = recorded(
-        "empty", "drone", 2, "latency.plan=0.5", "latency.deadline=0.1", "episode.time_limit=3"
+        "empty", "drone", 2, "latency.plan=0.5", "latency.deadline=0.1", "episode.time_limit=1"
     )
     decisions = [record.decision for record in open_log(Path(result.log)).records()]
     assert {d.label for d in decisions} == {"deadline_missed"}
@@ -153,6 +154,7 @@ def test_no_decision_reads_the_truth(recorded, tmp_path):
     assert (replayed.differing, replayed.decisions) == (0, result.decisions)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_an_episode_frees_all_that_it_took_as_it_ends(robot, tmp_path):
     """Nothing is left for the collector of garbage: a worker of a study runs thousands of them."""
@@ -167,6 +169,7 @@ def test_an_episode_frees_all_that_it_took_as_it_ends(robot, tmp_path):
         gc.enable()
 
 
+@pytest.mark.large
 def test_a_gap_too_narrow_for_the_disc_is_taken_rather_than_gone_around(recorded):
     """From afar it looks wide: a robot that turned round there came back, again and again."""
     result = recorded("warehouse", "quadruped", 80, "episode.time_limit=45", "record=decisions")

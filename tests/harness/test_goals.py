@@ -99,6 +99,7 @@ def test_a_false_claim_reaches_no_goal():
     assert goals_reached([], "error") == 0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("robot", "settings"), [("drone", THERE_AND_BACK), ("quadruped", CLOSE)])
 def test_a_mission_replays_simulates_again_and_is_audited(recorded, robot, settings):
     result = recorded("empty", robot, 1, *settings)
@@ -159,6 +160,7 @@ def test_a_collision_between_goals(recorded):
     assert simulate_again(Path(result.log)).identical
 
 
+@pytest.mark.large
 def test_a_stack_on_trial_is_led_from_goal_to_goal(recorded):
     stack = f"exec:{sys.executable} -m wayproof serve gap"
     result = recorded("empty", "quadruped", 1, f"stack.name={stack}", *THERE_AND_BACK)
@@ -175,7 +177,7 @@ def test_a_fork_after_the_first_goal_ends_alike_or_goes_elsewhere(recorded, tmp_
     result = recorded("empty", "drone", 1, *THERE_AND_BACK)
     path = Path(result.log)
     first = claims_of(open_log(path))[0]
-    for at in (first, first + 1, first + 5):
+    for at in (first + 1, first + 5):
         same = fork(path, at, (), tmp_path / f"same-{at}.mcap")
         assert same.chain == result.chain
     other = fork(path, first + 5, ["goal=[4.5,4.0]"], tmp_path / "other.mcap")

@@ -40,6 +40,7 @@ def large(once):
     return record
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_an_episode_replays_from_its_start_and_in_pieces(large, robot, monkeypatch):
     path = large(robot)
@@ -52,6 +53,7 @@ def test_an_episode_replays_from_its_start_and_in_pieces(large, robot, monkeypat
     assert not simulate_again(path).differences
 
 
+@pytest.mark.large
 def test_a_robot_goes_about_as_far_as_with_the_whole_area_planned(tmp_path):
     lengths = []
     for window in (24, 0):

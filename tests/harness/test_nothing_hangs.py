@@ -51,6 +51,7 @@ EXACT = ("pose_model.bias_sigma=0", "pose_model.yaw_bias_sigma=0")
 
 # With an exact pose, beams miss some cells under the ceiling for good: there might be a way for a
 # drone.
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("robot", "settings", "label"),
     [
@@ -78,6 +79,7 @@ def test_a_goal_inside_the_inflation_is_approached_and_then_given_up(episode):
     assert len(waited) * 0.1 == pytest.approx(5.0, abs=0.3)
 
 
+@pytest.mark.large
 def test_a_goal_inside_the_inflation_is_reached_where_the_tolerance_allows(episode):
     settings = ("goal=[5.0,2.0]", "episode.goal_tolerance=0.6")
     assert episode([PILLAR], "drone", *settings)[0].outcome == "success"

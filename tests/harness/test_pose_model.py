@@ -169,6 +169,7 @@ def test_the_body_tracks_what_it_believes(tmp_path):
     assert np.linalg.norm(np.array(truth.position)[:2] + error - goal) < 0.06
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "setting",
     ["pose_model.white_noise=0.01", "pose_model.yaw_bias_sigma=0.2"],

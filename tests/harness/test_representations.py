@@ -28,6 +28,7 @@ def test_a_quadruped_drives_through_the_corridor_on_a_flat_grid(recorded):
     assert len({decision.map_version for decision in decisions}) > 45
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("kind", "settings"), [("tsdf", ("goal=[6.0, 4.0]",)), ("octomap", ("map.half_life=0", NEAR))]
 )

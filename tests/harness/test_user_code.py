@@ -259,6 +259,7 @@ def whole_log(folder, name, said, setting="planner.name", **environment):
     return log
 
 
+@pytest.mark.large
 def test_a_process_that_holds_on_leaves_a_whole_log(tmp_path, file):
     said = "the process did not return, and could not be interrupted"
     log = whole_log(tmp_path, f"{file}:Holds", said)
@@ -299,6 +300,7 @@ class Killed:
 """
 
 
+@pytest.mark.large
 def test_a_stack_that_is_killed_leaves_a_whole_log_with_that_cause(tmp_path):
     (tmp_path / "stack.py").write_text(KILLED_STACK)
     said = "the process was ended by SIGKILL after 3 decisions"

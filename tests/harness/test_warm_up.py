@@ -31,6 +31,7 @@ print(run_episode(build(config), Path(path) / "episode.mcap").outcome)
 """
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("robot", "world", "setting"),
     [

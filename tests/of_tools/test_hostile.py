@@ -41,6 +41,7 @@ def made(name, folder):
     return folder / FILES[name](folder)[1]
 
 
+@pytest.mark.few(9)
 @pytest.mark.parametrize("name", SCENE_BOUNDS)
 def test_a_scene_is_refused_before_mujoco_sees_it(name, tmp_path):
     with pytest.raises(WorldFileError, match=re.escape(SCENE_BOUNDS[name])):

@@ -40,6 +40,7 @@ def test_tracks_random_commands_with_a_noisy_estimate():
     assert (np.array(result.errors) < [0.07, 0.06, 0.03]).all()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("conditions", "kick"),
     [
@@ -55,6 +56,7 @@ def test_stays_up_on_what_it_is_not_told(conditions, kick):
     assert (np.array(result.errors) < 0.3).all()
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("terrain", ["planks", "stairs", "rubble", "ramps"])
 def test_crosses_terrain_blindly(terrain):
     result = walks.cross_terrain(ROBOT, Conditions(), NOISE, rng(2), terrain)

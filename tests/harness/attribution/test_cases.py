@@ -71,6 +71,7 @@ def step(height):
 WALL = '<geom name="sheet" type="box" size="0.0005 3.2 1.5" pos="{x} 3 1.5" user="0"/>'
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     ("things", "robot", "says"),
     [
@@ -95,6 +96,7 @@ def test_a_step_that_the_body_takes_closes_nothing(tmp_path):
     assert "no way" not in result.cause_evidence
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("x", [6.0, 6.05])
 def test_a_cable_is_missed_wherever_it_hangs(tmp_path, x):
     cables = "\n".join(
@@ -106,6 +108,7 @@ def test_a_cable_is_missed_wherever_it_hangs(tmp_path, x):
     assert "cable_" in result.cause_evidence
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("world", "robot", "seed", "settings", "found", "says"),
     [

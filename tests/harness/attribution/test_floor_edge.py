@@ -68,6 +68,7 @@ def over(dock, tmp_path_factory):
     return path
 
 
+@pytest.mark.large
 def test_the_built_in_stack_stays_on_the_floor_and_finds_the_bridge(dock, tmp_path):
     for policy in ("forbid", "allow"):
         path = tmp_path / f"{policy}.mcap"

@@ -37,7 +37,10 @@ def test_bad_words_are_refused_in_one_line(capsys, words, said):
     assert said in captured.err
 
 
-def test_rays_agree_with_mujoco_on_every_scene(capsys, monkeypatch):
+@pytest.mark.few(1)
+@pytest.mark.parametrize("count", [2, len(rays.SCENES)])
+def test_rays_agree_with_mujoco_on_every_scene(capsys, monkeypatch, count):
+    monkeypatch.setattr(rays, "SCENES", rays.SCENES[:count])
     monkeypatch.setattr(rays, "FIELD_POINTS", 100)  # MuJoCo takes half of the time for it
     rows = rows_of(capsys, "rays")
     assert [row["scene"] for row in rows] == [scene.name for scene in rays.SCENES]
@@ -91,6 +94,7 @@ def test_queries_are_free_and_far_apart():
         assert found.length >= math.dist(query.start, query.goal) - 1e-9
 
 
+@pytest.mark.large
 def test_episodes_are_timed_beside_their_physics(capsys, monkeypatch):
     monkeypatch.setattr(loop, "LOADS", {"light": loop.LIGHT})
     rows = rows_of(capsys, "loop")
@@ -103,6 +107,7 @@ def test_episodes_are_timed_beside_their_physics(capsys, monkeypatch):
         assert 0.0 < max(row[stage] for stage in loop.STAGES) < row["ms"] <= row["ms_p99"]
 
 
+@pytest.mark.large
 def test_robots_follow_their_course(capsys):
     quadruped, drone = rows_of(capsys, "robots")
     assert (quadruped["robot"], drone["robot"]) == ("quadruped", "drone")

@@ -148,6 +148,7 @@ def test_a_study_checks_its_failures_within_a_bound(planted, tmp_path):
     assert (dict(again.answers), again.left) == ({}, 1)  # a log is checked once
 
 
+@pytest.mark.large
 def test_a_walking_robot_is_saved_by_the_true_map(planted, tmp_path):
     """It walks into a wall too near for its map; also where the log is a fork's."""
     source, result = planted("unseen_obstacle", 3)

@@ -75,6 +75,7 @@ def test_the_guard_brakes_at_the_first_command_that_led_to_the_contact(recorded,
     assert "disregarded_obstacle is confirmed; guard would have saved it" in capsys.readouterr().out
 
 
+@pytest.mark.large
 def test_the_stack_itself_goes_on_where_it_is_given(recorded):
     log = open_log(Path(recorded(*BLIND).log))
     finding = find_cause(read_case(log))
@@ -90,6 +91,7 @@ def test_the_stack_itself_goes_on_where_it_is_given(recorded):
         check(log, finding, stack="builtin")
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("settings", "note"),
     [

@@ -290,6 +290,7 @@ def test_sweeps_that_contradict_the_map_are_not_mapped():
     assert len(odometry.covariance.axes) == 1  # registered, with the corridor of the start
 
 
+@pytest.mark.large
 def test_the_check_of_a_cause_goes_on_from_the_same_map(tmp_path):
     """The control of a counterfactual ends as the log does, and the true pose is the truth."""
     path = tmp_path / "log.mcap"
@@ -333,6 +334,7 @@ def episode(request, tmp_path_factory):
     return run_episode(build(override(Config("office", request.param, 2), SHORT)), path)
 
 
+@pytest.mark.few(1)
 def test_the_estimate_is_millimetres_off_and_says_so(episode):
     off, poses = errors_of(episode.log)
     assert np.abs(off[-1]).max() < 0.01
@@ -345,6 +347,7 @@ def test_the_estimate_is_millimetres_off_and_says_so(episode):
     assert sum(poses[-1].information) == pytest.approx(1.0)
 
 
+@pytest.mark.few(1)
 def test_it_replays_is_simulated_again_and_forked_to_the_same_chain(episode, tmp_path):
     path = Path(episode.log)
     assert replay(path).identical
@@ -354,7 +357,7 @@ def test_it_replays_is_simulated_again_and_forked_to_the_same_chain(episode, tmp
 
 
 def test_a_rolling_sweep_is_straightened_by_the_estimates_own_motion(tmp_path):
-    settings = [*SHORT, "sensors.lidar=ouster-os1-64"]
+    settings = [*SHORT, "sensors.lidar=ouster-os1-64", "episode.time_limit=1.5"]
     config = override(Config("office", "quadruped", 2), settings)
     result = run_episode(build(config), tmp_path / "rolling.mcap")
     off, poses = errors_of(result.log)

@@ -231,6 +231,7 @@ def test_the_laser_follows_where_its_wheels_go_astray():
     assert (np.abs(errors) <= 2.0 * deviations + 1e-9).mean() > 0.93
 
 
+@pytest.mark.large
 def test_wheels_that_count_ahead_as_back_are_not_believed():
     """As in fr079. Half of a scan agreed where they put it, and all of it did 0.2 m beside."""
     true = way()
@@ -243,6 +244,7 @@ def test_wheels_that_count_ahead_as_back_are_not_believed():
     assert (np.abs(errors) <= 2.0 * deviations + 1e-9).mean() > 0.93
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("noise", "most"), [(0.0375, 0.6), (0.1, 0.1)])
 def test_what_noise_hides_is_not_believed_unsaid(noise, most):
     """Lines are flat to 3 cm; with more noise few scans are registered, and the error is stated."""

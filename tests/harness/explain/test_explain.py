@@ -82,6 +82,7 @@ def test_a_card_names_the_cells_in_the_way(stopped):
         assert cell.probability > 0.5
 
 
+@pytest.mark.large
 def test_a_card_of_a_forked_log_has_the_settings_of_its_side(recorded, tmp_path):
     log = Path(recorded("empty", "quadruped", 1, "episode.time_limit=1.5").log)
     first, again = tmp_path / "first.mcap", tmp_path / "again.mcap"

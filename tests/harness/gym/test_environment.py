@@ -61,6 +61,7 @@ def test_every_world_and_robot_has_an_id():
     assert ids == {one for one in gymnasium.registry if one.startswith("Wayproof/")}
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("robot", "options"),
     [
@@ -269,6 +270,7 @@ def test_a_pickled_environment_is_a_new_one_of_the_same_arguments(make, tmp_path
     copy.close()
 
 
+@pytest.mark.large
 def test_environments_are_vectorized():
     envs = gymnasium.make_vec(
         environment_id("empty", "drone"), 2, vectorization_mode="async", settings=QUICK

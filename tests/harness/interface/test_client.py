@@ -94,6 +94,7 @@ def test_the_client_gives_the_chain_of_the_same_stack_in_this_process(tmp_path, 
     assert len(speeds) > 5  # it saw something
 
 
+@pytest.mark.large
 def test_the_client_reaches_a_goal(tmp_path, command):
     result = trial(tmp_path / "a.mcap", command, "empty", "drone", 60)
     assert (result.outcome, result.collisions) == ("success", 0)

@@ -91,6 +91,7 @@ def test_a_ridge_is_walked_over_and_the_walk_runs_again_from_its_log(tmp_path):
     assert audit(log.path).violations == ()
 
 
+@pytest.mark.large
 def test_audit_and_attribution_see_the_ground_that_a_ridge_was_walked_on(tmp_path):
     ends = {"start": (3.0, 3.0), "goal": (9.0, 3.0)}
     steep = saved(tmp_path, ridge(tmp_path, height=0.34))

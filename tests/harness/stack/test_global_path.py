@@ -133,6 +133,7 @@ def test_a_robot_at_rest_beside_a_goal_that_became_free_goes_on_to_it():
     np.testing.assert_allclose(planned.state.global_path[[0, -1]], [here[0], input.goal])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("body", [None, LONG])
 def test_a_goal_inside_the_inflation_is_projected_to_the_nearest_free_position(body):
     states = make_states(occupied=[(6.5, 8.0, 0.0, 4.0)])

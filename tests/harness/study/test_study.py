@@ -290,6 +290,7 @@ def _spoil_chain(path: Path) -> None:
     write_copy(path, head, read_messages(path), result)
 
 
+@pytest.mark.large
 def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None:
     """And the next run finishes the study."""
     import subprocess

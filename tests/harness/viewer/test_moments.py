@@ -33,6 +33,7 @@ def test_a_costmap_used_only_now_and_then_is_the_same(failed):
             np.testing.assert_array_equal(moment.costmap.obstacle_clearance, fields[place])
 
 
+@pytest.mark.large
 def test_a_forked_log_is_shown_with_the_map_of_each_side(tmp_path, log):
     """And so is one that was forked again, each side with its lidar."""
     first, forked = tmp_path / "first.mcap", tmp_path / "fork.mcap"

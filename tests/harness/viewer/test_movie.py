@@ -19,6 +19,7 @@ def test_an_animation_plays_in_simulated_time(tmp_path, failed):
         assert animation.info["duration"] == 500
 
 
+@pytest.mark.large
 def test_an_mp4_is_an_episode_in_simulated_time(tmp_path):
     av = pytest.importorskip("av")
     out = tmp_path / "films" / "x.mp4"

@@ -83,6 +83,7 @@ def test_a_bag_of_the_topics_gives_the_maps_that_the_referee_had(recorded, tmp_p
     assert summarize(assess(of_bag)).admitted_share == 1.0
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["calibration", "rate"])
 def test_what_a_perturbation_leaves_alone_stays_exact(recorded, tmp_path, kind):
     perturbation = type(perturbation_from(f"{kind}:5"))(severity=5, window=(0.5, 10.0))
@@ -103,12 +104,14 @@ def test_a_shorter_range_and_silence_that_says_nothing_count(recorded, tmp_path)
     assert ranges_in(unsure) == ranges_in(short) - {65535} | {0}
 
 
+@pytest.mark.large
 def test_so_it_does_where_a_node_was_waited_for(tmp_path):
     timed = Recorded(tmp_path, ALL, "auto", "SlowTimer")
     of_bag, _ = shadow(timed.bag, tmp_path / "b.mcap", sensors=("/points",))
     assert versions(of_bag) == versions(timed.log)
 
 
+@pytest.mark.large
 def test_so_it_does_of_a_rolling_shutter(tmp_path):
     rolling = Recorded(tmp_path, ALL, settings=["sensors.lidar=velodyne-vlp16"])
     of_bag, _ = shadow(rolling.bag, tmp_path / "b.mcap", sensors=("/points",))

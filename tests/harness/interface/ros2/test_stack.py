@@ -111,6 +111,7 @@ def test_a_plan_and_a_costmap_go_into_the_log(tmp_path):
     assert replay(Path(result.log)).identical
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     ("kind", "options", "line"),
     [
@@ -156,6 +157,7 @@ def test_a_node_that_never_comes_is_refused_in_one_line():
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.large
 def test_a_node_that_joins_late_is_waited_for(tmp_path):
     script = f"sleep 3; exec {sys.executable} {CLIENT} {DOMAIN} Client"
     with subprocess.Popen(["sh", "-c", script]) as child:

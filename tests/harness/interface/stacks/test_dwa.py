@@ -150,6 +150,7 @@ def test_the_navigation_function_leads_around_a_wall():
     assert over < cost < 2.0 * over
 
 
+@pytest.mark.few(1)
 def test_an_episode_reaches_the_goal_without_a_collision(tmp_path):
     config = override(Config("cylinders", "quadruped", 2), ["stack.name=dwa", "record=decisions"])
     result = run_episode(build(config), tmp_path / "a.mcap")

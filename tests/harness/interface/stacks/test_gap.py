@@ -58,6 +58,7 @@ def test_at_the_goal_it_stands():
     assert velocity(task(goal=(0.1, 0.0))).forward == 0.0
 
 
+@pytest.mark.few(1)
 def test_an_episode_reaches_the_goal_without_a_collision(tmp_path):
     config = override(Config("cylinders", "drone", 2), ["stack.name=gap", "record=decisions"])
     result = run_episode(build(config), tmp_path / "a.mcap")
