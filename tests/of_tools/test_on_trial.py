@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -14,11 +13,8 @@ from tests.tools.faults.garbage_stack import framed, garbage
 from tests.tools.soak.on_trial import (
     KINDS,
     MARK,
-    Drawn,
-    Tally,
     marked,
     run_planted,
-    table,
 )
 from wayproof.harness.attribution import CAUSES
 from wayproof.harness.interface.connection import FileDescriptors
@@ -73,19 +69,3 @@ def test_garbage_is_no_answer(seed):
     with pytest.raises(StackError):
         stack.query(OBSERVATION)
     os.close(theirs)
-
-
-def test_the_table_has_a_line_for_each_kind():
-    drawn = Drawn("dies", 0, "error", "plugin_failed", "", "", ())
-    lines = table({"dies": Tally([drawn, replace(drawn, cause="")], 1), "hangs": Tally()})
-    assert lines.row_count == 2
-    assert [*lines.columns[3].cells] == ["1", "0"]
-
-
-def test_the_module_of_garbage_runs():
-    module = "tests.tools.faults.garbage_stack"
-    hello = sb.ToStack(hello=sb.Hello(version=1, name="test"))
-    close = sb.ToStack(close=sb.Close())
-    sent = b"".join(framed(one.SerializeToString()) for one in (hello, close))
-    done = subprocess.run([sys.executable, "-m", module], input=sent, capture_output=True)
-    assert sb.FromStack.FromString(done.stdout[4:]).hello.version == 1

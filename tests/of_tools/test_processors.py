@@ -3,25 +3,20 @@
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.tools.soak.kinds import FLAT, KINDS, draw
+from tests.tools.soak.kinds import FLAT, KINDS
 from tests.tools.soak.processors import (
     Emulated,
     Emulation,
     emulations,
     replay_all,
-    replay_under,
 )
-from tests.tools.soak.replays import arithmetic, differing
-from wayproof.harness.decision import Difference
-from wayproof.harness.replay.replay import Replay
-from wayproof.harness.replay.scope import Scope
+from tests.tools.soak.replays import arithmetic
 from wayproof.maps import MAPS
 from wayproof.models.robots import ROBOTS
 from wayproof.models.sensors.devices import DEVICES
@@ -122,22 +117,6 @@ def test_what_does_not_take_effect_or_differs_is_a_failure(tmp_path):
     assert (result.replays, result.identical) == (1, 0)
 
 
-def test_what_does_not_follow_from_a_log_is_named():
-    scope, wrong = Scope((), (), ()), (Difference("result.cause", "planner", "none"),)
-    found = Replay("log", False, 3, 0, None, (), wrong, "", "timeout", scope, (), 0.0)
-    assert differing(found) == "result: result.cause: planner -> none"
-    assert differing(replace(found, contradictions=())) == "result: chain"
-    one = replace(found, first_difference=2, differences=(Difference("action", "go", "stop"),))
-    assert differing(one) == "decision 2: action: go -> stop"
-    assert differing(replace(found, identical=True)) == ""
-
-
-def test_a_child_that_ends_early_is_told_of():
-    missing = Emulation("other", {"PYTHONHOME": os.devnull}, lambda child, own: True)
-    with pytest.raises(RuntimeError, match="other: exit code 1"):
-        replay_under(missing, [])
-
-
 def test_kinds_take_everything_in_turn_with_both_robots():
     rng = np.random.default_rng(0)
     planned = [KINDS["planner"](turn, rng) for turn in range(2 * len(PLANNERS))]
@@ -148,9 +127,3 @@ def test_kinds_take_everything_in_turn_with_both_robots():
     sensed = [KINDS["device"](turn, rng) for turn in range(2 * len(DEVICES))]
     mounted = {name for name in DEVICES if not DEVICES[name].by_mujoco}
     assert {(one.sensors.lidar, one.robot) for one in sensed} == set(product(mounted, ROBOTS))
-
-
-def test_the_episode_of_a_number_is_the_same_each_time():
-    one, other = draw(3, 0), draw(3, 0)
-    assert one.kind == "map"
-    assert one.scenario.config == other.scenario.config

@@ -62,13 +62,7 @@ def test_flights_stay_near_their_course(draw, wind, limit):
     assert 2.5 < flown.top_speed < 3.3
 
 
-def test_a_noisy_estimate_in_gusts_is_flown_with():
-    course = flights.point_to_point(rng(3), 6.0)
-    flown = flights.fly(ROBOT, course, 6.0, 6.0, EstimateNoise(), rng(3))
-    assert not flown.fallen
-    assert flown.error < 0.12
-
-
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["plain", "fast"])
 def test_what_navigation_may_ask_is_flown_while_it_turns_about_in_gusts(name):
     robot = {"plain": ROBOTS, "fast": FAST_ROBOTS}[name]["drone"]
@@ -81,6 +75,7 @@ def test_what_navigation_may_ask_is_flown_while_it_turns_about_in_gusts(name):
         assert flown.error < 0.1
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("name", ["plain", "fast"])
 def test_paths_of_navigation_are_flown_at_its_limits(name):
     robot = {"plain": ROBOTS, "fast": FAST_ROBOTS}[name]["drone"]
@@ -91,46 +86,7 @@ def test_paths_of_navigation_are_flown_at_its_limits(name):
         assert flown.error < 0.1
 
 
-def test_a_winding_path_begins_and_ends_at_rest_and_obeys_its_limits():
-    limits = flights.motion_limits(FAST_ROBOTS["drone"])
-    course = flights.winding(rng(1), limits, corners=5)
-    places = np.array([course(k * 0.01) for k in range(2000)])
-    speed = np.linalg.norm(np.diff(places[:, :3], axis=0), axis=1) / 0.01
-    assert speed[0] < 0.1
-    assert speed[-1] == 0.0
-    assert 1.5 < speed.max() < limits.speed + 1e-6
-    assert np.abs(np.diff(places[:, 3])).max() / 0.01 < limits.yaw_rate + 1e-6
-
-
-def test_turns_are_at_the_rate_asked_for_or_none():
-    course = flights.turning_about(rng(7), 10.0, 1.5)
-    turning = np.abs(np.diff([course(k * 0.01)[3] for k in range(1000)])) / 0.01
-    rates = turning[(turning > 1e-9) & (np.abs(turning - 1.5) > 1e-6)]
-    assert len(rates) < 0.02 * len(turning)  # where a turn begins or ends between two times
-    assert 0.3 < np.mean(turning > 1e-9) < 1.0
-
-
 def test_touching_the_floor_is_a_crash():
     flown = flights.fly(ROBOT, lambda t: (0.0, 0.0, 0.5 - 0.5 * t, 0.0), 4.0, 0.0, None, rng(4))
     assert flown.fallen
     assert flown.seconds < 3.0
-
-
-def test_points_are_flown_between_from_rest_within_limits():
-    course = flights.point_to_point(rng(5), 10.0)
-    places = np.array([course(k * 0.002) for k in range(5000)])
-    speed = np.linalg.norm(np.diff(places[:, :3], axis=0), axis=1) / 0.002
-    acceleration = np.linalg.norm(np.diff(places[:, :3], n=2, axis=0), axis=1) / 0.002**2
-    assert speed.max() < 3.001
-    assert speed[0] < 1e-3
-    assert acceleration.max() < 4.001
-    turning = np.abs(np.diff(places[:, 3])) / 0.002
-    assert turning.max() < 1.5
-
-
-def test_figure_of_eight_starts_at_rest_and_reaches_its_speed():
-    course = flights.figure_of_eight(rng(6))
-    places = np.array([course(k * 0.002)[:3] for k in range(6000)])
-    speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.002
-    assert speed[0] < 1e-3
-    assert 2.9 < speed.max() < 3.01

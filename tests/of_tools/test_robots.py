@@ -21,6 +21,7 @@ def test_a_row_by_hand():
     assert (row["stop_m"], row["creep_mm"], row["energy_j"]) == pytest.approx((0.7, 3.0, 15.0))
 
 
+@pytest.mark.large
 def test_runs_are_the_same_in_any_process():
     number = next(n for n, case in enumerate(CASES) if case.name == "hover, gusts")
     [(case, runs)] = run_cases(1, 5, print, only="hover, gusts")

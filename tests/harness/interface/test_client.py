@@ -84,8 +84,8 @@ def trial(log, stack, world, robot, limit):
 def test_the_client_gives_the_chain_of_the_same_stack_in_this_process(tmp_path, command):
     adapter = tmp_path / "adapter.py"
     adapter.write_text(ADAPTER.format(client=str(CLIENT)))
-    here = trial(tmp_path / "here.mcap", f"{adapter}:Adapter", "cylinders", "quadruped", 6)
-    there = trial(tmp_path / "there.mcap", command, "cylinders", "quadruped", 6)
+    here = trial(tmp_path / "here.mcap", f"{adapter}:Adapter", "cylinders", "quadruped", 4)
+    there = trial(tmp_path / "there.mcap", command, "cylinders", "quadruped", 4)
     assert here.chain == there.chain
     assert here.decisions == there.decisions > 20
     assert replay(Path(there.log)).identical

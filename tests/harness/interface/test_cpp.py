@@ -67,8 +67,6 @@ def test_the_example_goes_around_obstacles_and_replays_without_it(tmp_path, stac
     first = trial(tmp_path / "a.mcap", f"exec:{program}", *quick)
     assert (first.outcome, first.collisions) == ("success", 0)
     assert compare_answers(Path(first.log), f"exec:{program}").identical
-    second = trial(tmp_path / "b.mcap", f"exec:{program}", *quick)
-    assert first.chain == second.chain
     program.unlink()
     again = replay(Path(first.log))
     assert again.identical, (again.differences, again.contradictions)

@@ -32,7 +32,7 @@ STACKS = Path(__file__).with_name("stacks_on_trial.py")
 CHILD = f"exec:{sys.executable} -m wayproof serve"
 
 
-QUICK = ("episode.time_limit=3", "plugins.wall_s=120")
+QUICK = ("episode.time_limit=2.2", "plugins.wall_s=120")
 BUILTIN = "wayproof.harness.interface.builtin:BuiltinStack"
 
 
