@@ -5,14 +5,13 @@ Each maker writes its file into a folder and returns the arguments of the comman
 
 from __future__ import annotations
 
-import json
 import pickle
 import struct
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+from tests.models.world_files.test_hostile_meshes import HOSTILE, gltf
 from wayproof.models.robots import custom
 
 Maker = Callable[[Path], list[str]]
@@ -49,21 +48,6 @@ POLYLIST = (
     "<vcount>{count}</vcount><p>0 1 2 3</p></polylist></mesh></geometry>"
 )
 PCD = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS {}\nDATA {}\n"
-PLY = (
-    "ply\nformat binary_little_endian 1.0\n{}property float x\nproperty float y\n"
-    "property float z\nend_header\n"
-)
-
-
-def gltf(count: int = 3, **more: Any) -> str:
-    """Return a glTF of one triangle with other properties in place of its own."""
-    return json.dumps({
-        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}],
-        "bufferViews": [{"buffer": 0, "byteLength": 36}],
-        "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64," + "A" * 48}],
-    } | more)  # fmt: skip
 
 
 def collada(nodes: str, library: str = "", geometry: str = "") -> str:
@@ -128,6 +112,8 @@ def _scene(name: str, content: str, head: str = "") -> None:
     _text(name, ".xml", mjcf(content, head))
 
 
+for name, (content, _) in HOSTILE.items():
+    _text(f"mesh: {name}", Path(name).suffix, content)
 for size in ("nuser_body", "nuser_geom", "nuser_site"):
     _scene(f"scene: {size} 4e8", "", f"<size {size}='400000000'/>")
 _scene("scene: nuserdata 2e9", "", "<size nuserdata='2000000000'/>")
@@ -220,21 +206,6 @@ _text(
 _text("cloud: PCD of 1e12 points", ".pcd", PCD.format(1_000_000_000_000, "binary"))
 _text("cloud: PCD of 1e12 points in text", ".pcd", PCD.format(1_000_000_000_000, "ascii") + "0 0 0")
 _text("cloud: PCD of two points 1e12 m apart", ".pcd", PCD.format(2, "ascii") + "0 0 0 1e12 0 0")
-_text("cloud: PLY of 4e9 points", ".ply", PLY.format("element vertex 4000000000\n"))
-_text(
-    "mesh: PLY of a face of 4e9 corners",
-    ".ply",
-    PLY.format("element vertex 3\n")
-    .replace("end_header", "element face 1\nproperty list uint int vertex_indices\nend_header")
-    .encode()
-    + bytes(36)
-    + b"\xff" * 4,
-)
-_text("mesh: glTF of 4e9 vertices", ".gltf", gltf(count=4_000_000_000))
-_text("mesh: glTF with a node below itself", ".gltf",
-      gltf(nodes=[{"children": [1]}, {"children": [0]}]))  # fmt: skip
-_text("mesh: glTF with a buffer outside", ".gltf",
-      gltf(buffers=[{"byteLength": 36, "uri": "../../etc/passwd"}]))  # fmt: skip
 _text("mesh: glTF of 4e9 vertices without a buffer", ".gltf",
       gltf(accessors=[{"componentType": 5126, "count": 4 * 10**9, "type": "VEC3"}]))  # fmt: skip
 _text("mesh: COLLADA, billion laughs", ".dae", DAE_LAUGHS)
@@ -255,11 +226,6 @@ _text("mesh: COLLADA, nodes that hold each other", ".dae", collada(
     "<node><instance_node url='#a'/></node>",
     "<node id='a'><instance_node url='#b'/></node><node id='b'><instance_node url='#a'/></node>",
 ))  # fmt: skip
-_text("mesh: COLLADA, 30 nodes that hold the next one twice", ".dae", collada(
-    "<node><instance_node url='#n0'/></node>",
-    "".join("<node id='n{0}'><instance_node url='#n{1}'/><instance_node url='#n{1}'/></node>"
-            .format(k, k + 1) for k in range(30)) + "<node id='n30'/>",
-))  # fmt: skip
 _text("mesh: COLLADA, a polygon of 2e9 corners", ".dae",
       collada(SQUARE_NODE, geometry=POLYLIST.format(count=2_000_000_000)))  # fmt: skip
 _text(
@@ -271,18 +237,6 @@ _text(
     ) + "</trajectory></script></actor>"),
 )  # fmt: skip
 _text("SDF: 30,000 actors", ".world", SDF.format("<actor name='a'/>" * 30_000))
-_text(
-    "URDF: joints in a circle",
-    ".urdf",
-    "<robot><link name='a'/><link name='b'/><joint><parent link='a'/><child link='b'/></joint>"
-    "<joint><parent link='b'/><child link='a'/></joint></robot>",
-)
-_text(
-    "URDF: a mesh outside",
-    ".urdf",
-    "<robot><link name='a'><collision><geometry><mesh filename='file:///etc/passwd'/></geometry>"
-    "</collision></link></robot>",
-)
 _text("URDF: billion laughs", ".urdf", f"<!DOCTYPE a [{ENTITIES}]><robot name='&e9;'/>")
 _text("map: an alias of an alias", ".yaml", "image: &a [*a, *a]\n" + MAP.format(image="a.png"))
 _text("study: 1e11 seeds", ".toml", STUDY + "seeds = 100000000000\n")
