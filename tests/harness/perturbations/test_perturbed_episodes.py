@@ -111,6 +111,7 @@ def pair(tmp_path_factory):
     return record
 
 
+@pytest.mark.few(12)
 @pytest.mark.parametrize("text", TEXTS)
 def test_only_the_declared_stream_changes_before_the_first_differing_action(pair, text):
     found = compare(pair(like=text), pair(text))
@@ -124,6 +125,7 @@ def test_only_the_declared_stream_changes_before_the_first_differing_action(pair
     assert {message.kind for message in done} == {text.split(":")[0]}
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize(
     "text",
     [
@@ -276,6 +278,7 @@ def test_a_fitted_floor_bears_a_sensor_that_is_off(tmp_path):
     assert replay(tmp_path / "off.mcap").identical
 
 
+@pytest.mark.large
 def test_where_silence_says_nothing_lost_echoes_make_no_holes_in_the_floor(tmp_path):
     settings = [UNFITTED, "map.no_return=ignored"]
     config = override(Config("empty", "quadruped", 0), settings)
@@ -296,6 +299,7 @@ def run_lossy(path, world, robot, seed, perturbation, *settings):
     return run_episode(build(lossy), path)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("text", ["pose_stop:3", "pose_freeze:3", "sensor_freeze:3"])
 def test_the_drone_flies_on_after_its_streams_froze(tmp_path, text):
     """By a pose of 2 s ago its setpoint is 4 m on: it brakes along it, and jumps nowhere."""
@@ -326,6 +330,7 @@ def test_sweeps_that_are_lost_whole_clear_no_shelf(tmp_path):
     assert replay(path, jobs=2).identical
 
 
+@pytest.mark.large
 def test_lost_echoes_do_not_stop_the_quadruped_on_slopes(tmp_path):
     path, lossy = tmp_path / "lossy.mcap", "depth_dropout:1"
     result = run_lossy(path, "warehouse", "quadruped", 1, lossy, "costmap.max_slope=0.2")

@@ -25,6 +25,7 @@ def hashes(log):
     return {one.name: one.hash for one in list(_streams(log))[-1].streams}
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("kind", ON_RECORDINGS)
 def test_only_the_declared_streams_change_and_the_log_replays(kind, clean, robot, tmp_path):
     perturbation = perturbation_from(f"{kind}:5")
