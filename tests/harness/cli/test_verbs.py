@@ -144,13 +144,6 @@ def test_fish_completes(capsys, tmp_path):
     assert "warehouse" in shown.stdout
 
 
-def test_no_colour_on_request_and_none_into_a_pipe():
-    for environment in ({"NO_COLOR": "1"}, {}):
-        command = [sys.executable, "-m", "wayproof", "list"]
-        shown = subprocess.run(command, capture_output=True, check=True, env=_with(environment))
-        assert b"\x1b" not in shown.stdout
-
-
 def test_help_of_the_viewer_loads_neither_them_nor_the_simulator():
     code = (
         "import sys\nfrom wayproof.harness.cli.main import main\n"
@@ -158,10 +151,3 @@ def test_help_of_the_viewer_loads_neither_them_nor_the_simulator():
         "assert not {'rerun', 'mujoco', 'PIL'} & set(sys.modules), sorted(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code, "view"], check=True, capture_output=True)
-
-
-def _with(changes):
-    import os
-
-    kept = {name: value for name, value in os.environ.items() if name != "NO_COLOR"}
-    return {**kept, **changes}

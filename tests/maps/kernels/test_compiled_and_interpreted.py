@@ -50,9 +50,6 @@ for make in (Grid2D, TsdfMap):
     print(int(costmap.clearance.sum()), int(costmap.obstacle_clearance.sum()))
 """
 
-ALL_MAPS = VOXEL_MAP + VOXEL_QUERIES + BLOCK_MAPS
-"""In one process: with bounds checks, numba cannot keep what it compiled for the next one."""
-
 CHECKED = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_OPT": "0"}
 """Kernels with bounds checks, not optimised: that takes a third of the time and changes no bit."""
 
@@ -84,11 +81,13 @@ def run(script, **environment):
     return result.stdout
 
 
-def test_compiled_interpreted_and_bounds_checked_runs_agree(tmp_path):
-    compiled = run(ALL_MAPS)
-    assert compiled.count("occupied") == 3
-    assert run(ALL_MAPS, NUMBA_DISABLE_JIT="1") == compiled
-    assert run(ALL_MAPS, **CHECKED, NUMBA_CACHE_DIR=str(tmp_path)) == compiled
+@pytest.mark.few(1)
+@pytest.mark.parametrize("script", [VOXEL_MAP + VOXEL_QUERIES, BLOCK_MAPS], ids=["voxel", "block"])
+def test_compiled_interpreted_and_bounds_checked_runs_agree(tmp_path, script):
+    compiled = run(script)
+    assert "occupied" in compiled
+    assert run(script, NUMBA_DISABLE_JIT="1") == compiled
+    assert run(script, **CHECKED, NUMBA_CACHE_DIR=str(tmp_path)) == compiled
 
 
 @pytest.mark.parametrize(
