@@ -48,6 +48,10 @@ POLYLIST = (
     "<vcount>{count}</vcount><p>0 1 2 3</p></polylist></mesh></geometry>"
 )
 PCD = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS {}\nDATA {}\n"
+PLY = (
+    "ply\nformat binary_little_endian 1.0\n{}property float x\nproperty float y\n"
+    "property float z\nend_header\n"
+)
 
 
 def collada(nodes: str, library: str = "", geometry: str = "") -> str:
