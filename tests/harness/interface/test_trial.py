@@ -63,6 +63,7 @@ def test_a_stack_in_a_child_process_gives_the_same_chain_as_in_this_one(tried, t
     assert here.outcome == "timeout"
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("robot", "limits"), [("quadruped", "full"), ("drone", "cautious")])
 def test_the_border_loses_nothing_of_the_built_in_stack(tried, tmp_path, robot, limits):
     filtered = f"map.filters={','.join(NAMES)}"  # of the referee's map too
@@ -77,6 +78,7 @@ def test_the_border_loses_nothing_of_the_built_in_stack(tried, tmp_path, robot, 
         assert one.map_version == other.map_version
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("robot", "limits"), [("quadruped", "full"), ("drone", "cautious")])
 def test_the_referee_admits_what_the_built_in_stack_commands(tried, robot, limits):
     ended = tried(BUILTIN, "cylinders", robot, 2, f"motion.limits={limits}")
@@ -392,6 +394,7 @@ def test_a_body_that_creeps_is_judged_like_one_that_drives(tmp_path):
     assert {one.rule for one in audit(Path(result.log)).violations} >= {"swept"}
 
 
+@pytest.mark.large
 def test_the_built_in_stack_goes_on_from_where_the_guard_stopped_it(tmp_path):
     """With a margin that it does not know of the referee cuts, and it never starts elsewhere."""
     result = trial(

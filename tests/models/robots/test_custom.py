@@ -371,6 +371,7 @@ def test_rotors_are_found_by_their_names(tmp_path):
     assert 0.2 < robot.file.radius < 0.23  # a rotor's rim, not the box that nothing collides with
 
 
+@pytest.mark.large
 def test_the_end_of_a_mesh_is_a_foot(tmp_path):
     """A foot of a mesh has the place and radius of the ball that the mesh was made of."""
     ball = farthest(np.random.default_rng(1).normal(size=(4000, 3)))
@@ -392,6 +393,7 @@ def test_the_end_of_a_mesh_is_a_foot(tmp_path):
     assert model.geom("FL_foot").pos[2] == pytest.approx(-0.17, abs=1e-3)
 
 
+@pytest.mark.large
 def test_weak_joints_bear_the_robot_on_straighter_legs(tmp_path):
     weak = hound().replace("-20 20", "-8 8")
     robot, notes = check_proposed(tmp_path, weak)
@@ -404,6 +406,7 @@ def test_weak_joints_bear_the_robot_on_straighter_legs(tmp_path):
     assert wrong[0].startswith("stance: the base sinks by")
 
 
+@pytest.mark.large
 def test_too_weak_joints_are_refused(tmp_path):
     (tmp_path / "feeble.xml").write_text(hound().replace("-20 20", "-2 2"))
     checked = check_spec(tmp_path / "feeble.xml")
@@ -411,6 +414,7 @@ def test_too_weak_joints_are_refused(tmp_path):
     assert re.match("the robot (falls|sinks by)", checked.unproposed)
 
 
+@pytest.mark.large
 def test_a_trunk_that_nothing_collides_with_collides_as_drawn(tmp_path):
     ghost = hound().replace('pos="0.03 0 0.02" mass="5"', 'pos="0.03 0 0.02" mass="5" contype="0" '
                             'conaffinity="0"')  # fmt: skip
