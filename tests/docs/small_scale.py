@@ -24,11 +24,6 @@ SMALLER = {
 ONCE = ("study", "bench")
 """Verbs whose command on a small scale runs once, though several blocks hold it."""
 
-STAGES_SMALLER = {
-    "threshold": "--episodes 2".split(),
-}
-"""Additional options of a stage."""
-
 
 def smaller_study(name):
     """A study of one of each, one seed and half a second; the name of its file."""

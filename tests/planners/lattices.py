@@ -22,11 +22,6 @@ def random_space(seed: int, shape=(24, 20, 1), pillars: int = 0) -> FreeSpace:
     return dataclasses.replace(make_space(blocked), origin=np.zeros(3), resolution=1.0)
 
 
-def moves_of(grid):
-    """Flat offset and length of each move."""
-    return zip(grid.move_offsets.tolist(), grid.move_lengths.tolist(), strict=True)
-
-
 def free_lattice(space: FreeSpace, factor: int, repairable: bool = False):
     grid = lattice.make_lattice(space, factor, 2.0, repairable)
     free = [n for n in range(len(grid.rate)) if lattice_cells.rate_of(grid, n) > 0]

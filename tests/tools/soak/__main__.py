@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import sys
 from functools import partial
-from pathlib import Path
 
 import msgspec
 
@@ -43,12 +42,6 @@ def main() -> int:
     parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first")
     parser.add_argument("--jobs", type=int, default=2, help="episodes at once")
     parser.add_argument(
-        "--python", action="append", default=[], help="for processors: another interpreter"
-    )
-    parser.add_argument(
-        "--log", action="append", type=Path, default=[], help="for processors: a further log"
-    )
-    parser.add_argument(
         "--compiled",
         action=argparse.BooleanOptionalAction,
         default=True,
@@ -57,12 +50,7 @@ def main() -> int:
     options = parser.parse_args()
     more = {
         "episodes": {"jobs": options.jobs},
-        "processors": {
-            "jobs": options.jobs,
-            "pythons": options.python,
-            "given": options.log,
-            "compiled": options.compiled,
-        },
+        "processors": {"jobs": options.jobs, "compiled": options.compiled},
     }
     progress = partial(print, flush=True)
     found = SOAKS[options.soak](

@@ -53,7 +53,6 @@ class Emulation:
     name: str
     environment: dict[str, str]
     shows: Callable[[Arithmetic, Arithmetic], bool]
-    python: str = sys.executable
     refused: str = ""
 
 
@@ -68,7 +67,7 @@ class Emulated:
     skipped: str = ""
 
 
-def emulations(caches: Path, pythons: Sequence[str] = (), compiled: bool = True) -> list[Emulation]:
+def emulations(caches: Path, compiled: bool = True) -> list[Emulation]:
     """Return all emulations that this processor allows, and this processor itself."""
     found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
     lacking = "" if AVX_512 in found else "OpenBLAS's kernels for it need AVX-512"
@@ -87,10 +86,6 @@ def emulations(caches: Path, pythons: Sequence[str] = (), compiled: bool = True)
         ),
     ]
     made += [_blas(core, lacking if core == "SkylakeX" else "") for core in BLAS_CORES]
-    made += [
-        Emulation(f"Python: {python}", {}, lambda child, own: child.python != own.python, python)
-        for python in pythons
-    ]
     if compiled:
         generic = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
         generic["NUMBA_CACHE_DIR"] = str(caches / "generic")
@@ -115,7 +110,7 @@ def replay_under(
     paths = os.pathsep.join(filter(None, (str(ROOT / "src"), os.environ.get("PYTHONPATH", ""))))
     environment = {**os.environ, "PYTHONPATH": paths, **emulation.environment}
     done = subprocess.run(
-        [emulation.python, "-m", "tests.tools.soak.replays"],
+        [sys.executable, "-m", "tests.tools.soak.replays"],
         input="".join(f"{log}\n" for log in logs),
         env=environment,
         cwd=ROOT,
@@ -138,8 +133,6 @@ def soak_processors(
     progress: Progress,
     first: int = 0,
     jobs: int = 2,
-    pythons: Sequence[str] = (),
-    given: Sequence[Path] = (),
     compiled: bool = True,
 ) -> SimpleNamespace:
     """Record short episodes of every kind and replay each on every emulated processor."""
@@ -147,8 +140,8 @@ def soak_processors(
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
         recorded = _record_all(range(first, first + count), seed, folder, jobs)
-        found.kinds = dict(Counter([*(kind for kind, _ in recorded), *["given"] * len(given)]))
-        logs = [*(path for _, path in recorded), *given]
+        found.kinds = dict(Counter(kind for kind, _ in recorded))
+        logs = [path for _, path in recorded]
         progress(f"recorded {count} logs of {len(found.kinds)} kinds")
         own = arithmetic()
 
@@ -158,7 +151,7 @@ def soak_processors(
             progress(f"{emulation.name}: {result.identical} of {result.replays} {result.skipped}")
             return failures
 
-        chosen = emulations(folder, pythons, compiled)
+        chosen = emulations(folder, compiled)
         with ThreadPoolExecutor(jobs) as pool:
             found.failures = [*chain.from_iterable(pool.map(replayed, chosen))]
     return found
