@@ -111,7 +111,7 @@ def pair(tmp_path_factory):
     return record
 
 
-@pytest.mark.few(12)
+@pytest.mark.few(8)
 @pytest.mark.parametrize("text", TEXTS)
 def test_only_the_declared_stream_changes_before_the_first_differing_action(pair, text):
     found = compare(pair(like=text), pair(text))
@@ -125,7 +125,7 @@ def test_only_the_declared_stream_changes_before_the_first_differing_action(pair
     assert {message.kind for message in done} == {text.split(":")[0]}
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(3)
 @pytest.mark.parametrize(
     "text",
     [

@@ -424,6 +424,7 @@ def test_a_trunk_that_nothing_collides_with_collides_as_drawn(tmp_path):
     assert [int(model.geom_conaffinity[geom]) for geom in trunk] == [1]
 
 
+@pytest.mark.large
 def test_meshes_beside_the_model_lie_below_the_spec(tmp_path):
     """The layout of ROS packages: mjcf/ and meshes/ beside one another."""
     for folder in ("mjcf", "meshes"):

@@ -85,6 +85,7 @@ def test_stands_without_stepping_or_creeping(model):
     assert np.abs(after - feet).max() < 0.002
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     "command",
     [(1.0, 0.0, 0.0), (-0.5, 0.0, 0.0), (0.0, 0.3, 0.0), (0.0, 0.0, 0.8)],
