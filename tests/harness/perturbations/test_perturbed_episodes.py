@@ -286,6 +286,7 @@ def test_where_silence_says_nothing_lost_echoes_make_no_holes_in_the_floor(tmp_p
     assert run_episode(build(lossy), tmp_path / "lossy.mcap").outcome == "success"
 
 
+@pytest.mark.large
 def test_floor_that_was_seen_is_no_hole_where_nothing_is_fitted(tmp_path):
     config = override(Config("empty", "quadruped", 0), [UNFITTED])
     lossy = replace(config, perturbation=perturbation_from("depth_dropout:3"))

@@ -60,6 +60,7 @@ def in_parts(log, parts):
     return pieces_of(keyframes, int(log.result["decisions"]), parts)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("name", EPISODES)
 def test_pieces_from_keyframes_decide_what_the_whole_does(recorded, name):
     path = Path(recorded(*EPISODES[name]).log)
@@ -71,6 +72,7 @@ def test_pieces_from_keyframes_decide_what_the_whole_does(recorded, name):
     assert replace(in_three, wall_time_s=0.0) == replace(whole, wall_time_s=0.0)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("name", ["drone", "lidar pose", "classes"])
 def test_a_stack_goes_on_from_each_keyframe_bit_by_bit(recorded, name):
     log = open_log(Path(recorded(*EPISODES[name]).log))

@@ -60,6 +60,7 @@ def forked(recorded, tmp_path):
     return fork_at
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -76,6 +77,7 @@ def test_a_fork_of_a_stack_on_trial_that_ends_before_its_log_is_true(recorded, f
     assert "simulation" in found.steps
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("sequence", [9, 11])
 def test_a_forged_fork_of_a_stack_on_trial_is_found(forked, tmp_path, sequence):
     """At and after the fork."""

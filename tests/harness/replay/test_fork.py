@@ -19,6 +19,7 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(("robot", "at"), [("drone", 0), ("drone", 1), ("quadruped", 13)])
 def test_a_fork_without_a_change_ends_alike(recorded, tmp_path, robot, at):
     result = recorded(*SHORT[robot])
@@ -76,6 +77,7 @@ def test_a_fork_can_save_the_robot(tmp_path, capsys):
     assert replay(Path(document["log"])).identical
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("at", [8, 15])
 def test_a_fork_can_be_forked_again(recorded, tmp_path, at):
     """Before and after the first fork; other cells, then another lidar, then neither."""

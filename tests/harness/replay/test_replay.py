@@ -76,6 +76,7 @@ def test_replay_needs_no_simulator(recorded):
     assert "identical" in done.stdout
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("robot", "command"),
     [

@@ -61,6 +61,7 @@ def test_a_way_is_that_of_new_costs_to_go_whatever_came_before(robot):
     assert len({way.tobytes() for way in ways}) == len(ways)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_way_is_about_as_long_as_the_shortest_over_all_cells(robot):
     config, mission, mapper = mapper_of(robot)

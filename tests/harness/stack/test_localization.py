@@ -204,6 +204,7 @@ def test_its_error_is_what_it_states(lost_episode):
     assert 0.0 < figures["nees"] < 3.0
 
 
+@pytest.mark.large
 def test_noise_that_hides_the_planes_ends_in_a_lost_pose_and_no_collision(tmp_path):
     """Sweeps placed by prediction were mapped, and the drone flew into a shelf 1.8 m away."""
     config = override(Config("warehouse", "drone", 4), ["estimate.kind=lidar"])

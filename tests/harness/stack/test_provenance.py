@@ -146,6 +146,7 @@ def test_the_card_of_a_decision_says_what_its_paths_rest_on(recorded, capsys):
         assert text in shown
 
 
+@pytest.mark.large
 def test_occupied_cells_of_a_prior_turn_the_path_until_they_are_measured_away(recorded):
     """All doorways of the prior are closed: it finds no way, so the search goes on without it."""
     closed = 'perturbation={"kind": "stale_prior", "severity": 5, "mode": "doors"}'

@@ -98,6 +98,7 @@ def test_false_returns_stop_no_robot(tmp_path):
     assert ended.collisions == 0
 
 
+@pytest.mark.large
 def test_where_false_returns_stop_a_robot_they_are_the_cause(tmp_path):
     """At 10 % of the beams many have another beside them, and pass for a thing."""
     path = tmp_path / "storm.mcap"
