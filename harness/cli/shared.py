@@ -102,10 +102,10 @@ recording = arguments(
         "folder, the body in the sensor's frame",
         partial(numbers, "--mount"),
     ),
-    arg("--begin S", "first second read", float, 0.0, dest="start_s"),
-    arg("--end S", "last second read", float, dest="end_s"),
+    arg("--begin S", "first second read", float, 0.0),
+    arg("--end S", "last second read", float),
     arg("--range-max M", "longest range that counts, m", float),
-    arg("--max-gap S", "longest time between two poses, s", float, 1.0, dest="max_gap_s"),
+    arg("--max-gap S", "longest time between two poses, s", float, 1.0),
     arg(
         "--intrinsics FX,FY,CX,CY",
         "of depth images, pixels, if the recording does not say",
@@ -113,11 +113,7 @@ recording = arguments(
     ),
     arg("--depth-scale N", "units of a depth image in a metre (default: the format's)", float),
     arg("--pixel-stride N", "read each N-th row and column of depth images", int, 4),
-    arg(
-        "--no-return-is-free",
-        "a beam without return was free up to the longest range",
-        dest="missing_returns_free",
-    ),
+    arg("--no-return-is-free", "a beam without return was free up to the longest range"),
 )
 
 inconclusive = arg(

@@ -6,7 +6,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
     from wayproof.harness.log.reader import Log
-    from wayproof.harness.recordings.recording import RecordingOptions
+    from wayproof.harness.recordings.options import RecordingOptions
     from wayproof.harness.study.study import StudyResult
 
 Document = dict[str, Any]
@@ -94,11 +94,11 @@ def arg(
 
 
 def given(kind: type[Any], options: argparse.Namespace) -> dict[str, Any]:
-    """Return the fields of a dataclass that options give, by the names of their values.
+    """Return the fields of a dataclass or struct that options give, by the names of their values.
 
     Those that are None, False or empty keep the default of the field.
     """
-    names = {one.name for one in fields(kind)}
+    names = kind.__annotations__
     return {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in vars(options).items()
@@ -107,18 +107,10 @@ def given(kind: type[Any], options: argparse.Namespace) -> dict[str, Any]:
 
 
 def recording_options(options: argparse.Namespace) -> RecordingOptions:
-    """Read the options of a recording.
+    """Read the options of a recording."""
+    from wayproof.harness.recordings.options import RecordingOptions
 
-    Raises:
-        InputError: A mount is not made of as many numbers.
-    """
-    from wayproof.harness.recordings.poses import mount_of
-    from wayproof.harness.recordings.recording import RecordingOptions
-
-    chosen = given(RecordingOptions, options)
-    if "mount" in chosen:
-        chosen["mount"] = mount_of(chosen["mount"])
-    return RecordingOptions(**chosen)
+    return RecordingOptions(**given(RecordingOptions, options))
 
 
 def numbers(name: str, text: str) -> tuple[float, ...]:

@@ -8,9 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.recordings.recording import Faults
+from wayproof.harness.errors import InputError
+from wayproof.harness.inputs import Beams as LoggedBeams
+from wayproof.harness.recordings.options import Faults
 from wayproof.harness.recordings.types import ScanGrid
 from wayproof.maps.elementary import sines_cosines
+from wayproof.models.sensors import beams as tables
 
 
 class Limits(NamedTuple):
@@ -193,3 +196,39 @@ def point_beams(
             more = at_stamp if silent.times_ns is None else silent.times_ns
             times_ns = np.concatenate([times_ns, more])
     return Beams(directions, ranges, times_ns, points=points[met])
+
+
+def measured_beams(
+    logged: LoggedBeams,
+    ranges_mm: NDArray[np.uint16],
+    sequence: int,
+    range_max: float,
+    faults: Faults,
+) -> Beams:
+    """Return the beams of a sensor with tables that say something, by its ranges (n,), mm.
+
+    Args:
+        logged: The sensor's beams.
+        ranges_mm: As it measured them: `DROPPED` and `NO_RETURN` have their meanings.
+        sequence: Number of the sweep.
+        range_max: Longest range that counts, m.
+        faults: Counts readings that say nothing.
+
+    Raises:
+        InputError: There are more or fewer ranges than beams.
+    """
+    table = logged.table
+    unit = tables.directions(table, sequence)
+    if len(ranges_mm) != len(unit):
+        raise InputError(f"a sweep of {len(ranges_mm)} beams, expected {len(unit)}")
+    along = tables.ray_ranges(table, unit, ranges_mm)
+    silent = along == tables.NO_RETURN
+    met = ~silent & (along != tables.DROPPED)
+    times = None
+    if table.scan_poses > 1:
+        times = tables.pose_offsets(table, round(1e9 / logged.rate))[tables.pose_indices(table)]
+    points = (unit[met] * (along[met, None] / tables.MILLIMETRES)).astype(np.float32)
+    limits = Limits(0.0, FARTHEST, range_max, beyond_is_none=False)
+    none = Silent(unit[silent].astype(np.float32), None if times is None else times[silent])
+    listed = point_beams(points, None if times is None else times[met], limits, faults, none)
+    return listed._replace(measured=ranges_mm)

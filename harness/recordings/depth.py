@@ -9,13 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.recordings.beams import FARTHEST, Beams, Limits, Silent, point_beams
-from wayproof.harness.recordings.recording import Faults
+from wayproof.harness.recordings.options import Faults, Intrinsics
 
 NO_DEPTH = 65535
 """Value of a pixel of 16 bits without a measurement, beside 0 (7-Scenes, OAK cameras)."""
-
-Intrinsics = tuple[float, float, float, float]
-"""fx, fy, cx, cy, pixels."""
 
 
 def depth_beams(
@@ -55,12 +52,6 @@ def depths_of(pixels: NDArray[Any], units_per_metre: float) -> NDArray[np.float6
     """Return the depths of pixels, m: 0 where an integer is a code for no measurement."""
     depths: NDArray[np.float64] = pixels.astype(np.float64) / units_per_metre
     return np.where(pixels == NO_DEPTH, 0.0, depths) if pixels.dtype.kind in "iu" else depths
-
-
-def usable(intrinsics: Intrinsics) -> bool:
-    """Return whether intrinsics may be those of a camera: finite, and of a focal length."""
-    fx, fy, cx, cy = intrinsics
-    return all(0.1 <= focal <= 1e6 for focal in (fx, fy)) and abs(cx) <= 1e6 and abs(cy) <= 1e6
 
 
 @lru_cache(maxsize=8)

@@ -1,59 +1,47 @@
-"""Recordings that are folders: a file for each sweep, read one by one."""
+"""Recordings that are folders: a file for each sweep, read one by one, and files with the poses."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from decimal import Decimal
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.recordings.beams import FARTHEST, Beams, Limits, float32
-from wayproof.harness.recordings.digest import digest_of
-from wayproof.harness.recordings.matrices import of_body
-from wayproof.harness.recordings.order import in_order
-from wayproof.harness.recordings.poses import StampedPoses, compose, track_of
-from wayproof.harness.recordings.recording import Faults, Recording, RecordingOptions
-from wayproof.harness.recordings.types import (
-    RecordedSensor,
-    RecordedSweep,
-    SensorKind,
-    Transform,
-)
-from wayproof.harness.recordings.window import NO_BEAM, OUT_OF_ORDER, Window, window_of
+from wayproof.harness.recordings.beams import FARTHEST, Beams, Limits
+from wayproof.harness.recordings.depth import depth_beams, depths_of
+from wayproof.harness.recordings.options import Broken, Faults, Intrinsics, RecordingOptions
+from wayproof.harness.recordings.poses import StampedPoses
+from wayproof.harness.recordings.recording import Recording, Stream, recording_of, sensor_of
+from wayproof.harness.recordings.transform import Transform, compose, inverse, quaternion_of
+from wayproof.harness.recordings.types import SensorKind
 
-UNREADABLE = "file: cannot be read"
+MOST_BYTES = 2**28
+MOST_STAMP_S = 9_000_000_000
+"""Greatest stamp, s: that of 64 bits of nanoseconds."""
 
 MOST_SWEEPS = 1_000_000
+MOST_PIXELS = 2**24
 
-
-class Unreadable(Exception):
-    """A file of a recording cannot be read."""
-
-
-class SweepFile(NamedTuple):
-    """A file with one sweep, and its stamp, ns."""
-
-    stamp_ns: int
-    path: Path
-
+SKEW = 0.05
+"""Greatest difference of R R' from the identity: beyond it a matrix is no rotation."""
 
 ReadBeams = Callable[[Path, Limits, Faults], Beams]
-"""Reads the beams of a file; raises `Unreadable` if it cannot."""
+"""Reads the beams of a file; raises `Broken` if it cannot."""
 
 
-@dataclass(frozen=True)
-class FolderContents:
+class Folder(NamedTuple):
     """Contents of a folder.
 
     Attributes:
         format: Name of the format.
         sensor: Name of the sensor.
         kind: Kind of the sensor.
-        files: Sweeps, in order of their stamps.
+        files: Stamp, ns, and file of each sweep.
         poses: T_world_body.
         mount: T_body_sensor.
         source: Source of the poses, in words.
@@ -65,7 +53,7 @@ class FolderContents:
     format: str
     sensor: str
     kind: SensorKind
-    files: Sequence[SweepFile]
+    files: Sequence[tuple[int, Path]]
     poses: StampedPoses
     mount: Transform
     source: str
@@ -74,109 +62,150 @@ class FolderContents:
     read: ReadBeams
 
 
-def open_folder(
-    path: Path, contents: FolderContents, options: RecordingOptions, faults: Faults
-) -> Recording:
-    """Open a folder as a recording.
+def open_folder(path: Path, found: Folder, options: RecordingOptions, faults: Faults) -> Recording:
+    """Open a folder as a recording. With a mount, the body is what carries the sensor.
 
     Raises:
         InputError: No sweep, no pose, or another sensor was requested.
     """
-    if not contents.files:
-        raise InputError(f"recording '{path}': no sweep in it")
-    if len(contents.files) > MOST_SWEEPS:
-        raise InputError(f"recording '{path}': more than {MOST_SWEEPS} sweeps")
-    if options.sensors not in ((), (contents.sensor,)):
+    if not 0 < len(found.files) <= MOST_SWEEPS:
+        said = "no sweep in it" if not found.files else f"more than {MOST_SWEEPS} sweeps"
+        raise InputError(f"recording '{path}': {said}")
+    if options.sensors not in ((), (found.sensor,)):
         raise InputError(
-            f"recording '{path}': no sensor '{options.sensors[0]}', there is '{contents.sensor}'"
+            f"recording '{path}': no sensor '{options.sensors[0]}', there is '{found.sensor}'"
         )
-    if options.mount is not None:
-        contents = _on_body(contents, options.mount)
-    track, start = track_of(path, contents.poses, contents.source, options, faults)
-    sensor = RecordedSensor(
-        name=contents.sensor,
-        frame=contents.sensor,
-        kind=contents.kind,
-        range_min=0.0,
-        range_max=float32(options.range_max or np.inf),
-        missing_returns_known=bool(options.missing_returns_free),
+    poses, mount, source = found.poses, found.mount, found.source
+    if (T_body_sensor := options.T_body_sensor) is not None:
+        poses = of_body(poses, T_body_sensor, turn_world=False)
+        mount, source = compose(T_body_sensor, mount), f"{source}, moved to the body"
+    sensor = sensor_of(found.sensor, found.kind, options)
+    paths = [one for _, one in found.files]
+    more = f"; {found.chosen}" if found.chosen else ""
+    stream = Stream(
+        sensor=sensor,
+        stamps=np.array([stamp for stamp, _ in found.files], np.int64),
+        payloads=partial(iter, paths),
+        read=partial(_read, found.read, Limits(0.0, FARTHEST, sensor.range_max, False)),
+        mount=mount,
     )
-    paths = [*contents.others, *(one.path for one in contents.files)]
-    more = f"; {contents.chosen}" if contents.chosen else ""
-    return Recording(
-        name=path.resolve().name,
-        format=contents.format,
-        sha256=digest_of([one for one in paths if one.is_file()]),
-        start_ns=start,
-        sensors=(sensor,),
-        track=track,
-        chosen=f"{len(contents.files)} sweeps, poses: {contents.source}{more}",
-        opening=faults,
-        read=_Sweeps(
-            contents=contents,
-            sensor=sensor,
-            window=window_of(track, start, options),
-        ),
+    files = [one for one in [*found.others, *paths] if one.is_file()]
+    return recording_of(
+        path,
+        found.format,
+        files,
+        [stream],
+        poses,
+        source + more,
+        options,
+        faults,
+        str(len(paths)) + " sweeps",
     )
 
 
-def _on_body(contents: FolderContents, T_body_sensor: Transform) -> FolderContents:
-    """Return contents with the poses of the body that carries the sensor, x ahead and z up."""
-    return replace(
-        contents,
-        poses=of_body(contents.poses, T_body_sensor, turn_world=False),
-        mount=compose(T_body_sensor, contents.mount),
-        source=f"{contents.source}, moved to the body",
-    )
+def _read(read: ReadBeams, limits: Limits, path: Path, faults: Faults) -> Beams:
+    try:
+        return read(path, limits, faults)
+    except OSError as error:
+        raise Broken(f"{path.name}: {error.strerror}") from None
 
 
-@dataclass(frozen=True)
-class _Sweeps:
-    """The sweeps of a folder, as often as they are read."""
+def rows(path: Path, most: int = MOST_BYTES) -> Iterator[list[str]]:
+    """Yield the words of each line of a text file; `#` begins a comment.
 
-    contents: FolderContents
-    sensor: RecordedSensor
-    window: Window
-
-    def __call__(self, faults: Faults) -> Iterator[RecordedSweep]:
-        """Yield the sweeps; count what is left out.
-
-        Raises:
-            InputError: No file can be read, with the reason of the first.
-        """
-        reasons, is_one_read = [], False
-        limits = Limits(0.0, FARTHEST, self.sensor.range_max, beyond_is_none=False)
-        files = self.contents.files
-        kept = set(in_order(np.array([one.stamp_ns for one in files], np.int64)).tolist())
-        for place, (stamp, path) in enumerate(files):
-            if not self.window.holds(stamp):
-                continue
-            if place not in kept:
-                faults[OUT_OF_ORDER] += 1
-            elif self.window.has_pose(stamp, None, faults):
-                try:
-                    beams = self.contents.read(path, limits, faults)
-                except (Unreadable, OSError) as error:
-                    faults[UNREADABLE] += 1
-                    reasons.append(str(error))
-                    continue
-                is_one_read = True
-                if not len(beams.ranges):
-                    faults[NO_BEAM] += 1
-                    continue
-                yield RecordedSweep(
-                    time_ns=stamp - self.window.start_ns,
-                    sensor=self.sensor.name,
-                    directions=beams.directions,
-                    ranges=beams.ranges,
-                    beam_times_ns=beams.times_ns,
-                    T_body_sensor=self.contents.mount,
-                    points=beams.points,
-                )
-        if reasons and not is_one_read:
-            raise InputError(f"none of {len(reasons)} files can be read: {reasons[0]}")
+    Raises:
+        InputError: No such file, or over a number of bytes.
+    """
+    try:
+        if path.stat().st_size > most:
+            raise InputError(f"recording '{path}': over {most} bytes")
+        with path.open(encoding="utf-8", errors="replace") as file:
+            for line in file:
+                words = line.partition("#")[0].split()
+                if words:
+                    yield words
+    except OSError as error:
+        raise InputError(f"recording '{path}': {error.strerror}") from None
 
 
-def new_faults() -> Faults:
-    """Return a count of faults without any."""
-    return Counter()
+def nanoseconds(word: str) -> int:
+    """Return a number of seconds as nanoseconds, exactly.
+
+    Raises:
+        ValueError, ArithmeticError: It is no number, or more than 64 bits hold.
+    """
+    seconds = Decimal(word)
+    if not abs(seconds) < MOST_STAMP_S:
+        raise ValueError(word)
+    return int((seconds * 10**9).to_integral_value())
+
+
+def matrix_of(words: Sequence[str]) -> list[float] | None:
+    """Return the numbers of a matrix (3, 4) or (4, 4), row by row; None if it is none."""
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        return None
+    return numbers if len(numbers) in (12, 16) else None
+
+
+def stamped(stamps_ns: Sequence[int], numbers: list[list[float]], faults: Faults) -> StampedPoses:
+    """Return poses of matrices (n, 12 or 16), row by row; invalid ones are counted."""
+    table = np.array([row[:12] for row in numbers], np.float64).reshape(-1, 3, 4)
+    R = table[:, :, :3]
+    with np.errstate(invalid="ignore", over="ignore"):
+        products = (R[:, :, None, :] * R[:, None, :, :]).sum(axis=3)
+        minors = np.cross(R[:, 0], R[:, 1])
+        good = np.abs(products - np.eye(3)).max(axis=(1, 2), initial=0.0) < SKEW
+        good &= (minors * R[:, 2]).sum(axis=1) > 0.0
+    good &= np.isfinite(table).all(axis=(1, 2))
+    faults["pose: no rotation"] += int((~good).sum())
+    kept = table[good]
+    quaternions = np.array([quaternion_of(one) for one in kept[:, :, :3]]).reshape(-1, 4)
+    return StampedPoses(np.array(stamps_ns, np.int64)[good], kept[:, :, 3], quaternions)
+
+
+def of_body(poses: StampedPoses, T_body_frame: Transform, turn_world: bool) -> StampedPoses:
+    """Return poses of a body from those of a frame on it.
+
+    Args:
+        poses: T_world_frame.
+        T_body_frame: Place of the frame on the body.
+        turn_world: Whether the world's frame is turned as the frame is on the body, too: where the
+            poses are relative to the first one, the world is then one with z up.
+    """
+    moved = compose(Transform(poses.positions, poses.quaternions), inverse(T_body_frame))
+    if turn_world:
+        moved = compose(T_body_frame, moved)
+    return poses._replace(positions=moved.position, quaternions=moved.quaternion)
+
+
+def depth_reader(options: RecordingOptions, intrinsics: Intrinsics, scale: float) -> ReadBeams:
+    """Return the reader of depth images of a camera, in units of so many in a metre."""
+
+    def read(path: Path, limits: Limits, faults: Faults) -> Beams:
+        depths = depths_of(_pixels(path), options.depth_scale or scale)
+        return depth_beams(depths, intrinsics, options.pixel_stride, limits, faults)
+
+    return read
+
+
+def _pixels(path: Path) -> NDArray[np.int64]:  # (rows, columns)
+    """Return the pixels of a grey image of 16 bits.
+
+    Raises:
+        Broken: It is none, or of more than `MOST_PIXELS`.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(path, formats=["PNG", "PPM", "TIFF"]) as image:
+            if image.width * image.height > MOST_PIXELS:
+                raise Broken(f"{path.name}: {image.width} x {image.height} pixels")
+            if not image.mode.startswith("I"):
+                raise Broken(f"{path.name}: mode {image.mode}, expected 16 bits of grey")
+            return np.asarray(image, np.int64)
+    except Broken:
+        raise
+    except Exception as error:  # the decoders of Pillow fail in many ways
+        raise Broken(f"{path.name}: {type(error).__name__}") from None

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from wayproof.harness.errors import InputError, unknown_name
-from wayproof.harness.recordings import carmen, frames, kitti, simulated, tum
+from wayproof.harness.recordings import carmen, folder_formats, simulated
 from wayproof.harness.recordings.bags import bag
-from wayproof.harness.recordings.depth import usable
-from wayproof.harness.recordings.recording import Format, Recording, RecordingOptions
+from wayproof.harness.recordings.options import RecordingOptions
+from wayproof.harness.recordings.recording import Format, Recording
 
 IMAGES = ("intrinsics", "depth_scale", "pixel_stride")
 """Options of depth images."""
@@ -33,18 +32,21 @@ FORMATS: dict[str, Format] = {
         without=("body", *IMAGES),
     ),
     "tum": Format(
-        "TUM RGB-D sequence", tum.looks_like, tum.open_sequence, without=("pose", "body")
+        "TUM RGB-D sequence",
+        folder_formats.is_tum,
+        folder_formats.open_tum,
+        without=("pose", "body"),
     ),
     "frames": Format(
         "folder of depth images and poses",
-        frames.looks_like,
-        frames.open_frames,
+        folder_formats.is_frames,
+        folder_formats.open_frames,
         without=("pose", "body"),
     ),
     "kitti": Format(
         "folder of KITTI clouds and poses",
-        kitti.looks_like,
-        kitti.open_clouds,
+        folder_formats.is_kitti,
+        folder_formats.open_kitti,
         without=("pose", "body", *IMAGES),
     ),
 }
@@ -62,7 +64,7 @@ def open_recording(path: Path, *, options: RecordingOptions | None = None) -> Re
         InputError: In one line: no such file, no known format, several choices, or damage.
     """
     options = options or RecordingOptions()
-    _check(options)
+    options.check()
     if not path.exists():
         raise InputError(f"recording '{path}': no such file or folder")
     if path.is_file() and path.stat().st_size == 0:
@@ -94,29 +96,8 @@ def _opened(path: Path, name: str, options: RecordingOptions) -> Recording:
     Raises:
         InputError: An option has no meaning for it, or as of its reader.
     """
-    usual, own = RecordingOptions(), FORMATS[name]
+    own = FORMATS[name]
     for option in own.without:
-        if getattr(options, option) != getattr(usual, option):
+        if option in options.changed():
             raise InputError(f"recording '{path}': {option} has no meaning for format '{name}'")
-    return replace(own.open(path, options), options=options)
-
-
-def _check(options: RecordingOptions) -> None:
-    """Refuse options that no recording can be read with.
-
-    Raises:
-        InputError: Naming the option.
-    """
-    if options.intrinsics is not None and not usable(options.intrinsics):
-        got = ",".join(f"{value:g}" for value in options.intrinsics)
-        raise InputError(f"intrinsics {got}: expected fx,fy,cx,cy in pixels, fx and fy above 0")
-    for name, value, least in (
-        ("range_max", options.range_max, 1e-3),
-        ("depth_scale", options.depth_scale, 1e-6),
-        ("pixel_stride", options.pixel_stride, 1),
-        ("max_gap_s", options.max_gap_s, 0.0),
-        ("start_s", options.start_s, -1e9),
-        ("end_s", options.end_s, -1e9),
-    ):
-        if value is not None and not least <= value <= 1e9:
-            raise InputError(f"{name} {value:g}: expected {least:g} to 1e9")
+    return own.open(path, options)

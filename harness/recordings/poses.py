@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
+from wayproof.harness.recordings.options import Faults, RecordingOptions
 from wayproof.harness.recordings.order import in_order
-from wayproof.harness.recordings.recording import Faults, RecordingOptions
 from wayproof.harness.recordings.track import RecordedTrack
-from wayproof.harness.recordings.types import Transform
-from wayproof.maps.elementary import sines_cosines
 
 MAX_COORDINATE = 1e5
 """Maximum distance from the origin along an axis, m: that of the inputs of a decision."""
@@ -91,71 +88,10 @@ def track_of(
     start = int(good.stamps_ns[0])
     if int(good.stamps_ns[-1]) - start >= 2**62:
         raise InputError(f"recording '{path}': stamps of {source} span over 100 years")
-    max_gap_ns = round(options.max_gap_s * 1e9)
+    max_gap_ns = round(options.max_gap * 1e9)
     times = good.stamps_ns - start
-    faults[f"pose: gap of more than {options.max_gap_s:g} s"] += int(
+    faults[f"pose: gap of more than {options.max_gap:g} s"] += int(
         (np.diff(times) > max_gap_ns).sum()
     )
     track = RecordedTrack(times, good.positions, good.quaternions, source, max_gap_ns)
     return track, start
-
-
-def planar(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return positions (n, 3) and quaternions (n, 4) of planar poses (n, 3): x, y, m, yaw, rad."""
-    count = len(places)
-    positions, quaternions = np.zeros((count, 3)), np.zeros((count, 4))
-    positions[:, :2] = places[:, :2]
-    quaternions[:, 3], quaternions[:, 0] = sines_cosines(places[:, 2] / 2.0)
-    return positions, quaternions
-
-
-def mount_of(numbers: Sequence[float]) -> Transform:
-    """Return the pose T_body_sensor of `x, y, z[, yaw[, pitch[, roll]]]`, m and degrees.
-
-    The turns are about z, then the new y, then the new x, as of ROS's `static_transform_publisher`.
-
-    Raises:
-        InputError: They are not three to six finite numbers.
-    """
-    if not 3 <= len(numbers) <= 6 or not np.isfinite(numbers).all():
-        got = ",".join(f"{number:g}" for number in numbers)
-        raise InputError(f"mount {got}: expected X,Y,Z[,YAW[,PITCH[,ROLL]]], in m and degrees")
-    turns = Transform(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    for axis, degrees in zip((3, 2, 1), numbers[3:], strict=False):
-        sine, cosine = sines_cosines(np.array([np.radians(degrees) / 2.0]))
-        quaternion = np.zeros(4)
-        quaternion[0], quaternion[axis] = cosine[0], sine[0]
-        turns = compose(turns, Transform(np.zeros(3), quaternion))
-    return Transform(np.array(numbers[:3], np.float64), turns.quaternion)
-
-
-def rotate(quaternion: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Turn vectors (..., 3) by unit quaternions (..., 4)."""
-    w, axis = quaternion[..., :1], quaternion[..., 1:]
-    across = 2.0 * _cross(axis, vectors)
-    turned: NDArray[np.float64] = vectors + w * across + _cross(axis, across)
-    return turned
-
-
-def compose(first: Transform, second: Transform) -> Transform:
-    """Return T_a_c of T_a_b and T_b_c; arrays may have a leading axis of equal length."""
-    p, q = first
-    w1, v1, w2, v2 = q[..., :1], q[..., 1:], second.quaternion[..., :1], second.quaternion[..., 1:]
-    w = w1 * w2 - (v1 * v2).sum(axis=-1, keepdims=True)
-    v = w1 * v2 + w2 * v1 + _cross(v1, v2)
-    return Transform(p + rotate(q, second.position), np.concatenate([w, v], axis=-1))
-
-
-def inverse(transform: Transform) -> Transform:
-    """Return T_b_a of T_a_b."""
-    back = transform.quaternion * np.array([1.0, -1.0, -1.0, -1.0])
-    return Transform(-rotate(back, transform.position), back)
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    product: NDArray[np.float64] = np.stack(
-        [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1
-    )
-    return product

@@ -1,81 +1,52 @@
-"""A recording that is open for reading, and the options that select its parts."""
+"""A recording that is open for reading: its sensors, its track, and its sweeps in order of time."""
 
 from __future__ import annotations
 
+import hashlib
+import heapq
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.harness.mission import Mission
+from wayproof.harness.recordings.beams import Beams, float32, from_first_beam
+from wayproof.harness.recordings.options import Broken, Faults, RecordingOptions, unreadable
+from wayproof.harness.recordings.order import nearly_sorted, order_of
+from wayproof.harness.recordings.poses import StampedPoses, track_of
 from wayproof.harness.recordings.track import RecordedTrack
-from wayproof.harness.recordings.types import OwnMap, RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.recordings.transform import IDENTITY, Transform
+from wayproof.harness.recordings.types import OwnMap, RecordedSensor, RecordedSweep, SensorKind
+from wayproof.harness.schema import wayproof_pb2 as pb
 
-Faults = Counter[str]
-"""Kind of fault -> how many were met."""
-
-UNREADABLE = "message: cannot be read"
-
-
-class Broken(Exception):
-    """A message, or a part of a file, cannot be read."""
+NO_POSE = "sweep: no pose at its time"
+NO_BEAM = "sweep: nothing measured"
+NO_MOUNT = "sweep: no transform at its time"
+OUT_OF_ORDER = "sweep: stamp out of order"
 
 
-def unreadable(faults: Faults, error: Broken) -> str:
-    """Return the kind of fault of messages that cannot be read, with the text of the first one."""
-    first = next((kind for kind in faults if kind.startswith(UNREADABLE)), None)
-    return first or f"{UNREADABLE}, the first: {error}"
-
-
-@dataclass(frozen=True)
-class RecordingOptions:
-    """Selection of a recording, and settings to read it. Times are counted from its first pose.
+class Stream(NamedTuple):
+    """The sweeps of one sensor, still encoded, in the order of their file.
 
     Attributes:
-        format: Name of the format; None finds it.
-        sensors: Topics of the sensors; empty takes the only one.
-        pose: Topic of the poses, or the fixed frame of the transforms; None takes the only one.
-        body: Frame of the body; None takes the one that the poses are of.
-        mount: T_body_sensor of the sensor as it stands on the body, x ahead and z up also of a
-            camera, where the recording lacks it. A folder's poses are then the sensor's.
-        start_s: Time of the first sweep, s.
-        end_s: Time of the last sweep, s; None reads to the end.
-        range_max: Maximum range, m, where the recording lacks it, or a shorter one.
-        missing_returns_free: Whether a beam without return was free, as `missing_returns_known`;
-            None takes the format's convention.
-        intrinsics: fx, fy, cx, cy of the depth images, pixels, where the recording lacks them.
-        depth_scale: Units of an integer depth image in a metre; None takes the format's.
-        pixel_stride: Step between the pixels of a depth image that are read, along each axis.
-        max_gap_s: Maximum time between two poses between which one is interpolated, s.
+        sensor: The sensor.
+        stamps: (n,) of the recording's clock, ns.
+        payloads: Reads them one by one, as often as it is called.
+        read: Beams of one; raises `Broken` if it cannot be read.
+        mount: T_body_sensor, or its value by stamps, ns; None where it is not known.
+        sizes: (n,) bytes; None if they do not matter.
     """
 
-    format: str | None = None
-    sensors: tuple[str, ...] = ()
-    pose: str | None = None
-    body: str | None = None
-    mount: Transform | None = None
-    start_s: float = 0.0
-    end_s: float | None = None
-    range_max: float | None = None
-    missing_returns_free: bool | None = None
-    intrinsics: tuple[float, float, float, float] | None = None
-    depth_scale: float | None = None
-    pixel_stride: int = 4
-    max_gap_s: float = 1.0
-
-    def changed(self) -> tuple[str, ...]:
-        """Return `name=value` of each option that is not the default."""
-        values = ((one.name, getattr(self, one.name), one.default) for one in fields(self))
-        return tuple(f"{name}={_text(value)}" for name, value, usual in values if value != usual)
-
-
-def _text(value: object) -> str:
-    """Return the value of an option in words, numbers bit by bit."""
-    if isinstance(value, Transform):
-        value = (*value.position.tolist(), *value.quaternion.tolist())
-    if isinstance(value, tuple):
-        return ",".join(map(str, value))
-    return str(value)
+    sensor: RecordedSensor
+    stamps: NDArray[np.int64]
+    payloads: Callable[[], Iterator[Any]]
+    read: Callable[[Any, Faults], Beams]
+    mount: Transform | Callable[[int], Transform | None] = IDENTITY
+    sizes: NDArray[np.int64] | None = None
 
 
 @dataclass(frozen=True)
@@ -87,14 +58,14 @@ class Recording:
         format: Name of its format.
         sha256: Hash of the bytes of all files that are read, hexadecimal.
         start_ns: Stamp of the first pose, ns since the epoch of the recording's clock.
-        sensors: Sensors in the order of their names, or of an episode's sensors.
+        streams: Sweeps of each sensor.
         track: Poses of the body.
         chosen: The topics and frames that were chosen, in words.
         opening: Faults met while the recording was opened.
-        read: Reads the sweeps in order of time and counts faults.
+        options: Options that it was opened with.
+        begin_ns: Time of the first sweep that is read, ns since the first pose; None of all.
         body_height: Height of the body's origin above the floor at the first pose, m; None where
             the recording does not say.
-        options: Options that it was opened with.
         mission: Mission of the episode that was recorded, in its world frame, which is the
             recording's; None where the recording does not say.
         own_maps: Maps that the robot itself had, in order of time.
@@ -104,16 +75,21 @@ class Recording:
     format: str
     sha256: str
     start_ns: int
-    sensors: tuple[RecordedSensor, ...]
+    streams: tuple[Stream, ...]
     track: RecordedTrack
     chosen: str
     opening: Faults
-    read: Callable[[Faults], Iterator[RecordedSweep]]
+    options: RecordingOptions
+    begin_ns: int | None = None
     body_height: float | None = None
-    options: RecordingOptions = field(default_factory=RecordingOptions)
     mission: Mission | None = None
     own_maps: tuple[OwnMap, ...] = ()
     _met: Faults = field(default_factory=Counter, init=False)
+
+    @property
+    def sensors(self) -> tuple[RecordedSensor, ...]:
+        """Sensors in the order of their names, or of an episode's sensors."""
+        return tuple(stream.sensor for stream in self.streams)
 
     def sweeps(self) -> Iterator[RecordedSweep]:
         """Yield the sweeps in order of time, then of sensors' names; few are in memory at a time.
@@ -122,16 +98,83 @@ class Recording:
             InputError: The recording is damaged from some place on.
         """
         self._met.clear()
-        yield from self.read(self._met)
+        each = [self._of_stream(one) for one in self.streams]
+        yield from heapq.merge(*each, key=lambda sweep: (sweep.time_ns, sweep.sensor))
 
     @property
     def faults(self) -> dict[str, int]:
         """Faults by kind: those of the opening, and those of the sweeps read so far."""
         return dict(sorted((self.opening + self._met).items()))
 
+    def _of_stream(self, stream: Stream) -> Iterator[RecordedSweep]:
+        """Yield the sweeps of a sensor, each from its first beam on; count what is left out."""
+        faults = self._met
+        for stamp, payload in self._in_order(stream):
+            if not self._has_pose(stamp, None):
+                continue
+            try:
+                beams = stream.read(payload, faults)
+            except Broken as error:
+                faults[unreadable(faults, error)] += 1
+                continue
+            mount = stream.mount(stamp) if callable(stream.mount) else stream.mount
+            # An episode's first sweep began before its first pose: the body stood there.
+            times = None if beams.measured is not None else beams.times_ns
+            if mount is None:
+                faults[NO_MOUNT] += 1
+                continue
+            if not self._has_pose(stamp, times):
+                continue
+            if not len(beams.ranges):
+                faults[NO_BEAM] += 1
+                continue
+            early, times = from_first_beam(beams)
+            yield RecordedSweep(
+                time_ns=stamp - self.start_ns + early,
+                sensor=stream.sensor.name,
+                directions=beams.directions,
+                ranges=beams.ranges,
+                beam_times_ns=times,
+                T_body_sensor=mount,
+                grid=beams.grid,
+                points=beams.points,
+                measured=beams.measured,
+            )
 
-@dataclass(frozen=True)
-class Format:
+    def _in_order(self, stream: Stream) -> Iterator[tuple[int, Any]]:
+        """Yield stamp and payload of the sweeps between the times chosen, in order of time."""
+        sizes = np.zeros(len(stream.stamps), np.int64) if stream.sizes is None else stream.sizes
+        order = order_of(stream.stamps, sizes)
+        items = (
+            (stamp, size, (place, payload))
+            for place, (stamp, size, payload) in enumerate(
+                zip(stream.stamps.tolist(), sizes.tolist(), stream.payloads(), strict=False)
+            )
+        )
+        begin = -(2**63) if self.begin_ns is None else self.begin_ns
+        end = 2**63 if self.options.end is None else round(self.options.end * 1e9)
+        for stamp, _, (place, payload) in items if order.is_sorted else nearly_sorted(items):
+            if not begin <= stamp - self.start_ns <= end:
+                continue
+            if order.kept[place]:
+                yield stamp, payload
+            else:
+                self._met[OUT_OF_ORDER] += 1
+
+    def _has_pose(self, stamp_ns: int, beam_times_ns: NDArray[np.int64] | None) -> bool:
+        """Return whether there are poses for all beams of a sweep; count it if not."""
+        time = stamp_ns - self.start_ns
+        ends = [time]
+        if beam_times_ns is not None and len(beam_times_ns):
+            ends += [time + int(beam_times_ns.min()), time + int(beam_times_ns.max())]
+        if all(abs(end) < 2**62 for end in ends):
+            if self.track.covers(np.array(ends, np.int64)).all():
+                return True
+        self._met[NO_POSE] += 1
+        return False
+
+
+class Format(NamedTuple):
     """A format of recordings.
 
     Attributes:
@@ -145,3 +188,87 @@ class Format:
     matches: Callable[[Path], bool]
     open: Callable[[Path, RecordingOptions], Recording]
     without: tuple[str, ...] = ()
+
+
+def recording_of(
+    path: Path,
+    format: str,
+    files: Sequence[Path],
+    streams: Sequence[Stream],
+    poses: StampedPoses,
+    source: str,
+    options: RecordingOptions,
+    faults: Faults,
+    chosen: str | None = None,
+) -> Recording:
+    """Make a recording of what a format's reader found.
+
+    Args:
+        path: Path of it.
+        format: Name of the format.
+        files: All files that are read.
+        streams: Sweeps of each sensor.
+        poses: T_world_body.
+        source: Where they come from, in words.
+        options: Options that it was opened with.
+        faults: Those met so far.
+        chosen: What was chosen, in words; by default the sensors.
+
+    Raises:
+        InputError: No pose is sound.
+    """
+    track, start = track_of(path, poses, source, options, faults)
+    named = chosen or ", ".join(stream.sensor.name for stream in streams)
+    return Recording(
+        name=path.resolve().name,
+        format=format,
+        sha256=digest_of(files),
+        start_ns=start,
+        streams=tuple(streams),
+        track=track,
+        chosen=f"{named}; poses: {source}",
+        opening=faults,
+        options=options,
+        begin_ns=round(options.begin * 1e9) if options.begin != 0.0 else None,
+    )
+
+
+def sensor_of(
+    name: str,
+    kind: SensorKind,
+    options: RecordingOptions,
+    *,
+    frame: str = "",
+    ranges: tuple[float, float] = (0.0, np.inf),
+    silence_known: bool = False,
+    declared: pb.SensorInfo | None = None,
+    mount_is_fixed: bool = True,
+) -> RecordedSensor:
+    """Return a sensor whose limits the options may change; `RecordedSensor` has the arguments."""
+    free = options.no_return_is_free
+    return RecordedSensor(
+        name=name,
+        frame=frame or name,
+        kind=kind,
+        range_min=ranges[0],
+        range_max=float32(min(ranges[1], options.range_max or np.inf)),
+        missing_returns_known=silence_known if free is None else free,
+        declared=declared,
+        mount_is_fixed=mount_is_fixed,
+    )
+
+
+def digest_of(files: Sequence[Path]) -> str:
+    """Return the SHA-256 of a file, or of the names and contents of several, hexadecimal.
+
+    The hash of one file is the one that `sha256sum` prints. Of several, each is hashed, and then
+    the lines of `sha256sum`: hash, two spaces, name.
+    """
+    digests = []
+    for path in files:
+        with path.open("rb") as file:
+            digests.append(hashlib.file_digest(file, "sha256").hexdigest())
+    if len(files) == 1:
+        return digests[0]
+    lines = [f"{digest}  {path.name}\n" for digest, path in zip(digests, files, strict=True)]
+    return hashlib.sha256("".join(lines).encode("utf-8", "surrogateescape")).hexdigest()

@@ -8,25 +8,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.harness.recordings.transform import Transform
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 SensorKind = Literal["laser", "points", "depth"]
 """A planar laser scanner, point clouds, or a depth camera."""
-
-
-class Transform(NamedTuple):
-    """A pose of one frame in another.
-
-    Attributes:
-        position: (3,) m.
-        quaternion: (4,) w x y z, unit length.
-    """
-
-    position: NDArray[np.float64]
-    quaternion: NDArray[np.float64]
-
-
-IDENTITY = Transform(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from wayproof.harness.recordings.recording import Recording
-from wayproof.harness.recordings.types import RecordedSweep, Transform
+from wayproof.harness.recordings.transform import Transform
+from wayproof.harness.recordings.types import RecordedSweep
 from wayproof.models.poses import rotation_matrices
 
 MOST_TILT = np.radians(3.0)

@@ -14,10 +14,10 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.recording_config import RecordingConfig
-from wayproof.harness.recordings.recording import Recording
+from wayproof.harness.recordings.recording import NO_POSE, Recording
 from wayproof.harness.recordings.track import RecordedTrack
-from wayproof.harness.recordings.types import OwnMap, RecordedSensor, RecordedSweep, Transform
-from wayproof.harness.recordings.window import NO_POSE
+from wayproof.harness.recordings.transform import Transform
+from wayproof.harness.recordings.types import OwnMap, RecordedSensor, RecordedSweep
 from wayproof.harness.scenario.prior_maps import with_prior
 from wayproof.harness.scenario.worlds import bare_world
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -141,7 +141,7 @@ def prepare(
 def _assumes_height(recording: Recording, body: Body, settings: Iterable[str]) -> bool:
     """Return whether the height of a ground robot's body above the floor is not given."""
     named = any(one.partition("=")[0].strip() == "recording.body_height" for one in settings)
-    stated = named or recording.body_height is not None or recording.options.mount is not None
+    stated = named or recording.body_height is not None or bool(recording.options.mount)
     return body.motion == "ground" and not stated
 
 
@@ -182,7 +182,7 @@ def _writer(
 
     Where a mount is given, it is that of the list.
     """
-    if sensor.declared is not None and recording.options.mount is None:
+    if sensor.declared is not None and not recording.options.mount:
         return TableWriter(sensor, sensor.declared)
     mount = lifted(sweeps[0].T_body_sensor, lift)
     longest = min(LONGEST_LISTED_RANGE, (MAX_BEAM_CELLS - 1) * config.map.resolution)
@@ -201,7 +201,7 @@ def _own_maps(recording: Recording, origin: Sequence[float]) -> tuple[OwnMap, ..
 
 def _read_part(recording: Recording) -> RecordedTrack:
     """Return the part of the track that is read, with the pose before it and the one after it."""
-    track, begin_s, end_s = recording.track, recording.options.start_s, recording.options.end_s
+    track, begin_s, end_s = recording.track, recording.options.begin, recording.options.end
     first = int(np.searchsorted(track.times_ns, round(begin_s * 1e9), side="right")) - 1
     last = len(track.times_ns)
     if end_s is not None:
@@ -240,7 +240,7 @@ def _why(recording: Recording) -> str:
     if NO_POSE in met:
         seconds = recording.track.times_ns[-1] * 1e-9
         return f"{faults}; poses from {recording.start_ns * 1e-9:.3f} s on, for {seconds:.3f} s"
-    chosen = recording.options.start_s != 0.0 or recording.options.end_s is not None
+    chosen = recording.options.begin != 0.0 or recording.options.end is not None
     return faults or ("none between the times chosen" if chosen else "no sweep at all")
 
 

@@ -78,7 +78,7 @@ def settings_of(
         recording=RecordingConfig(
             format=recording.format,
             sha256=recording.sha256,
-            options=recording.options.changed(),
+            options=recording.options.texts(),
         ),
     )
     defaults = ["motion.limits=cautious"]  # `find_body` knows no others

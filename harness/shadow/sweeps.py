@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.listed_beams import CODEC, MOST_POSES, OLDEST_S, write_list
-from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.recordings.transform import Transform
+from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.poses import rotation_matrices
 from wayproof.models.sensors import range_codec

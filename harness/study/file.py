@@ -14,11 +14,11 @@ from wayproof.harness.config import BUILTIN, CODE, PLUGIN
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.perturbations import PERTURBATIONS, perturbation_from
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
+from wayproof.harness.recordings.options import RecordingOptions
 from wayproof.harness.scenario.robots import controller_of
 from wayproof.harness.study.gate import Gate, SequentialGate, read_gate
 from wayproof.harness.study.imported import Imports, import_worlds
 from wayproof.harness.study.randomise import check_ranges
-from wayproof.harness.study.source import ReadOptions
 from wayproof.harness.worker_pool import Bounds
 from wayproof.models.toml_text import parse_toml
 
@@ -129,7 +129,7 @@ class StudyFile(
     worlds: list[str] = []
     imports: Imports | None = None
     recordings: list[str] = []
-    read: ReadOptions = ReadOptions()
+    read: RecordingOptions = RecordingOptions()
     stacks: list[str] = []
     settings: dict[str, Value] = {}
     randomise: dict[str, list[int | float]] = {}
@@ -250,7 +250,7 @@ def check_study(study: StudyFile) -> None:
         )
     if study.worlds and study.recordings:
         raise InputError(f"study '{study.name}': worlds and recordings, expected one of the two")
-    if study.read != ReadOptions() and not study.recordings:
+    if study.read != RecordingOptions() and not study.recordings:
         raise InputError(f"study '{study.name}': read without recordings, expected both")
     for field in ("recordings" if study.recordings else "worlds", "robots"):
         if not getattr(study, field):

@@ -15,8 +15,27 @@ import msgspec
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import document_of, from_json, to_json
 from wayproof.harness.errors import InputError
+from wayproof.harness.recordings.options import RecordingOptions
 from wayproof.harness.study.contents import PROGRAM, contents_of, named_by
-from wayproof.harness.study.source import Source
+
+
+@dataclass(frozen=True)
+class Source:
+    """Recording that the inputs of an episode come from.
+
+    Attributes:
+        recording: Its path.
+        robot: Body: a spec file, or a robot's name.
+        settings: `section.field=value` of the episode.
+        stack: Stack in place of the built-in one; None for that.
+        read: Selection of the recording.
+    """
+
+    recording: Path
+    robot: str
+    settings: tuple[str, ...]
+    stack: str | None
+    read: RecordingOptions
 
 
 @dataclass(frozen=True)
@@ -97,7 +116,9 @@ def run_job(job: Job) -> Done:
     try:
         with isolating():
             if job.source is not None:
-                _run_recorded(job)
+                from wayproof.harness.study.recorded import run_recorded
+
+                run_recorded(job, job.source)
             else:
                 _run_simulated(job)
     except InputError as error:
@@ -121,12 +142,6 @@ def _is_of_machine(error: BaseException | None) -> bool:
             return True
         error = error.__cause__ or error.__context__
     return False
-
-
-def _run_recorded(job: Job) -> None:
-    from wayproof.harness.study.recorded import run_recorded
-
-    run_recorded(job)
 
 
 def _run_simulated(job: Job) -> None:

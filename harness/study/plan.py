@@ -28,9 +28,8 @@ from wayproof.harness.study.file import (
     settings_and_values,
     stacks_of,
 )
-from wayproof.harness.study.job import episode_key
+from wayproof.harness.study.job import Source, episode_key
 from wayproof.harness.study.randomise import drawn
-from wayproof.harness.study.source import Source
 from wayproof.models.robots import ROBOTS
 from wayproof.models.worlds import WORLDS
 

@@ -14,6 +14,7 @@ from wayproof.harness.config_document import from_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import AnyPerturbation
 from wayproof.harness.recordings.formats import open_recording
+from wayproof.harness.recordings.options import RecordingOptions
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.shadow.body import find_body
 from wayproof.harness.shadow.perturb import RecordedPerturbation
@@ -21,8 +22,7 @@ from wayproof.harness.shadow.prepare import Prepared, prepare
 from wayproof.harness.shadow.runner import run_recording
 from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.file import StudyFile
-from wayproof.harness.study.job import Job, episode_key
-from wayproof.harness.study.source import ReadOptions, Source
+from wayproof.harness.study.job import Job, Source, episode_key
 
 
 def recorded_config(
@@ -43,24 +43,20 @@ def recorded_config(
         if field in study.settings or field in study.axes:
             raise InputError(f"study '{study.name}': {field} with recordings, expected `{instead}`")
     source = Source(
-        recording=name,
-        robot=robot,
-        settings=settings,
-        stack="" if stack == BUILTIN else stack,
-        read=study.read,
+        Path(name), robot, settings, None if stack in ("", BUILTIN) else stack, study.read
     )
-    prepared = _prepare(_opened(name, study.read), source, perturbation)
+    prepared = _prepared(_opened(source.recording, study.read), source, perturbation)
     RecordedPerturbation(prepared.config, prepared.infos)
     return prepared.config, source
 
 
 @functools.lru_cache(1)
-def _opened(name: str, read: ReadOptions) -> Recording:
+def _opened(path: Path, read: RecordingOptions) -> Recording:
     """Open a recording, once for all its arms."""
-    return open_recording(Path(name), options=read.options)
+    return open_recording(path, options=read)
 
 
-def _prepare(
+def _prepared(
     recording: Recording, source: Source, perturbation: AnyPerturbation | None, seed: int = 0
 ) -> Prepared:
     return prepare(
@@ -68,22 +64,20 @@ def _prepare(
         find_body(source.robot),
         source.settings,
         seed=seed,
-        stack=source.stack or None,
+        stack=source.stack,
         perturbation=perturbation,
     )
 
 
-def run_recorded(job: Job) -> None:
+def run_recorded(job: Job, source: Source) -> None:
     """Run one episode over a recording.
 
     Raises:
         InputError: A file was changed since the plan, or the episode cannot run.
     """
-    source = job.source
-    assert source is not None
     config = from_json(job.config, allow_plugins=True)
-    recording = open_recording(Path(source.recording), options=source.read.options)
-    prepared = _prepare(recording, source, config.perturbation, config.seed)
+    recording = open_recording(source.recording, options=source.read)
+    prepared = _prepared(recording, source, config.perturbation, config.seed)
     contents = contents_of(named_by(prepared.config))
     if episode_key(prepared.config, contents) != job.key:
         raise InputError("Wayproof or a file that it names was changed since the plan")

@@ -30,7 +30,7 @@ from wayproof.harness.recordings.bags.writing import (
     write_bag,
 )
 from wayproof.harness.recordings.recording import Recording
-from wayproof.harness.recordings.types import Transform
+from wayproof.harness.recordings.transform import Transform
 from wayproof.harness.viewer.layer import layer_at
 from wayproof.harness.viewer.moments import Moment, moments
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.bags.clouds import OWN_TIME, TYPES
 from wayproof.harness.recordings.bags.messages import typestore
-from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.recordings.transform import Transform
+from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep
 
 MOST_SECONDS = 2**31 - 1
 """Greatest seconds of a stamp of ROS 2."""

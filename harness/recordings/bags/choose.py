@@ -19,10 +19,9 @@ from wayproof.harness.recordings.bags.sensors import Topic
 from wayproof.harness.recordings.bags.survey import PoseTopic, SensorTopic, Survey
 from wayproof.harness.recordings.bags.transforms import namespace_of
 from wayproof.harness.recordings.bags.vendors import px4
-from wayproof.harness.recordings.matrices import OPTICAL
-from wayproof.harness.recordings.poses import StampedPoses, compose
-from wayproof.harness.recordings.recording import RecordingOptions
-from wayproof.harness.recordings.types import Transform
+from wayproof.harness.recordings.options import RecordingOptions
+from wayproof.harness.recordings.poses import StampedPoses
+from wayproof.harness.recordings.transform import OPTICAL, compose
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 SILENT, UNSURE, LIMITS = "/no_return", "/no_return_unsure", "/limits"
@@ -214,16 +213,16 @@ def choose_motion(
 
 def choose_mount(
     path: Path, found: Survey, body: str, topic: Topic, options: RecordingOptions
-) -> FramePath | Transform:
+) -> FramePath:
     """Return how a sensor's frame is mounted on the body.
 
     Raises:
         InputError: No transforms connect them, or the body moves in the sensor's frame, and the
             options give none.
     """
-    if options.mount is not None:
-        is_camera = topic.kind == "depth"
-        return compose(options.mount, OPTICAL) if is_camera else options.mount
+    if (given := options.T_body_sensor) is not None:
+        mount = compose(given, OPTICAL) if topic.kind == "depth" else given
+        return FramePath((), (Edge(body, topic.frame, mount, None),))
     if _moves_in(found, body, topic.frame):
         raise InputError(
             f"recording '{path}': got sweeps in frame '{topic.frame}', in which '{body}' moves,"

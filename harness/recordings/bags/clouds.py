@@ -11,7 +11,7 @@ from wayproof.harness.recordings.bags.container import RawMessage
 from wayproof.harness.recordings.bags.messages import CLOUD, decode
 from wayproof.harness.recordings.bags.parts import Cloud, stamp_of
 from wayproof.harness.recordings.bags.vendors import VENDORS
-from wayproof.harness.recordings.recording import Broken, Faults
+from wayproof.harness.recordings.options import Broken, Faults
 
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """`datatype` of a PointField -> type of numpy."""

@@ -21,7 +21,7 @@ from mcap.records import Channel, Chunk, DataEnd, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.recordings.recording import Broken, Faults, unreadable
+from wayproof.harness.recordings.options import Broken, Faults, unreadable
 
 GREATEST_RECORD = 2**28
 """Maximum size of a record or an unpacked chunk, bytes; a cloud of a million points takes 2^25."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from functools import reduce
 from typing import NamedTuple
@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.recordings.bags.parts import StampedTransform
-from wayproof.harness.recordings.poses import StampedPoses, compose, inverse, sound
-from wayproof.harness.recordings.recording import Faults
+from wayproof.harness.recordings.options import Faults
+from wayproof.harness.recordings.poses import StampedPoses, sound
 from wayproof.harness.recordings.track import RecordedTrack
-from wayproof.harness.recordings.types import Transform
+from wayproof.harness.recordings.transform import Transform, compose, inverse
 
 MOST_FRAMES = 1000
 ANY_GAP = 2**62
@@ -176,6 +176,16 @@ class FramePath(NamedTuple):
     def is_fixed(self) -> bool:
         """Whether nothing between them moves."""
         return all(edge.moving is None for edge in (*self.up, *self.down))
+
+    @property
+    def mount(self) -> Transform | Callable[[int], Transform | None]:
+        """T_body_frame, or, where something moves, its value at a stamp, None if not known."""
+
+        def at(stamp_ns: int) -> Transform | None:
+            transform, known = self.at(np.array([stamp_ns]))
+            return transform.row(0) if known[0] else None
+
+        return self.at(np.zeros(1, np.int64))[0].row(0) if self.is_fixed else at
 
     def at(self, stamps_ns: NDArray[np.int64]) -> tuple[Transform, NDArray[np.bool_]]:
         """Return T_body_frame at stamps (m,), and whether it is known at each."""

@@ -13,8 +13,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.bags.container import RawMessage
 from wayproof.harness.recordings.bags.parts import StampedTransform, frame_name, stamp_of
 from wayproof.harness.recordings.bags.vendors import VENDORS, px4
-from wayproof.harness.recordings.depth import usable
-from wayproof.harness.recordings.recording import Broken
+from wayproof.harness.recordings.options import Broken, usable
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

@@ -11,9 +11,9 @@ from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.recordings.bags.frames import FrameTree
 from wayproof.harness.recordings.bags.parts import Grid, Patch
 from wayproof.harness.recordings.bags.vendors.nav2 import RAW, UPDATES
-from wayproof.harness.recordings.poses import compose
-from wayproof.harness.recordings.recording import Broken, Faults
-from wayproof.harness.recordings.types import OwnMap, Transform
+from wayproof.harness.recordings.options import Broken, Faults
+from wayproof.harness.recordings.transform import Transform, compose
+from wayproof.harness.recordings.types import OwnMap
 
 PERIOD_NS = 1_000_000_000
 """Time between two maps of a topic that are kept, ns."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.recordings.types import Transform
+from wayproof.harness.recordings.transform import Transform
 
 
 class Cloud(NamedTuple):

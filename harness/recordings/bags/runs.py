@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.bags.survey import Survey
+from wayproof.harness.recordings.options import Faults
 from wayproof.harness.recordings.order import set_backs
-from wayproof.harness.recordings.recording import Faults
 
 OTHER_RUN = "sweep: of another run, as the clock was set back"
 

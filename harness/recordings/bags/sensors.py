@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.recordings.bags.clouds import (
@@ -34,19 +33,17 @@ from wayproof.harness.recordings.beams import (
     Beams,
     Limits,
     Silent,
+    measured_beams,
     point_beams,
     scan_beams,
 )
 from wayproof.harness.recordings.depth import depth_beams, depths_of
-from wayproof.harness.recordings.recording import Broken, Faults, RecordingOptions
+from wayproof.harness.recordings.options import Broken, Faults, RecordingOptions
 from wayproof.harness.recordings.types import SensorKind
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.sensors.beams import (
-    DROPPED,
     NO_RETURN,
     directions,
-    pose_indices,
-    pose_offsets,
     ray_ranges,
 )
 
@@ -92,21 +89,6 @@ class Topic(NamedTuple):
     period_ns: float | None = None
 
 
-@dataclass(frozen=True)
-class Reading:
-    """Settings by which the messages of a topic are read.
-
-    Attributes:
-        topic: Properties by its first message.
-        limits: Limits of the ranges.
-        options: Stride and scale of depth images.
-    """
-
-    topic: Topic
-    limits: Limits
-    options: RecordingOptions
-
-
 def is_sensor(raw: RawMessage) -> bool:
     """Return whether a message is one of ranges, points or depths, not a picture.
 
@@ -143,11 +125,12 @@ def first_of(
     if raw.type == SCAN:
         scan = decode(raw)
         low, high = scan_limits(scan.range_min, scan.range_max)
-        return Topic("laser", frame_name(scan.header.frame_id), low, high)
+        frame = frame_name(scan.header.frame_id)
+        return Topic("laser", frame, low, high, period_ns=period_ns)
     if raw.type in CLOUDS:
         cloud = read_cloud(raw)
         time = point_time(finite(cloud, Counter()), period_ns)
-        return Topic("points", frame_name(cloud.frame), *limits, time)
+        return Topic("points", frame_name(cloud.frame), *limits, time, period_ns=period_ns)
     frame = frame_name(decode(raw).header.frame_id)
     return Topic("depth", frame, *limits, cameras=cameras)
 
@@ -163,24 +146,40 @@ def finite_points(raw: RawMessage) -> int:
         return 0
 
 
-def beams_of(raw: RawMessage, reading: Reading, silent: Silent | None, faults: Faults) -> Beams:
+def beams_of(
+    raw: RawMessage,
+    topic: Topic,
+    limits: Limits,
+    options: RecordingOptions,
+    silent: Silent | None,
+    faults: Faults,
+) -> Beams:
     """Return the beams of a message, with those without return that were recorded beside it.
+
+    Args:
+        raw: The message.
+        topic: Properties of its sensor.
+        limits: Limits of the ranges.
+        options: Stride and scale of depth images.
+        silent: Beams without return.
+        faults: Counts readings that say nothing.
 
     Raises:
         Broken: It cannot be read.
     """
-    if reading.topic.declared is not None:
-        return _as_measured(decode(raw), reading.topic.declared, reading.limits, faults)
-    if reading.topic.kind == "points":
-        return _of_cloud(raw, reading, silent, faults)
-    read: Callable[[Any, Reading, Faults], Beams]
-    read = _of_scan if reading.topic.kind == "laser" else _of_image
-    return read(decode(raw), reading, faults)
+    if topic.kind == "points" and topic.declared is None:
+        return _of_cloud(raw, topic, limits, silent, faults)
+    message = decode(raw)
+    if topic.declared is not None:
+        return _as_measured(message, topic.declared, limits.cut, faults)
+    if topic.kind == "laser":
+        return _of_scan(message, topic, limits, faults)
+    depths, camera = _depths(message, topic, options)
+    return depth_beams(depths, camera.intrinsics, options.pixel_stride, limits, faults)
 
 
-def _of_scan(message: Any, reading: Reading, faults: Faults) -> Beams:
-    topic = reading.topic
-    limits = scan_limits(message.range_min, message.range_max)
+def _of_scan(message: Any, topic: Topic, limits: Limits, faults: Faults) -> Beams:
+    low, high = scan_limits(message.range_min, message.range_max)
     angles = float(message.angle_min), float(message.angle_increment)
     count = len(message.ranges)
     if not all(abs(angle) < MOST_ANGLE for angle in (*angles, angles[1] * count)):
@@ -200,79 +199,73 @@ def _of_scan(message: Any, reading: Reading, faults: Faults) -> Beams:
     # Older drivers write the maximum where nothing came back; laser_geometry drops it, too.
     # Some write the largest reading of each scan as its maximum, which is then a return.
     if not topic.maximum_varies:
-        ranges = np.where(ranges == np.float32(limits[1]), np.float32(np.inf), ranges)
-    own = reading.limits._replace(range_min=limits[0], range_max=min(limits[1], FARTHEST))
+        ranges = np.where(ranges == np.float32(high), np.float32(np.inf), ranges)
+    own = limits._replace(range_min=low, range_max=min(high, FARTHEST))
     return scan_beams(angles, written=ranges, limits=own, faults=faults, time_increment_s=step)
 
 
-def _of_cloud(raw: RawMessage, reading: Reading, silent: Silent | None, faults: Faults) -> Beams:
+def _of_cloud(
+    raw: RawMessage, topic: Topic, limits: Limits, silent: Silent | None, faults: Faults
+) -> Beams:
     cloud = finite(read_cloud(raw), faults)
     times = None
-    if reading.topic.time is not None and len(cloud.points):
-        if cloud.time_field != reading.topic.time.name:
+    if topic.time is not None and len(cloud.points):
+        if cloud.time_field != topic.time.name:
             raise Broken("a cloud without the time of its points")
-        found = offsets_ns(cloud, reading.topic.time, faults)
+        found = offsets_ns(cloud, topic.time, faults)
         if found is None:
             raise Broken("a cloud of points of other times")
         times, kept = found
         cloud = cloud._replace(points=cloud.points[kept])
-    return point_beams(cloud.points, times, reading.limits, faults, silent)
+    return point_beams(cloud.points, times, limits, faults, silent)
 
 
-def _as_measured(message: Any, info: pb.SensorInfo, limits: Limits, faults: Faults) -> Beams:
+def _as_measured(message: Any, info: pb.SensorInfo, range_max: float, faults: Faults) -> Beams:
     """Return the beams of an image of ranges, and the ranges themselves as they count."""
     beams = beams_from_info(info)
     table = beams.table
-    rows, columns = len(table.rows), len(table.columns)
-    sizes = int(message.height), int(message.width), int(message.step), len(message.data)
-    if message.encoding != "16UC1" or sizes != (rows, columns, 2 * columns, 2 * rows * columns):
+    shape = len(table.rows), len(table.columns)
+    if message.encoding != "16UC1" or (message.height, message.width) != shape:
         raise Broken("an image of other ranges than the sensor's")
-    kind = ">u2" if message.is_bigendian else "<u2"
-    measured = np.asarray(message.data).view(kind).astype(np.uint16)
-    unit = directions(table, 0)
-    along = ray_ranges(table, unit, measured)
-    measured[(along > limits.cut * MILLIMETRES) & (along != NO_RETURN)] = NO_RETURN
-    silent = measured == NO_RETURN
-    met = ~silent & (measured != DROPPED)
-    times = None
-    if table.scan_poses > 1:
-        times = pose_offsets(table, round(1e9 / beams.rate))[pose_indices(table)]
-    points = (unit[met] * (along[met, None] / MILLIMETRES)).astype(np.float32)
-    none = Silent(unit[silent].astype(np.float32), None if times is None else times[silent])
-    met_times = None if times is None else times[met]
-    listed = point_beams(
-        points,
-        times_ns=met_times,
-        limits=limits._replace(range_max=FARTHEST),
-        faults=faults,
-        silent=none,
-    )
-    return listed._replace(measured=measured)
+    measured = pixels_of(message).reshape(-1).astype(np.uint16)
+    along = ray_ranges(table, directions(table, 0), measured)
+    measured[(along > range_max * MILLIMETRES) & (along != NO_RETURN)] = NO_RETURN
+    return measured_beams(beams, measured, 0, range_max, faults)
 
 
-def _of_image(message: Any, reading: Reading, faults: Faults) -> Beams:
-    stamp, options = stamp_of(message.header), reading.options
-    cameras = reading.topic.cameras
-    place = bisect_right(cameras, stamp, key=itemgetter(0))
-    camera = cameras[max(place - 1, 0)][1] if cameras else None
-    rows, columns, step = int(message.height), int(message.width), int(message.step)
+def _depths(
+    message: Any, topic: Topic, options: RecordingOptions
+) -> tuple[NDArray[np.float64], Camera]:
+    """Return the depths of an image (rows, columns), m, and its camera."""
+    place = bisect_right(topic.cameras, stamp_of(message.header), key=itemgetter(0))
+    camera = topic.cameras[max(place - 1, 0)][1] if topic.cameras else None
     if message.encoding not in DEPTH_ENCODINGS or camera is None:
         raise Broken(f"an image of encoding '{message.encoding[:20]}'")
-    if camera.width and (columns, rows) != (camera.width, camera.height):
+    if camera.width and (message.width, message.height) != (camera.width, camera.height):
         raise Broken("an image of another size than the camera")
+    pixels = pixels_of(message)
+    scale = (options.depth_scale or MILLIMETRES) if pixels.dtype.kind == "u" else 1.0
+    depths = depths_of(pixels, scale)
+    known = depths[np.isfinite(depths) & (depths > 0.0)]
+    if len(known) and np.median(known) > DEEPEST:
+        raise Broken(f"an image of depths of {np.median(known):g} m, expected metres")
+    return depths, camera
+
+
+def pixels_of(message: Any) -> NDArray[Any]:  # (rows, columns)
+    """Return the pixels of an image of one of `DEPTH_ENCODINGS`.
+
+    Raises:
+        Broken: It has none, or its sizes do not agree.
+    """
+    rows, columns, step = int(message.height), int(message.width), int(message.step)
     kind = np.dtype((">" if message.is_bigendian else "<") + DEPTH_ENCODINGS[message.encoding])
     if rows == 0 or columns == 0:
         raise Broken("an image without pixels")
     if step < columns * kind.itemsize or len(message.data) < rows * step:
         raise Broken("an image whose sizes do not agree")
     lines = np.asarray(message.data)[: rows * step].reshape(rows, step)
-    pixels = np.ascontiguousarray(lines[:, : columns * kind.itemsize]).view(kind)
-    scale = (options.depth_scale or MILLIMETRES) if kind.kind == "u" else 1.0
-    depths = depths_of(pixels, scale)
-    known = depths[np.isfinite(depths) & (depths > 0.0)]
-    if len(known) and np.median(known) > DEEPEST:
-        raise Broken(f"an image of depths of {np.median(known):g} m, expected metres")
-    return depth_beams(depths, camera.intrinsics, options.pixel_stride, reading.limits, faults)
+    return np.ascontiguousarray(lines[:, : columns * kind.itemsize]).view(kind)
 
 
 def scan_maximum(raw: RawMessage) -> float:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.ros2.task import Announcement, read_task
@@ -42,9 +43,8 @@ from wayproof.harness.recordings.bags.sensors import (
 )
 from wayproof.harness.recordings.bags.transforms import Transforms, namespace_of
 from wayproof.harness.recordings.bags.vendors.nav2 import is_costmap
-from wayproof.harness.recordings.order import Order, order_of
+from wayproof.harness.recordings.options import Broken, Faults, unreadable
 from wayproof.harness.recordings.poses import RESET
-from wayproof.harness.recordings.recording import Broken, Faults, unreadable
 
 FIRST_CLOUDS = 10
 """Number of clouds of a topic, of which one with most points gives the unit of their times: the
@@ -92,10 +92,14 @@ class SensorTopic:
         return len(self.maxima) > 3
 
     @property
+    def times(self) -> NDArray[np.int64]:
+        """Stamps (n,), or the times of recording where there are none, ns."""
+        return np.array(self.stamps if self.is_stamped else self.logged, np.int64)
+
+    @property
     def period_ns(self) -> float | None:
         """Median time between messages, ns; None of fewer than three."""
-        stamps = self.stamps if self.is_stamped else self.logged
-        steps = np.diff(np.unique(np.array(stamps, np.int64)))
+        steps = np.diff(np.unique(self.times))
         return float(np.median(steps)) if len(steps) > 1 else None
 
     @property
@@ -114,11 +118,6 @@ class SensorTopic:
             places=self.places[part],
             skipped=part.start,
         )
-
-    def order(self) -> Order:
-        """Return the order in which its messages are to be read."""
-        stamps = self.stamps if self.is_stamped else self.logged
-        return order_of(np.array(stamps, np.int64), np.array(self.sizes, np.int64))
 
 
 @dataclass

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.bags.frames import FrameTree, Samples
-from wayproof.harness.recordings.recording import Faults
+from wayproof.harness.recordings.options import Faults
 
 Link = tuple[str, str]
 """Parent and child of a transform."""

@@ -24,7 +24,8 @@ from wayproof.harness.recordings.bags.messages import (
     typestore,
 )
 from wayproof.harness.recordings.recording import Recording
-from wayproof.harness.recordings.types import IDENTITY, RecordedSensor, RecordedSweep, Transform
+from wayproof.harness.recordings.transform import IDENTITY, Transform
+from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep
 
 BagKind = Literal["ros1", "mcap", "sqlite"]
 """A `.bag` of ROS 1, or a folder of ROS 2 with an `.mcap` or a `.db3`."""

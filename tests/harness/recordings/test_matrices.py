@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from wayproof.harness.recordings.matrices import quaternion_of
+from wayproof.harness.recordings.transform import quaternion_of
 from wayproof.models.poses import rotation_matrices
 
 

@@ -5,17 +5,9 @@ import numpy as np
 import pytest
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.recordings.poses import (
-    StampedPoses,
-    compose,
-    inverse,
-    planar,
-    rotate,
-    sound,
-    track_of,
-)
-from wayproof.harness.recordings.recording import RecordingOptions
-from wayproof.harness.recordings.types import Transform
+from wayproof.harness.recordings.options import RecordingOptions
+from wayproof.harness.recordings.poses import StampedPoses, sound, track_of
+from wayproof.harness.recordings.transform import Transform, compose, inverse, planar, rotate
 
 UNTURNED = [1.0, 0.0, 0.0, 0.0]
 

@@ -6,9 +6,8 @@ import pytest
 from tests.harness.recordings import flights
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.poses import compose
-from wayproof.harness.recordings.recording import RecordingOptions
-from wayproof.harness.recordings.types import Transform
+from wayproof.harness.recordings.options import RecordingOptions
+from wayproof.harness.recordings.transform import Transform, compose
 
 
 def from_room(recording):

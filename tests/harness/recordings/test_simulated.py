@@ -9,8 +9,8 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recordings.bags.writing import recording_messages, write_bag
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.poses import rotate
-from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.options import RecordingOptions
+from wayproof.harness.recordings.transform import rotate
 from wayproof.models.sensors.beams import NO_RETURN
 
 

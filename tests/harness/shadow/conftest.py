@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.options import RecordingOptions
 from wayproof.harness.shadow.assess import assess
 from wayproof.harness.shadow.body import find_body
 from wayproof.harness.shadow.prepare import prepare
@@ -40,11 +40,11 @@ def robot(tmp_path_factory):
 def fr079_log(tmp_path_factory, robot):
     """Log of the first 12 s of a real run."""
     folder = tmp_path_factory.mktemp("fr079")
-    return shadowed(FR079, robot, folder / "fr079.mcap", end_s=12.0)
+    return shadowed(FR079, robot, folder / "fr079.mcap", end=12.0)
 
 
-def shadowed(recording, robot, log, settings=(), end_s=None, **asked):
-    opened = open_recording(recording, options=RecordingOptions(end_s=end_s))
+def shadowed(recording, robot, log, settings=(), end=None, **asked):
+    opened = open_recording(recording, options=RecordingOptions(end=end))
     prepared = prepare(opened, find_body(str(robot)), settings, **asked)
     return run_recording(opened, prepared, log)
 

@@ -5,7 +5,8 @@ import pytest
 
 from tests.harness.shadow.conftest import shadowed, verdict_on, written
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.recordings.types import RecordedSweep, Transform
+from wayproof.harness.recordings.transform import Transform
+from wayproof.harness.recordings.types import RecordedSweep
 from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.assess import Passed

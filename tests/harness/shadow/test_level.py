@@ -6,8 +6,8 @@ import pytest
 from tests.harness.recordings.bags.making import Bag
 from tests.harness.shadow.conftest import written
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.poses import mount_of
-from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.options import RecordingOptions
+from wayproof.harness.recordings.transform import mount_of
 from wayproof.harness.shadow.body import find_body
 from wayproof.harness.shadow.level import is_level
 from wayproof.harness.shadow.prepare import prepare
@@ -20,14 +20,11 @@ def recording(tmp_path):
 
 def mounted(recording, mounts, fixed):
     """The recording with the mount of each sweep, the last one for all that follow."""
-    read = recording.read
-
-    def tilted(faults):
-        for number, sweep in enumerate(read(faults)):
-            yield replace(sweep, T_body_sensor=mounts[min(number, len(mounts) - 1)])
-
-    sensors = tuple(replace(one, mount_is_fixed=fixed) for one in recording.sensors)
-    return replace(recording, read=tilted, sensors=sensors)
+    (stream,) = recording.streams
+    stamps = stream.stamps.tolist()
+    places = {stamp: mounts[min(k, len(mounts) - 1)] for k, stamp in enumerate(stamps)}
+    sensor = replace(stream.sensor, mount_is_fixed=fixed)
+    return replace(recording, streams=(stream._replace(sensor=sensor, mount=places.get),))
 
 
 def turned(pitch=0.0, roll=0.0, yaw=0.0):

@@ -28,7 +28,7 @@ LIDAR = ["estimate.kind=lidar"]
 def log(robot, tmp_path_factory):
     """Fifteen seconds of a robot in an office."""
     path = tmp_path_factory.mktemp("odometry") / "log.mcap"
-    return shadowed(FR079, robot, path, LIDAR, end_s=15.0)
+    return shadowed(FR079, robot, path, LIDAR, end=15.0)
 
 
 def test_the_pose_is_the_odometrys_and_the_log_replays(log):
@@ -68,13 +68,13 @@ def test_an_office_is_drawn_sharper_than_by_its_wheels(robot):
 
 
 def test_the_same_recording_gives_the_same_poses_twice(log, robot, tmp_path):
-    again = shadowed(FR079, robot, tmp_path / "again.mcap", LIDAR, end_s=15.0)
+    again = shadowed(FR079, robot, tmp_path / "again.mcap", LIDAR, end=15.0)
     assert open_log(again).result["chain"] == open_log(log).result["chain"]
 
 
 def test_ranges_that_are_off_change_the_pose(robot, tmp_path):
     noise = perturbation_from("depth_noise:3")
-    path = shadowed(FR079, robot, tmp_path / "n.mcap", LIDAR, end_s=1.0, perturbation=noise)
+    path = shadowed(FR079, robot, tmp_path / "n.mcap", LIDAR, end=1.0, perturbation=noise)
     done = [one for one in read_messages(path) if isinstance(one, pb.Perturbation)]
     assert set(done[0].streams) == {"sensor/FLASER", "pose"}
 
@@ -90,4 +90,4 @@ def test_ranges_that_are_off_change_the_pose(robot, tmp_path):
 def test_what_a_recording_does_not_have_is_refused(settings, perturbation, said, robot, tmp_path):
     off = None if perturbation is None else perturbation_from(perturbation)
     with pytest.raises(InputError, match=said):
-        shadowed(FR079, robot, tmp_path / "no.mcap", settings, end_s=1.0, perturbation=off)
+        shadowed(FR079, robot, tmp_path / "no.mcap", settings, end=1.0, perturbation=off)

@@ -18,7 +18,7 @@ ON_RECORDINGS = [kind for kind, one in PERTURBATIONS.items() if one.changes not 
 @pytest.fixture(scope="module")
 def clean(robot, tmp_path_factory):
     path = tmp_path_factory.mktemp("clean") / "clean.mcap"
-    return shadowed(FR079, robot, path, end_s=1.0)
+    return shadowed(FR079, robot, path, end=1.0)
 
 
 def hashes(log):
@@ -31,9 +31,7 @@ def test_only_the_declared_streams_change_and_the_log_replays(kind, clean, robot
     perturbation = perturbation_from(f"{kind}:5")
     if kind == "pose_jump" or isinstance(perturbation, Outage):
         perturbation = type(perturbation)(severity=5, window=(0.3, 10.0))
-    log = shadowed(
-        FR079, robot, tmp_path / "one.mcap", end_s=1.0, perturbation=perturbation, seed=1
-    )
+    log = shadowed(FR079, robot, tmp_path / "one.mcap", end=1.0, perturbation=perturbation, seed=1)
     before, after = hashes(clean), hashes(log)
     changed = {name for name in before if before[name] != after[name]}
     assert changed == set(perturbation.streams(["FLASER"]))
@@ -42,7 +40,7 @@ def test_only_the_declared_streams_change_and_the_log_replays(kind, clean, robot
 
 def test_the_recorded_motion_stays_as_it_was(clean, robot, tmp_path):
     drift = perturbation_from("pose_drift:5")
-    log = shadowed(FR079, robot, tmp_path / "drift.mcap", end_s=1.0, perturbation=drift)
+    log = shadowed(FR079, robot, tmp_path / "drift.mcap", end=1.0, perturbation=drift)
     assert [one.position for one in open_log(log).motions()] == [
         one.position for one in open_log(clean).motions()
     ]
@@ -58,6 +56,6 @@ def test_what_a_recording_does_not_have_cannot_be_changed(robot, tmp_path, pertu
             FR079,
             robot,
             tmp_path / "no.mcap",
-            end_s=1.0,
+            end=1.0,
             perturbation=perturbation_from(perturbation),
         )

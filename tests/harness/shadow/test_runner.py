@@ -12,8 +12,7 @@ from wayproof.harness.metrics import OF_TRUTH, score
 from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.recordings.bags.writing import recording_messages, write_bag
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.poses import mount_of
-from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.options import RecordingOptions
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.replay.replay import replay
@@ -84,7 +83,7 @@ def test_the_stack_is_stopped_by_no_earlier_command(robot, tmp_path):
 )
 def test_bad_settings_are_one_line(robot, tmp_path, asked, text):
     with pytest.raises(InputError, match=text):
-        shadowed(FR079, robot, tmp_path / "no.mcap", end_s=1.0, **asked)
+        shadowed(FR079, robot, tmp_path / "no.mcap", end=1.0, **asked)
 
 
 def test_clocks_of_sweeps_and_poses_that_never_meet_are_named(robot, tmp_path):
@@ -97,11 +96,11 @@ def test_clocks_of_sweeps_and_poses_that_never_meet_are_named(robot, tmp_path):
     with pytest.raises(InputError, match=said):
         shadowed(bag.write(tmp_path / "bag"), robot, tmp_path / "log.mcap")
     with pytest.raises(InputError, match="none between the times chosen"):
-        shadowed(tmp_path / "bag", robot, tmp_path / "log.mcap", end_s=1.0)
+        shadowed(tmp_path / "bag", robot, tmp_path / "log.mcap", end=1.0)
 
 
 def test_a_reference_stack_is_judged_on_a_recording(robot, tmp_path):
-    log = shadowed(FR079, robot, tmp_path / "gap.mcap", end_s=3.0, stack="gap")
+    log = shadowed(FR079, robot, tmp_path / "gap.mcap", end=3.0, stack="gap")
     assert replay(log).identical
     trace = read_trace(open_log(log))
     assert set(trace.verdicts) <= {"admitted", "unknown", "blocked"}
@@ -147,20 +146,18 @@ def test_the_maps_of_a_recording_of_a_simulated_log_are_its_own(simulated):
 
 
 def test_settings_of_the_recording_are_set(robot, tmp_path):
-    log = shadowed(FR079, robot, tmp_path / "set.mcap", ["recording.goal=end"], end_s=1.0)
+    log = shadowed(FR079, robot, tmp_path / "set.mcap", ["recording.goal=end"], end=1.0)
     assert open_log(log).config.recording.goal == "end"
     for setting in ("recording.sha256=x", "recording.no=1"):
         with pytest.raises(InputError, match="unknown setting"):
-            shadowed(FR079, robot, tmp_path / "no.mcap", [setting], end_s=1.0)
+            shadowed(FR079, robot, tmp_path / "no.mcap", [setting], end=1.0)
 
 
 def test_what_a_recording_was_read_with_is_in_its_config(fr079_log, robot, tmp_path):
-    assert open_log(fr079_log).config.recording.options == ("end_s=12.0",)
-    recording = open_recording(
-        FR079, options=RecordingOptions(end_s=1.0, mount=mount_of([0.25, 0.0, 0.5]))
-    )
+    assert open_log(fr079_log).config.recording.options == ("end=12.0",)
+    recording = open_recording(FR079, options=RecordingOptions(end=1.0, mount=(0.25, 0.0, 0.5)))
     config = prepare(recording, find_body(str(robot))).config
-    mount = "mount=0.25,0.0,0.5,1.0,0.0,0.0,0.0"
-    assert config.recording.options == (mount, "end_s=1.0")
+    mount = "mount=0.25,0.0,0.5"
+    assert config.recording.options == ("end=1.0", mount)
     with pytest.raises(InputError, match=r"recording\.options"):
         prepare(recording, find_body(str(robot)), ["recording.options=x"])

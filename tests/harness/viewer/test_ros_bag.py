@@ -10,7 +10,7 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.decision import path_of
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.options import RecordingOptions
 from wayproof.harness.viewer.moments import moments
 from wayproof.harness.viewer.ros_bag import costs_of, occupancy_of_costs
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN

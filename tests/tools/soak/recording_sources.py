@@ -22,7 +22,8 @@ from wayproof.harness.recordings.bags.messages import (
     TRANSFORMS,
 )
 from wayproof.harness.recordings.bags.writing import BagKind, Stamped, encoding_of, write_bag
-from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, ScanGrid, Transform
+from wayproof.harness.recordings.transform import Transform
+from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep, ScanGrid
 
 SWEEPS, BEAMS = 20, 60
 PERIOD_NS = 100_000_000

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.recordings.bags.parts import Grid, Patch, Vendor, frame_name, stamp_of
-from wayproof.harness.recordings.recording import Broken
-from wayproof.harness.recordings.types import OWN_CLOSED, OWN_FREE, OWN_UNKNOWN, Transform
+from wayproof.harness.recordings.options import Broken
+from wayproof.harness.recordings.transform import Transform
+from wayproof.harness.recordings.types import OWN_CLOSED, OWN_FREE, OWN_UNKNOWN
 
 GRID, GRID_UPDATE = "nav_msgs/msg/OccupancyGrid", "map_msgs/msg/OccupancyGridUpdate"
 COSTS, COSTS_UPDATE = "nav2_msgs/msg/Costmap", "nav2_msgs/msg/CostmapUpdate"

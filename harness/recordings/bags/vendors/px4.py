@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.recordings.bags.parts import Cloud, StampedTransform, Vendor
-from wayproof.harness.recordings.poses import StampedPoses, compose, rotate, sound
-from wayproof.harness.recordings.recording import Broken
+from wayproof.harness.recordings.options import Broken
+from wayproof.harness.recordings.poses import StampedPoses, sound
 from wayproof.harness.recordings.track import RecordedTrack
-from wayproof.harness.recordings.types import Transform
+from wayproof.harness.recordings.transform import Transform, compose, rotate
 
 WORLD, BODY = "odom", "base_link"
 

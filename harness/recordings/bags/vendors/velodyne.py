@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.recordings.bags.parts import Cloud, Vendor, stamp_of
-from wayproof.harness.recordings.recording import Broken
+from wayproof.harness.recordings.options import Broken
 
 Floats = NDArray[np.floating[Any]]
 

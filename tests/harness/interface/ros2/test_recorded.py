@@ -12,7 +12,7 @@ from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.filters import NAMES
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.options import RecordingOptions
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.shadow.assess import assess
 from wayproof.harness.shadow.body import find_body
@@ -100,7 +100,7 @@ def test_a_shorter_range_and_silence_that_says_nothing_count(recorded, tmp_path)
     assert recording.sensors[0].range_max == 3.0
     assert {0, 65535} & ranges_in(short) == {65535}
     assert 2000 < max(ranges_in(short) - {65535}) <= 3000
-    unsure, _ = shadow(recorded.bag, tmp_path / "u.mcap", missing_returns_free=False, **options)
+    unsure, _ = shadow(recorded.bag, tmp_path / "u.mcap", no_return_is_free=False, **options)
     assert ranges_in(unsure) == ranges_in(short) - {65535} | {0}
 
 
@@ -127,7 +127,7 @@ def test_so_it_does_of_the_three_sensors_of_a_drone(tmp_path):
 
 def test_a_bag_of_points_gives_the_maps_of_the_log_without_silent_beams(tmp_path):
     recorded = Recorded(tmp_path, POINTS)
-    of_log, _ = shadow(recorded.log, tmp_path / "of-log.mcap", missing_returns_free=False)
+    of_log, _ = shadow(recorded.log, tmp_path / "of-log.mcap", no_return_is_free=False)
     options = {"sensors": ("/points",), "range_max": 12.0}
     of_bag, recording = shadow(recorded.bag, tmp_path / "of-bag.mcap", **options)
     assert len(versions(of_bag)) == 16

@@ -10,7 +10,7 @@ import numpy as np
 from tests.harness.recordings.bags.making import Bag, at
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.options import RecordingOptions
 
 CORNERS = [(-2.0, -3.0), (6.0, -3.0), (6.0, 4.0), (-2.0, 4.0)]
 PILLAR = [(3.0, 1.5), (3.4, 1.5), (3.4, 1.9), (3.0, 1.9)]

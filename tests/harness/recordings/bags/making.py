@@ -5,7 +5,7 @@ import numpy as np
 from wayproof.harness.recordings.bags.building import Builder
 from wayproof.harness.recordings.bags.messages import TRANSFORMS
 from wayproof.harness.recordings.bags.writing import Stamped, encoding_of, write_bag
-from wayproof.harness.recordings.types import Transform
+from wayproof.harness.recordings.transform import Transform
 
 S = 10**9
 UNTURNED = (1.0, 0.0, 0.0, 0.0)

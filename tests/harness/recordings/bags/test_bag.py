@@ -5,9 +5,8 @@ from tests.harness.recordings.bags.making import Bag, at
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.bags.choose import FOOTPRINT
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.poses import rotate
-from wayproof.harness.recordings.recording import RecordingOptions
-from wayproof.harness.recordings.types import Transform
+from wayproof.harness.recordings.options import RecordingOptions
+from wayproof.harness.recordings.transform import rotate
 
 KINDS = {"ros1": "bag.bag", "mcap": "bag", "sqlite": "bag"}
 HALF = np.sqrt(0.5)
@@ -116,7 +115,7 @@ def test_a_sweep_outside_the_times_chosen_is_no_fault(tmp_path):
     bag = simple()
     for stamp in (9.9, 10.1, 11.0, 11.9, 12.1):
         bag.scan(stamp, [1.0])
-    recording = opened(bag.write(tmp_path / "bag"), start_s=0.5, end_s=1.5)
+    recording = opened(bag.write(tmp_path / "bag"), begin=0.5, end=1.5)
     assert [sweep.time_ns for sweep in recording.sweeps()] == [1_000_000_000]
     assert recording.faults == {}
 
@@ -129,7 +128,7 @@ def test_a_gap_of_the_track_is_counted_and_bridged_by_no_sweep(tmp_path):
     recording = opened(bag.write(tmp_path / "bag"))
     assert [sweep.time_ns for sweep in recording.sweeps()] == [2_000_000_000, 4_000_000_000]
     assert recording.faults == {"pose: gap of more than 1 s": 1, "sweep: no pose at its time": 1}
-    assert len(list(opened(tmp_path / "bag", max_gap_s=2.0).sweeps())) == 3
+    assert len(list(opened(tmp_path / "bag", max_gap=2.0).sweeps())) == 3
 
 
 def test_exchanged_scans_are_put_right_and_a_clock_set_back_is_counted(tmp_path):
@@ -276,7 +275,7 @@ def test_odometry_alone_has_its_body_from_the_message(tmp_path):
     path = bag.write(tmp_path / "bag")
     with pytest.raises(InputError, match=r"no transform from 'base_link' to 'laser' \(frames: no"):
         opened(path)
-    recording = opened(path, mount=Transform(np.array([0.0, 0.0, 0.4]), np.eye(4)[0]))
+    recording = opened(path, mount=(0.0, 0.0, 0.4))
     assert recording.chosen.endswith("topic /odom, body 'base_link'")
     (sweep,) = recording.sweeps()
     assert sweep.T_body_sensor.position.tolist() == [0.0, 0.0, 0.4]

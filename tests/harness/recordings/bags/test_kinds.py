@@ -6,7 +6,7 @@ import pytest
 from tests.harness.recordings.bags.making import Bag, at
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.options import RecordingOptions
 
 STAMPS = 1000.0 + 0.1 * np.arange(10)
 SHARES = np.linspace(0.0, 1.0, 200)

@@ -6,7 +6,7 @@ from tests.harness.recordings.bags.making import Bag, at
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.bags.writing import recording_messages, write_bag
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.harness.recordings.recording import RecordingOptions
+from wayproof.harness.recordings.options import RecordingOptions
 
 KINDS = {"ros1": "out.bag", "mcap": "out", "sqlite": "out"}
 
@@ -73,7 +73,7 @@ def test_points_times_and_beams_without_return_are_the_same(tmp_path, kind):
         bag.cloud(stamp, {"x": x, "y": y, "z": z, "t": times})
     bag.write(tmp_path / "given")
     for free in (None, True):
-        options = RecordingOptions(range_max=12.0, missing_returns_free=free)
+        options = RecordingOptions(range_max=12.0, no_return_is_free=free)
         recording = open_recording(tmp_path / "given", options=options)
         assert any(np.isinf(sweep.ranges).any() for sweep in recording.sweeps())
         out = tmp_path / f"{free}-{KINDS[kind]}"
