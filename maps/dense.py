@@ -15,17 +15,17 @@ from wayproof.maps.columns import WORD_BITS, pack, region_of_interest, unpack
 from wayproof.maps.config import MapConfig
 from wayproof.maps.grid import cells_at, centres
 from wayproof.maps.representation import Representation, refuse_unsupported
+from wayproof.maps.slot_pool import EVERYWHERE, MEBIBYTE, Layer, SlotPool
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES, UNKNOWN
-from wayproof.maps.store.slot_pool import EVERYWHERE, MEBIBYTE, Layer, SlotPool
 from wayproof.maps.sweep import Ranges, Spared, SweepStatistics, check_time, prepare_sweep
-from wayproof.maps.voxel.brick_index import (
+from wayproof.maps.voxel.bricks import (
     BRICK_SHAPE,
     brick_boxes,
     brick_cells,
     brick_of,
     place_in_brick,
 )
-from wayproof.maps.voxel.frame import cell_bounds
+from wayproof.maps.voxel.sweep_endpoints import cell_bounds
 from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask
 
 Cells = dict[str, NDArray[np.generic]]

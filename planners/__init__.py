@@ -27,16 +27,15 @@ from wayproof.planners.path import (
     truncate,
     without_hooks,
 )
-from wayproof.planners.problem import Plan, PlanLabel, PlannerConfig, plan
+from wayproof.planners.problem import Plan, PlanLabel, PlannerConfig, plan, plan_seed
 from wayproof.planners.registry import (
     PLANNERS,
     is_registered,
     planner_traits,
     state_space_for,
 )
-from wayproof.planners.seeds import plan_seed
+from wayproof.planners.speed_profile import stopping_distance, stopping_speeds
 from wayproof.planners.speed_zones import SlowEnd
-from wayproof.planners.stopping import stopping_distance, stopping_speeds
 from wayproof.planners.trajectory import MotionLimits, Setpoints, Trajectory, TrajectorySample
 from wayproof.planners.trajectory_generation import (
     PathState,

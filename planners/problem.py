@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -22,7 +23,6 @@ from wayproof.planners.registry import (
     planner_traits,
     state_space_for,
 )
-from wayproof.planners.seeds import plan_seed
 
 DETOUR_REACH = 1.0
 """Largest distance of a detour's apex from the middle of the cut, along each axis, m."""
@@ -328,3 +328,22 @@ def shortcut_draws(count: int, spatial: bool, seed: int) -> Floats:
     if not spatial:
         draws[:, 4] = 0.0
     return draws
+
+
+LARGEST_SEED = 2**31 - 1
+
+
+def plan_seed(episode_seed: int, stream: str, sequence: int) -> int:
+    """Return the seed of one draw of one stream: BLAKE2b (RFC 7693) of its three names.
+
+    Args:
+        episode_seed: Seed of the episode.
+        stream: Name of the stream, such as `"plan"`.
+        sequence: Number of the draw within the stream.
+
+    Returns:
+        Integer in [1, 2**31 - 1]; OMPL does not accept 0.
+    """
+    name = f"{episode_seed}/{stream}/{sequence}".encode()
+    digest = hashlib.blake2b(name, digest_size=8).digest()
+    return int.from_bytes(digest, "little") % LARGEST_SEED + 1

@@ -21,6 +21,7 @@ from wayproof.planners.path import arc_lengths, edge_lengths, edge_tangents, tan
 from wayproof.planners.speed_profile import (
     LEAST_ZONE,
     SpeedZone,
+    feasible_state,
     settled_velocity,
     time_parameterize,
 )
@@ -31,7 +32,6 @@ from wayproof.planners.speed_zones import (
     slow_while_turning,
     speed_zones,
 )
-from wayproof.planners.stopping import feasible_state
 from wayproof.planners.trajectory import MotionLimits, Trajectory
 
 HEADING_STEP = 0.01

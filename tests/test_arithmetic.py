@@ -47,12 +47,11 @@ SUMS_OF_WHOLE_NUMBERS = (
         "maps.kernels.edt_sections",
         "maps.kernels.update",
         "maps.others.block_map",
-        "maps.others.blocks",
     ),
     *(
         "maps.voxel.update_mask",
         "maps.others.tracking",
-        "maps.store.slot_pool",
+        "maps.slot_pool",
         "maps.voxel.bricks",
         "maps.semantic",
     ),

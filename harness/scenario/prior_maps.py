@@ -25,7 +25,7 @@ from wayproof.harness.prior_config import MADE_OF_WORLD, NO_PRIOR, SPLAT, TRUTH,
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.maps import FREE, OCCUPIED, VoxelMap
 from wayproof.maps.columns import WORD_BITS, ColumnMap, Window, unpack
-from wayproof.maps.voxel.brick_index import BELOW, BRICK_SHAPE
+from wayproof.maps.voxel.bricks import BELOW, BRICK_SHAPE
 from wayproof.models.world_files import read_world_file
 from wayproof.models.world_files.occupancy_maps import read_occupancy_grid
 from wayproof.models.world_files.octomaps import read_octomap_cells

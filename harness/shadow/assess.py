@@ -27,7 +27,7 @@ from wayproof.harness.shadow.legs import Leg, Piece, legs_of
 from wayproof.harness.shadow.overlap import Found, clearance, find_cause, overlaps_occupied
 from wayproof.harness.shadow.own_maps import OwnMaps, lay_beside
 from wayproof.harness.shadow.way import LEAST_STEP
-from wayproof.harness.stack.footprint_clearing import clear_footprint
+from wayproof.harness.stack.footprint import clear_footprint
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.types import PlannerInput
 from wayproof.maps import MAPS, Representation, UnknownPolicy

@@ -12,9 +12,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
-from wayproof.harness.stack.closed_gaps import note_lost_way, record_closed_gap, with_closed_gaps
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.global_path import heading_at
+from wayproof.harness.stack.prices import note_lost_way, record_closed_gap, with_closed_gaps
 from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import Command, Decided, PlannerInput, arc_length, is_free_along
 from wayproof.maps.elementary import cosine

@@ -1,4 +1,4 @@
-"""The gait of a body: how it moves along a path."""
+"""The gait of a body: how it moves along a path, and whether it sees all around meanwhile."""
 
 from __future__ import annotations
 
@@ -10,8 +10,13 @@ from wayproof.harness.mission import Mission
 from wayproof.planners import MotionLimits
 
 if TYPE_CHECKING:
-    from wayproof.harness.stack.course import Course
+    from wayproof.harness.stack.situation import Course
     from wayproof.harness.stack.types import Decided
+from collections.abc import Iterable
+
+import numpy as np
+
+from wayproof.harness.inputs import Beams
 
 REPLAN_PERIOD = 1.0
 """Time between searches for a cheaper global path, s; Nav2's behaviour tree replans at 1 Hz."""
@@ -52,7 +57,7 @@ class Gait:
 
     @property
     def sees_ahead(self) -> bool:
-        """Whether it sees what lies ahead while it draws near (see `unknown_ahead`)."""
+        """Whether it sees what lies ahead while it draws near (see `prices`)."""
         return False
 
     @property
@@ -63,3 +68,24 @@ class Gait:
     def blend_length(self, longest: float) -> float:
         """Return the longest stretch on each side of a corner over which it is rounded, m."""
         return longest
+
+
+LEVEL = 0.25
+"""Sine of the elevation up to which a beam counts as level: 14 degrees."""
+
+OCTANTS = 8
+"""Number of parts of the horizon, 45 degrees each."""
+
+
+def is_omnidirectional(sensors: Iterable[Beams]) -> bool:
+    """Return whether each octant of the horizon of a level body holds a beam of some sensor.
+
+    Sweeps that list their own beams say nothing of a field of view, and count as none.
+    """
+    seen: set[int] = set()
+    for beams in sensors:
+        x, y, z = beams.directions_in_base().T
+        level = np.abs(z) <= LEVEL
+        x, y = x[level], y[level]
+        seen.update((4 * (x >= 0.0) + 2 * (y >= 0.0) + (np.abs(x) >= np.abs(y))).tolist())
+    return len(seen) == OCTANTS

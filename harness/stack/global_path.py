@@ -9,8 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from wayproof.harness.geometry import atan2_rounded
-from wayproof.harness.stack.early_bends import fastest_found
-from wayproof.harness.stack.path_timing import travel_time
+from wayproof.harness.stack.path_timing import fastest_found, travel_time
+from wayproof.harness.stack.prices import (
+    discounted_space,
+    enough_admitted,
+)
 from wayproof.harness.stack.state import PlannerState, Route
 from wayproof.harness.stack.types import (
     Array,
@@ -19,10 +22,6 @@ from wayproof.harness.stack.types import (
     distance,
     is_free_along,
     is_stationary,
-)
-from wayproof.harness.stack.unknown_ahead import (
-    discounted_space,
-    enough_admitted,
 )
 from wayproof.planners import (
     FreeSpace,
@@ -148,7 +147,7 @@ def _prefix_to_keep(
     """Return the part (n, 3) that the robot drives before a new path can bend off; None if blocked.
 
     It is as long as the robot takes to stop, so that a stop on the old path always remains. An
-    early bend leaves it before (see `early_bends`).
+    early bend leaves it before (see `path_timing`).
     """
     if is_stationary(start):
         return start.position[None]
@@ -169,7 +168,7 @@ def _replan(
     """Plan from the prefix's end: through known space if that reaches the goal, else optimistic.
 
     With evidence that was not measured, as that guides; and without it where it leaves no way. A
-    robot that flies first tries what it will see in time (see `unknown_ahead`).
+    robot that flies first tries what it will see in time (see `prices`).
 
     Args:
         input: Planner input of the decision.

@@ -17,9 +17,8 @@ from wayproof.harness.filters import AS_THEY_COME, Filters, Origin, names_of
 from wayproof.harness.filters.filter import image_of
 from wayproof.harness.inputs import Beams, Inputs, Pose, SweepInput, WorldSweep
 from wayproof.harness.mission import Mission
-from wayproof.harness.stack.field_of_view import is_omnidirectional
-from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, lever_arm
-from wayproof.harness.stack.footprint_clearing import clear_footprint
+from wayproof.harness.stack.footprint import HEADING_TOLERANCE, body_of, clear_footprint, lever_arm
+from wayproof.harness.stack.gait import is_omnidirectional
 from wayproof.harness.stack.labels import combined_version, make_layer, vote, with_class_margins
 from wayproof.harness.stack.provenance import layers_of, stages_of
 from wayproof.harness.stack.rolling_window import Cell, RollingWindow

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from wayproof.harness.config import Config
 from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.mission import Mission
-from wayproof.harness.stack.far_ways import FarWays
 from wayproof.harness.stack.footprint import NARROW_COST, body_of, costs
 from wayproof.harness.stack.gaits import gait_of
+from wayproof.harness.stack.horizon import FarWays
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.prices import ELSEWHERE, UNKNOWN, with_costs
 from wayproof.harness.stack.types import (

@@ -7,17 +7,26 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, TypeVar
 
+from wayproof.harness.behaviour_config import MAX_CORNER_ANGLE, MIN_ADVANCE
 from wayproof.harness.stack.footprint_checks import compensate_yaw_lag
 from wayproof.harness.stack.global_path import (
     ARRIVED,
+    STOP_SLACK,
     GlobalPlan,
     keep_or_replan,
     project_goal_to_free,
 )
 from wayproof.harness.stack.horizon import goal_within
 from wayproof.harness.stack.state import PlannerState
-from wayproof.harness.stack.types import Array, Decided, PlannerInput, arc_length, distance
-from wayproof.planners import Trajectory, TrajectorySample, remaining
+from wayproof.harness.stack.types import (
+    Array,
+    Decided,
+    PlannerInput,
+    arc_length,
+    distance,
+    is_stationary,
+)
+from wayproof.planners import Trajectory, TrajectorySample, first_stop, remaining, stopping_distance
 
 S = TypeVar("S")
 
@@ -102,3 +111,73 @@ def not_yet_superseded(input: PlannerInput, state: PlannerState) -> tuple[Trajec
 def first_that_applies(manoeuvres: Iterable[Callable[[S], Decided | None]], at: S) -> Decided:
     """Return the decision of the first manoeuvre that has one; the last one always has."""
     return next(decided for one in manoeuvres if (decided := one(at)) is not None)
+
+
+CORNER_OVERRUN = 0.03
+"""Distance beyond a corner within which an elongated body that stops still turns into it, m."""
+
+
+class DrivablePart(NamedTuple):
+    """The part of the global path, from its beginning on, that the robot may drive now.
+
+    Attributes:
+        length: Up to what is not traversable, a corner too sharp to drive, or the end, m.
+        blocked: Whether what is not traversable ends it.
+        too_short: Whether the robot needs more to stop.
+    """
+
+    length: float
+    blocked: bool
+    too_short: bool = False
+
+
+class Course(NamedTuple):
+    """A global path to follow.
+
+    Attributes:
+        input: Planner input of the decision.
+        state: Planner state with the global path from `start` on.
+        start: Start of the new trajectory.
+        previous: Planner state before the decision, with the last global path.
+        part: Part of the path that the robot may drive now.
+    """
+
+    input: PlannerInput
+    state: PlannerState
+    start: TrajectorySample
+    previous: PlannerState
+    part: DrivablePart
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the robot does not translate."""
+        return is_stationary(self.start)
+
+    @property
+    def is_blocked_at_rest(self) -> bool:
+        """Whether something blocks the path before an advance that is worth leaving rest for."""
+        return self.at_rest and self.part.blocked and self.part.length < MIN_ADVANCE
+
+    @property
+    def headed(self) -> bool:
+        """Whether the body is checked at its heading."""
+        return bool(self.input.traversable.discs)
+
+
+def drivable_part(input: PlannerInput, path: Array, start: TrajectorySample) -> DrivablePart:
+    """Return the part of a path (n, 3) that is traversable and without a corner to stop at."""
+    whole = arc_length(path)
+    traversable = input.traversable.free_length(path)
+    corner = whole
+    if not input.gait.sideways_speed:
+        corner = first_stop(path, 0.0, MAX_CORNER_ANGLE)
+    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
+    overrun = CORNER_OVERRUN if input.traversable.discs else 0.0
+    if corner < braking - overrun:  # too late to stop there: the profile slows down for it
+        corner = whole
+    length = min(traversable, corner, whole)
+    return DrivablePart(
+        length,
+        blocked=length == traversable and traversable < whole,
+        too_short=length < braking - STOP_SLACK - (overrun if length == corner else 0.0),
+    )

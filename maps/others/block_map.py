@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from wayproof.maps.columns import Window, region_of_interest
 from wayproof.maps.config import MapConfig
 from wayproof.maps.grid import cells_at
-from wayproof.maps.kernels import blocks as kernels
-from wayproof.maps.kernels import decay
-from wayproof.maps.others.blocks import Blocks
+from wayproof.maps.kernels import decay, update
 from wayproof.maps.representation import Representation, refuse_unsupported
+from wayproof.maps.slot_pool import EVERYWHERE, MEBIBYTE, Layer, SlotPool
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
 from wayproof.maps.sweep import Ranges, Spared, Sweep, SweepStatistics, check_time, prepare_sweep
 from wayproof.maps.voxel.endpoints import BeamEndpoints
@@ -169,8 +168,8 @@ class BlockMap(Representation):
         blocks, live = self._blocks, self._blocks.live()
         evidence, fresh = blocks.layers[self.evidence], blocks.layers["fresh"]
         changed, forgotten, alive = (np.zeros(len(live), np.bool_) for _ in range(3))
-        faded = kernels.FadedBlocks(changed, forgotten, alive)
-        kernels.fade_blocks(live, rest, spared, evidence, fresh, faded)
+        faded = blocks.FadedBlocks(changed, forgotten, alive)
+        blocks.fade_blocks(live, rest, spared, evidence, fresh, faded)
         self._stamp += 1
         blocks.dirty[live[changed]] = True
         blocks.stamps[live[forgotten]] = self._stamp
@@ -184,3 +183,55 @@ def _box_of(region: Window | None) -> CellBox | None:
         return None
     first = np.array(region.first, np.int64)
     return first, first + np.array(region.shape, np.int64)
+
+
+HEAD_BYTES = 128
+"""Bytes of a block besides its cells, as the capacity counts them."""
+
+
+class Blocks(SlotPool):
+    """A pool of blocks of one shape; each cell has one value in every layer, 0 where unknown.
+
+    Attributes:
+        shape: Cells of a block along x, y and z.
+    """
+
+    def __init__(
+        self, memory_mib: int, shape: tuple[int, int, int], layers: Mapping[str, DTypeLike]
+    ) -> None:
+        """Reserve a pool that takes at most `memory_mib`."""
+        self.shape = shape
+        cells = int(np.prod(shape))
+        each = cells * sum(np.dtype(kind).itemsize for kind in layers.values())
+        super().__init__(
+            max(memory_mib * MEBIBYTE // (each + HEAD_BYTES), 1),
+            {name: Layer(kind, (cells,)) for name, kind in layers.items()},
+        )
+
+    def locate(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return slots (n,) of the blocks of cells (n, 3), -1 for none, and places in them."""
+        x, y, z = (cells % self.shape).T
+        _, ny, nz = self.shape
+        return self.find(cells // self.shape), (x * ny + y) * nz + z
+
+    def changed_boxes(self, since: int) -> NDArray[np.int64]:
+        """Return boxes of cells (k, 6) of the blocks whose states changed after a stamp."""
+        keys = self.changed(since)
+        if keys is None:
+            return EVERYWHERE.copy()
+        return np.hstack([keys * self.shape, (keys + 1) * self.shape])
+
+    def digest_layers(self, names: tuple[str, ...]) -> int:
+        """Return the digest of some layers of all blocks."""
+
+        def contents(slots: NDArray[np.int64]) -> Iterator[bytes]:
+            lanes = np.empty((len(names), len(slots), 8), np.uint64)
+            known = np.empty((len(names), len(slots)), np.bool_)
+            words = [self.layers[n].view(np.uint64).reshape(len(self.keys), -1, 8) for n in names]
+            for layer, sums, any_known in zip(words, lanes, known, strict=True):
+                update.digest_bricks(slots, layer, sums, any_known)
+            for i, key in enumerate(self.keys[slots].tolist()):
+                content = struct.pack("<3q", *key) + lanes[:, i].astype("<u8").tobytes()
+                yield content if known[:, i].any() else b""
+
+        return self.digest(contents)

@@ -19,10 +19,10 @@ from wayproof.maps.kernels import beams
 from wayproof.maps.kernels import tracking as kernels
 from wayproof.maps.others.ever_free import EverFreeSpace
 from wayproof.maps.others.tracking import NO_CELLS, Traffic
+from wayproof.maps.slot_pool import EVERYWHERE, ChangeLog
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
-from wayproof.maps.store.slot_pool import EVERYWHERE, ChangeLog
 from wayproof.maps.sweep import Ranges, Spared, SweepStatistics, prepare_sweep
-from wayproof.maps.voxel.brick_index import brick_boxes, brick_cells, brick_of
+from wayproof.maps.voxel.bricks import brick_boxes, brick_cells, brick_of
 from wayproof.maps.voxel.endpoints import BeamEndpoints
 from wayproof.maps.voxel.voxel_map import RayEnd, VoxelMap
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from wayproof.maps.cell_sets import as_set
 from wayproof.maps.kernels import bricks
 from wayproof.maps.kernels import tracking as kernels
-from wayproof.maps.store.slot_pool import Layer, SlotPool
-from wayproof.maps.voxel.brick_index import brick_of
+from wayproof.maps.slot_pool import Layer, SlotPool
+from wayproof.maps.voxel.bricks import brick_of
 
 ReadFree = Callable[[NDArray[np.int64]], NDArray[np.uint64]]
 """The free cells (k, 256) of bricks (k, 3), a bit each."""

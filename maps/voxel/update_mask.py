@@ -13,8 +13,7 @@ from wayproof.maps.kernels import beam_targets, beams, bricks, carve, update
 from wayproof.maps.kernels.beam_columns import MAX_STEPS
 from wayproof.maps.kernels.early_stop import SLOPES
 from wayproof.maps.sweep import Spared, Sweep
-from wayproof.maps.voxel.frame import Frame, cell_of
-from wayproof.maps.voxel.sweep_endpoints import EndpointFinder, SweepEndpoints
+from wayproof.maps.voxel.sweep_endpoints import EndpointFinder, Frame, SweepEndpoints, cell_of
 
 SPREAD = np.argsort(
     [0, 63, *(32 // n * (2 * k + 1) for n in (1, 2, 4, 8, 16, 32) for k in range(n))][:64],

@@ -23,8 +23,8 @@ from wayproof.maps.states import FREE, OCCUPIED
 from wayproof.maps.sweep import Ranges, Spared, SweepStatistics, prepare_sweep
 from wayproof.maps.voxel import storage
 from wayproof.maps.voxel.bricks import Bricks
-from wayproof.maps.voxel.frame import cell_bounds
 from wayproof.maps.voxel.log_odds import LogOddsModel, decay_per_tick, states_of
+from wayproof.maps.voxel.sweep_endpoints import cell_bounds
 from wayproof.maps.voxel.update_mask import SweepRasterizer, UpdateMask
 
 

@@ -18,8 +18,7 @@ from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import lattice_search, shortcut, sweep
 from wayproof.planners.kernels.grid import Floats, Pose
 from wayproof.planners.kernels.lattice_cells import OPENED, Lattice
-from wayproof.planners.ompl.adapter import add_solution, query_ends
-from wayproof.planners.ompl.state_spaces import StateSpace
+from wayproof.planners.ompl.state_spaces import StateSpace, add_solution, query_ends
 from wayproof.planners.path import poses_along
 
 NO_WAY, SPENT = -1, -2

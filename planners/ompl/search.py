@@ -19,8 +19,7 @@ from ompl import util as ou
 from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels import segment, sweep
 from wayproof.planners.kernels.grid import Floats, Pose
-from wayproof.planners.ompl.state_spaces import StateSpace, sample_curve
-from wayproof.planners.ompl.validity import BodyValidity
+from wayproof.planners.ompl.state_spaces import BodyValidity, StateSpace, sample_curve
 from wayproof.planners.registry import Budget, is_registered, planner_builder
 from wayproof.plugin import UserCodeError, user_code
 

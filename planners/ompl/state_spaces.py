@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
 from ompl import base as ob
+from ompl import geometric as og
 
 from wayproof.planners.free_space import FreeSpace
-from wayproof.planners.kernels import sweep
+from wayproof.planners.kernels import segment, sweep
 from wayproof.planners.kernels.grid import Floats, Pose
 
 
@@ -139,3 +140,57 @@ def sample_curve(
         state_space.interpolate(a, b, n / count, at)
         poses[n] = kind.read(at, z)
     return poses
+
+
+def query_ends(planner: ob.Planner) -> tuple[Pose, Pose]:
+    """Return the start and goal pose of the problem that a planner was given."""
+    validity = planner.getSpaceInformation().getStateValidityChecker()
+    # Not definition.getStartState: its binding frees the state that it lends.
+    start = planner.getPlannerInputStates().nextStart()
+    goal = planner.getProblemDefinition().getGoal().getState()
+    return validity.kind.read(start, validity.z), validity.kind.read(goal, validity.z)
+
+
+def add_solution(planner: ob.Planner, poses: Iterable[Pose]) -> None:
+    """Add a path through poses to the problem definition of a planner."""
+    information = planner.getSpaceInformation()
+    write = information.getStateValidityChecker().kind.write
+    path, state = og.PathGeometric(information), information.allocState()
+    for pose in poses:
+        write(state, pose)
+        path.append(state)  # copies it
+    planner.getProblemDefinition().addSolutionPath(path, False, 0.0, planner.getName())
+
+
+class BodyValidity(ob.StateValidityChecker):  # type: ignore[misc]
+    """Checker of one state; planners that need the free space get it from the space information.
+
+    Attributes:
+        space: Free space.
+        kind: State space.
+        z: Height of all states in a plane, m.
+        any_heading: Whether a path may end at any heading.
+    """
+
+    def __init__(
+        self,
+        information: ob.SpaceInformation,
+        space: FreeSpace,
+        kind: StateSpace,
+        z: float,
+        any_heading: bool = False,
+    ) -> None:
+        """Check states of a kind in a space."""
+        super().__init__(information)
+        self.space = space
+        self.kind = kind
+        self.z = z
+        self.any_heading = any_heading
+
+    def isValid(self, state: ob.State) -> bool:
+        """Return whether the body is free there."""
+        pose = self.kind.read(state, self.z)
+        if self.kind.oriented:
+            return bool(sweep.sweep_free(self.space.grid, self.space.shape, pose, pose))
+        threshold = self.space.collision_distance_sq
+        return bool(segment.edge_free(self.space.grid, threshold, pose[:3], pose[:3]))

@@ -9,7 +9,7 @@ from ompl import base as ob
 
 from wayproof.planners.free_space import FreeSpace
 from wayproof.planners.kernels.grid import Floats
-from wayproof.planners.ompl.adapter import add_solution, query_ends
+from wayproof.planners.ompl.state_spaces import add_solution, query_ends
 from wayproof.planners.path import poses_along
 from wayproof.plugin import UserCodeError
 

@@ -76,9 +76,9 @@ def test_logs_replay_to_the_same_bits(logs, emulation):
 BENDS = """
 import hashlib, types
 import numpy as np
-from wayproof.harness.stack.gaits.flight import Flight
-from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
-from wayproof.harness.stack.manoeuvres.evasive_stop import _bends
+from wayproof.harness.stack.gaits import Flight
+from wayproof.harness.stack.gaits import TurnThenGo
+from wayproof.harness.stack.manoeuvres.stopping import _bends
 from wayproof.planners import MotionLimits
 
 limits = MotionLimits(2.0, 2.5, 12.0, 2.5, 1.5)

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from wayproof.harness.decision import Action, Label
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.course import Course
 from wayproof.harness.stack.footprint_checks import (
     MIN_PATH,
     first_misfit,
@@ -17,6 +16,7 @@ from wayproof.harness.stack.footprint_checks import (
 from wayproof.harness.stack.obstruction import label_ahead, obstructed
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.reasons import Kind, Reason
+from wayproof.harness.stack.situation import Course
 from wayproof.harness.stack.state import PlannerState
 from wayproof.harness.stack.types import (
     Array,

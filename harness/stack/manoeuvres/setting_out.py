@@ -10,7 +10,6 @@ import numpy as np
 from wayproof.harness.decision import Action, Label
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.stack import obstruction
-from wayproof.harness.stack.course import Course
 from wayproof.harness.stack.footprint_checks import (
     MIN_PATH,
     headings_to_start_at,
@@ -27,6 +26,7 @@ from wayproof.harness.stack.manoeuvres.stopping import wait
 from wayproof.harness.stack.obstruction import obstructed
 from wayproof.harness.stack.path_timing import plan_trajectory
 from wayproof.harness.stack.reasons import Reason
+from wayproof.harness.stack.situation import Course
 from wayproof.harness.stack.types import Command, Decided, PlannerInput, arc_length
 from wayproof.planners import Trajectory, TrajectorySample, truncate, turn_in_place
 

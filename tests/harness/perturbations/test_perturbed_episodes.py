@@ -23,7 +23,7 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.map_content import read_filters
+from wayproof.harness.stack.keyframe import read_filters
 from wayproof.maps.echo_history import SILENT_SWEEPS
 from wayproof.models.sensors.beams import DROPPED
 

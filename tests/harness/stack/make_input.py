@@ -10,11 +10,9 @@ import numpy as np
 
 from tests.maps.exact_distances import scipy_squared
 from wayproof.harness.config import Config
-from wayproof.harness.stack.course import Course, drivable_part
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.gaits.any_direction import AnyDirection
-from wayproof.harness.stack.gaits.flight import Flight
-from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
+from wayproof.harness.stack.gaits import AnyDirection, Flight, TurnThenGo
+from wayproof.harness.stack.situation import Course, drivable_part
 from wayproof.harness.stack.state import PlannerState, Route
 from wayproof.harness.stack.types import FreeSpaces, PlannerInput
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN

@@ -15,7 +15,7 @@ from tests.harness.stack.make_input import (
     make_states,
     place,
 )
-from wayproof.harness.stack.closed_gaps import (
+from wayproof.harness.stack.prices import (
     DETOUR,
     GIVEN_UP_NS,
     costly_gaps,

@@ -18,11 +18,10 @@ from tests.harness.stack.make_input import (
     place,
     with_spaces,
 )
-from wayproof.harness.stack.course import drivable_part
-from wayproof.harness.stack.early_bends import fastest_found
-from wayproof.harness.stack.gaits.any_direction import AnyDirection
-from wayproof.harness.stack.gaits.flight import Flight
+from wayproof.harness.stack.gaits import AnyDirection, Flight
 from wayproof.harness.stack.global_path import keep_or_replan
+from wayproof.harness.stack.path_timing import fastest_found
+from wayproof.harness.stack.situation import drivable_part
 from wayproof.harness.stack.types import arc_length, is_free_along
 from wayproof.planners import PathState, follow_path, stopping_distance
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from wayproof.harness.config import Config
-from wayproof.harness.stack.gaits.flight import Flight
-from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
-from wayproof.harness.stack.manoeuvres.evasive_stop import EMERGENCY, clearest_stop
+from wayproof.harness.stack.gaits import Flight, TurnThenGo
+from wayproof.harness.stack.manoeuvres.stopping import EMERGENCY, clearest_stop
 from wayproof.harness.stack.types import FreeSpaces, PlannerInput
 from wayproof.planners import (
     FreeSpace,

@@ -11,7 +11,7 @@ import pytest
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.scenario.scenario import build
-from wayproof.harness.stack.far_ways import FarWays
+from wayproof.harness.stack.horizon import FarWays
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder
 from wayproof.harness.stack.types import arc_length
@@ -105,7 +105,7 @@ FIRST_WAY = """
 import sys
 from numba.core.dispatcher import Dispatcher
 from tests.harness.stack.test_far_ways import mapper_of, put
-from wayproof.harness.stack.far_ways import FarWays
+from wayproof.harness.stack.horizon import FarWays
 import numpy as np
 
 config, mission, mapper = mapper_of("quadruped")

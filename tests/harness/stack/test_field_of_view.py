@@ -5,7 +5,7 @@ import pytest
 from wayproof.harness.config import Config
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.scenario.scenario import build, sensor_info
-from wayproof.harness.stack.field_of_view import is_omnidirectional
+from wayproof.harness.stack.gait import is_omnidirectional
 
 
 def sensors_of(robot):

@@ -24,14 +24,13 @@ from tests.harness.stack.make_input import (
     place,
     top_speed,
 )
-from wayproof.harness.stack.course import DrivablePart
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.footprint_checks import first_misfit
-from wayproof.harness.stack.manoeuvres.course_keeping import keep_course
 from wayproof.harness.stack.manoeuvres.driving import fit_trajectory
-from wayproof.harness.stack.manoeuvres.following import brake_on_path, follow
+from wayproof.harness.stack.manoeuvres.following import brake_on_path, follow, keep_course
 from wayproof.harness.stack.manoeuvres.setting_out import set_out, step_aside, turn_to
 from wayproof.harness.stack.path_timing import plan_trajectory
+from wayproof.harness.stack.situation import DrivablePart
 from wayproof.harness.stack.state import Exploration
 from wayproof.harness.stack.types import BehaviourConfig, arc_length
 from wayproof.planners import stopping_distance

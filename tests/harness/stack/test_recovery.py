@@ -18,9 +18,7 @@ from tests.harness.stack.make_input import (
     top_speed,
 )
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.gaits.any_direction import AnyDirection
-from wayproof.harness.stack.gaits.flight import Flight
-from wayproof.harness.stack.gaits.turn_then_go import TurnThenGo
+from wayproof.harness.stack.gaits import AnyDirection, Flight, TurnThenGo
 from wayproof.harness.stack.manoeuvres.escape import ESCAPE_SPEED_SHARE, escape_inflation
 from wayproof.harness.stack.manoeuvres.recovery import RECOVERIES, Wait
 from wayproof.harness.stack.manoeuvres.stopping import wait

@@ -20,12 +20,18 @@ from tests.harness.stack.make_input import (
 from wayproof.harness.config import Config
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.stack.footprint import body_of, costs
-from wayproof.harness.stack.gaits.flight import Flight
+from wayproof.harness.stack.gaits import Flight
 from wayproof.harness.stack.global_path import keep_or_replan
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder
-from wayproof.harness.stack.prices import ELSEWHERE, TRIED_ONCE, UNKNOWN, with_costs
-from wayproof.harness.stack.unknown_ahead import discounted_space, enough_admitted
+from wayproof.harness.stack.prices import (
+    ELSEWHERE,
+    TRIED_ONCE,
+    UNKNOWN,
+    discounted_space,
+    enough_admitted,
+    with_costs,
+)
 from wayproof.maps import FREE, OCCUPIED
 from wayproof.planners import PlannerConfig, plan, stopping_distance
 

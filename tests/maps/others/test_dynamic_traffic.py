@@ -266,7 +266,7 @@ def along_a_long_way():
 
 def test_a_map_whose_change_log_overflows_learns_the_same(monkeypatch):
     logged, none = along_a_long_way()
-    monkeypatch.setattr("wayproof.maps.store.slot_pool.MAX_LOGGED", 1)
+    monkeypatch.setattr("wayproof.maps.slot_pool.MAX_LOGGED", 1)
     overflown, everywhere = along_a_long_way()
     assert none == 0 < everywhere
     assert logged.version() == overflown.version()

@@ -3,7 +3,7 @@ import pytest
 
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap, states_in
 from wayproof.maps.kernels import bricks as kernels
-from wayproof.maps.store.slot_pool import EVERYWHERE
+from wayproof.maps.slot_pool import EVERYWHERE
 
 EYE = (0.55, 1.05, 0.475)
 

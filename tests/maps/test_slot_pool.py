@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from wayproof.maps.store import slot_pool
-from wayproof.maps.store.slot_pool import ChangeLog, Layer, SlotPool
+from wayproof.maps import slot_pool
+from wayproof.maps.slot_pool import ChangeLog, Layer, SlotPool
 
 KEYS = np.stack(np.indices((7, 7, 7)), axis=-1).reshape(-1, 3) - 3
 

@@ -1,1 +1,0 @@
-"""Storage of cells: a pool of slots with a hash directory, eviction and a digest."""
