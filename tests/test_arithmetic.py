@@ -212,7 +212,7 @@ def reason_for(module, found):
 def test_no_operation_of_a_replay_depends_on_the_processor():
     modules = modules_of_a_replay()
     expected = {
-        "harness.stack.manoeuvres.evasive_stop",
+        "harness.stack.manoeuvres.stopping",
         "maps.voxel.voxel_map",
         "planners.kernels.segment",
         "models.sensors.beams",
