@@ -137,26 +137,26 @@ def _as_boxes(found: Found, planes: list[Plane], height: float) -> list[Part]:
         corners = np.concatenate([corners, corners[0] + EMPTY_EXTENT * np.array([[-1.0], [1.0]])])
     parts = []
     for plane in planes:
-        name, half, thickness = plane.model or "a plane", plane.half_extents, SHEET_THICKNESS
+        name, half = plane.model or "a plane", plane.half_extents
         if _is_up(plane) and plane.point[2] < height:
             where = f"at {float(plane.point[2]):g} m, below the floor: left out"
             found.notes.append(f"plane of '{name}' {where}")
             continue
         if plane.axes is not None and half is not None:
-            R, middle = plane.axes, plane.point
+            R, middle, thickness = plane.axes, plane.point, SHEET_THICKNESS
             what = f"a box {2 * half[0]:.4g} x {2 * half[1]:.4g} x {thickness:g} m behind it"
         else:
             found.extent = vector(corners.min(axis=0)), vector(corners.max(axis=0))
-            R, centre = axes_of(plane.normal), corners.mean(axis=0)
-            middle = centre - ((centre - plane.point) @ plane.normal) * plane.normal
+            R, what = axes_of(plane.normal), "solid behind it"
             thickness = float(np.linalg.norm(np.ptp(corners, axis=0))) + PLANE_BORDER
-            half, what = (thickness, thickness), "solid behind it"
+            half, centre = (thickness, thickness), corners.mean(axis=0)
+            middle = centre - ((centre - plane.point) @ plane.normal) * plane.normal
             up = R[:, 1] * np.sign(R[2, 1])
             if up[2] > LEVEL:  # from the floor on up the wall
                 middle = middle + up * ((height - middle[2]) / up[2] + thickness)
-        at = middle - thickness / 2.0 * plane.normal
+        at = vector(middle - thickness / 2.0 * plane.normal)
         size = (*half, thickness / 2.0)
-        parts.append(Part("box", size, vector(at), quaternion_of(R), "wall", model=plane.model))
+        parts.append(Part("box", size, at, quaternion_of(R), "wall", model=plane.model))
         found.notes.append(f"plane of '{name}': {what}")
     return parts
 

@@ -1,24 +1,27 @@
-"""Convex hulls of meshes, and distances between surfaces."""
+"""Convex meshes: hulls, how far a surface is from its hull, and prisms over outlines."""
 
 from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.world_files.parts import Mesh
-from wayproof.models.worlds.solids.triangles import distance_to_triangles
 
-MAX_SAMPLES = 20_000
-"""Number of points on a mesh at which the error is measured, about."""
+EXACT = 1e-4
+"""Share of the size up to which a surface that deviates from its hull is that hull."""
 
-PIECE_SAMPLES = 500
-"""Number of points on a piece at which it is measured, about."""
+SPACING, MOST_POINTS = 0.025, 200
+"""Distance between the points that surfaces are compared by, m, and their number along one."""
 
-MAX_EXACT_FACES = 1500
-"""Triangles of a mesh up to which distances to all of them are measured."""
+DEEP = 0.3
+"""Depth of a surface below its hull from which no more than that is measured, m."""
 
-NEAREST = 8
-"""Number of points on a mesh whose triangles a piece's vertex is measured against."""
+MAX_CORNERS = 2000
+"""Maximum number of corners of all outlines together."""
 
 
 def hull(points: NDArray[np.float64]) -> Mesh | None:
@@ -37,110 +40,81 @@ def hull(points: NDArray[np.float64]) -> Mesh | None:
     return Mesh(points[used], own.reshape(-1, 3).astype(np.int64))
 
 
-def is_convex(piece: Mesh) -> bool:
-    """Return whether the triangles cover the convex hull, but for a share of the size.
+def distance_to_hull(mesh: Mesh, around: Mesh) -> float:
+    """Return about the greatest distance between a surface and its hull, m; 0 if they are one.
 
-    No vertex lies beyond a triangle's plane on both of its sides, and the areas are the same: a
-    surface that is open or folds back is not convex.
+    The depth of a vertex or of the middle of a triangle is a bound from below. Where it is small,
+    as it is for a box without its lid, points on both surfaces are compared; what is far off a
+    large mesh is infinitely far.
     """
-    around = hull(piece.vertices)
-    if around is None:
-        return False
-    size = float(np.ptp(piece.vertices, axis=0).max())
-    a, b, c = (piece.vertices[piece.faces[:, n]] for n in range(3))
-    normals = np.cross(b - a, c - a)
-    lengths = np.linalg.norm(normals, axis=1)
-    kept = lengths > 1e-12 * size * size
-    normals, a = normals[kept] / lengths[kept, None], a[kept]
-    for normal, point in zip(normals, a, strict=True):
-        heights = around.vertices @ normal - normal @ point
-        if min(float(heights.max()), -float(heights.min())) > 1e-6 * size:
-            return False
-    return bool(_area(piece) >= (1.0 - 1e-3) * _area(around))
+    from scipy.spatial import ConvexHull, cKDTree
 
-
-def _area(mesh: Mesh) -> float:
-    a, b, c = (mesh.vertices[mesh.faces[:, n]] for n in range(3))
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)
-
-
-def surface_error(mesh: Mesh, pieces: list[Mesh]) -> float:
-    """Return the greatest distance between a mesh's surface and that of its pieces' union, m.
-
-    Measured at points spread over the mesh: how far outside of every piece they lie; and at points
-    on pieces that lie in no other piece: how far from the mesh they are.
-    """
-    from scipy.spatial import cKDTree
-
-    on_mesh, triangle = _samples(mesh)
-    planes = [_planes(piece) for piece in pieces]
-    missing = float(np.maximum(_distance_outside(on_mesh, planes), 0.0).max())
-    tree = cKDTree(on_mesh)
     size = float(np.ptp(mesh.vertices, axis=0).max())
-    extra = 0.0
-    for n, piece in enumerate(pieces):
-        points = _samples(piece, PIECE_SAMPLES)[0]
-        others = planes[:n] + planes[n + 1 :]
-        if others:
-            points = points[_distance_outside(points, others) > 1e-3 * size]
-        if not len(points):
-            continue
-        if len(mesh.faces) <= MAX_EXACT_FACES:
-            gaps = distance_to_triangles(points, mesh.vertices[mesh.faces])
-        else:
-            near = tree.query(points, k=min(NEAREST, len(on_mesh)))[1]
-            gaps = _to_triangles(points, mesh, triangle[near.reshape(len(points), -1)])
-        extra = max(extra, float(gaps.max()))
-    return max(missing, extra)
+    points = np.concatenate([mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1)])
+    depths = np.full(len(points), np.inf)
+    for plane in np.unique(ConvexHull(around.vertices).equations, axis=0):
+        np.minimum(depths, -(points @ plane[:3] + plane[3]), out=depths)
+    sunk = float(depths.max())
+    areas = [float(_areas(one).sum()) for one in (mesh, around)]
+    if sunk <= EXACT * size and abs(areas[0] - areas[1]) <= 1e-3 * areas[1]:
+        return 0.0
+    spacing = max(SPACING, size / MOST_POINTS)
+    if sunk > DEEP:
+        return sunk
+    ours, theirs = (surface_points(one, spacing) for one in (mesh, around))
+    most = 4.0 * spacing if size > 2.0 * DEEP else np.inf  # what is farther costs minutes
+    return max(
+        float(cKDTree(near).query(points, distance_upper_bound=most)[0].max())
+        for near, points in ((ours, theirs), (theirs, ours))
+    )
 
 
-def _to_triangles(
-    points: NDArray[np.float64], mesh: Mesh, near: NDArray[np.int64]
-) -> NDArray[np.float64]:  # (n,)
-    """Return the distance of each point (n, 3) to the nearest of its triangles (n, k), m."""
-    from trimesh.triangles import closest_point
-
-    triangles = mesh.vertices[mesh.faces[near.ravel()]]
-    repeated = np.repeat(points, near.shape[1], axis=0)
-    nearest = closest_point(triangles, repeated)  # type: ignore[no-untyped-call]  # of trimesh
-    gaps = np.linalg.norm(nearest - repeated, axis=1)
-    return np.asarray(np.nan_to_num(gaps, nan=np.inf).reshape(near.shape).min(axis=1))
-
-
-def _samples(
-    mesh: Mesh, number: int = MAX_SAMPLES
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return points (n, 3) spread over the triangles by their areas, and the triangle of each."""
+def surface_points(mesh: Mesh, spacing: float) -> NDArray[np.float64]:  # (n, 3)
+    """Return points on the triangles of a mesh, no farther apart along edges than a spacing, m."""
     a, b, c = (mesh.vertices[mesh.faces[:, n]] for n in range(3))
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
-    share = areas / max(float(areas.sum()), 1e-300)
-    counts = np.ceil(np.sqrt(2.0 * share * number)).astype(int).clip(1)
-    points, triangles = [], []
+    longest = np.max([np.linalg.norm(q - p, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    counts = np.ceil(longest / spacing).astype(int).clip(1)
+    points = []
     for count in np.unique(counts):
         chosen = np.flatnonzero(counts == count)
         i, j = np.indices((count + 1, count + 1)).reshape(2, -1)
-        u, v = (w[i + j <= count] / count for w in (i, j))
-        at = a[chosen][:, None] + u[:, None] * (b - a)[chosen][:, None]
-        points.append((at + v[:, None] * (c - a)[chosen][:, None]).reshape(-1, 3))
-        triangles.append(np.repeat(chosen, len(u)))
-    return np.concatenate(points), np.concatenate(triangles)
+        u, v = (w[i + j <= count, None] / count for w in (i, j))
+        at = a[chosen, None] + u * (b - a)[chosen, None] + v * (c - a)[chosen, None]
+        points.append(at.reshape(-1, 3))
+    return np.concatenate(points)
 
 
-def _planes(piece: Mesh) -> NDArray[np.float64]:  # (m, 4)
-    """Return the outward unit normal and offset of each face of a convex piece."""
-    from scipy.spatial import ConvexHull
+def prisms(outlines: Sequence[NDArray[np.float64]], height: float) -> list[Mesh]:
+    """Return convex prisms from z = 0 to a height that fill outlines exactly; cut by GEOS.
 
-    return np.unique(np.asarray(ConvexHull(piece.vertices).equations), axis=0)
+    A point is filled if an odd number of outlines is around it: one in another is a hole.
+
+    Args:
+        outlines: (n, 2) corners of each in order, m; the last may repeat the first.
+        height: m.
+
+    Raises:
+        ValueError: Fewer than three corners, too many, or outlines that cross themselves or others.
+        ImportError: Shapely is not installed.
+    """
+    import shapely
+
+    counts = [len(np.unique(outline, axis=0)) for outline in outlines]
+    for count in (*counts, sum(counts)):
+        if not 3 <= count <= MAX_CORNERS:
+            raise ValueError(f"got {count} corners, expected 3 to {MAX_CORNERS}")
+    polygons = [shapely.Polygon(outline) for outline in outlines]
+    if not all(polygon.is_valid for polygon in polygons):
+        raise ValueError("an outline that crosses itself, expected a simple one")
+    if any(one.overlaps(other) for one, other in itertools.combinations(polygons, 2)):
+        raise ValueError("outlines that cross, expected each around or beside the others")
+    filled = functools.reduce(shapely.symmetric_difference, polygons)
+    triangles = shapely.constrained_delaunay_triangles(filled).geoms
+    corners = [np.array(triangle.exterior.coords)[:3] for triangle in triangles]
+    ends = [[np.column_stack([own, np.full(3, z)]) for z in (0.0, height)] for own in corners]
+    return [found for pair in ends if (found := hull(np.concatenate(pair))) is not None]
 
 
-def _distance_outside(
-    points: NDArray[np.float64], planes: list[NDArray[np.float64]]
-) -> NDArray[np.float64]:  # (n,)
-    """Return how far points lie outside of the nearest piece, at least, m; below 0 inside."""
-    least = np.full(len(points), np.inf)
-    for piece in planes:
-        beyond = np.full(len(points), -np.inf)
-        for plane in piece:
-            np.maximum(beyond, points @ plane[:3] + plane[3], out=beyond)
-        np.minimum(least, beyond, out=least)
-    return least
+def _areas(mesh: Mesh) -> NDArray[np.float64]:
+    a, b, c = (mesh.vertices[mesh.faces[:, n]] for n in range(3))
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0)

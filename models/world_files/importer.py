@@ -9,20 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_files.clouds import read_las, read_pcd
+from wayproof.models.world_files.cells import read_voxel_map
 from wayproof.models.world_files.ends import NoSpaceError, complete
 from wayproof.models.world_files.ground import settle_ground
 from wayproof.models.world_files.heights import read_heights
-from wayproof.models.world_files.meshes import ENDINGS, read_mesh
+from wayproof.models.world_files.mesh_files import READERS
+from wayproof.models.world_files.meshes import read_mesh
 from wayproof.models.world_files.mjcf_scenes import read_mjcf
 from wayproof.models.world_files.occupancy_maps import read_occupancy_map
 from wayproof.models.world_files.octomaps import read_octomap
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import bounds_of
+from wayproof.models.world_files.pcd import read_pcd
 from wayproof.models.world_files.reading import FARTHEST, WorldFileError, check_file
 from wayproof.models.world_files.sdf import read_sdf
 from wayproof.models.world_files.tables import read_table
-from wayproof.models.world_files.voxel_maps import read_voxel_map
 from wayproof.models.world_files.world_file import FileWorld, world_of, world_text
 
 Reader = Callable[[Path, ImportOptions], Found]
@@ -38,9 +39,7 @@ FORMATS: dict[str, Reader] = {
     ".bt": read_octomap,
     ".ot": read_octomap,
     ".pcd": read_pcd,
-    ".las": read_las,
-    ".laz": read_las,
-    **dict.fromkeys(ENDINGS, read_mesh),
+    **dict.fromkeys(READERS, read_mesh),
     ".urdf": read_sdf,
     ".npy": read_heights,
     ".png": read_heights,
@@ -70,6 +69,9 @@ def import_world(
     """
     options = options or ImportOptions()
     ending = path.suffix.lower()
+    if ending in (".las", ".laz"):
+        what = f"{ending} is not read: convert it, as by 'pdal translate {path.name} cloud.pcd'"
+        raise WorldFileError(path, what)
     if ending not in FORMATS:
         raise WorldFileError(path, f"unknown format '{ending}' (available: {', '.join(FORMATS)})")
     check_file(path)

@@ -7,6 +7,7 @@ it lies, symbolic links resolved, in the project of the world or in one of those
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from urllib.parse import unquote
@@ -15,31 +16,29 @@ from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.xml_tree import read_xml
 
 VARIABLES = (
-    "GZ_SIM_RESOURCE_PATH",
-    "IGN_GAZEBO_RESOURCE_PATH",
-    "GAZEBO_MODEL_PATH",
-    "GAZEBO_RESOURCE_PATH",
-)
+    "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH",
+)  # fmt: skip
 """Environment variables with folders of models, as Gazebo reads them."""
 
-FUEL_CACHES = (".gz/fuel", ".ignition/fuel", ".gazebo/models")
+CACHES = (".gz/fuel/*/*/models", ".ignition/fuel/*/*/models", ".gazebo/models")
 """Folders of models downloaded by Gazebo, in the user's folder."""
 
 PROJECT_MARKS = ("package.xml", ".git")
 """Files that mark the folder of a project: of a ROS package, or of a repository."""
 
-MEDIA = ("Media/models", "media/models")
-"""Folders of meshes in a package that exports a `gazebo_media_path`."""
+INNER = ("", "models", "Media/models", "media/models")
+"""Folders of models and meshes in a project; the last two by its `gazebo_media_path`."""
 
 MAX_ANCESTORS = 6
 """Number of folders above a world in which its project is looked for."""
 
-MODEL_FILES = ("model.sdf", "model.urdf")
-
 NEWEST_SDF = (1, 12)
 """Newest version of SDF that is read."""
 
-SCHEMES = ("model://", "package://", "file://", "http://", "https://", "fuel://")
+SCHEME = re.compile(r"(model|package|file|https?|fuel)://")
+
+FUEL = re.compile(r".*?([^/]+)/models/([^/]+)(?:/\d+|/tip)?(?:/files)?(/.*)?$")
+"""Path of a model on a Fuel server: owner, name, and a file in it behind `VERSION/files`."""
 
 
 class Locator:
@@ -55,29 +54,26 @@ class Locator:
         Raises:
             WorldFileError: One of the user's is no folder.
         """
-        home = world.parent.resolve()
-        projects = [folder for folder in _ancestors(home) if _is_project(folder)]
-        given = list(model_paths)
+        home, given = world.parent.resolve(), list(model_paths)
         for folder in given:
             if not folder.is_dir():
                 raise WorldFileError(folder, "no folder of models (--model-path)")
+        projects = [folder for folder in _ancestors(home)
+                    if any((folder / mark).exists() for mark in PROJECT_MARKS)]  # fmt: skip
+        near = [home, home / "models", home.parent / "models"]
+        near += [folder / inner for folder in projects for inner in INNER]
         named = [
             Path(entry)
             for variable in VARIABLES
             for entry in os.environ.get(variable, "").split(os.pathsep)
             if entry
         ]
-        self._caches = [Path.home() / cache for cache in FUEL_CACHES]
-        near = [home, home / "models", home.parent / "models"]
-        near += [inner for folder in projects for inner in (folder, folder / "models")]
-        near += [folder / media for folder in projects for media in MEDIA]
+        caches = [folder for cache in CACHES for folder in sorted(Path.home().glob(cache))]
         packages = {_name_in(folder / "package.xml"): folder for folder in projects}
         self._packages = {name: folder for name, folder in packages.items() if name}
-        trusted = [folder for folder in (*given, *named, *self._caches) if folder.is_dir()]
-        self.folders = list(dict.fromkeys([*given, *near, *named, *self._caches]))
-        self._siblings = [folder.parent for folder in self._packages.values()]
-        self._roots = {folder.resolve() for folder in (*near, *trusted) if folder.is_dir()}
-        self._trusted = set(trusted)
+        self._folders = list(dict.fromkeys([*given, *near, *named, *caches]))
+        self._trusted = {folder for folder in (*given, *named, *caches) if folder.is_dir()}
+        self._roots = {folder.resolve() for folder in (*near, *self._trusted) if folder.is_dir()}
 
     def model(self, uri: str) -> Path | None:
         """Return the SDF or URDF of an included model; None if it is not there.
@@ -90,8 +86,7 @@ class Locator:
                 return self._checked(found)
             if found.is_dir():
                 self._checked(found)
-                inner = _newest_version(found)
-                for file in _model_files(inner):
+                for file in _model_files(_newest_version(found)):
                     if file.is_file():
                         return self._checked(file)
         return None
@@ -106,70 +101,48 @@ class Locator:
         Raises:
             WorldFileError: It lies outside of every folder of the search.
         """
-        for found in self._candidates(uri, user):
-            if found.is_file():
-                return self._checked(found)
-        return None
+        candidates = self._candidates(uri, user)
+        return next((self._checked(found) for found in candidates if found.is_file()), None)
 
     def name_of(self, uri: str) -> str:
         """Return the name of the model that a URI means, in lower case with underscores."""
-        words = [word for word in _bare(uri).split("/") if word]
-        if "models" in words[:-1] and uri.strip().startswith(("http", "fuel")):
-            words = words[words.index("models") + 1 :][:1]
-        return (words[-1] if words else "").lower().replace(" ", "_")
+        _, name, owner = _path_of(uri)
+        name = name.partition("/")[0] if owner else name.rpartition("/")[2]
+        return name.lower().replace(" ", "_")
 
     def _candidates(self, uri: str, user: Path | None) -> Iterator[Path]:
-        text = uri.strip()
-        name = _bare(text)
+        scheme, name, owner = _path_of(uri)
         if not name:
             return
-        if text.startswith(("http://", "https://", "fuel://")):
-            yield from self._in_caches(name)
-            words = name.split("/")
-            if "models" not in words[:-1]:
-                return
-            inner = words[words.index("models") + 1 :]
-            name = "/".join([inner[0], *_after_files(inner[1:])])
-        if user is not None and text.startswith(SCHEMES[:1]):
-            model, _, inner_name = name.partition("/")
-            for folder in _ancestors(user.parent.resolve()):
-                if folder.name == model or _name_in(folder / "model.config") == model:
-                    yield folder / inner_name
-        if user is not None and not text.startswith(SCHEMES[:2]):
-            yield user.parent / name
         head, _, rest = name.partition("/")
+        if user is not None and scheme == "model":
+            for folder in _ancestors(user.parent.resolve()):
+                if folder.name == head or _name_in(folder / "model.config") == head:
+                    yield folder / rest
+        if user is not None and scheme not in ("model", "package"):
+            yield user.parent / name
         if head in self._packages:
             yield self._packages[head] / rest
-        for folder in self.folders:
-            yield folder / name
-            yield folder / name.replace(" ", "_")
-            yield folder / name.replace(" ", "_").lower()
-        for folder in self._siblings:
-            beside = folder / head
-            if head and (_name_in(beside / "package.xml") or (beside / "model.config").is_file()):
-                yield folder / name
-
-    def _in_caches(self, name: str) -> Iterator[Path]:
-        """Yield a model or its file of a Fuel server, as `fuel_tools` lays out its cache."""
-        words = name.split("/")
-        if len(words) < 4 or "models" not in words:
-            return
-        at = words.index("models")
-        server, owner = words[0], words[at - 1].lower()
-        for cache in self._caches:
-            for model in (words[at + 1].lower(), words[at + 1]):
-                folder = cache / server / owner / "models" / model
-                if folder.is_dir():
-                    yield _newest_version(folder).joinpath(*_after_files(words[at + 2 :]))
+        for folder in self._folders:
+            if owner and "fuel" in folder.parts and folder.parent.name.lower() != owner:
+                continue
+            for own in dict.fromkeys((head, head.replace(" ", "_"),
+                                      head.replace(" ", "_").lower(), head.lower())):  # fmt: skip
+                model = folder / own
+                yield model / rest
+                if owner and rest and model.is_dir():
+                    yield _newest_version(model) / rest
+        for package in self._packages.values():
+            beside = package.parent / head
+            if _name_in(beside / "package.xml") or (beside / "model.config").is_file():
+                yield beside / rest
 
     def _checked(self, found: Path) -> Path:
         """Refuse a path outside; a model that the user's folders link to is inside."""
         resolved = found.resolve()
         for folder in self._trusted:
             if found.is_relative_to(folder) and found != folder:
-                entry = folder / found.relative_to(folder).parts[0]
-                if entry.exists():
-                    self._roots.add(entry.resolve())
+                self._roots.add((folder / found.relative_to(folder).parts[0]).resolve())
         if not any(resolved.is_relative_to(root) for root in self._roots):
             raise WorldFileError(
                 found, "lies outside the world's project; expected --model-path with its folder"
@@ -177,22 +150,22 @@ class Locator:
         return resolved
 
 
-def _bare(uri: str) -> str:
-    """Return the path of a URI without its scheme, with %20 and the like decoded."""
+def _path_of(uri: str) -> tuple[str, str, str]:
+    """Return scheme and path of a URI, with %20 and the like decoded, and its owner on Fuel.
+
+    The path of a model on Fuel begins with the model's name.
+    """
     text = uri.strip()
-    for scheme in SCHEMES:
-        if text.startswith(scheme):
-            text = text[len(scheme) :]
-            break
-    return unquote(text).rstrip("/")
+    scheme = match[1] if (match := SCHEME.match(text)) else ""
+    path = unquote(SCHEME.sub("", text, count=1)).rstrip("/")
+    if scheme in ("http", "https", "fuel"):
+        fuel = FUEL.match(path)
+        return (scheme, fuel[2] + (fuel[3] or ""), fuel[1].lower()) if fuel else (scheme, "", "")
+    return scheme, path, ""
 
 
 def _ancestors(folder: Path) -> list[Path]:
     return [folder, *folder.parents][:MAX_ANCESTORS]
-
-
-def _is_project(folder: Path) -> bool:
-    return any((folder / mark).exists() for mark in PROJECT_MARKS)
 
 
 def _name_in(file: Path) -> str:
@@ -210,16 +183,16 @@ def _model_files(folder: Path) -> list[Path]:
     Of the files that a `model.config` lists, it is that of the highest version which sdformat can
     read, and the first of those without a version, as in sdformat's `parser.cc`.
     """
-    named = []
+    best = ""
     try:
         listed = list(read_xml(folder / "model.config").all("sdf"))
         versions = [_version(one.attributes.get("version", "")) for one in listed]
         known = [version if version <= NEWEST_SDF else (0,) for version in versions]
         best = listed[known.index(max(known))].text.strip() if listed else ""
-        named = [folder / best] if best and ".." not in best else []
     except WorldFileError:
         pass
-    return [*named, *(folder / name for name in MODEL_FILES)]
+    names = [best] if best and ".." not in best else []
+    return [folder / name for name in (*names, "model.sdf", "model.urdf")]
 
 
 def _version(text: str) -> tuple[int, ...]:
@@ -231,8 +204,3 @@ def _newest_version(folder: Path) -> Path:
     """Return the folder of the newest version in a cache of models, or the folder itself."""
     versions = [inner for inner in folder.iterdir() if inner.name.isdecimal() and inner.is_dir()]
     return max(versions, key=lambda inner: int(inner.name), default=folder)
-
-
-def _after_files(words: list[str]) -> list[str]:
-    """Return the path after `VERSION/files` in a URI of Fuel."""
-    return words[words.index("files") + 1 :] if "files" in words else []

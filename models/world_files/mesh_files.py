@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.world_files.ply import read_ply
-from wayproof.models.world_files.reading import WorldFileError, check_file
+from wayproof.models.world_files.reading import WorldFileError, check_file, read_text
 from wayproof.models.world_files.xml_tree import parse_xml
 
 MOST_FACES = 1_000_000
@@ -36,12 +36,7 @@ COMPONENTS = {
 TRIANGLES, FAN = (4, 5, 6), 6
 """Modes of a glTF primitive with a surface, and that of a fan."""
 
-BYTE_ENCODINGS = ("us-ascii", "iso-8859-1", "windows-1252")
-"""Encodings of one byte a character that a COLLADA file may declare besides UTF-8."""
-
-DECLARATION = re.compile(
-    r"^(?:\ufeff|\xef\xbb\xbf)?\s*<\?xml(?:[^>]*?encoding=[\"'](?P<encoding>[^\"']*))?[^>]*\?>"
-)
+DECLARATION = re.compile(r"^\s*<\?xml[^>]*\?>")
 
 SHAPELESS = (
     "KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "EXT_lights_", "KHR_xmp",
@@ -166,73 +161,38 @@ def _surface(name: str, vertices: Any, faces: Any) -> Surface:
 
 def _collada(path: Path) -> MeshFile:
     """Read COLLADA: every geometry where the scene's nodes place it, in metres."""
-    text = _xml_text(path)
+    text = read_text(path, MOST_BYTES)  # UTF-8 alone: another parser could see other elements
     parse_xml(path, text)
     import collada
 
-    data = DECLARATION.sub("", text, count=1).encode()  # UTF-8, as it was checked
-    scene = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
-    unit = float(scene.assetInfo.unitmeter or 1.0)
+    data = DECLARATION.sub("", text, count=1).encode()
+    file = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
+    unit, scene = float(file.assetInfo.unitmeter or 1.0), collada.scene
     surfaces: list[Surface] = []
     notes: Counter[str] = Counter()
-    visited = itertools.count(1)
-    for node in scene.scene.nodes if scene.scene is not None else []:
-        _walk(path, node, np.diag([unit, unit, unit, 1.0]), surfaces, 0, visited, notes)
-    for error in scene.errors:
+    roots = file.scene.nodes if file.scene is not None else []
+    waiting = [(node, "", np.diag([unit, unit, unit, 1.0]), 0) for node in reversed(roots)]
+    visited = 0
+    while waiting:
+        node, name, T, depth = waiting.pop()
+        visited += 1
+        if depth > 2 * MAX_NESTED_NODES or max(visited, len(surfaces)) > MAX_NODES:
+            raise WorldFileError(path, f"more than {MAX_NODES} nodes, or {MAX_NESTED_NODES} deep")
+        if isinstance(node, (scene.GeometryNode, scene.ControllerNode)):
+            geometry, bind = _bound(getattr(node, "controller", None) or node.geometry)
+            own = name or str(geometry.name or geometry.id)
+            surfaces += _geometry(path, own, geometry, T @ bind, notes)
+            notes["skinned meshes taken in their bind pose"] += not hasattr(node, "geometry")
+        elif isinstance(node, scene.NodeNode):
+            waiting.append((node.node, name, T, depth + 1))
+        elif isinstance(node, scene.Node):
+            T, name = T @ np.asarray(node.matrix, np.float64), node.xmlnode.get("name") or ""
+            waiting += [(child, name, T, depth + 1) for child in reversed(node.children)]
+    for error in file.errors:
         if not any(word in str(error).lower() for word in DRAWN_ONLY):
             notes[f"faulty parts left out ({' '.join(str(error).split())[:100]})"] += 1
-    up = str(scene.assetInfo.upaxis or "Y_UP")[0].lower()
-    return MeshFile(surfaces, up, tuple(f"{count} {what}" for what, count in notes.items()))
-
-
-def _xml_text(path: Path) -> str:
-    """Decode XML as it declares itself, in UTF-8 or one of `BYTE_ENCODINGS`.
-
-    In other encodings a parser would see what a search of the bytes does not.
-
-    Raises:
-        WorldFileError: Another encoding, or bytes that are none of it.
-    """
-    data = path.read_bytes()
-    declared = DECLARATION.match(data[:200].decode("latin-1"))
-    encoding = (declared and declared["encoding"]) or "utf-8"
-    if encoding.lower() not in ("utf-8", "utf8", *BYTE_ENCODINGS):
-        known = ", ".join(("utf-8", *BYTE_ENCODINGS))
-        raise WorldFileError(path, f"encoding '{encoding[:40]}' (available: {known})", 1)
-    try:
-        return data.decode("utf-8-sig" if encoding.lower() in ("utf-8", "utf8") else encoding)
-    except UnicodeDecodeError as error:
-        raise WorldFileError(path, f"no {encoding} text (byte {error.start})") from None
-
-
-def _walk(
-    path: Path,
-    node: Any,
-    T: NDArray[np.float64],
-    into: list[Surface],
-    depth: int,
-    visited: Iterator[int],
-    notes: Counter[str],
-) -> None:
-    """Collect the surfaces of a COLLADA node and of those below it; T is T_world_parent."""
-    import collada
-
-    if depth > MAX_NESTED_NODES or len(into) > MAX_NODES or next(visited) > MAX_NODES:
-        raise WorldFileError(path, f"more than {MAX_NODES} nodes, or {MAX_NESTED_NODES} deep")
-    T = T @ np.asarray(getattr(node, "matrix", np.eye(4)), np.float64)
-    for child in getattr(node, "children", ()):
-        if isinstance(child, collada.scene.ControllerNode):
-            geometry, bind = _bound(child.controller)
-            name = node.xmlnode.get("name") or geometry.name or geometry.id
-            into += _geometry(path, str(name), geometry, T @ bind, notes)
-            notes["skinned meshes taken in their bind pose"] += 1
-        elif isinstance(child, collada.scene.GeometryNode):
-            name = node.xmlnode.get("name") or child.geometry.name or child.geometry.id
-            into += _geometry(path, str(name), child.geometry, T, notes)
-        elif isinstance(child, collada.scene.NodeNode):
-            _walk(path, child.node, T @ np.eye(4), into, depth + 1, visited, notes)
-        elif isinstance(child, collada.scene.Node):
-            _walk(path, child, T, into, depth + 1, visited, notes)
+    up = str(file.assetInfo.upaxis or "Y_UP")[0].lower()
+    return MeshFile(surfaces, up, _counted(notes))
 
 
 def _bound(controller: Any) -> tuple[Any, NDArray[np.float64]]:
@@ -249,10 +209,10 @@ def _bound(controller: Any) -> tuple[Any, NDArray[np.float64]]:
 
 def _geometry(
     path: Path, name: str, geometry: Any, T: NDArray[np.float64], notes: Counter[str]
-) -> list[Surface]:
+) -> Iterator[Surface]:
+    """Yield the surfaces of a COLLADA geometry at T_world_geometry."""
     import collada
 
-    found = []
     for primitive in geometry.primitives:
         if isinstance(primitive, (collada.polylist.Polylist, collada.polygons.Polygons)):
             corners = int(np.asarray(primitive.vcounts, np.int64).sum())
@@ -262,14 +222,13 @@ def _geometry(
             primitive = primitive.triangleset()
         if not isinstance(primitive, collada.triangleset.TriangleSet):
             notes["lists of lines left out"] += 1
-            continue
-        if not len(primitive):
-            continue
-        vertices = np.asarray(primitive.vertex, np.float64).reshape(-1, 3)
-        placed = vertices @ T[:3, :3].T + T[:3, 3]
-        faces = np.asarray(primitive.vertex_index, np.int64).reshape(-1, 3)
-        found.append(Surface(name, placed, faces))
-    return found
+        elif len(primitive):
+            placed = np.asarray(primitive.vertex, np.float64).reshape(-1, 3) @ T[:3, :3].T
+            yield _surface(name, placed + T[:3, 3], primitive.vertex_index)
+
+
+def _counted(notes: Counter[str]) -> tuple[str, ...]:
+    return tuple(f"{count} {what}" for what, count in notes.items() if count)
 
 
 def _gltf(path: Path) -> MeshFile:
@@ -315,7 +274,7 @@ def _check_gltf(path: Path) -> tuple[str, ...]:
         Notes on what is taken otherwise than written.
 
     Raises:
-        WorldFileError: Naming the extension, the count or the node.
+        WorldFileError: Naming the extension, the count, the node, or a primitive without data.
     """
     data = path.read_bytes()
     if data[:4] == b"glTF":
@@ -326,62 +285,48 @@ def _check_gltf(path: Path) -> tuple[str, ...]:
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:
-        what = " ".join(str(error).split())[:100]
-        raise WorldFileError(path, f"no JSON ({what})") from None
-    nodes, meshes = content.get("nodes", []), content.get("meshes", [])
-    children = [list(node.get("children", [])) for node in nodes]
-    parents = Counter(itertools.chain.from_iterable(children))
-    twice = next((node for node, count in parents.items() if count > 1), None)
-    if twice is not None:
-        raise WorldFileError(path, f"node {twice} has two parents, expected a tree")
-    placed = sum(
-        len(meshes[node["mesh"]].get("primitives", [])) for node in nodes if "mesh" in node
-    )
-    numbers = sum(one["count"] * COMPONENTS[one["type"]] for one in content.get("accessors", []))
-    if numbers > MAX_NUMBERS:
-        raise WorldFileError(path, f"{numbers} numbers, expected at most {MAX_NUMBERS}")
+        raise WorldFileError(path, f"no JSON ({' '.join(str(error).split())[:100]})") from None
+    nodes, meshes, accessors = (content.get(key, []) for key in ("nodes", "meshes", "accessors"))
+    required = [one for one in content.get("extensionsRequired", []) if not _is_shapeless(one)]
+    if unread := required + [one for one in content.get("extensionsUsed", []) if one in COMPRESSED]:
+        raise WorldFileError(
+            path, f"glTF extension {unread[0][:60]}: not read; expected it exported without "
+            "compression or instancing"
+        )  # fmt: skip
+    placed = sum(len(meshes[one["mesh"]].get("primitives", [])) for one in nodes if "mesh" in one)
     if len(nodes) > MAX_NODES or placed > MAX_NODES:
         what = f"{len(nodes)} nodes with {placed} primitives, expected at most {MAX_NODES} of each"
         raise WorldFileError(path, what)
-    level, depth, seen = [node for node in range(len(nodes)) if not parents[node]], 0, 0
-    while level:
-        seen, depth = seen + len(level), depth + 1
-        level = [child for node in level for child in children[node]]
-        if depth > MAX_NESTED_NODES:
-            raise WorldFileError(path, f"nodes more than {MAX_NESTED_NODES} deep")
-    if seen < len(nodes):
-        raise WorldFileError(path, "nodes in a circle, expected a tree")
-    return tuple(_unread_gltf(path, content))
-
-
-def _unread_gltf(path: Path, content: dict[str, Any]) -> Iterator[str]:
-    """Refuse extensions that shapes depend on; yield notes on what has no surface.
-
-    Raises:
-        WorldFileError: Naming the extension, or the primitive without data.
-    """
-    required = [one for one in content.get("extensionsRequired", []) if not _is_shapeless(one)]
-    used = [one for one in content.get("extensionsUsed", []) if one in COMPRESSED]
-    if required or used:
-        raise WorldFileError(
-            path, f"glTF extension {(required + used)[0][:60]}: not read; expected it exported "
-            "without compression or instancing"
-        )  # fmt: skip
-    accessors = content.get("accessors", [])
+    numbers = sum(one["count"] * COMPONENTS[one["type"]] for one in accessors)
+    if numbers > MAX_NUMBERS:
+        raise WorldFileError(path, f"{numbers} numbers, expected at most {MAX_NUMBERS}")
+    _check_tree(path, [list(node.get("children", [])) for node in nodes])
     counts: Counter[str] = Counter()
-    for primitive in (one for mesh in content.get("meshes", []) for one in mesh["primitives"]):
-        place = primitive["attributes"].get("POSITION")
-        mode = primitive.get("mode", 4)
+    for primitive in (one for mesh in meshes for one in mesh["primitives"]):
+        place, mode = primitive["attributes"].get("POSITION"), primitive.get("mode", 4)
         if mode not in TRIANGLES:
             counts["primitives of points or lines left out"] += 1
         elif place is None or not {"bufferView", "sparse"} & set(accessors[place]):
             raise WorldFileError(path, "a primitive without data of its POSITION")
         elif mode == FAN:
             raise WorldFileError(path, "a primitive of mode TRIANGLE_FAN: not read")
-    counts["skinned meshes taken unbent, where their nodes are"] = sum(
-        "skin" in node and "mesh" in node for node in content.get("nodes", [])
-    )
-    return (f"{count} {what}" for what, count in counts.items() if count)
+    skins = sum("skin" in node and "mesh" in node for node in nodes)
+    counts["skinned meshes taken unbent, where their nodes are"] = skins
+    return _counted(counts)
+
+
+def _check_tree(path: Path, children: list[list[int]]) -> None:
+    parents = Counter(itertools.chain.from_iterable(children))
+    twice = next((node for node, count in parents.items() if count > 1), None)
+    if twice is not None:
+        raise WorldFileError(path, f"node {twice} has two parents, expected a tree")
+    level, seen = [node for node in range(len(children)) if not parents[node]], 0
+    for _ in range(MAX_NESTED_NODES + 1):
+        seen, level = seen + len(level), [child for node in level for child in children[node]]
+    if level:
+        raise WorldFileError(path, f"nodes more than {MAX_NESTED_NODES} deep")
+    if seen < len(children):
+        raise WorldFileError(path, "nodes in a circle, expected a tree")
 
 
 def _is_shapeless(extension: object) -> bool:

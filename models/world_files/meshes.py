@@ -1,28 +1,25 @@
 """Meshes as convex parts: beams and bodies meet one shape.
 
 MuJoCo lets beams meet a mesh's triangles and bodies its convex hull. So a mesh is taken in
-connected pieces, and a piece that is not convex as a height field, as convex pieces, or as boxes.
+connected pieces, each as its hull where it is close to that, as a height field, or as boxes.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.world_files.clouds import cells_of_points
-from wayproof.models.world_files.decomposition import decompose
-from wayproof.models.world_files.filling import fill_inside, is_closed
-from wayproof.models.world_files.hulls import hull, is_convex, surface_error
-from wayproof.models.world_files.mesh_files import MOST_FACES, READERS, cloud_points, load_mesh_file
+from wayproof.models.world_files.cells import cell_boxes, cells_of_points
+from wayproof.models.world_files.heights import height_part
+from wayproof.models.world_files.hulls import distance_to_hull, hull, surface_points
+from wayproof.models.world_files.mesh_files import MOST_FACES, cloud_points, load_mesh_file
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Mesh, Part, vector
 from wayproof.models.world_files.reading import WorldFileError
-from wayproof.models.world_files.relief import relief_part
-from wayproof.models.world_files.voxel_maps import cell_boxes
 
 MOST_PIECES = 2000
 """Number of connected pieces of a mesh up to which each is taken by itself."""
@@ -33,21 +30,9 @@ SHEET_THICKNESS = 0.01
 SMALL = 0.6
 """Size up to which a piece is taken as its convex hull, m: no robot fits into its hollows."""
 
-NEAR_HULL = 0.05
-"""Distance between a piece and its convex hull up to which it is taken as that, m: half of what
-the convex pieces of a cut may fill."""
-
-MOST_CUT_FACES = 1500
-"""Triangles of a piece up to which it is cut into convex pieces: with more that takes minutes."""
-
-MOST_CUT_ERROR = 0.15
-"""Error of a cut up to which it is taken, m: a wall with doors is open, and may come out filled."""
-
-MOST_CUTS = 80
-"""Number of pieces of a world that are cut into convex ones: each takes about a second."""
-
 CELL = 0.05
-"""Side of the cells that a piece of more triangles is taken as, m."""
+"""Side of the cells that other pieces are taken as, m, and the distance from its hull up to which
+a piece is taken as that."""
 
 MOST_CELLS = 400
 """Number of cells along a piece; those of a longer one are larger."""
@@ -56,18 +41,27 @@ HOW = {
     "flat": f"were flat: made {SHEET_THICKNESS * 1e3:g} mm thick",
     "relief": "taken as height fields",
     "near": "taken as their convex hull",
-    "hull": f"smaller than {SMALL:g} m taken as their convex hull",
-    "cut": "not convex: cut into convex ones",
-    "cells": "of many triangles taken as boxes of cells",
-    "uncut": f"cut with an error beyond {MOST_CUT_ERROR:g} m taken as boxes of cells instead",
-    "more": f"beyond the first {MOST_CUTS} that are not convex taken as boxes of cells",
+    "cells": "not convex: taken as boxes of cells",
 }
 """Ways to take a piece that is not convex as it is, and their text in a note."""
 
 FLAT = 1e-6
 """Thickness below which a piece is flat, as a share of its size."""
 
-ENDINGS = tuple(READERS)
+LEAST_HOLLOW = 8
+"""Number of cells from which a hollow is looked at."""
+
+LEAST_GROUND = 4.0
+"""Width in x and y from which a mesh may be ground, m."""
+
+MAX_NODES = 700
+"""Number of heights along a side of ground; more make a world file of many MiB."""
+
+LEAST_COVER = 0.995
+"""Share of the bounding rectangle that ground has to cover: a height field has no holes."""
+
+INSET = 1e-9
+"""Share of the width by which the outermost nodes lie within the ground, not beside it."""
 
 TURNS = {
     "x": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
@@ -89,19 +83,11 @@ def read_mesh(path: Path, options: ImportOptions) -> Found:
     return found
 
 
-@dataclass
-class Cuts:
-    """Number of pieces that may still be cut into convex ones in one import."""
-
-    left: int = MOST_CUTS
-
-
 def mesh_parts(
     path: Path,
     scale: NDArray[np.float64],
     notes: list[str],
     *,
-    cuts: Cuts | None = None,
     submesh: str | None = None,
     centred: bool = False,
     upright: bool = False,
@@ -109,16 +95,15 @@ def mesh_parts(
     """Read a mesh file as convex parts.
 
     Args:
-        path: A file of one of `ENDINGS`.
+        path: A file of one of `mesh_files.READERS`.
         scale: (3,) factors along the file's axes; its own unit is metres already.
         notes: Notes on pieces that were changed are appended.
-        cuts: Is counted down; None for a file alone.
         submesh: Name of the node to take alone.
         centred: Whether that node is moved to the origin by the middle of its bounds.
         upright: Whether the file's up axis is turned to z; Gazebo does not.
 
     Raises:
-        WorldFileError: Of `load_mesh_file`; no such node; no triangle; no decomposition.
+        WorldFileError: Of `load_mesh_file`; no such node; no triangle; too many boxes.
     """
     loaded = load_mesh_file(path)
     notes += [f"{path.name}: {note}" for note in loaded.notes]
@@ -137,7 +122,7 @@ def mesh_parts(
     if upright and loaded.up in TURNS:
         vertices = vertices @ TURNS[loaded.up].T
         notes.append(f"{path.name}: its {loaded.up} axis is up, turned to z")
-    return _parts(path, Mesh(vertices, faces), notes, cuts or Cuts(), may_fill=not doubled)
+    return _parts(path, Mesh(vertices, faces), notes, may_fill=not doubled)
 
 
 def _joined(
@@ -149,27 +134,24 @@ def _joined(
         The mesh, and whether triangles are drawn more than once, as from both sides: then which way
         they face says nothing.
     """
-    if not sum(len(faces) for _, faces in surfaces):
-        raise WorldFileError(path, f"0 triangles, expected 1 to {MOST_FACES}")
     offsets = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
-    vertices = np.concatenate([vertices for vertices, _ in surfaces])
-    faces = np.concatenate([f + at for (_, f), at in zip(surfaces, offsets[:-1], strict=True)])
-    if len(faces) > MOST_FACES:
-        raise WorldFileError(path, f"{len(faces)} triangles, expected 1 to {MOST_FACES}")
-    size = max(float(np.ptp(vertices[np.unique(faces)], axis=0).max()), 1e-12)
+    faces = [own + at for (_, own), at in zip(surfaces, offsets[:-1], strict=True)]
+    if not 0 < sum(map(len, faces)) <= MOST_FACES:
+        what = f"{sum(map(len, faces))} triangles, expected 1 to {MOST_FACES}"
+        raise WorldFileError(path, what)
+    all_faces, vertices = np.concatenate(faces), np.concatenate([own for own, _ in surfaces])
+    size = max(float(np.ptp(vertices[np.unique(all_faces)], axis=0).max()), 1e-12)
     keys = np.rint((vertices - vertices.min(axis=0)) / (1e-7 * size)).astype(np.int64)
     _, first, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    faces = inverse.reshape(-1)[faces]
-    distinct = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2])
-    distinct &= faces[:, 2] != faces[:, 0]
-    if not distinct.any():
+    all_faces = inverse.reshape(-1)[all_faces]
+    kept = all_faces[(all_faces != np.roll(all_faces, 1, axis=1)).all(axis=1)]
+    if not len(kept):
         raise WorldFileError(path, "no triangle with an area")
-    faces = faces[distinct]
-    once = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
-    return Mesh(vertices[first], faces[np.sort(once)]), len(once) < len(faces)  # first of each
+    once = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)[1]
+    return Mesh(vertices[first], kept[np.sort(once)]), len(once) < len(kept)  # first of each
 
 
-def _parts(path: Path, mesh: Mesh, notes: list[str], cuts: Cuts, *, may_fill: bool) -> list[Part]:
+def _parts(path: Path, mesh: Mesh, notes: list[str], *, may_fill: bool) -> list[Part]:
     pieces = [_piece(mesh.vertices, own) for own in _pieces(mesh.faces, len(mesh.vertices))]
     if len(pieces) > MOST_PIECES:
         notes.append(f"{path.name}: {len(pieces)} loose pieces taken as one")
@@ -181,7 +163,7 @@ def _parts(path: Path, mesh: Mesh, notes: list[str], cuts: Cuts, *, may_fill: bo
         if (thick := _sheet(piece)) is not None:
             counts["flat"] += 1
             piece = thick
-        how, error, own = _convex_parts(path, piece, cuts, may_fill)
+        how, error, own = _piece_parts(path, piece, may_fill)
         counts[how] += 1
         worst[how] = max(worst.get(how, 0.0), error)
         parts += own
@@ -192,30 +174,18 @@ def _parts(path: Path, mesh: Mesh, notes: list[str], cuts: Cuts, *, may_fill: bo
     return parts
 
 
-def _convex_parts(
-    path: Path, piece: Mesh, cuts: Cuts, may_fill: bool
-) -> tuple[str, float, list[Part]]:
+def _piece_parts(path: Path, piece: Mesh, may_fill: bool) -> tuple[str, float, list[Part]]:
     """Return how a piece is taken (a key of `HOW`), the error of its surface, m, and its parts."""
-    if is_convex(piece):
-        return "convex", 0.0, [_mesh_part(piece)]
-    ground = relief_part(piece)
-    if ground is not None:
+    around = hull(piece.vertices)
+    error = np.inf if around is None else distance_to_hull(piece, around)
+    if error > 0.0 and (ground := _relief(path, piece)) is not None:
         return "relief", ground[1], [ground[0]]
     size = float(np.ptp(piece.vertices, axis=0).max())
-    around = hull(piece.vertices)
-    if around is not None:
-        error = surface_error(piece, [around])
-        if error <= NEAR_HULL or size <= SMALL:
-            return "near" if error <= NEAR_HULL else "hull", error, [_mesh_part(around)]
-    how = "cells" if len(piece.faces) > MOST_CUT_FACES else "more"
-    if how == "more" and cuts.left:
-        cuts.left -= 1
-        convex, error = decompose(path, piece)
-        if error <= MOST_CUT_ERROR:
-            return "cut", error, [_mesh_part(one) for one in convex]
-        how = "uncut"
     cell = max(CELL, size / MOST_CELLS)
-    return how, cell * 3**0.5, cell_parts(path, piece, cell, may_fill)
+    if around is not None and (error <= cell or size <= SMALL):
+        part = Part("mesh", (), (0.0, 0.0, 0.0), mesh=around)
+        return "near" if error else "convex", error, [part]
+    return "cells", cell * 3**0.5, cell_parts(path, piece, cell, may_fill)
 
 
 def cell_parts(path: Path, piece: Mesh, cell: float, may_fill: bool = True) -> list[Part]:
@@ -230,26 +200,96 @@ def cell_parts(path: Path, piece: Mesh, cell: float, may_fill: bool = True) -> l
     Raises:
         WorldFileError: They are more than a world may hold.
     """
-    low = np.floor(piece.vertices.min(axis=0) / cell).astype(np.int64)
-    high = np.floor(piece.vertices.max(axis=0) / cell).astype(np.int64) + 1
-    occupied = np.zeros(tuple(high - low), np.bool_)
-    a, b, c = (piece.vertices[piece.faces[:, n]] for n in range(3))
-    longest = np.max([np.linalg.norm(q - p, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
-    counts = np.ceil(2.0 * longest / cell).astype(int).clip(1)  # two points a cell
-    for count in np.unique(counts):
-        chosen = np.flatnonzero(counts == count)
-        i, j = np.indices((count + 1, count + 1)).reshape(2, -1)
-        u, v = (w[i + j <= count] / count for w in (i, j))
-        for n in chosen:
-            points = a[n] + u[:, None] * (b[n] - a[n]) + v[:, None] * (c[n] - a[n])
-            occupied[tuple((np.floor(points / cell).astype(np.int64) - low).T)] = True
+    # What lies on a border between cells is in one of them, whatever its last bits are.
+    cells = np.floor(surface_points(piece, cell / 2.0) / cell + 1e-6).astype(np.int64)
+    low = cells.min(axis=0)
+    occupied = np.zeros(tuple(cells.max(axis=0) - low + 1), np.bool_)
+    occupied[tuple((cells - low).T)] = True
     if may_fill and is_closed(piece.faces):
-        fill_inside(occupied, piece, low * cell, cell)
+        _fill_inside(occupied, piece, low * cell, cell)
     return cell_boxes(path, occupied, cell, vector(low * cell))
 
 
-def _mesh_part(mesh: Mesh) -> Part:
-    return Part("mesh", (), (0.0, 0.0, 0.0), mesh=mesh)
+def is_closed(faces: NDArray[np.int64]) -> bool:
+    """Return whether each edge of triangles (m, 3) is run once in each direction."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    ahead, back = (np.unique(run, axis=0) for run in (edges, edges[:, ::-1]))
+    return len(ahead) == len(edges) and np.array_equal(ahead, back)
+
+
+def _fill_inside(
+    occupied: NDArray[np.bool_], mesh: Mesh, low: NDArray[np.float64], cell: float
+) -> None:
+    """Occupy the hollows of a grid that lie inside of a closed mesh.
+
+    A hollow is a connected part of the free cells that does not reach the border of the grid. One
+    that the triangles face, such as a room with its door shut, stays free.
+    """
+    from scipy import ndimage
+
+    labels, count = ndimage.label(~occupied)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    for axis in range(3):
+        for side in (0, -1):
+            sizes[labels.take(side, axis)] = 0  # it reaches the border
+    for label in np.flatnonzero(sizes >= LEAST_HOLLOW).tolist():
+        places = np.argwhere(labels == label)
+        middle = low + (places[len(places) // 2] + 0.5) * cell
+        if winding_number(mesh, middle) > 0.5:
+            occupied |= labels == label
+
+
+def winding_number(mesh: Mesh, point: NDArray[np.float64]) -> float:
+    """Return how often a surface winds around a point (3,): 1 within one that is closed, else 0.
+
+    Source: the solid angle of a triangle by Van Oosterom and Strackee (1983), "The Solid Angle of a
+    Plane Triangle", IEEE Transactions on Biomedical Engineering 30(2).
+    """
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] - point for k in range(3))
+    la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    below = la * lb * lc + (a * b).sum(axis=1) * lc
+    below += (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+    volume = (a * np.cross(b, c)).sum(axis=1)
+    return float(np.arctan2(volume, below).sum()) / (2.0 * np.pi)
+
+
+def _relief(path: Path, mesh: Mesh) -> tuple[Part, float] | None:
+    """Return a mesh of ground as a height field, and its greatest error in height, m.
+
+    None where the mesh is no ground: all triangles face up, or all down, they cover a rectangle,
+    and none covers another.
+    """
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    width = high - low
+    a, b, c = (mesh.vertices[mesh.faces[:, n]] for n in range(3))
+    areas = np.cross(b - a, c - a)[:, 2] / 2.0  # signed, seen from above
+    if width[:2].min() < LEAST_GROUND or areas.min() < 0.0 < areas.max():
+        return None
+    covered = float(np.abs(areas).sum()) / float(width[0] * width[1])
+    if not LEAST_COVER <= covered <= 1.0 + 1e-6:
+        return None
+    from matplotlib.tri import LinearTriInterpolator, Triangulation  # slow to load
+    from scipy.interpolate import RegularGridInterpolator
+
+    edge = float(np.sqrt(2.0 * np.median(np.abs(areas[areas != 0.0]))))
+    axes = [
+        np.linspace(low[n] + INSET * width[n], high[n] - INSET * width[n],
+                    int(np.clip(ceil(width[n] / max(edge, 1e-9)) + 1, 2, MAX_NODES)))
+        for n in range(2)
+    ]  # fmt: skip
+    x, y, z = mesh.vertices.T
+    try:
+        surface = LinearTriInterpolator(Triangulation(x, y, mesh.faces), z)
+        heights = np.ma.filled(surface(*np.meshgrid(*axes)), np.nan)
+    except (RuntimeError, ValueError):  # such as of steps, whose sides no place lies in
+        return None
+    if np.isnan(heights).any() or not np.ptp(heights) > 0.0:
+        return None
+    field = RegularGridInterpolator(axes[::-1], heights, bounds_error=False, fill_value=None)
+    error = float(np.abs(field(mesh.vertices[:, [1, 0]]) - z).max())
+    middle = (*((low + high) / 2.0)[:2].tolist(), 0.0)
+    return height_part(path, heights, (float(width[0]), float(width[1])), middle), error
 
 
 def _sheet(piece: Mesh) -> Mesh | None:
@@ -267,18 +307,14 @@ def _sheet(piece: Mesh) -> Mesh | None:
         normal, faces = -normal, faces[:, ::-1]
     count = len(piece.vertices)
     vertices = np.concatenate([piece.vertices, piece.vertices - SHEET_THICKNESS * normal])
-    rim = _rim(faces)
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    _, inverse, counts = np.unique(
+        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    rim = edges[counts[inverse.reshape(-1)] == 1]  # that no other triangle shares
     sides = [np.column_stack([rim[:, 1], rim[:, 0], rim[:, 0] + count]),
              np.column_stack([rim[:, 1], rim[:, 0] + count, rim[:, 1] + count])]  # fmt: skip
     return Mesh(vertices, np.concatenate([faces, faces[:, ::-1] + count, *sides]))
-
-
-def _rim(faces: NDArray[np.int64]) -> NDArray[np.int64]:  # (k, 2)
-    """Return the directed edges of triangles that no other triangle shares."""
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    keys = np.sort(edges, axis=1)
-    _, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    return np.asarray(edges[counts[inverse.reshape(-1)] == 1])
 
 
 def _pieces(faces: NDArray[np.int64], count: int) -> list[NDArray[np.int64]]:
@@ -290,8 +326,7 @@ def _pieces(faces: NDArray[np.int64], count: int) -> list[NDArray[np.int64]]:
     edges = sparse.csr_matrix((np.ones(len(tails), np.bool_), (tails, heads)), (count, count))
     labels = csgraph.connected_components(edges, directed=False)[1][faces[:, 0]]
     order = np.argsort(labels, kind="stable")
-    ends = np.flatnonzero(np.diff(labels[order])) + 1
-    return np.split(faces[order], ends)
+    return np.split(faces[order], np.flatnonzero(np.diff(labels[order])) + 1)
 
 
 def _piece(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Mesh:

@@ -7,7 +7,7 @@ repeats (`iterations`). MuJoCo takes any such number, and 10,000 bodies take it 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections import Counter
 from pathlib import Path
 
 from wayproof.models.world_files.reading import MAX_HEIGHTS, MAX_SOLIDS, WorldFileError
@@ -54,7 +54,12 @@ MAX_PARTS = 1000
 MAX_MESH_STEPS = 100
 """Maximum number of steps of a generated mesh in each of its two directions."""
 
-SIDES = {"2d": 1, "cube": 6, "skybox": 6}
+MAX_SUMS = {
+    "pixels of all textures": MAX_TEXTURE_PIXELS,
+    "heights of all fields": MAX_HEIGHTS,
+    "size": MAX_SOLIDS,
+}
+"""Maximum of what the elements of a scene demand together; `size` is that of `numeric`."""
 
 
 class Bounds:
@@ -63,7 +68,7 @@ class Bounds:
     def __init__(self, top: Path) -> None:
         """Begin with no demand."""
         self._top = top
-        self._pixels = self._heights = self._numbers = 0.0
+        self._sums: Counter[str] = Counter()
 
     def check(self, path: Path, element: Element) -> None:
         """Refuse an element's demand, by itself or with all before it.
@@ -75,45 +80,47 @@ class Bounds:
         Raises:
             WorldFileError: Naming the element, its number and the bound.
         """
-        for name, text in element.attributes.items():
-            if name in MAX_VALUES:
-                hold(path, element, name, _number(path, element, name, text), MAX_VALUES[name])
-            if name == "count" and element.tag in ("flexcomp", "composite"):
-                numbers = _numbers(path, element, name, text)
-                hold(path, element, name, math.prod(max(one, 1.0) for one in numbers), MAX_PARTS)
-        if element.tag == "mesh" and "builtin" in element.attributes:
-            steps = _numbers(path, element, "params", element.attributes.get("params", ""))
-            hold(path, element, "params", max(steps, default=0.0), MAX_MESH_STEPS)
-        if element.tag == "size" and "memory" in element.attributes:
-            text = element.attributes["memory"]
-            hold(path, element, "memory", _memory(path, element, text), MAX_MEMORY)
-        if element.tag == "texture":
-            self.add_pixels(path, element, *_sizes(path, element, "width", "height"))
+        tag, given = element.tag, element.attributes
+
+        def numbers(name: str) -> list[float]:
+            words = given.get(name, "").split() or ["0"]
+            return [number_of(path, element, name, word) for word in words]
+
+        for name in given.keys() & MAX_VALUES.keys():
+            value = number_of(path, element, name, given[name])
+            hold(path, element, name, value, MAX_VALUES[name])
+        if tag in ("flexcomp", "composite"):
+            count = math.prod(max(one, 1.0) for one in numbers("count"))
+            hold(path, element, "count", count, MAX_PARTS)
+        if tag == "mesh" and "builtin" in given:
+            hold(path, element, "params", max(numbers("params")), MAX_MESH_STEPS)
+        if tag == "size" and "memory" in given:
+            text = given["memory"].strip()
+            unit = float(UNITS.get(text[-1:].upper(), 1))
+            value = number_of(path, element, "memory", text[:-1] if unit > 1 else text)
+            hold(path, element, "memory", unit * value, MAX_MEMORY)
+        if tag in ("texture", "hfield"):
+            sides = ("width", "height") if tag == "texture" else ("nrow", "ncol")
+            self.add_grid(path, element, *(numbers(side)[0] for side in sides))
+        if tag == "numeric":
+            self._add(path, element, "size", max(numbers("size")[0], 0.0))
+
+    def add_grid(self, path: Path, element: Element, width: float, height: float) -> None:
+        """Count what a texture or height field holds, as written or in the picture that it names.
+
+        Raises:
+            WorldFileError: All of them together hold too much.
+        """
+        count = max(width, 0.0) * max(height, 0.0)
         if element.tag == "hfield":
-            self.add_heights(path, element, *_sizes(path, element, "nrow", "ncol"))
-        if element.tag == "numeric":
-            (size,) = _sizes(path, element, "size")
-            self._numbers += max(size, 0.0)
-            hold(path, element, "size", self._numbers, MAX_SOLIDS)
+            self._add(path, element, "heights of all fields", count)
+        else:  # the six sides of a cube count each
+            sides = 1 if element.attributes.get("type") == "2d" else 6
+            self._add(path, element, "pixels of all textures", sides * count)
 
-    def add_pixels(self, path: Path, element: Element, width: float, height: float) -> None:
-        """Count the pixels of a texture, as written or of the picture that it names.
-
-        Raises:
-            WorldFileError: All textures together have too many.
-        """
-        sides = SIDES.get(element.attributes.get("type", "cube"), 6)
-        self._pixels += sides * max(width, 0.0) * max(height, 0.0)
-        hold(path, element, "pixels of all textures", self._pixels, MAX_TEXTURE_PIXELS)
-
-    def add_heights(self, path: Path, element: Element, rows: float, columns: float) -> None:
-        """Count the heights of a field, as written or of the picture that it names.
-
-        Raises:
-            WorldFileError: All fields together have too many.
-        """
-        self._heights += max(rows, 0.0) * max(columns, 0.0)
-        hold(path, element, "heights of all fields", self._heights, MAX_HEIGHTS)
+    def _add(self, path: Path, element: Element, what: str, count: float) -> None:
+        self._sums[what] += count  # type: ignore[assignment]  # a sum may be endless
+        hold(path, element, what, self._sums[what], MAX_SUMS[what])
 
 
 def copies(path: Path, element: Element) -> float:
@@ -124,7 +131,7 @@ def copies(path: Path, element: Element) -> float:
     """
     if element.tag != "replicate":
         return 1.0
-    return max(_number(path, element, "count", element.attributes.get("count", "1")), 0.0)
+    return max(number_of(path, element, "count", element.attributes.get("count", "1")), 0.0)
 
 
 def hold(path: Path, element: Element, what: str, got: float, most: float) -> None:
@@ -138,23 +145,12 @@ def hold(path: Path, element: Element, what: str, got: float, most: float) -> No
         raise WorldFileError(path, text, element.line)
 
 
-def _sizes(path: Path, element: Element, *names: str) -> Iterator[float]:
-    for name in names:
-        yield _number(path, element, name, element.attributes.get(name, "0"))
+def number_of(path: Path, element: Element, name: str, text: str) -> float:
+    """Return an attribute's number.
 
-
-def _numbers(path: Path, element: Element, name: str, text: str) -> list[float]:
-    return [_number(path, element, name, word) for word in text.split()]
-
-
-def _memory(path: Path, element: Element, text: str) -> float:
-    """Read a size in bytes, with a letter behind for powers of 1024; -1 is MuJoCo's own choice."""
-    bare = text.strip()
-    unit = float(UNITS.get(bare[-1:].upper(), 1))
-    return unit * _number(path, element, "memory", bare[:-1] if unit > 1 else bare)
-
-
-def _number(path: Path, element: Element, name: str, text: str) -> float:
+    Raises:
+        WorldFileError: It is none, or not finite.
+    """
     try:
         number = float(text)
     except ValueError:

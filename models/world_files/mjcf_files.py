@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.models.world_files.images import png_size
 from wayproof.models.world_files.mjcf_bounds import (
@@ -30,6 +32,11 @@ OUTSIDE = "expected --root with a folder that holds both"
 MODEL_ELEMENTS = ("include", "model")
 """Elements that name another MJCF file."""
 
+_Total = NDArray[np.float64]
+
+COUNTED = ("copies", "bodies", "geoms"), (MAX_COPIES, MAX_BODIES, MAX_SOLIDS)
+"""What is counted of a file or below an element, and the most of each."""
+
 MOST_NESTED = 20
 MAX_MODEL_FILES = 200
 """Maximum number of MJCF files in a scene, counted at every mention."""
@@ -46,22 +53,6 @@ def check_scene(top: Path, root: Path | None = None) -> None:
         WorldFileError: Naming the file, the element and its line.
     """
     _Scene(top, root).check(top, [])
-
-
-class _Total(NamedTuple):
-    """Counts of elements in a file or below an element, copies included."""
-
-    geoms: float = 0.0
-    bodies: float = 0.0
-    copied: float = 0.0
-
-    def with_(self, other: _Total) -> _Total:
-        return _Total(*(a + b for a, b in zip(self, other, strict=True)))
-
-    def repeated(self, times: float) -> _Total:
-        """Return all counts times a number; repeated elements count as copied."""
-        copied = self.copied if times <= 1.0 else (self.geoms + self.bodies)
-        return _Total(times * self.geoms, times * self.bodies, times * copied)
 
 
 class _Scene:
@@ -90,7 +81,7 @@ class _Scene:
         }
         models: dict[str, _Total] = {}
         for element in elements:
-            self._check_element(path, element, folders)
+            self._check_element(path, element, ("", *sorted(folders)))
             if element.tag == "model":
                 name = element.attributes.get("name", element.attributes.get("file", ""))
                 models[name] = self._named(path, element, opened)
@@ -99,27 +90,29 @@ class _Scene:
     def _total(
         self, path: Path, element: Element, models: dict[str, _Total], opened: list[Path]
     ) -> _Total:
-        own = _Total(float(element.tag == "geom"), float(element.tag == "body"))
+        """Count what is copied, bodies and geoms in an element, copies included."""
+        total = np.array([0.0, element.tag == "body", element.tag == "geom"], np.float64)
         if element.tag == "include":
-            own = own.with_(self._named(path, element, opened))
+            total += self._named(path, element, opened)
         if element.tag == "attach":
-            own = own.with_(models.get(element.attributes.get("model", ""), _Total()))
+            total += models.get(element.attributes.get("model", ""), 0.0)
         for child in element.children:
-            own = own.with_(self._total(path, child, models, opened))
-        total = own.repeated(copies(path, element))
-        hold(path, element, "copies", total.copied, MAX_COPIES)
-        hold(path, element, "bodies", total.bodies, MAX_BODIES)
-        hold(path, element, "geoms", total.geoms, MAX_SOLIDS)
+            total += self._total(path, child, models, opened)
+        if (times := copies(path, element)) > 1.0:
+            total[0] = total[1] + total[2]
+        total *= times
+        for count, what, most in zip(total.tolist(), *COUNTED, strict=True):
+            hold(path, element, what, count, most)
         return total
 
-    def _check_element(self, path: Path, element: Element, folders: set[str]) -> None:
+    def _check_element(self, path: Path, element: Element, folders: tuple[str, ...]) -> None:
         if element.tag in CODE:
             what = f"<{element.tag}>: loads code, cannot be taken over"
             raise WorldFileError(path, what, element.line)
         self._bounds.check(path, element)
         for key, name in element.attributes.items():
             if key.startswith("file"):
-                for folder in ("", *sorted(folders)):
+                for folder in folders:
                     self._check_named(path, element, str(Path(folder) / name))
 
     def _check_named(self, path: Path, element: Element, name: str) -> None:
@@ -132,24 +125,15 @@ class _Scene:
             if not file.exists() or file.is_dir():
                 continue  # MuJoCo says what it misses
             if not file.is_file():
-                raise WorldFileError(
-                    path, f"<{element.tag}>: '{name}' is no plain file", element.line
-                )
-            if element.tag not in MODEL_ELEMENTS:
-                self._check_asset(path, element, file)
-
-    def _check_asset(self, path: Path, element: Element, file: Path) -> None:
-        known = (path, element.line, file.resolve())
-        if known in self._assets:
-            return
-        self._assets.add(known)
-        self._bytes += file.stat().st_size
-        hold(path, element, "bytes of all assets", self._bytes, MAX_BYTES)
-        size = png_size(file)
-        if size is not None and element.tag == "hfield":
-            self._bounds.add_heights(path, element, *size)
-        elif size is not None:
-            self._bounds.add_pixels(path, element, *size)
+                what = f"<{element.tag}>: '{name}' is no plain file"
+                raise WorldFileError(path, what, element.line)
+            known = (path, element.line, file.resolve())
+            if element.tag not in MODEL_ELEMENTS and known not in self._assets:
+                self._assets.add(known)
+                self._bytes += file.stat().st_size
+                hold(path, element, "bytes of all assets", self._bytes, MAX_BYTES)
+                if (size := png_size(file)) is not None:
+                    self._bounds.add_grid(path, element, *size)
 
     def _named(self, path: Path, element: Element, opened: list[Path]) -> _Total:
         name = element.attributes.get("file", "")

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.world_files.hulls import hull, is_convex, surface_error
+from wayproof.models.world_files.hulls import distance_to_hull, hull
 from wayproof.models.world_files.mjcf_files import check_scene
 from wayproof.models.world_files.movers import bodies_of, check_movers, mover_of
 from wayproof.models.world_files.options import Found, ImportOptions, Plane
@@ -82,22 +82,24 @@ def _reason(error: Exception) -> str:
 
 
 def _take_hulls(found: Found) -> None:
-    """Replace meshes that are not convex by their convex hull, as MuJoCo does for contacts."""
-    taken, worst = 0, 0.0
-    hulls: dict[int, tuple[Mesh, float] | None] = {}
+    """Replace meshes by their convex hull, as MuJoCo does for contacts; note those that differ."""
+    errors: list[float] = []
+    hulls: dict[bytes, tuple[Mesh, float] | None] = {}
     for n, part in enumerate(found.parts):
         if part.mesh is None:
             continue
-        key = hash((part.mesh.vertices.tobytes(), part.mesh.faces.tobytes()))
+        key = part.mesh.vertices.tobytes() + part.mesh.faces.tobytes()
         if key not in hulls:
-            around = None if is_convex(part.mesh) else hull(part.mesh.vertices)
-            hulls[key] = None if around is None else (around, surface_error(part.mesh, [around]))
+            around = hull(part.mesh.vertices)
+            hulls[key] = None
+            if around is not None:
+                hulls[key] = around, distance_to_hull(part.mesh, around)
         if (chosen := hulls[key]) is not None:
             found.parts[n] = replace(part, mesh=chosen[0])
-            taken, worst = taken + 1, max(worst, chosen[1])
-    if taken:
-        found.notes.append(f"{taken} meshes that are not convex: their convex hull, as MuJoCo's "
-                           f"contacts take them, within {worst:.3f} m")  # fmt: skip
+            errors += [chosen[1]] if chosen[1] else []
+    if errors:
+        found.notes.append(f"{len(errors)} meshes that are not convex: their convex hull, as "
+                           f"MuJoCo's contacts take them, within {max(errors):.3f} m")  # fmt: skip
 
 
 def _compile_without(path: Path, bodies: tuple[str, ...]) -> mujoco.MjModel:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,11 +22,11 @@ import yaml
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.world_files.cells import cell_boxes
 from wayproof.models.world_files.images import MapImage, read_map_image
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.parts import Part, vector
+from wayproof.models.world_files.parts import vector
 from wayproof.models.world_files.reading import WorldFileError, beside, read_text
-from wayproof.models.world_files.voxel_maps import cell_boxes
 
 NEEDED = ("image", "resolution", "origin", "occupied_thresh", "free_thresh")
 MODES = ("trinary", "scale", "raw")
@@ -107,7 +106,9 @@ def read_occupancy_map(path: Path, options: ImportOptions) -> Found:
     occupied, free, resolution, origin, hidden = read_occupancy_grid(path)
     unknown = ~(occupied | free)
     solid = occupied | unknown if options.unknown == "occupied" else occupied
-    parts = _walls(path, solid, resolution, origin, options.height)
+    x, y, yaw = origin
+    cell = (resolution, resolution, options.height)
+    parts = cell_boxes(path, solid[:, :, None], cell, (x, y, 0.0), yaw)
     found = Found(parts=parts, plane=True, closed=True)
     found.notes.append(
         f"{occupied.sum()} cells occupied, {unknown.sum()} unknown, taken as {options.unknown}"
@@ -135,20 +136,6 @@ def _occupancies(white: int, mode: str, negate: bool) -> NDArray[np.float64]:
         percent = np.rint(grey * 255.0)
         return np.where(percent <= 100.0, percent / 100.0, np.nan)
     return grey if negate else 1.0 - grey
-
-
-def _walls(
-    path: Path, solid: NDArray[np.bool_], resolution: float, origin: Vector3, height: float
-) -> list[Part]:
-    """Merge cells (nx, ny) into boxes of the whole height, about the map's own low corner."""
-    x, y, yaw = origin
-    flat = cell_boxes(path, solid[:, :, None], resolution, (x, y, 0.0), yaw)
-    return [
-        replace(
-            part, size=(*part.size[:2], height / 2.0), position=(*part.position[:2], height / 2.0)
-        )
-        for part in flat
-    ]
 
 
 def _entries(path: Path) -> dict[str, list[str]]:

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.world_files.cells import cell_boxes
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import vector
 from wayproof.models.world_files.reading import MAX_CELLS, WorldFileError, check_file
-from wayproof.models.world_files.voxel_maps import cell_boxes
 
 MAX_OCTOMAP_BYTES = 8 * 2**20
 """Maximum size of a file, bytes: two bytes may expand to eight cells in memory."""
@@ -43,23 +43,8 @@ NODE_BYTES = {".bt": 2, "OcTree": 5, "ColorOcTree": 8}
 as float32, a colour, and a bit for each child."""
 
 
-class Leaf(NamedTuple):
-    """A cube of cells: its lowest cell, and its side in cells."""
-
-    x: int
-    y: int
-    z: int
-    side: int
-
-    def child(self, number: int) -> Leaf:
-        """Return one of its eight parts: bits of the number are its halves along x, y and z."""
-        half = self.side // 2
-        return Leaf(
-            self.x + half * (number & 1),
-            self.y + half * (number >> 1 & 1),
-            self.z + half * (number >> 2),
-            half,
-        )
+Leaf = tuple[int, int, int, int]
+"""A cube of cells: its lowest cell x, y, z, and its side in cells."""
 
 
 class OctomapCells(NamedTuple):
@@ -88,7 +73,19 @@ def read_octomap_cells(path: Path, occupied_only: bool = False) -> OctomapCells:
     Raises:
         WorldFileError: No OctoMap, a damaged one, or one of more cells than allowed.
     """
-    cell, leaves, states = _read_leaves(path, occupied_only)
+    cell, nodes, size = _opened(path)
+    leaves: list[Leaf] = []
+    states: list[bool] = []
+    for leaf, is_occupied in _walk(path, nodes, size):
+        if occupied_only and not is_occupied:
+            continue
+        if len(leaves) == MOST_LEAVES:
+            what = "occupied" if occupied_only else "known"
+            raise WorldFileError(path, f"more than {MOST_LEAVES} {what} leaves")
+        leaves.append(leaf)
+        states.append(is_occupied)
+    if not any(states):
+        raise WorldFileError(path, "no occupied cell")
     table = np.array(leaves)  # (n, 4)
     first, sides = table[:, :3], table[:, 3]
     low, high = first.min(axis=0), (first + sides[:, None]).max(axis=0)
@@ -103,63 +100,42 @@ def read_octomap_cells(path: Path, occupied_only: bool = False) -> OctomapCells:
 
 
 def read_octomap(path: Path, options: ImportOptions) -> Found:
-    """Read the occupied space of an OctoMap.
-
-    Raises:
-        WorldFileError: No OctoMap, a damaged one, or one of more cells than allowed.
-    """
+    """Read the occupied space of an OctoMap; errors as of `read_octomap_cells`."""
     cells = read_octomap_cells(path, occupied_only=True)
     parts = cell_boxes(path, cells.occupied, cells.resolution, cells.low)
     return Found(parts=parts, grid=True, closed=True)
 
 
-def _read_leaves(path: Path, occupied_only: bool) -> tuple[float, list[Leaf], list[bool]]:
-    """Read the edge of a cell, m, the known leaves, and whether each is occupied."""
+def _opened(path: Path) -> tuple[float, bytes, int]:
+    """Return the edge of a cell, m, the nodes, and the size of one, bytes."""
     check_file(path, MAX_OCTOMAP_BYTES)
-    data = path.read_bytes()
-    ending = path.suffix.lower()
+    data, ending = path.read_bytes(), path.suffix.lower()
     if not data.startswith(HEADERS[ending]):
         expected = HEADERS[ending].decode()
         raise WorldFileError(path, f"expected a file that begins with '{expected}'", 1)
-    head, separator, nodes = data[:MAX_HEADER].partition(b"\ndata")
+    head, separator, _ = data[:MAX_HEADER].partition(b"\ndata")
     lines = [line.split(None, 1) for line in head.splitlines() if line[:1] != b"#"]
     fields = dict(words for words in lines if len(words) == 2)
-    cell = _number(fields.get(b"res", b""))
+    try:
+        cell = float(fields.get(b"res", b""))
+    except ValueError:
+        cell = 0.0
     if not separator or not 1e-4 <= cell <= 1e3:
         raise WorldFileError(path, "its header has no 'res' of 0.0001 to 1000 m, or no 'data'")
-    nodes = data[len(head) + len(separator) :].partition(b"\n")[2]
     kind = fields.get(b"id", b"OcTree").decode(errors="replace").strip()
     if ending == ".ot" and kind not in NODE_BYTES:
         raise WorldFileError(path, f"a tree of kind '{kind[:40]}' (available: OcTree, ColorOcTree)")
-    leaves: list[Leaf] = []
-    states: list[bool] = []
-    for leaf, occupied in _walk(path, nodes, NODE_BYTES[ending if ending == ".bt" else kind]):
-        if occupied_only and not occupied:
-            continue
-        if len(leaves) == MOST_LEAVES:
-            what = "occupied" if occupied_only else "known"
-            raise WorldFileError(path, f"more than {MOST_LEAVES} {what} leaves")
-        leaves.append(leaf)
-        states.append(occupied)
-    if not any(states):
-        raise WorldFileError(path, "no occupied cell")
-    return cell, leaves, states
-
-
-def _number(text: bytes) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return 0.0
+    nodes = data[len(head) + len(separator) :].partition(b"\n")[2]
+    return cell, nodes, NODE_BYTES[ending if ending == ".bt" else kind]
 
 
 def _walk(path: Path, nodes: bytes, size: int) -> Iterator[tuple[Leaf, bool]]:
     """Yield the leaves of a tree whose nodes have a size, bytes, and whether each is occupied."""
-    half = 1 << (DEPTH - 1)
-    waiting, place = [Leaf(-half, -half, -half, 2 * half)], 0
+    low = -(1 << (DEPTH - 1))
+    waiting, place = [(low, low, low, 1 << DEPTH)], 0
     while waiting:
-        node, head = waiting.pop(), nodes[place : place + size]
-        place += size
+        x, y, z, side = waiting.pop()
+        head, place = nodes[place : place + size], place + size
         if len(head) < size:
             raise WorldFileError(path, f"ends within its tree: {len(nodes)} bytes of nodes")
         if size == NODE_BYTES[".bt"]:
@@ -168,11 +144,15 @@ def _walk(path: Path, nodes: bytes, size: int) -> Iterator[tuple[Leaf, bool]]:
         else:
             children = [INNER * (head[-1] >> number & 1) for number in range(8)]
             if not head[-1]:
-                yield node, struct.unpack_from("<f", head)[0] >= 0.0
-        if node.side == 1 and any(children):
+                yield (x, y, z, side), struct.unpack_from("<f", head)[0] >= 0.0
+        if side == 1 and any(children):
             raise WorldFileError(path, f"deeper than {DEPTH} levels")
+        half = side // 2
         for number in range(7, -1, -1):  # the first child ends up on top
+            # Bits of the number are a child's halves along x, y and z.
+            halves = half * (number & 1), half * (number >> 1 & 1), half * (number >> 2)
+            child = x + halves[0], y + halves[1], z + halves[2], half
             if children[number] == INNER:
-                waiting.append(node.child(number))
+                waiting.append(child)
             elif children[number]:
-                yield node.child(number), children[number] == OCCUPIED
+                yield child, children[number] == OCCUPIED

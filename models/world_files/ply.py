@@ -6,7 +6,6 @@ binary element to be as long as its first.
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,19 +26,10 @@ ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 LISTS = ("vertex_indices", "vertex_index")
 """Names of the list of vertices of a face or of a strip of triangles."""
 
+Property = tuple[str, np.dtype[Any], np.dtype[Any] | None]
+"""Name and type of a value, and of a list of values that of its length."""
 
-class _Property(NamedTuple):
-    """A value of an element, or a list of values after its length."""
-
-    name: str
-    kind: np.dtype[Any]
-    length: np.dtype[Any] | None = None
-
-
-class _Element(NamedTuple):
-    name: str
-    number: int
-    properties: list[_Property]
+Lists = list[NDArray[np.int64]]
 
 
 class Ply(NamedTuple):
@@ -47,13 +37,13 @@ class Ply(NamedTuple):
 
     Attributes:
         vertices: (n, 3) in the file's units.
-        polygons: (k, sides) vertices of the faces of each number of sides.
+        polygons: Vertices of each face.
         strips: Vertices of each strip of triangles.
     """
 
     vertices: NDArray[np.float64]
-    polygons: list[NDArray[np.int64]]
-    strips: list[NDArray[np.int64]]
+    polygons: Lists
+    strips: Lists
 
     @property
     def triangles(self) -> NDArray[np.int64]:  # (m, 3)
@@ -61,9 +51,8 @@ class Ply(NamedTuple):
         from trimesh.geometry import triangulate_quads
         from trimesh.util import triangle_strips_to_faces
 
-        found = [np.empty((0, 3), np.int64)]
-        found += [triangulate_quads(alike).reshape(-1, 3) for alike in self.polygons]
-        found += [triangle_strips_to_faces([strip]) for strip in self.strips if len(strip) > 2]
+        found = [np.empty((0, 3), np.int64), triangulate_quads(self.polygons).reshape(-1, 3)]
+        found += [triangle_strips_to_faces([strip]) for strip in self.strips]
         return np.concatenate(found).astype(np.int64)
 
 
@@ -80,38 +69,36 @@ def read_ply(path: Path) -> Ply:
             data, at = np.array(data[at:].split(), np.float64).tobytes(), 0
         except ValueError:
             raise WorldFileError(path, "a word that is no number") from None
-    vertices = np.empty((0, 3))
-    lists: dict[str, list[NDArray[np.int64]]] = {}
-    for element in elements:
-        if any(one.length is not None for one in element.properties):
-            lists[element.name], at = _lists(path, element, data, at)
+    vertices, lists = np.empty((0, 3)), dict[str, Lists]()
+    for name, number, properties in elements:
+        if any(length is not None for _, _, length in properties):
+            lists[name], at = _lists(path, name, number, properties, data, at)
             continue
-        row = np.dtype([(one.name, one.kind) for one in element.properties])
-        end = at + element.number * row.itemsize
-        _check(path, element, data, end)
-        if element.name == "vertex":
+        row = np.dtype([(one, kind) for one, kind, _ in properties])
+        if number * row.itemsize > len(data) - at:
+            raise WorldFileError(path, f"ends within its {name} elements")
+        if name == "vertex":
             if not {"x", "y", "z"} <= set(row.names or ()):
                 raise WorldFileError(path, "vertices without x, y and z")
-            rows = np.frombuffer(data, row, element.number, at)
+            rows = np.frombuffer(data, row, number, at)
             vertices = np.column_stack([rows[axis].astype(np.float64) for axis in "xyz"])
-        at = end
-    polygons = [alike for alike in lists.get("face", []) if alike.shape[1] > 2]
-    strips = [piece for alike in lists.get("tristrips", []) for one in alike for piece in _cut(one)]
-    return Ply(vertices, polygons, strips)
+        at += number * row.itemsize
+    strips = [  # -1 stands between two
+        piece[piece >= 0]
+        for strip in lists.get("tristrips", [])
+        for piece in np.split(strip, np.flatnonzero(strip < 0))
+    ]
+    long = [[one for one in given if len(one) > 2] for given in (lists.get("face", []), strips)]
+    return Ply(vertices, *long)
 
 
-def _cut(strip: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Return the strips of a list in which -1 stands between two."""
-    return [piece[piece >= 0] for piece in np.split(strip, np.flatnonzero(strip < 0))]
-
-
-def _header(path: Path, data: bytes) -> tuple[list[_Element], int, bool]:
+def _header(path: Path, data: bytes) -> tuple[list[tuple[str, int, list[Property]]], int, bool]:
     """Return the elements, where the data begin, and whether they are text."""
     end = data.find(b"end_header")
     begin = data.find(b"\n", end) + 1
     if not data.startswith(b"ply") or end < 0 or not begin:
         raise WorldFileError(path, "no header of a PLY", 1)
-    order, elements = None, list[_Element]()
+    order, elements = None, list[tuple[str, int, list[Property]]]()
 
     def kind(word: str) -> np.dtype[Any]:
         return np.dtype(f"{order}{TYPES[word]}" if order else np.float64)
@@ -121,11 +108,11 @@ def _header(path: Path, data: bytes) -> tuple[list[_Element], int, bool]:
             case ["format", word, *_] if word in ORDERS:
                 order = ORDERS[word]
             case ["element", name, count] if count.isdecimal():
-                elements.append(_Element(name, int(count), []))
+                elements.append((name, int(count), []))
             case ["property", "list", size, word, name] if {size, word} <= set(TYPES) and elements:
-                elements[-1].properties.append(_Property(name, kind(word), kind(size)))
+                elements[-1][2].append((name, kind(word), kind(size)))
             case ["property", word, name] if word in TYPES and elements:
-                elements[-1].properties.append(_Property(name, kind(word)))
+                elements[-1][2].append((name, kind(word), None))
             case ["ply" | "comment" | "obj_info", *_] | []:
                 pass
             case _:
@@ -135,44 +122,22 @@ def _header(path: Path, data: bytes) -> tuple[list[_Element], int, bool]:
     return elements, begin, not order
 
 
-def _check(path: Path, element: _Element, data: bytes, end: int) -> None:
-    if end > len(data):
-        raise WorldFileError(path, f"ends within its {element.name} elements")
-
-
-def _unpacker(kind: np.dtype[Any] | None) -> struct.Struct | None:
-    return None if kind is None else struct.Struct(kind.str[0].replace("|", "<") + kind.char)
-
-
 def _lists(
-    path: Path, element: _Element, data: bytes, at: int
-) -> tuple[list[NDArray[np.int64]], int]:
-    """Return the lists of vertices of an element, those of each length (k, length) together.
-
-    Also returns where the element ends.
-    """
-    begins: dict[int, list[int]] = {}
-    kinds = [np.dtype(np.uint8)]
-    kinds += [one.kind for one in element.properties if one.name in LISTS]
-    plan = [(one.name in LISTS, one.kind.itemsize, _unpacker(one.length))
-            for one in element.properties]  # fmt: skip
-    for _ in range(element.number):
-        for is_wanted, size, length in plan:
+    path: Path, name: str, number: int, properties: list[Property], data: bytes, at: int
+) -> tuple[Lists, int]:
+    """Return the list of vertices of each row of an element, and where the element ends."""
+    found: Lists = []
+    for _ in range(number):
+        for one, kind, length in properties:
             count = 1
-            if length is not None:
-                _check(path, element, data, at + length.size)
-                (given,) = length.unpack_from(data, at)
-                if not 0 <= given < 2**31:
-                    what = f"a list of its {element.name} elements of no length"
-                    raise WorldFileError(path, what)
-                count, at = int(given), at + length.size
-            if is_wanted:
-                begins.setdefault(count, []).append(at)
-            at += count * size
-        _check(path, element, data, at)
-    raw = np.frombuffer(data, np.uint8)
-    found = []
-    for count, places in begins.items():
-        cut = raw[np.add.outer(places, np.arange(count * kinds[-1].itemsize))]
-        found.append(cut.view(kinds[-1]).astype(np.int64).reshape(len(places), count))
+            if length is not None and at + length.itemsize <= len(data):
+                count = int(np.frombuffer(data, length, 1, at)[0])
+                at += length.itemsize
+                if not 0 <= count < 2**31:
+                    raise WorldFileError(path, f"a list of its {name} elements of no length")
+            if at + count * kind.itemsize > len(data):
+                raise WorldFileError(path, f"ends within its {name} elements")
+            if one in LISTS:
+                found.append(np.frombuffer(data, kind, count, at).astype(np.int64))
+            at += count * kind.itemsize
     return found, at

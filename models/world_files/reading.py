@@ -55,7 +55,9 @@ def read_text(path: Path, most: int = MAX_BYTES) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        raise WorldFileError(path, f"no UTF-8 text (byte {error.start})") from None
+        raise WorldFileError(
+            path, f"no UTF-8 text (byte {error.start}); iconv makes it one"
+        ) from None
 
 
 def beside(path: Path, name: str) -> Path:

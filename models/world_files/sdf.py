@@ -64,7 +64,6 @@ class _Reading:
         locator = Locator(path, options.model_paths)
         self._shapes = Shapes(self.found, options, locator)
         self.includes = Includes(locator, self._shapes)
-        self._moving = 0
 
     def take_world(self, path: Path, world: Element) -> None:
         frames, saved = Frames(path, world), _Saved(path, world.first("state"))
@@ -93,8 +92,6 @@ class _Reading:
 
     def finish(self) -> None:
         """Write the notes that hold for many models at once."""
-        if self._moving:
-            self.found.notes.append(f"{self._moving} models that can move: they stand still here")
         self._shapes.finish()
         self._leave_out_lost()
 
@@ -115,8 +112,8 @@ class _Reading:
     ) -> None:
         """Read all links of a model at T_world_model, or at its saved pose."""
         frames = Frames(path, model)
-        static = model.first("static")
-        self._moving += static is None or static.text.strip() not in ("1", "true")
+        if model.text_of("static") not in ("1", "true"):
+            self._shapes.say("models that can move: they stand still here")
         if state is not None and state.placed is not None:
             placed = state.placed
         for child in model.children:

@@ -6,9 +6,9 @@ everything. Here each is a person's body, which stops for a robot in its way.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
+from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.movers import MAX_POINTS
 from wayproof.models.world_files.parts import vector
 from wayproof.models.world_files.reading import WorldFileError
@@ -17,7 +17,7 @@ from wayproof.models.world_files.xml_tree import Element
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.pedestrians import PERSON
 
-Stop = tuple[float, tuple[float, float, float]]
+Stop = tuple[float, Vector3]
 """Time, s, and place, m."""
 
 PREFIX = "actor_"
@@ -25,6 +25,9 @@ PREFIX = "actor_"
 
 HIPS = 1.0
 """Height of an actor's frame above its feet, as Gazebo's walking actor has it, m."""
+
+NONE = Element("script", {}, 0)
+"""Stands for the script that an actor does not have."""
 
 
 def read_actor(path: Path, actor: Element, frames: Frames, number: int) -> tuple[Mover, str]:
@@ -43,14 +46,13 @@ def read_actor(path: Path, actor: Element, frames: Frames, number: int) -> tuple
     Raises:
         WorldFileError: A time or pose that is none, or times that do not increase.
     """
-    home = frames.of(actor)
-    name = f"{PREFIX}{number}"
-    script = actor.first("script")
-    stops = [] if script is None or not _is_on(script, "auto_start") else _stops(path, script)
-    given = actor.attributes.get("name", "")
+    home, name, script = _feet(frames.of(actor)), f"{PREFIX}{number}", actor.first("script")
+    shown = f"<actor> '{actor.attributes.get('name', '')}' (line {actor.line})"
+    script = script or NONE
+    stops = _stops(path, script) if _is_on(script, "auto_start") else []
     if stops and stops[0][0] > 0.0:
-        stops.insert(0, (0.0, _feet(home)))
-    if script is not None and (delay := script.first("delay_start")) is not None and stops:
+        stops.insert(0, (0.0, home))
+    if stops and (delay := script.first("delay_start")) is not None:
         seconds = numbers(path, delay, 1)[0]
         if not seconds >= 0.0:
             raise WorldFileError(path, "<delay_start>: expected 0 or more", delay.line)
@@ -58,10 +60,8 @@ def read_actor(path: Path, actor: Element, frames: Frames, number: int) -> tuple
             stops = [stops[0], *((time + seconds, place) for time, place in stops)]
     places = tuple(place for _, place in stops)
     if len(set(places)) < 2:
-        place = places[0] if places else _feet(home)
-        return Mover(name, PERSON, (place,)), f"<actor> '{given}' (line {actor.line}): stands there"
-    loops = script is not None and _is_on(script, "loop")
-    closed = places[0] == places[-1]
+        return Mover(name, PERSON, places[:1] or (home,)), f"{shown}: stands there"
+    loops, closed = _is_on(script, "loop"), places[0] == places[-1]
     try:
         mover = Mover(
             name, PERSON, places, times=tuple(time for time, _ in stops), returns=loops,
@@ -70,8 +70,7 @@ def read_actor(path: Path, actor: Element, frames: Frames, number: int) -> tuple
     except ValueError as error:
         raise WorldFileError(path, f"<script>: {error}", actor.line) from None
     how = ("round" if closed else "to and fro") if loops else "once"
-    line = f"<actor> '{given}' (line {actor.line}): a person that walks {mover.length:.1f} m {how}"
-    return mover, line
+    return mover, f"{shown}: a person that walks {mover.length:.1f} m {how}"
 
 
 def _stops(path: Path, script: Element) -> list[Stop]:
@@ -86,7 +85,16 @@ def _stops(path: Path, script: Element) -> list[Stop]:
         raise WorldFileError(path, what, script.line)
     stops: list[Stop] = []
     for trajectory in sorted(script.all("trajectory"), key=lambda one: _number(path, one)):
-        own = list(_waypoints(path, trajectory))
+        own: list[Stop] = []
+        for waypoint in trajectory.all("waypoint"):
+            at = waypoint.first("time")
+            if at is None or waypoint.first("pose") is None:
+                raise WorldFileError(path, "<waypoint>: expected <time> and <pose>", waypoint.line)
+            time = numbers(path, at, 1)[0]
+            if not time > (own[-1][0] if own else -1.0) or time < 0.0:
+                what = f"<time>: got {time:g}, expected more than that of the waypoint before"
+                raise WorldFileError(path, what, at.line)
+            own.append((time, _feet(Frames(path, NONE).of(waypoint))))
         late = stops[-1][0] - own[0][0] if stops and own and own[0][0] <= stops[-1][0] else 0.0
         if late and stops[-1][1] == own[0][1]:
             own = own[1:]  # it begins where the one before it ended
@@ -94,21 +102,6 @@ def _stops(path: Path, script: Element) -> list[Stop]:
             late += 1e-3
         stops += [(time + late, place) for time, place in own]
     return stops
-
-
-def _waypoints(path: Path, trajectory: Element) -> Iterator[Stop]:
-    frames = Frames(path, Element("script", {}, trajectory.line))
-    last = -1.0
-    for waypoint in trajectory.all("waypoint"):
-        at = waypoint.first("time")
-        if at is None or waypoint.first("pose") is None:
-            raise WorldFileError(path, "<waypoint>: expected <time> and <pose>", waypoint.line)
-        time = numbers(path, at, 1)[0]
-        if not time > last or time < 0.0:
-            what = f"<time>: got {time:g}, expected more than that of the waypoint before"
-            raise WorldFileError(path, what, at.line)
-        last = time
-        yield time, _feet(frames.of(waypoint))
 
 
 def _number(path: Path, trajectory: Element) -> int:
@@ -119,7 +112,7 @@ def _number(path: Path, trajectory: Element) -> int:
     return int(text)
 
 
-def _feet(hips: Placement) -> tuple[float, float, float]:
+def _feet(hips: Placement) -> Vector3:
     x, y, z = vector(hips.position)
     return x, y, z - HIPS
 

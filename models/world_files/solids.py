@@ -8,7 +8,8 @@ from math import asin, atan2
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.world_files.parts import Part, vector
+from wayproof.models.world_files.hulls import hull
+from wayproof.models.world_files.parts import Mesh, Part, vector
 from wayproof.models.worlds.solids import (
     Box,
     Capsule,
@@ -42,12 +43,9 @@ def solid_of(part: Part) -> Solid:
         return Sphere(part.position, part.size[0], part.kind)
     if part.shape == "heights":
         return _ground(part)
-    if part.mesh is not None:
-        vertices, faces = part.mesh.vertices, part.mesh.faces
-    else:
-        vertices, faces = _globe(np.array(part.size))
-    placed = part.position + vertices @ part.R_world_part.T
-    return ConvexMesh.from_arrays(placed, faces, part.kind)
+    mesh = part.mesh or _globe(np.array(part.size))
+    placed = part.position + mesh.vertices @ part.R_world_part.T
+    return ConvexMesh.from_arrays(placed, mesh.faces, part.kind)
 
 
 def _angles(R: NDArray[np.float64]) -> tuple[float, float, float]:
@@ -73,14 +71,11 @@ def _ground(part: Part) -> Solid:
     return TriangleMesh.from_arrays(corners, np.arange(len(corners)).reshape(-1, 3), kind)
 
 
-def _globe(half_axes: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _globe(half_axes: NDArray[np.float64]) -> Mesh:
     polar = np.linspace(0.0, np.pi, RINGS + 1)[:, None]
     around = np.linspace(0.0, 2.0 * np.pi, SECTORS, endpoint=False)
     x, y = np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around)
-    z = np.broadcast_to(np.cos(polar), x.shape)
-    vertices = np.stack([x, y, z], axis=-1).reshape(-1, 3) * half_axes
-    i, j = np.indices((RINGS, SECTORS))
-    a, b = i * SECTORS + j, i * SECTORS + (j + 1) % SECTORS
-    c, d = a + SECTORS, b + SECTORS
-    faces = np.concatenate([np.stack([a, c, b], axis=-1), np.stack([b, c, d], axis=-1)])
-    return vertices, faces.reshape(-1, 3)
+    places = np.stack([x, y, np.broadcast_to(np.cos(polar), x.shape)], axis=-1).reshape(-1, 3)
+    around_it = hull(np.unique(places.round(12), axis=0) * half_axes)
+    assert around_it is not None
+    return around_it

@@ -43,6 +43,13 @@ class Element:
         """Return the first child of that name."""
         return next(self.all(tag), None)
 
+    def text_of(self, *tags: str) -> str:
+        """Return the text of the element that tags lead to, stripped; empty without it."""
+        found: Element | None = self
+        for tag in tags:
+            found = None if found is None else found.first(tag)
+        return "" if found is None else found.text.strip()
+
 
 def read_xml(path: Path) -> Element:
     """Parse a file.

@@ -8,7 +8,7 @@ import pytest
 
 from tests.models.world_files.written import PCD_HEAD, imported, write
 from wayproof.models.world_files import ImportOptions, WorldFileError
-from wayproof.models.world_files.clouds import decompress_lzf, read_pcd
+from wayproof.models.world_files.pcd import decompress_lzf, read_pcd
 
 CLOUD = np.array([[2.05, 0.05, 0.35], [2.15, 0.05, 0.35], [2.17, 0.02, 0.31], [3.05, 0.05, 0.35]])
 

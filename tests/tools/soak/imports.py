@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,15 +17,13 @@ from wayproof.harness.bench.table import Progress
 from wayproof.harness.errors import InputError
 from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
 
-CACHE_HOME = "XDG_CACHE_HOME"
-
 TEXTS = (".world", ".urdf", ".dae", ".gltf", ".obj", ".yaml")
 """Endings of the files whose numbers and strings are exchanged, besides bytes."""
 
 
 def soak_imports(count: int, seed: int, progress: Progress, first: int = 0) -> SimpleNamespace:
     """Break small sound files of all formats in turn, and import them."""
-    with tempfile.TemporaryDirectory(dir=scratch()) as name, _cache_in(name):
+    with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
 
         def case(kind: str, rng: np.random.Generator) -> None:
@@ -41,27 +36,13 @@ def soak_imports(count: int, seed: int, progress: Progress, first: int = 0) -> S
         return watched(case, kinds, folder, numbers, seed, progress, may_start=sys.executable)
 
 
-@contextlib.contextmanager
-def _cache_in(folder: str) -> Iterator[None]:
-    """Have the convex pieces of meshes, which a process cuts, kept in a folder meanwhile."""
-    before = os.environ.get(CACHE_HOME)
-    os.environ[CACHE_HOME] = folder
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[CACHE_HOME]
-        else:
-            os.environ[CACHE_HOME] = before
-
-
 def import_whole(kind: str, folder: Path) -> list[str]:
     """Import the sound file of a format; return the notes."""
     with tempfile.TemporaryDirectory(dir=folder) as inner:
         files = SOURCES[kind]()
         for name, data in files.items():
             (Path(inner) / name).write_bytes(data)
-        return import_world(Path(inner) / next(iter(files)), ImportOptions(), *_ENDS)[1]
+        return import_world(Path(inner) / next(iter(files)), _options(kind), *_ENDS)[1]
 
 
 def run_case(kind: str, folder: Path, rng: np.random.Generator) -> None:
@@ -77,9 +58,14 @@ def run_case(kind: str, folder: Path, rng: np.random.Generator) -> None:
             (Path(inner) / name).write_bytes(data)
         ends = _ENDS if rng.integers(2) else (None, None)
         try:
-            import_world(Path(inner) / next(iter(files)), ImportOptions(), *ends)
+            import_world(Path(inner) / next(iter(files)), _options(kind), *ends)
         except WorldFileError as error:
             raise InputError(str(error)) from None
+
+
+def _options(kind: str) -> ImportOptions:
+    """Return the options of a format: the first cell of an OctoMap's space is far below 0."""
+    return ImportOptions(floor=-3276.8 if kind in ("bt", "ot") else None)
 
 
 _ENDS = ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0))

@@ -1,4 +1,4 @@
-"""Point clouds (`.pcd`, `.ply` without faces): each cell with a point is solid."""
+"""Point clouds of the Point Cloud Library (`.pcd`): each cell with a point is solid."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
+from wayproof.models.world_files.cells import cells_of_points
 from wayproof.models.world_files.options import Found, ImportOptions
-from wayproof.models.world_files.parts import vector
-from wayproof.models.world_files.reading import MAX_CELLS, WorldFileError, check_file
-from wayproof.models.world_files.voxel_maps import cell_boxes
+from wayproof.models.world_files.reading import WorldFileError, check_file
 
 MAX_HEADER = 8192
 """Bytes within which the header of a PCD ends."""
@@ -27,43 +26,6 @@ MOST_RATIO = 100
 
 MOST_VALUES = 1000
 """Maximum number of values of a point."""
-
-
-def cells_of_points(path: Path, points: NDArray[np.float64], options: ImportOptions) -> Found:
-    """Return the cells that hold points (n, 3), m, as merged boxes.
-
-    Args:
-        path: The file.
-        points: Points that are not finite are left out and counted.
-        options: Side of a cell, and scale.
-
-    Raises:
-        WorldFileError: No point, or more cells than allowed.
-    """
-    finite = points[np.isfinite(points).all(axis=1)] * options.scale
-    if not len(finite):
-        raise WorldFileError(path, "no finite point")
-    with np.errstate(over="ignore"):  # too many cells are refused below
-        cells = np.floor(finite / options.resolution)
-    low, high = cells.min(axis=0), cells.max(axis=0) + 1
-    with np.errstate(over="ignore"):
-        count = float(np.prod(high - low))
-    if not count <= MAX_CELLS:
-        shape = " x ".join(f"{size:.0f}" for size in high - low)
-        raise WorldFileError(
-            path, f"{shape} cells, expected at most {MAX_CELLS}: a larger --resolution, or cut it"
-        )
-    occupied = np.zeros(tuple((high - low).astype(np.int64)), np.bool_)
-    occupied[tuple((cells - low).astype(np.int64).T)] = True
-    found = Found(grid=True, closed=True)
-    origin = vector(low * options.resolution)
-    found.parts = cell_boxes(path, occupied, options.resolution, origin)
-    found.notes.append(
-        f"{len(finite)} points as {int(occupied.sum())} cells of {options.resolution:g} m"
-    )
-    if left_out := len(points) - len(finite):
-        found.notes.append(f"{left_out} points are not finite: left out")
-    return found
 
 
 def read_pcd(path: Path, options: ImportOptions) -> Found:
@@ -87,25 +49,27 @@ def read_pcd(path: Path, options: ImportOptions) -> Found:
     if sum(counts) > MOST_VALUES:
         raise WorldFileError(path, f"{sum(counts)} values a point, expected at most {MOST_VALUES}")
     number = _whole(path, "POINTS", " ".join(fields.get("POINTS", [])))
-    kind = " ".join(fields["DATA"])
-    widths = [np.dtype(TYPES[t]).itemsize * c for t, c in zip(types, counts, strict=True)]
-    begins = np.cumsum([0, *widths]).tolist()
-    places = [names.index(axis) for axis in "xyz"]
-    if kind == "ascii":
-        table = _ascii(path, data[start:], number, sum(counts))
-        columns = [table[:, sum(counts[:n])] for n in places]
-    elif kind == "binary":
-        if len(data) - start < number * begins[-1]:
-            there = (len(data) - start) // begins[-1]
-            raise WorldFileError(path, f"POINTS {number}, but {there} are there")
-        columns = [np.ndarray(number, TYPES[types[n]], data, start + begins[n], begins[-1])
-                   for n in places]  # fmt: skip
-    elif kind == "binary_compressed":  # field by field, each of all points
-        raw = _decompressed(path, data[start:], number * begins[-1])
-        columns = [np.ndarray(number, TYPES[types[n]], raw, number * begins[n], widths[n])
-                   for n in places]  # fmt: skip
-    else:
-        raise WorldFileError(path, f"DATA {kind[:40]}, expected ascii, binary or binary_compressed")
+    shapes = [(TYPES[kind], (count,)) for kind, count in zip(types, counts, strict=True)]
+    row = np.dtype([(str(n), *shape) for n, shape in enumerate(shapes)])
+    data, places = data[start:], [names.index(axis) for axis in "xyz"]
+    match " ".join(fields["DATA"]):
+        case "ascii":
+            table = _ascii(path, data, number, sum(counts))
+            columns = [table[:, sum(counts[:n])] for n in places]
+        case "binary":
+            if len(data) < number * row.itemsize:
+                there = len(data) // row.itemsize
+                raise WorldFileError(path, f"POINTS {number}, but {there} are there")
+            rows = np.frombuffer(data, row, number)
+            columns = [rows[str(n)][:, 0] for n in places]
+        case "binary_compressed":  # field by field, each of all points
+            raw = _decompressed(path, data, number * row.itemsize)
+            begins = number * np.cumsum([0, *(np.dtype(shape).itemsize for shape in shapes)])
+            columns = [np.frombuffer(raw, TYPES[types[n]], number * counts[n], begins[n])
+                       .reshape(number, -1)[:, 0] for n in places]  # fmt: skip
+        case kind:
+            known = "ascii, binary or binary_compressed"
+            raise WorldFileError(path, f"DATA {kind[:40]}, expected {known}")
     with np.errstate(invalid="ignore"):  # points that are not finite are counted
         points = np.column_stack([column.astype(np.float64) for column in columns])
     return cells_of_points(path, points, options)
@@ -205,14 +169,3 @@ def _ascii(path: Path, data: bytes, number: int, width: int) -> NDArray[np.float
             path, f"POINTS {number} of {width} values each, but {len(values)} numbers are there"
         )
     return values.reshape(number, width)
-
-
-def read_las(path: Path, options: ImportOptions) -> Found:
-    """Refuse LAS and LAZ: readers of them are no part of Wayproof.
-
-    Raises:
-        WorldFileError: Always; it says how to convert one.
-    """
-    raise WorldFileError(
-        path, f"{path.suffix} is not read: convert it, as by 'pdal translate {path.name} cloud.pcd'"
-    )

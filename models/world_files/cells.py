@@ -1,4 +1,4 @@
-"""Voxel maps as text (`.3dmap`): a line `voxel X Y Z`, then the occupied cells, one a line."""
+"""Cells of grids as merged boxes: of point clouds, and of voxel maps as text (`.3dmap`)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import io
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from wayproof.models.arrays import Vector3
 from wayproof.models.world_files.options import Found, ImportOptions
@@ -18,7 +18,7 @@ MAX_HEAD = 200
 
 
 def read_voxels(path: Path) -> NDArray[np.bool_]:  # (nx, ny, nz)
-    """Read the occupied cells of a `.3dmap`.
+    """Read the occupied cells of a `.3dmap`: a line `voxel X Y Z`, then one cell a line.
 
     Source: Brewer and Sturtevant, "Benchmarks for Pathfinding in 3D Voxel Space", SoCS 2018.
 
@@ -95,7 +95,7 @@ def read_voxel_map(path: Path, options: ImportOptions) -> Found:
 def cell_boxes(
     path: Path,
     occupied: NDArray[np.bool_],
-    resolution: float,
+    resolution: ArrayLike,
     origin: Vector3,
     yaw: float = 0.0,
 ) -> list[Part]:
@@ -104,7 +104,7 @@ def cell_boxes(
     Args:
         path: Path of the map's file.
         occupied: (nx, ny, nz).
-        resolution: Side of a cell, m.
+        resolution: Side of a cell, or (3,) sides, m.
         origin: Low corner of the grid in the world, m.
         yaw: Turn of the grid about that corner, rad.
 
@@ -115,9 +115,44 @@ def cell_boxes(
         boxes = merged_boxes(occupied)
     except ValueError as error:
         raise WorldFileError(path, str(error)) from None
-    R = turned_by(0.0, 0.0, yaw)
-    parts = []
-    for low, high in boxes:
-        size, centre = (high - low) * (resolution / 2.0), (low + high) * (resolution / 2.0)
-        parts.append(moved(Part("box", vector(size), vector(centre)), origin, R))
-    return parts
+    R, half = turned_by(0.0, 0.0, yaw), np.multiply(resolution, 0.5)
+    return [
+        moved(Part("box", vector((high - low) * half), vector((low + high) * half)), origin, R)
+        for low, high in boxes
+    ]
+
+
+def cells_of_points(path: Path, points: NDArray[np.float64], options: ImportOptions) -> Found:
+    """Return the cells that hold points (n, 3), m, as merged boxes.
+
+    Args:
+        path: The file.
+        points: Points that are not finite are left out and counted.
+        options: Side of a cell, and scale.
+
+    Raises:
+        WorldFileError: No point, or more cells than allowed.
+    """
+    finite = points[np.isfinite(points).all(axis=1)] * options.scale
+    if not len(finite):
+        raise WorldFileError(path, "no finite point")
+    with np.errstate(over="ignore"):  # too many cells are refused below
+        cells = np.floor(finite / options.resolution)
+        low, shape = cells.min(axis=0), np.ptp(cells, axis=0) + 1
+        count = float(np.prod(shape))
+    if not count <= MAX_CELLS:
+        listed = " x ".join(f"{size:.0f}" for size in shape)
+        raise WorldFileError(
+            path, f"{listed} cells, expected at most {MAX_CELLS}: a larger --resolution, or cut it"
+        )
+    occupied = np.zeros(tuple(shape.astype(np.int64)), np.bool_)
+    occupied[tuple((cells - low).astype(np.int64).T)] = True
+    found = Found(grid=True, closed=True)
+    origin = vector(low * options.resolution)
+    found.parts = cell_boxes(path, occupied, options.resolution, origin)
+    found.notes.append(
+        f"{len(finite)} points as {int(occupied.sum())} cells of {options.resolution:g} m"
+    )
+    if left_out := len(points) - len(finite):
+        found.notes.append(f"{left_out} points are not finite: left out")
+    return found
