@@ -300,6 +300,12 @@ def run_lossy(path, world, robot, seed, perturbation, *settings):
     return run_episode(build(lossy), path)
 
 
+def in_part_and_whole(test):
+    """Run a test on the first seconds of an episode, and in `make test-all` on all of it."""
+    limits = [("episode.time_limit=5", "timeout"), ("episode.time_limit=60", "success")]
+    return pytest.mark.few(1)(pytest.mark.parametrize(("limit", "ends"), limits)(test))
+
+
 @pytest.mark.few(1)
 @pytest.mark.parametrize("text", ["pose_stop:3", "pose_freeze:3", "sensor_freeze:3"])
 def test_the_drone_flies_on_after_its_streams_froze(tmp_path, text):
@@ -309,22 +315,25 @@ def test_the_drone_flies_on_after_its_streams_froze(tmp_path, text):
     assert result.min_clearance_m > 0.25
 
 
-def test_echoes_lost_in_patches_do_not_stop_the_quadruped(tmp_path):
+@in_part_and_whole
+def test_echoes_lost_in_patches_do_not_stop_the_quadruped(tmp_path, limit, ends):
     """A tenth of each sweep is lost in one rectangle, of which the lower ones look like holes."""
     path, lossy = tmp_path / "lossy.mcap", "depth_dropout:3:patch"
-    result = run_lossy(path, "warehouse", "quadruped", 0, lossy, "keyframe_period=1")
-    assert result.outcome == "success", result.reason
+    result = run_lossy(path, "warehouse", "quadruped", 0, lossy, "keyframe_period=1", limit)
+    assert (result.outcome, result.path_length_m > 1.5) == (ends, True), result.reason
     maps = [one.map for one in open_log(path).keyframes() if one.HasField("map")]
     remembered = [read_filters(one)["missing_floor"] for one in maps]
     assert any(any(msgspec.msgpack.decode(one)[0]) for one in remembered)
     assert replay(path, jobs=2).identical
 
 
-def test_sweeps_that_are_lost_whole_clear_no_shelf(tmp_path):
+@in_part_and_whole
+def test_sweeps_that_are_lost_whole_clear_no_shelf(tmp_path, limit, ends):
     """Six of ten sweeps are silent, so that walls are cleared more often than they are seen."""
     path, lossy = tmp_path / "lossy.mcap", "depth_dropout:5:sweep"
-    result = run_lossy(path, "warehouse", "drone", SHELF_CLEARED, lossy, "keyframe_period=1")
-    assert result.outcome == "success", result.reason
+    seed = SHELF_CLEARED
+    result = run_lossy(path, "warehouse", "drone", seed, lossy, "keyframe_period=1", limit)
+    assert (result.outcome, result.path_length_m > 1.5) == (ends, True), result.reason
     maps = [one.map for one in open_log(path).keyframes() if one.HasField("map")]
     echoes = [msgspec.msgpack.decode(read_filters(one)["lost_patches"]) for one in maps]
     assert any(one["lidar"][1] < SILENT_SWEEPS for one in echoes)
