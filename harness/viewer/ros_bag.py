@@ -30,7 +30,6 @@ from wayproof.harness.recordings.bags.writing import (
     write_bag,
 )
 from wayproof.harness.recordings.recording import Recording
-from wayproof.harness.recordings.transform import Transform
 from wayproof.harness.viewer.layer import layer_at
 from wayproof.harness.viewer.moments import Moment, moments
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap
@@ -126,14 +125,13 @@ def _grid(build: Builder, now: int, costmap: Costmap, cells: NDArray[np.int8]) -
     return build.make(
         "nav_msgs/OccupancyGrid",
         header=build.header(now, WORLD),
-        info=build.make(
-            "nav_msgs/MapMetaData",
-            map_load_time=build.time(now),
-            resolution=costmap.resolution,
-            width=columns,
-            height=rows,
-            origin=_corner(build, costmap),
-        ),
+        info={
+            "map_load_time": build.time(now),
+            "resolution": costmap.resolution,
+            "width": columns,
+            "height": rows,
+            "origin": _corner(costmap),
+        },
         data=np.ascontiguousarray(cells.T).reshape(-1),
     )
 
@@ -143,34 +141,28 @@ def _costmap(build: Builder, now: int, costmap: Costmap, costs: NDArray[np.uint8
     return build.make(
         "nav2_msgs/Costmap",
         header=build.header(now, WORLD),
-        metadata=build.make(
-            "nav2_msgs/CostmapMetaData",
-            map_load_time=build.time(now),
-            update_time=build.time(now),
-            layer="master",
-            resolution=costmap.resolution,
-            size_x=columns,
-            size_y=rows,
-            origin=_corner(build, costmap),
-        ),
+        metadata={
+            "map_load_time": build.time(now),
+            "update_time": build.time(now),
+            "layer": "master",
+            "resolution": costmap.resolution,
+            "size_x": columns,
+            "size_y": rows,
+            "origin": _corner(costmap),
+        },
         data=np.ascontiguousarray(costs.T).reshape(-1),
     )
 
 
-def _corner(build: Builder, costmap: Costmap) -> Any:
+def _corner(costmap: Costmap) -> dict[str, dict[str, float]]:
     x, y = (float(value) for value in costmap.origin[:2])
-    return build.pose(Transform(np.array([x, y, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])))
+    return {"position": {"x": x, "y": y}, "orientation": {"w": 1.0}}
 
 
 def _path(build: Builder, now: int, points: NDArray[np.float64]) -> Any:
     header = build.header(now, WORLD)
-    unturned = np.array([1.0, 0.0, 0.0, 0.0])
-    poses = [
-        build.make(
-            "geometry_msgs/PoseStamped",
-            header=header,
-            pose=build.pose(Transform(point, unturned)),
-        )
-        for point in points
-    ]
+    poses = []
+    for x, y, z in points.tolist():
+        pose = {"position": {"x": x, "y": y, "z": z}, "orientation": {"w": 1.0}}
+        poses.append({"header": header, "pose": pose})
     return build.make("nav_msgs/Path", header=header, poses=poses)

@@ -31,19 +31,18 @@ from wayproof.harness.recordings.bags.container import (
     files_of,
     messages_of,
 )
-from wayproof.harness.recordings.bags.frames import FramePath
+from wayproof.harness.recordings.bags.frames import FramePath, tree_for
 from wayproof.harness.recordings.bags.messages import IMAGE, frame_of, header_stamp
 from wayproof.harness.recordings.bags.own_maps import own_maps
-from wayproof.harness.recordings.bags.runs import choose_run
 from wayproof.harness.recordings.bags.sensors import Topic, beams_of, first_of, measured_by
 from wayproof.harness.recordings.bags.survey import (
     OF_FRAME,
     STAMPLESS,
     Survey,
+    choose_run,
     survey,
     topic_of,
 )
-from wayproof.harness.recordings.bags.transforms import tree_for
 from wayproof.harness.recordings.beams import FARTHEST, Beams, Limits, Silent
 from wayproof.harness.recordings.options import Broken, Faults, RecordingOptions
 from wayproof.harness.recordings.recording import Recording, Stream, recording_of, sensor_of
@@ -72,7 +71,7 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
     names = choose_sensors(path, found, options)
     names.sort(key=lambda name: order_in_task(name, found))
     found, runs = choose_run(path, found, names, faults)
-    found.tree = tree_for(path, found.transforms, names, faults, options.pose)
+    found.tree = tree_for(path, found.links, names, faults, options.pose)
     topics = [_topic(path, name, found, options) for name in names]
     motion = choose_motion(path, found, topics, options)
     poses, task = motion.poses, found.task
@@ -82,19 +81,19 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
     for name, topic in zip(names, topics, strict=True):
         mount = choose_mount(path, found, motion.body, topic, options)
         streams.append(_stream(files, name, topic, found, mount, options))
-        if not found.sensors[name].is_stamped:
-            faults[STAMPLESS] += len(found.sensors[name].stamps)
+        stamps = found.sensors[name].series.stamps
+        faults[STAMPLESS] += 0 if any(stamps) else len(stamps)
     said = ", ".join(map(_in_words, names, topics))
     recording = recording_of(
         path, "bag", files, streams, poses, motion.source, options, faults, said
     )
-    start = recording.start_ns
+    start, begin = recording.start_ns, recording.begin_ns
+    if task is not None and begin is None:
+        begin = task.start_ns - start
     return replace(
         recording,
         chosen=recording.chosen + runs,
-        begin_ns=recording.begin_ns
-        if task is None or recording.begin_ns is not None
-        else task.start_ns - start,
+        begin_ns=begin,
         body_height=body_height(found, motion.body, start),
         mission=None if task is None else task.mission,
         own_maps=own_maps(found.grids, found.tree, motion.world, start, faults),
@@ -132,11 +131,11 @@ def _stream(
     frame = topic.frame if OF_FRAME in name else None
     return Stream(
         sensor=sensor,
-        stamps=index.times,
+        stamps=index.series.times,
         payloads=partial(_payloads, files, topic_of(name), frame, index.skipped),
         read=partial(_read, topic, limits, options),
         mount=mount.mount,
-        sizes=np.array(index.sizes, np.int64),
+        sizes=index.series.table[:, 1].astype(np.int64),
     )
 
 
@@ -205,6 +204,6 @@ def _topic(path: Path, name: str, found: Survey, options: RecordingOptions) -> T
     except Broken as error:
         raise InputError(f"recording '{path}': '{name}' cannot be read ({error})") from None
     if index.maxima:
-        most, varies = max(index.maxima), index.maximum_varies
-        topic = topic._replace(range_max=most, maximum_varies=varies)
+        varies = len(index.maxima) > 3  # so it is the greatest reading
+        topic = topic._replace(range_max=max(index.maxima), maximum_varies=varies)
     return topic

@@ -1,4 +1,4 @@
-"""Messages of ROS built from a recording's parts, for ROS 1 and ROS 2."""
+"""Messages of ROS built from values, and from a recording's parts, for ROS 1 and ROS 2."""
 
 from __future__ import annotations
 
@@ -18,6 +18,10 @@ MOST_SECONDS = 2**31 - 1
 
 NANOSECONDS = 10**9
 
+BASE, NAME, ARRAY, SEQUENCE = range(1, 5)
+"""Kinds of fields of `rosbags`: a number or text, a message, so many of these, any number of them.
+"""
+
 
 class Builder:
     """Builds messages of one version of ROS, by the classes of `rosbags`."""
@@ -26,12 +30,30 @@ class Builder:
         """Take the definitions of ROS 1 (`ros1`) or ROS 2 (`cdr`)."""
         self.store = typestore(encoding)
 
-    def make(self, name: str, /, **fields: Any) -> Any:  # a class of rosbags
-        """Build a message; fields that this version of ROS does not have are left out."""
-        package, kind = name.split("/")
-        message: Any = self.store.types[f"{package}/msg/{kind}"]
-        known = message.__dataclass_fields__
-        return message(**{key: value for key, value in fields.items() if key in known})
+    def make(self, kind: str, /, **values: Any) -> Any:  # a class of rosbags
+        """Build a message of a type like `nav_msgs/Odometry`.
+
+        A value may be a dictionary of the values of a message; what is not given is 0, empty or
+        false. Values that this version of ROS does not have are left out.
+        """
+        name = kind.replace("/", "/msg/")
+        fields = self.store.get_msgdef(name).fields
+        made = {field: self._value(values.get(field), *node) for field, node in fields}
+        return self.store.types[name](**made)
+
+    def _value(self, value: Any, node: int, about: Any) -> Any:
+        """Return a value of a kind of field, by the definitions of `rosbags`."""
+        if node == NAME and (value is None or isinstance(value, dict)):
+            return self.make(about.replace("/msg/", "/"), **(value or {}))
+        if node == BASE and value is None:
+            return {"string": "", "bool": False}.get(about[0], 0)
+        if node in (ARRAY, SEQUENCE):
+            (inner, of), count = about
+            if inner == NAME:
+                return [self._value(one, inner, of) for one in value or [None] * count]
+            if value is None:
+                return np.zeros(count, of[0])
+        return value
 
     def time(self, stamp_ns: int) -> Any:
         """Build a time.
@@ -46,49 +68,26 @@ class Builder:
 
     def header(self, stamp_ns: int, frame: str) -> Any:
         """Build a header."""
-        return self.make("std_msgs/Header", seq=0, stamp=self.time(stamp_ns), frame_id=frame)
-
-    def pose(self, transform: Transform) -> Any:
-        """Build a pose."""
-        x, y, z = transform.position.tolist()
-        return self.make(
-            "geometry_msgs/Pose",
-            position=self.make("geometry_msgs/Point", x=x, y=y, z=z),
-            orientation=self._quaternion(transform),
-        )
+        return self.make("std_msgs/Header", stamp=self.time(stamp_ns), frame_id=frame)
 
     def transforms(self, stamp_ns: int, parent: str, child: str, transform: Transform) -> Any:
         """Build a TFMessage of one transform."""
-        x, y, z = transform.position.tolist()
-        one = self.make(
-            "geometry_msgs/TransformStamped",
-            header=self.header(stamp_ns, parent),
-            child_frame_id=child,
-            transform=self.make(
-                "geometry_msgs/Transform",
-                translation=self.make("geometry_msgs/Vector3", x=x, y=y, z=z),
-                rotation=self._quaternion(transform),
-            ),
-        )
+        position, turn = pose_values(transform)
+        one = {
+            "header": self.header(stamp_ns, parent),
+            "child_frame_id": child,
+            "transform": {"translation": position, "rotation": turn},
+        }
         return self.make("tf2_msgs/TFMessage", transforms=[one])
 
     def odometry(self, stamp_ns: int, parent: str, child: str, transform: Transform) -> Any:
         """Build an Odometry whose twist and covariances are not known (0, as ROS has it)."""
-        zero = self.make("geometry_msgs/Vector3", x=0.0, y=0.0, z=0.0)
-        still = self.make("geometry_msgs/Twist", linear=zero, angular=zero)
-        covariance = np.zeros(36)
+        position, turn = pose_values(transform)
         return self.make(
             "nav_msgs/Odometry",
             header=self.header(stamp_ns, parent),
             child_frame_id=child,
-            pose=self.make(
-                "geometry_msgs/PoseWithCovariance",
-                pose=self.pose(transform),
-                covariance=covariance,
-            ),
-            twist=self.make(
-                "geometry_msgs/TwistWithCovariance", twist=still, covariance=covariance
-            ),
+            pose={"pose": {"position": position, "orientation": turn}},
         )
 
     def scan(self, stamp_ns: int, frame: str, sensor: RecordedSensor, sweep: RecordedSweep) -> Any:
@@ -104,11 +103,9 @@ class Builder:
             angle_max=grid.angle_min + (grid.beams - 1) * grid.angle_increment,
             angle_increment=grid.angle_increment,
             time_increment=grid.time_increment,
-            scan_time=0.0,
             range_min=sensor.range_min,
             range_max=sensor.range_max,
             ranges=ranges,
-            intensities=np.empty(0, np.float32),
         )
 
     def limits(self, stamp_ns: int, frame: str, sensor: RecordedSensor) -> Any:
@@ -117,11 +114,9 @@ class Builder:
             "sensor_msgs/Range",
             header=self.header(stamp_ns, frame),
             radiation_type=1,
-            field_of_view=0.0,
             min_range=sensor.range_min,
             max_range=sensor.range_max,
             range=float("inf"),
-            variance=0.0,
         )
 
     def cloud(
@@ -132,39 +127,32 @@ class Builder:
         times_ns: NDArray[np.int64] | None,
     ) -> Any:
         """Build a PointCloud2 of points (n, 3), m, with the time of each, ns, if they have some."""
-        columns: dict[str, NDArray[Any]] = {
-            name: points[:, axis] for axis, name in enumerate("xyz")
-        }
-        if times_ns is not None:
-            columns[OWN_TIME] = times_ns.astype(np.uint32)
-        kinds = np.dtype([(name, column.dtype) for name, column in columns.items()])
+        kinds = [("x", "f4"), ("y", "f4"), ("z", "f4")]
+        kinds += [(OWN_TIME, "u4")] if times_ns is not None else []
         rows = np.empty(len(points), kinds)
-        numbers = {f"{np.dtype(text)}": number for number, text in TYPES.items()}
-        fields = []
-        for name, column in columns.items():
-            rows[name] = column
-            fields.append(
-                self.make(
-                    "sensor_msgs/PointField",
-                    name=name,
-                    offset=kinds.fields[name][1] if kinds.fields else 0,
-                    datatype=numbers[f"{column.dtype}"],
-                    count=1,
-                )
-            )
+        rows["x"], rows["y"], rows["z"] = points.T
+        if times_ns is not None:
+            rows[OWN_TIME] = times_ns
+        codes = {text: number for number, text in TYPES.items()}
+        fields = [
+            {"name": name, "offset": 4 * k, "datatype": codes[kind], "count": 1}
+            for k, (name, kind) in enumerate(kinds)
+        ]
         return self.make(
             "sensor_msgs/PointCloud2",
             header=self.header(stamp_ns, frame),
             height=1,
             width=len(points),
             fields=fields,
-            is_bigendian=False,
-            point_step=kinds.itemsize,
-            row_step=kinds.itemsize * len(points),
+            point_step=rows.itemsize,
+            row_step=rows.nbytes,
             data=rows.view(np.uint8).reshape(-1),
             is_dense=True,
         )
 
-    def _quaternion(self, transform: Transform) -> Any:
-        w, x, y, z = transform.quaternion.tolist()
-        return self.make("geometry_msgs/Quaternion", x=x, y=y, z=z, w=w)
+
+def pose_values(transform: Transform) -> tuple[dict[str, float], dict[str, float]]:
+    """Return position and orientation of a pose as values of messages."""
+    x, y, z = transform.position.tolist()
+    a, b, c, d = transform.quaternion.tolist()
+    return {"x": x, "y": y, "z": z}, {"x": b, "y": c, "z": d, "w": a}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import reduce
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,12 +11,11 @@ import numpy as np
 
 from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.interface.ros2.options import RANGES
-from wayproof.harness.recordings.bags.frames import Edge, FramePath
+from wayproof.harness.recordings.bags.frames import Edge, FramePath, along, namespace_of
 from wayproof.harness.recordings.bags.messages import IMAGE, ODOMETRY, Camera, decode
 from wayproof.harness.recordings.bags.parts import frame_name
 from wayproof.harness.recordings.bags.sensors import Topic
 from wayproof.harness.recordings.bags.survey import PoseTopic, SensorTopic, Survey
-from wayproof.harness.recordings.bags.transforms import namespace_of
 from wayproof.harness.recordings.bags.vendors import px4
 from wayproof.harness.recordings.options import RecordingOptions
 from wayproof.harness.recordings.poses import StampedPoses
@@ -122,7 +120,7 @@ def measured_topic(name: str, found: Survey) -> str:
 
 def _described(name: str, topic: SensorTopic) -> str:
     assert topic.first is not None
-    return f"{name} ({topic.first.type.rsplit('/', 1)[-1]}, {len(topic.stamps)})"
+    return f"{name} ({topic.first.type.rsplit('/', 1)[-1]}, {len(topic.series.stamps)})"
 
 
 def choose_cameras(
@@ -204,9 +202,9 @@ def choose_motion(
     if names:
         listed = ", ".join(sorted(names))
         raise InputError(f"recording '{path}': several topics of poses, choose: {listed}")
-    frames = ", ".join(found.tree.frames[:20]) or "none"
     raise InputError(
-        f"recording '{path}': no poses: no transform moves above '{body}' (frames: {frames}),"
+        f"recording '{path}': no poses: no transform moves above '{body}' (frames: "
+        f"{found.tree.listed}),"
         f" and there is no Odometry, PoseStamped or VehicleOdometry{found.lost}"
     )
 
@@ -236,9 +234,9 @@ def choose_mount(
                 f" {', '.join(found.tree.rivals[edge.child])}, expected a mount"
             )
     if between is None:
-        frames = ", ".join(found.tree.frames[:20]) or "none"
         raise InputError(
-            f"recording '{path}': no transform from '{body}' to '{topic.frame}' (frames: {frames}),"
+            f"recording '{path}': no transform from '{body}' to '{topic.frame}' (frames: "
+            f"{found.tree.listed}),"
             " expected a mount"
         )
     return between
@@ -310,7 +308,7 @@ def _is_rival(topic: PoseTopic, chain: list[Edge]) -> bool:
 def _from_topic(found: Survey, name: str, frame: str, options: RecordingOptions) -> Motion:
     topic = found.poses[name]
     body = options.body or topic.child or _body(found, frame, options)
-    poses, source = topic.samples.poses(), f"topic {name}, body '{body}'"
+    poses, source = topic.series.poses, f"topic {name}, body '{body}'"
     if topic.type == px4.LOCAL:  # has no roll and pitch
         beside = [
             (one, turns)
@@ -320,7 +318,7 @@ def _from_topic(found: Survey, name: str, frame: str, options: RecordingOptions)
         if len(beside) != 1:
             source += ", taken to be level: no VehicleAttitude beside it"
             return Motion(poses, body, source, topic.parent)
-        poses = px4.turned(poses, beside[0][1].samples.poses())
+        poses = px4.turned(poses, beside[0][1].series.poses)
         source += f", turned as {beside[0][0]}"
     return Motion(poses, body, source, topic.parent)
 
@@ -330,17 +328,8 @@ def _from_frames(found: Survey, root: str, body: str) -> Motion:
     chain = found.tree.chain(body)
     while chain and chain[0].parent != root:
         chain = chain[1:]
-    moving = [edge.moving for edge in chain if edge.moving is not None]
-    if not moving:
-        stamps = np.empty(0, np.int64)
-    else:
-        stamps = max(moving, key=lambda track: len(track.times_ns)).times_ns
-    known = np.ones(len(stamps), bool)
-    parts = []
-    for edge in chain:
-        transform, covered = edge.at(stamps)
-        known &= covered
-        parts.append(transform)
-    whole = reduce(compose, parts)
+    moving = [edge.moving.times_ns for edge in chain if edge.moving is not None]
+    stamps = max(moving, key=len, default=np.empty(0, np.int64))
+    whole, known = along(chain, stamps)
     poses = StampedPoses(stamps, whole.position, whole.quaternion).at(known)
     return Motion(poses, body, f"frames {root} -> {body}", root)

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.recordings.bags.container import RawMessage
+from wayproof.harness.recordings.bags.container import NO_ROSBAGS, RawMessage
 from wayproof.harness.recordings.bags.parts import StampedTransform, frame_name, stamp_of
 from wayproof.harness.recordings.bags.vendors import VENDORS, px4
-from wayproof.harness.recordings.options import Broken, usable
+from wayproof.harness.recordings.options import Broken, Intrinsics, usable
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -53,9 +53,9 @@ class Camera(NamedTuple):
 
     width: int
     height: int
-    intrinsics: tuple[float, float, float, float]
+    intrinsics: Intrinsics
     distorted: bool
-    rectified: tuple[float, float, float, float] | None = None
+    rectified: Intrinsics | None = None
 
 
 @lru_cache(maxsize=2)
@@ -68,9 +68,7 @@ def typestore(encoding: str) -> Typestore:
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
-        raise InputError(
-            "ROS bags: rosbags is not installed: pip install rosbags (the extra 'recordings')"
-        ) from None
+        raise InputError(NO_ROSBAGS) from None
     ros1 = encoding == "ros1"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
     of_vendors = [one.definitions for one in VENDORS]
@@ -87,9 +85,9 @@ def decode(raw: RawMessage) -> Any:  # the classes of rosbags are made when it r
         Broken: Its bytes are not those of its type.
     """
     if raw.type in DECODERS:
-        return DECODERS[raw.type](bytes(raw.data))
+        return DECODERS[raw.type](raw.data)
     store = typestore(raw.encoding)
-    read: Callable[[bytes | memoryview, str], object]
+    read: Callable[[bytes, str], object]
     read = store.deserialize_ros1 if raw.encoding == "ros1" else store.deserialize_cdr
     try:
         return read(raw.data, raw.type)
@@ -103,7 +101,7 @@ def header_stamp(raw: RawMessage) -> int:
     Raises:
         Broken: It is too short.
     """
-    data = bytes(raw.data[:12])
+    data = raw.data[:12]
     if len(data) < 12:
         raise Broken("a message shorter than a header")
     if raw.type in DECODERS:
@@ -121,7 +119,7 @@ def frame_of(raw: RawMessage) -> str:
     """Return the frame of a message that begins with a header or is of PX4, undecoded."""
     if raw.type in DECODERS:
         return px4.BODY
-    data = bytes(raw.data[:512])
+    data = raw.data[:512]
     order = "<" if raw.encoding == "ros1" or (len(data) > 1 and data[1] & 1) else ">"
     size = int(np.frombuffer(data, f"{order}u4", 1, 12)[0]) if len(data) >= 16 else 0
     text = data[16 : 16 + size].rstrip(b"\0")
@@ -168,45 +166,27 @@ def camera_of(raw: RawMessage) -> Camera:
         Broken: As of `decode`, or it is not calibrated.
     """
     message = decode(raw)
-    matrix: NDArray[np.float64] = message.K if raw.encoding == "ros1" else message.k
-    distortion: NDArray[np.float64] = message.D if raw.encoding == "ros1" else message.d
-    projection: NDArray[np.float64] = message.P if raw.encoding == "ros1" else message.p
-    raw_image, rectified = _scaled(matrix[[0, 4, 2, 5]], message), None
-    if usable(_scaled(projection[[0, 5, 2, 6]], message)):
-        rectified = _scaled(projection[[0, 5, 2, 6]], message)
-    if not usable(raw_image):  # drivers of rectified images fill P alone
-        if rectified is None:
-            raise Broken("a camera without intrinsics")
-        return Camera(*_size(message), rectified, False, rectified)
-    return Camera(*_size(message), raw_image, bool((distortion != 0.0).any()), rectified)
+    K, D, P = (getattr(message, name if raw.encoding == "ros1" else name.lower()) for name in "KDP")
+    bins = max(int(message.binning_x), 1), max(int(message.binning_y), 1)
+    roi = message.roi
+    sizes = int(roi.width or message.width), int(roi.height or message.height)
 
+    def of_images(numbers: NDArray[np.float64]) -> Intrinsics | None:
+        """Return fx, fy, cx, cy of the images from those of the whole sensor, without binning."""
+        fx, fy, cx, cy = (float(value) for value in numbers)
+        cx, cy = cx - int(roi.x_offset), cy - int(roi.y_offset)
+        # The centre of the first pixel is 0: of the first two, binned, it is 0.5 of the old pixels.
+        centre = (cx + 0.5) / bins[0] - 0.5, (cy + 0.5) / bins[1] - 0.5
+        found = fx / bins[0], fy / bins[1], *centre
+        return found if usable(found) else None
 
-def add_camera(known: list[tuple[int, Camera]], raw: RawMessage) -> None:
-    """Add the camera of a CameraInfo and its stamp, ns.
-
-    Raises:
-        Broken: As of `camera_of`.
-    """
-    camera = camera_of(raw)
-    same = known and known[-1][1] == camera  # one object of many alike
-    known.append((header_stamp(raw), known[-1][1] if same else camera))
-
-
-def _size(message: Any) -> tuple[int, int]:
-    """Return the columns and rows of the images of a CameraInfo: of its region, binned."""
-    across, down = max(int(message.binning_x), 1), max(int(message.binning_y), 1)
-    width = int(message.roi.width) or int(message.width)
-    height = int(message.roi.height) or int(message.height)
-    return width // across, height // down
-
-
-def _scaled(numbers: NDArray[np.float64], message: Any) -> tuple[float, float, float, float]:
-    """Return fx, fy, cx, cy of the images from those of the whole sensor, without binning."""
-    fx, fy, cx, cy = (float(value) for value in numbers)
-    across, down = max(int(message.binning_x), 1), max(int(message.binning_y), 1)
-    cx, cy = cx - int(message.roi.x_offset), cy - int(message.roi.y_offset)
-    # The centre of the first pixel is 0: of the first two, binned, it is 0.5 of the old pixels.
-    return fx / across, fy / down, (cx + 0.5) / across - 0.5, (cy + 0.5) / down - 0.5
+    own, rectified = of_images(K[[0, 4, 2, 5]]), of_images(P[[0, 5, 2, 6]])
+    if own is None and rectified is None:
+        raise Broken("a camera without intrinsics")
+    is_bent = own is not None and bool((D != 0.0).any())  # drivers of rectified images fill P alone
+    own = own or rectified
+    assert own is not None
+    return Camera(sizes[0] // bins[0], sizes[1] // bins[1], own, is_bent, rectified)
 
 
 def _numbers(p: Any, q: Any) -> tuple[float, float, float, float, float, float, float]:

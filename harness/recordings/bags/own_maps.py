@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from wayproof.harness.recordings.bags.frames import FrameTree
 from wayproof.harness.recordings.bags.parts import Grid, Patch
 from wayproof.harness.recordings.bags.vendors.nav2 import RAW, UPDATES
 from wayproof.harness.recordings.options import Broken, Faults
-from wayproof.harness.recordings.transform import Transform, compose
+from wayproof.harness.recordings.transform import compose
 from wayproof.harness.recordings.types import OwnMap
 
 PERIOD_NS = 1_000_000_000
@@ -21,21 +23,25 @@ PERIOD_NS = 1_000_000_000
 UNPLACED = "costmap: no transform to the frame of the poses"
 
 
+class Kept(NamedTuple):
+    """A grid without states, these packed by zlib, their shape, and its place in the file."""
+
+    grid: Grid
+    packed: bytes
+    shape: tuple[int, int]
+    place: int
+
+
 @dataclass
 class Grids:
-    """Grids of one topic, of which one is kept for each `PERIOD_NS`.
+    """Grids of one topic, of which one is kept for each `PERIOD_NS`, and the last with updates."""
 
-    Attributes:
-        kept: Grids without states, these packed by zlib, their shape, and places in the file.
-        last: The last grid, with its updates.
-    """
-
-    kept: list[tuple[Grid, bytes, tuple[int, int], int]]
+    kept: list[Kept]
     last: Grid | None = None
 
     def between(self, first: int, last: int) -> Grids:
         """Return those of messages at places in the file from the first up to, not with, a last."""
-        return Grids([one for one in self.kept if first <= one[3] < last])
+        return Grids([one for one in self.kept if first <= one.place < last])
 
     def take(self, one: Grid | Patch, place: int) -> None:
         """Take a grid, or an update of the last one, of a message at a place in the file.
@@ -53,14 +59,14 @@ class Grids:
             piece[:] = one.states
             one = self.last._replace(stamp_ns=one.stamp_ns, states=states)
         self.last = one
-        if not self.kept or abs(one.stamp_ns - self.kept[-1][0].stamp_ns) >= PERIOD_NS:
-            packed = zlib.compress(one.states.tobytes(), 1)
+        if not self.kept or abs(one.stamp_ns - self.kept[-1].grid.stamp_ns) >= PERIOD_NS:
+            packed, (rows, columns) = zlib.compress(one.states.tobytes(), 1), one.states.shape
             bare = one._replace(states=np.empty((0, 0), np.uint8))
-            self.kept.append((bare, packed, (one.states.shape[0], one.states.shape[1]), place))
+            self.kept.append(Kept(bare, packed, (rows, columns), place))
 
 
 def own_maps(
-    grids: dict[str, Grids], tree: FrameTree, world: str, start_ns: int, faults: Faults
+    grids: Mapping[str, Grids], tree: FrameTree, world: str, start_ns: int, faults: Faults
 ) -> tuple[OwnMap, ...]:
     """Return the robot's own maps in the frame of the poses, in order of time.
 
@@ -74,39 +80,22 @@ def own_maps(
         faults: Counted up.
     """
     found = []
-    for topic, one in grids.items():
+    listed = [(topic, one) for topic in grids for one in grids[topic].kept]
+    for topic, (grid, packed, shape, _) in listed:
         if topic + RAW in grids:
             continue
-        for grid, packed, shape, _ in one.kept:
-            place = _placed(grid, tree, world)
-            if place is None:
-                faults[UNPLACED] += 1
-                continue
-            x, y, _ = place.position.tolist()
-            found.append(
-                OwnMap(
-                    time_ns=grid.stamp_ns - start_ns,
-                    topic=topic,
-                    resolution=grid.resolution,
-                    corner=(x, y, yaw_of_quaternion(place.quaternion)),
-                    shape=shape,
-                    packed=packed,
-                )
-            )
+        between = tree.between(world, grid.frame)
+        T_world_grid = None if between is None else between.at_one(grid.stamp_ns)
+        if T_world_grid is None:
+            faults[UNPLACED] += 1
+            continue
+        (x, y, _), turn = compose(T_world_grid, grid.T_frame_corner)
+        corner = float(x), float(y), yaw_of_quaternion(turn)
+        time_ns = grid.stamp_ns - start_ns
+        found.append(OwnMap(time_ns, topic, grid.resolution, corner, shape, packed))
     return tuple(sorted(found, key=lambda one: (one.time_ns, one.topic)))
 
 
 def base_of(topic: str) -> str:
     """Return the topic of the costmap that a topic, maybe of its updates, belongs to."""
     return topic.removesuffix(UPDATES)
-
-
-def _placed(grid: Grid, tree: FrameTree, world: str) -> Transform | None:
-    """Return T_world_corner of a grid at its stamp; None where it is not known."""
-    between = tree.between(world, grid.frame)
-    if between is None:
-        return None
-    transform, known = between.at(np.array([grid.stamp_ns]))
-    if not known[0]:
-        return None
-    return compose(Transform(transform.position[0], transform.quaternion[0]), grid.T_frame_corner)

@@ -1,21 +1,22 @@
-"""A first pass over a bag: its topics, frames and poses, and the order of its messages."""
+"""A first pass over a bag: its topics, frames and poses, and the order of its messages.
+
+Where its clock was set back, or a simulator reset, a time has two poses, so the order in the file
+tells the runs apart, for poses, transforms and sweeps alike; one of them is judged.
+"""
 
 from __future__ import annotations
 
-from array import array
-from bisect import bisect_left
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.ros2.task import Announcement, read_task
 from wayproof.harness.recordings.bags.container import RawMessage, messages_of
-from wayproof.harness.recordings.bags.frames import MOST_FRAMES, FrameTree, Samples
+from wayproof.harness.recordings.bags.frames import FrameTree, Link
 from wayproof.harness.recordings.bags.messages import (
     CAMERA,
     CLOUDS,
@@ -27,7 +28,7 @@ from wayproof.harness.recordings.bags.messages import (
     TEXT,
     TRANSFORMS,
     Camera,
-    add_camera,
+    camera_of,
     decode,
     frame_of,
     header_stamp,
@@ -41,9 +42,10 @@ from wayproof.harness.recordings.bags.sensors import (
     scan_limits,
     scan_maximum,
 )
-from wayproof.harness.recordings.bags.transforms import Transforms, namespace_of
+from wayproof.harness.recordings.bags.series import Series
 from wayproof.harness.recordings.bags.vendors.nav2 import is_costmap
 from wayproof.harness.recordings.options import Broken, Faults, unreadable
+from wayproof.harness.recordings.order import set_backs
 from wayproof.harness.recordings.poses import RESET
 
 FIRST_CLOUDS = 10
@@ -57,67 +59,37 @@ OF_FRAME = "@"
 """Between topic and frame in the name of a sensor whose topic has messages of several frames; it is
 in no name of a topic."""
 
+MOST_FRAMES = 1000
+
 NO_TASK = "task: cannot be read"
 STAMPLESS = "sweep: without a stamp, taken as recorded"
+OTHER_RUN = "sweep: of another run, as the clock was set back"
 
 
 @dataclass
 class SensorTopic:
-    """Index of a topic with ranges, points or depths, of the first pass over a bag.
+    """A topic with ranges, points or depths.
 
     Attributes:
         first: Its first message that can be read, None if there was none; of clouds the one with
             the most finite points of the first `FIRST_CLOUDS`, which gives the unit of their times.
         points: Number of finite points in that cloud.
-        stamps: Stamps of the headers, ns.
-        logged: Times at which they were recorded, ns.
-        sizes: Bytes of the messages.
-        places: Their places in the file.
+        series: Its messages.
         skipped: Number of messages of the topic, of other runs, before these.
-        maxima: Maximum ranges of scans, m, with the number of scans of each.
+        maxima: Maximum ranges of scans, m; more than a few are the greatest reading of each.
     """
 
     first: RawMessage | None = None
     points: int = -1
-    stamps: array[int] = field(default_factory=lambda: array("q"))
-    logged: array[int] = field(default_factory=lambda: array("q"))
-    sizes: array[int] = field(default_factory=lambda: array("q"))
-    places: array[int] = field(default_factory=lambda: array("q"))
+    series: Series = field(default_factory=Series.of_sweeps)
     skipped: int = 0
-    maxima: Counter[float] = field(default_factory=Counter)
-
-    @property
-    def maximum_varies(self) -> bool:
-        """Whether the maximum range is another one from scan to scan, so the greatest reading."""
-        return len(self.maxima) > 3
-
-    @property
-    def times(self) -> NDArray[np.int64]:
-        """Stamps (n,), or the times of recording where there are none, ns."""
-        return np.array(self.stamps if self.is_stamped else self.logged, np.int64)
+    maxima: set[float] = field(default_factory=set)
 
     @property
     def period_ns(self) -> float | None:
         """Median time between messages, ns; None of fewer than three."""
-        steps = np.diff(np.unique(self.times))
+        steps = np.diff(np.unique(self.series.times))
         return float(np.median(steps)) if len(steps) > 1 else None
-
-    @property
-    def is_stamped(self) -> bool:
-        """Whether its headers have stamps."""
-        return any(self.stamps)
-
-    def between(self, first: int, last: int) -> SensorTopic:
-        """Return it with messages at places in the file from the first up to, not with, a last."""
-        part = slice(bisect_left(self.places, first), bisect_left(self.places, last))
-        return replace(
-            self,
-            stamps=self.stamps[part],
-            logged=self.logged[part],
-            sizes=self.sizes[part],
-            places=self.places[part],
-            skipped=part.start,
-        )
 
 
 @dataclass
@@ -128,7 +100,7 @@ class PoseTopic:
     child: str
     type: str
     resets: int = 0
-    samples: Samples = field(default_factory=Samples)
+    series: Series = field(default_factory=Series.of_poses)
 
 
 @dataclass
@@ -138,25 +110,25 @@ class Survey:
     Attributes:
         sensors: Topics with ranges, points or depths; of several frames each for itself.
         poses: Topics with poses.
+        links: Transforms.
         cameras: Geometry of cameras by the topic of their CameraInfo, from stamps on, ns.
         limits: Minimum and maximum range by the topic of a Range, m.
         others: Types of the topics that are not read.
-        transforms: Transforms by the namespace of their topics.
-        tree: Frames and the transforms between them; empty until those of a robot are chosen.
         task: Task of the episode whose topics were recorded; None of other robots.
         grids: The robot's own maps by topic.
+        tree: Frames and the transforms between them; empty until those of a robot are chosen.
         unread: Why the first message of a topic that could not be read was not, by topic.
     """
 
-    sensors: dict[str, SensorTopic]
-    poses: dict[str, PoseTopic]
-    cameras: dict[str, list[tuple[int, Camera]]]
-    limits: dict[str, tuple[float, float]]
-    others: dict[str, str]
-    transforms: dict[str, Transforms]
-    tree: FrameTree
+    sensors: dict[str, SensorTopic] = field(default_factory=dict)
+    poses: dict[str, PoseTopic] = field(default_factory=dict)
+    links: dict[Link, Series] = field(default_factory=dict)
+    cameras: dict[str, list[tuple[int, Camera]]] = field(default_factory=dict)
+    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    others: dict[str, str] = field(default_factory=dict)
     task: Announcement | None = None
     grids: dict[str, Grids] = field(default_factory=dict)
+    tree: FrameTree = field(default_factory=lambda: FrameTree({}, Counter()))
     unread: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -165,28 +137,52 @@ class Survey:
         listed = [f"{topic} ({why})" for topic, why in sorted(self.unread.items())[:5]]
         return f"; cannot be read: {', '.join(listed)}" if listed else ""
 
+    @property
+    def moving(self) -> Iterator[tuple[str, Series]]:
+        """Name and messages of all that moves."""
+        for name, one in self.poses.items():
+            yield name, one.series
+        for link, series in self.links.items():
+            if not link.is_fixed:
+                yield f"{link.topic} {link.parent} -> {link.child}", series
+
+    def between(self, first: int, last: int) -> Survey:
+        """Return what was found at places in the file from the first up to, not with, a last."""
+        return replace(
+            self,
+            sensors={
+                name: replace(
+                    one, series=one.series.between(first, last), skipped=one.series.before(first)
+                )
+                for name, one in self.sensors.items()
+            },
+            poses={
+                name: replace(one, series=one.series.between(first, last))
+                for name, one in self.poses.items()
+            },
+            links={
+                link: one if link.is_fixed else one.between(first, last)
+                for link, one in self.links.items()
+            },
+            grids={name: one.between(first, last) for name, one in self.grids.items()},
+        )
+
 
 def survey(files: Sequence[Path], faults: Faults) -> Survey:
     """Read a bag once, and keep its poses and the first messages of its sensors."""
-    walk, unread = _Walk(faults), dict[str, str]()
-    for raw in messages_of(files, faults):
+    walk = _Walk(faults)
+    for place, raw in enumerate(messages_of(files, faults)):
         try:
-            walk.take(raw)
+            walk.take(raw, place)
         except Broken as error:
             faults[unreadable(faults, error)] += 1
-            unread.setdefault(raw.topic, str(error))
-    return Survey(
-        sensors=_by_name(walk.sensors),
-        poses=walk.poses,
-        cameras={name: known for name, known in walk.cameras.items() if known},
-        limits=walk.limits,
-        others=walk.others,
-        transforms=walk.transforms,
-        tree=FrameTree({}, {}, faults),
-        task=walk.task,
-        grids=walk.grids,
-        unread=unread,
-    )
+            walk.found.unread.setdefault(raw.topic, str(error))
+    counts = Counter(topic for topic, _ in walk.sensors)
+    walk.found.sensors = {
+        topic if counts[topic] == 1 else f"{topic}{OF_FRAME}{frame}": one
+        for (topic, frame), one in walk.sensors.items()
+    }
+    return walk.found
 
 
 def topic_of(name: str) -> str:
@@ -194,100 +190,138 @@ def topic_of(name: str) -> str:
     return name.partition(OF_FRAME)[0]
 
 
-def _by_name(found: dict[tuple[str, str], SensorTopic]) -> dict[str, SensorTopic]:
-    """Return sensors by name: a topic, with the frame where it has messages of several."""
-    counts = Counter(topic for topic, _ in found)
-    return {
-        topic if counts[topic] == 1 else f"{topic}{OF_FRAME}{frame}": one
-        for (topic, frame), one in found.items()
-    }
-
-
 class _Walk:
     """First pass over a bag."""
 
     def __init__(self, faults: Faults) -> None:
         self._faults = faults
-        self.place = 0
+        self.found = Survey()
         self.sensors: dict[tuple[str, str], SensorTopic] = {}
-        self.poses: dict[str, PoseTopic] = {}
-        self.cameras: dict[str, list[tuple[int, Camera]]] = {}
-        self.limits: dict[str, tuple[float, float]] = {}
-        self.others: dict[str, str] = {}
-        self.transforms: dict[str, Transforms] = {}
-        self.grids: dict[str, Grids] = {}
-        self._links: Counter[bool] = Counter()  # by whether they are fixed
-        self.task: Announcement | None = None
 
-    def take(self, raw: RawMessage) -> None:
-        self.place += 1
+    def take(self, raw: RawMessage, place: int) -> None:
+        found = self.found
         if raw.type in SENSORS:
-            self._sensor(raw)
+            self._sensor(raw, place)
         elif raw.type in TRANSFORMS:
-            self._transforms(raw)
+            self._transforms(raw, place)
         elif raw.type in POSES:
             pose = pose_of(raw)
             new = PoseTopic(pose.parent, pose.child, raw.type, resets=pose.resets)
-            topic = self.poses.setdefault(raw.topic, new)
-            topic.samples.add(pose, self.place)
-            if topic.resets != pose.resets:
-                self._faults[RESET] += 1
-                topic.resets = pose.resets
+            topic = found.poses.setdefault(raw.topic, new)
+            topic.series.add_pose(place, pose)
+            self._faults[RESET] += topic.resets != pose.resets
+            topic.resets = pose.resets
         elif raw.type in GRIDS and is_costmap(raw.topic, raw.type):
-            self.grids.setdefault(base_of(raw.topic), Grids([])).take(
-                GRIDS[raw.type](decode(raw)), self.place
-            )
+            grids = found.grids.setdefault(base_of(raw.topic), Grids([]))
+            grids.take(GRIDS[raw.type](decode(raw)), place)
         elif raw.type == CAMERA:
-            add_camera(self.cameras.setdefault(raw.topic, []), raw)
+            camera, stamp = camera_of(raw), header_stamp(raw)
+            known = found.cameras.setdefault(raw.topic, [])
+            same = known and known[-1][1] == camera  # one object of many alike
+            known.append((stamp, known[-1][1] if same else camera))
         elif raw.type == RANGE:
-            if raw.topic not in self.limits:
+            if raw.topic not in found.limits:
                 message = decode(raw)
-                self.limits[raw.topic] = scan_limits(message.min_range, message.max_range)
+                found.limits[raw.topic] = scan_limits(message.min_range, message.max_range)
         else:
-            self.others[raw.topic] = raw.type
-            if raw.type == TEXT and raw.topic.endswith(TASK) and self.task is None:
-                self._task(raw)
+            found.others[raw.topic] = raw.type
+            if raw.type == TEXT and raw.topic.endswith(TASK) and found.task is None:
+                try:
+                    found.task = read_task(decode(raw).data)
+                except InputError:  # a text of that name may be anything
+                    self._faults[NO_TASK] += 1
 
-    def _task(self, raw: RawMessage) -> None:
-        """Take the task of an episode; a text of that name may be anything."""
-        try:
-            self.task = read_task(decode(raw).data)
-        except InputError:
-            self._faults[NO_TASK] += 1
-
-    def _sensor(self, raw: RawMessage) -> None:
+    def _sensor(self, raw: RawMessage, place: int) -> None:
         stamp, key = header_stamp(raw), (raw.topic, frame_of(raw))
-        if raw.topic in self.others:
+        if raw.topic in self.found.others:
             return
         if key not in self.sensors and len(self.sensors) >= MOST_FRAMES:
             self._faults["message: of too many topics and frames"] += 1
             return
         topic = self.sensors.setdefault(key, SensorTopic())
-        topic.stamps.append(stamp)
-        topic.logged.append(min(raw.logged_ns, 2**62))
-        topic.sizes.append(len(raw.data))
-        topic.places.append(self.place)
+        topic.series.add(place, stamp, min(raw.logged_ns, 2**62), len(raw.data))
         if raw.type == SCAN:
-            topic.maxima[scan_maximum(raw)] += 1
+            topic.maxima.add(scan_maximum(raw))
         if topic.first is None and not is_sensor(raw):
             del self.sensors[key]
-            self.others[raw.topic] = raw.type
-        elif topic.first is None or len(topic.stamps) <= FIRST_CLOUDS:
+            self.found.others[raw.topic] = raw.type
+        elif topic.first is None or len(topic.series.stamps) <= FIRST_CLOUDS:
             points = finite_points(raw) if raw.type in CLOUDS else 0
             if points > topic.points:
-                topic.first, topic.points = raw._replace(data=bytes(raw.data)), points
+                topic.first, topic.points = raw, points
 
-    def _transforms(self, raw: RawMessage) -> None:
-        is_fixed = raw.topic.rsplit("/", 1)[-1] == "tf_static"
-        namespace = namespace_of(raw.topic)
-        known = self.transforms.get(namespace, Transforms())
-        links = known.fixed if is_fixed else known.moving
+    def _transforms(self, raw: RawMessage, place: int) -> None:
+        links = self.found.links
         for pose in transforms_of(raw):
-            key = pose.parent, pose.child
-            if key not in links:
-                if self._links[is_fixed] >= MOST_FRAMES:
-                    self._faults["transform: too many frames"] += 1
-                    continue
-                self._links[is_fixed] += 1
-                self.transforms.setdefault(namespace, known).topics.add(raw.topic)
-            links.setdefault(key, Samples()).add(pose, self.place)
+            link = Link(raw.topic, pose.parent, pose.child)
+            if link not in links and len(links) >= MOST_FRAMES:
+                self._faults["transform: too many frames"] += 1
+            else:
+                links.setdefault(link, Series.of_poses()).add_pose(place, pose)
+
+
+def choose_run(
+    path: Path, found: Survey, names: Sequence[str], faults: Faults
+) -> tuple[Survey, str]:
+    """Return the run with the most sweeps of the sensors, and all of them in words.
+
+    Args:
+        path: Path of the bag.
+        found: What the first pass found.
+        names: Sensors that are read.
+        faults: Sweeps of other runs are counted.
+
+    Raises:
+        InputError: It cannot be told to which run the sweeps belong.
+    """
+    cuts = _cuts([*found.moving, *((name, found.sensors[name].series) for name in names)])
+    if not cuts:
+        return found, ""
+    runs = [
+        found.between(first, last) for first, last in zip([0, *cuts], [*cuts, 2**62], strict=True)
+    ]
+    counts = [sum(len(run.sensors[name].series.stamps) for name in names) for run in runs]
+    best = int(np.argmax(counts))
+    for name in names:
+        # The poses may be of another run than sweeps that lie beside all of them in the file.
+        places = np.array(runs[best].sensors[name].series.places)
+        moving = [np.array(one.places) for _, one in runs[best].moving]
+        inside = any(((one >= places[0]) & (one <= places[-1])).any() for one in moving)
+        if len(places) > 1 and not inside:
+            raise InputError(
+                f"recording '{path}': the clock was set back, and no pose lies between the sweeps "
+                f"of '{name}' in the file, so it cannot be told which run they are of: split it "
+                "there"
+            )
+    faults[OTHER_RUN] += sum(counts) - counts[best]
+    listed = []
+    for number, (count, run) in enumerate(zip(counts, runs, strict=True), 1):
+        stamps = [stamp for name in names for stamp in run.sensors[name].series.stamps]
+        span = f", {min(stamps) * 1e-9:.1f} to {max(stamps) * 1e-9:.1f} s" if stamps else ""
+        if number != best + 1:
+            listed.append(f"run {number} ({count} sweeps{span})")
+    return runs[best], (
+        f"; run {best + 1} of {len(runs)}, as the clock was set back; not judged: "
+        f"{', '.join(listed)}"
+    )
+
+
+def _cuts(streams: Sequence[tuple[str, Series]]) -> list[int]:
+    """Return the places in the file from which on a new run counts.
+
+    Streams are set back one after another, each at its next message: those up to the second one of
+    any stream are one event, and it is where the first of them was.
+    """
+    met = [
+        (one.places[k], name)
+        for name, one in streams
+        for k in set_backs(np.array(one.stamps, np.int64))
+    ]
+    cuts: list[int] = []
+    seen: set[str] = set()
+    for place, name in sorted(met):
+        if not cuts or name in seen:
+            cuts.append(place)
+            seen = set()
+        seen.add(name)
+    return cuts

@@ -27,7 +27,7 @@ def grid(recorder, costs, kind):
     # The map lies in a frame of its own, a quarter turn from the poses'.
     recorder.bag.tf("odom", "map", 0.0, at(*CORNER, 0.0), "/tf_static")
     header = build.header(round((START + 0.1) * 1e9), "map")
-    origin = build.pose(at())
+    origin = {"orientation": {"w": 1.0}}
     if kind == "raw":
         metadata = build.make(
             "nav2_msgs/CostmapMetaData",
