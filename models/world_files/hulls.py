@@ -5,11 +5,15 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.world_files.parts import Mesh
+from wayproof.models.world_files.parts import Mesh, axes_of
+
+if TYPE_CHECKING:
+    import shapely
 
 EXACT = 1e-4
 """Share of the size up to which a surface that deviates from its hull is that hull."""
@@ -19,6 +23,10 @@ SPACING, MOST_POINTS = 0.025, 200
 
 DEEP = 0.3
 """Depth of a surface below its hull from which no more than that is measured, m."""
+
+TILT, MOST_AXES = 1e-3, 6
+"""Deviation from a right angle and of areas, as a share, and number of directions in which a prism
+is looked for."""
 
 MAX_CORNERS = 2000
 """Maximum number of corners of all outlines together."""
@@ -108,10 +116,54 @@ def prisms(outlines: Sequence[NDArray[np.float64]], height: float) -> list[Mesh]
         raise ValueError("an outline that crosses itself, expected a simple one")
     if any(one.overlaps(other) for one, other in itertools.combinations(polygons, 2)):
         raise ValueError("outlines that cross, expected each around or beside the others")
-    filled = functools.reduce(shapely.symmetric_difference, polygons)
-    triangles = shapely.constrained_delaunay_triangles(filled).geoms
+    return _prisms_of(functools.reduce(shapely.symmetric_difference, polygons), 0.0, height)
+
+
+def cut_extruded(mesh: Mesh) -> list[Mesh]:
+    """Return the convex prisms that fill a closed prism of any outline, such as a wall with doors.
+
+    Nothing where the mesh is not one: of its triangles each is in one of two parallel ends of the
+    same outline, or at right angles to them.
+    """
+    import shapely
+
+    a, b, c = (mesh.vertices[mesh.faces[:, n]] for n in range(3))
+    crosses = np.cross(b - a, c - a)
+    areas = np.linalg.norm(crosses, axis=1) / 2.0
+    normals = crosses / np.maximum(2.0 * areas, 1e-300)[:, None]
+    left = np.ones(len(areas), np.bool_)
+    for _ in range(MOST_AXES):  # the largest sides that are not parallel to one before
+        if not left.any():
+            break
+        axes = axes_of(normals[int(np.argmax(np.where(left, areas, -1.0)))])
+        along = np.abs(normals @ axes[:, 2])
+        left &= along < 1.0 - TILT
+        ends, placed = along > 1.0 - TILT, mesh.vertices @ axes
+        z = placed[:, 2]
+        low, high = float(z.min()), float(z.max())
+        off = np.minimum(z - low, high - z).max() / max(float(np.ptp(placed, axis=0).max()), 1e-300)
+        if off > EXACT or (along[~ends] > TILT).any():
+            continue
+        corners = placed[mesh.faces[ends]]
+        upper = corners[:, :, 2].mean(axis=1) > (low + high) / 2.0
+        one, other = (
+            shapely.union_all(shapely.polygons(corners[chosen, :, :2]))
+            for chosen in (upper, ~upper)
+        )
+        walls, rim = float(areas[~ends].sum()), one.length * (high - low)
+        if one.symmetric_difference(other).area < TILT * one.area and abs(walls - rim) < TILT * rim:
+            pieces = _prisms_of(one, low, high)
+            return [Mesh(piece.vertices @ axes.T, piece.faces) for piece in pieces]
+    return []
+
+
+def _prisms_of(outline: shapely.Geometry, low: float, high: float) -> list[Mesh]:
+    """Return prisms between two heights over the triangles of an outline in the plane."""
+    import shapely
+
+    triangles = shapely.constrained_delaunay_triangles(outline).geoms
     corners = [np.array(triangle.exterior.coords)[:3] for triangle in triangles]
-    ends = [[np.column_stack([own, np.full(3, z)]) for z in (0.0, height)] for own in corners]
+    ends = [[np.column_stack([own, np.full(3, z)]) for z in (low, high)] for own in corners]
     return [found for pair in ends if (found := hull(np.concatenate(pair))) is not None]
 
 

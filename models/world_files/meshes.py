@@ -1,7 +1,7 @@
 """Meshes as convex parts: beams and bodies meet one shape.
 
 MuJoCo lets beams meet a mesh's triangles and bodies its convex hull. So a mesh is taken in
-connected pieces, each as its hull where it is close to that, as a height field, or as boxes.
+connected pieces, each as its hull where it is close to that, a height field, prisms, or boxes.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from wayproof.models.world_files.cells import cell_boxes, cells_of_points
 from wayproof.models.world_files.heights import height_part
-from wayproof.models.world_files.hulls import distance_to_hull, hull, surface_points
+from wayproof.models.world_files.hulls import cut_extruded, distance_to_hull, hull, surface_points
 from wayproof.models.world_files.mesh_files import MOST_FACES, cloud_points, load_mesh_file
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Mesh, Part, vector
@@ -41,12 +41,16 @@ HOW = {
     "flat": f"were flat: made {SHEET_THICKNESS * 1e3:g} mm thick",
     "relief": "taken as height fields",
     "near": "taken as their convex hull",
+    "cut": "not convex: cut into prisms",
     "cells": "not convex: taken as boxes of cells",
 }
 """Ways to take a piece that is not convex as it is, and their text in a note."""
 
 FLAT = 1e-6
 """Thickness below which a piece is flat, as a share of its size."""
+
+MOST_CUT = 4000
+"""Number of triangles up to which a piece is looked at as a prism."""
 
 LEAST_HOLLOW = 8
 """Number of cells from which a hollow is looked at."""
@@ -185,6 +189,8 @@ def _piece_parts(path: Path, piece: Mesh, may_fill: bool) -> tuple[str, float, l
     if around is not None and (error <= cell or size <= SMALL):
         part = Part("mesh", (), (0.0, 0.0, 0.0), mesh=around)
         return "near" if error else "convex", error, [part]
+    if len(piece.faces) <= MOST_CUT and (prisms := cut_extruded(piece)):
+        return "cut", 0.0, [Part("mesh", (), (0.0, 0.0, 0.0), mesh=one) for one in prisms]
     return "cells", cell * 3**0.5, cell_parts(path, piece, cell, may_fill)
 
 

@@ -8,6 +8,8 @@ from tests.models.world_files.gazebo_files import CUBE, box, ground, mesh, read,
 from wayproof.models.world_files import WorldFileError, import_world
 from wayproof.models.world_files.hulls import prisms
 from wayproof.models.world_files.meshes import mesh_parts
+from wayproof.models.world_files.parts import turned_by
+from wayproof.models.world_files.solids import solid_of
 
 DAE = """<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -73,14 +75,40 @@ def room(path):
     return write(path, "\n".join(lines + faces))
 
 
-def test_a_hollow_mesh_is_taken_as_boxes(tmp_path):
-    found, notes = import_world(room(tmp_path / "room.obj"))
-    assert len(found.solids) < 20
-    assert "room.obj: 1 of 1 pieces not convex: taken as boxes of cells, within 0.087 m" in notes
+@pytest.mark.parametrize(("corner", "how", "count", "near"), [
+    ("v 4.5 4.5 2", "cut into prisms, within 0.000 m", 8, 1e-6),
+    ("v 4.5 4.5 2.5", "taken as boxes of cells, within 0.087 m", 80, 0.051),
+])  # fmt: skip
+def test_a_hollow_mesh_is_taken_as_prisms_or_boxes(tmp_path, corner, how, count, near):
+    path = room(tmp_path / "room.obj")
+    path.write_text(path.read_text().replace("v 4.5 4.5 2\n", corner + "\n"))
+    found, notes = import_world(path)
+    assert len(found.solids) <= count
+    assert f"room.obj: 1 of 1 pieces not convex: {how}" in notes
     for point in (found.start, found.goal):
         assert np.abs(point[:2]).max() < 4.0  # inside
     nearest = min(solid.distance([[0.0, 0.0, 1.0]])[0] for solid in found.solids)
-    assert nearest == pytest.approx(4.3, abs=0.051)
+    assert nearest == pytest.approx(4.3, abs=near)
+
+
+@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.3, -0.5, 1.0)])
+def test_a_wall_with_a_door_is_cut_exactly(tmp_path, turn):
+    """Two points in the wall, beside and above its door, and one in the door."""
+    wall = [(0, 0), (2, 0), (2, 2), (3, 2), (3, 0), (9, 0), (9, 2.5), (0, 2.5)]
+    caps = [(0, 1, 2), (0, 2, 7), (7, 2, 6), (2, 3, 6), (3, 5, 6), (3, 4, 5)]
+    R = turned_by(*turn)
+    points = [R @ (x, y, z) for y in (0.0, 0.2) for x, z in wall]
+    faces = [*caps, *(tuple(8 + n for n in cap[::-1]) for cap in caps)]
+    for n in range(8):
+        after = (n + 1) % 8
+        faces += [(n, 8 + after, after), (n, 8 + n, 8 + after)]
+    text = "".join("v {} {} {}\n".format(*point) for point in points)
+    text += "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces)
+    parts = mesh_parts(write(tmp_path / "w.obj", text), np.ones(3), notes := [])
+    assert notes == ["w.obj: 1 of 1 pieces not convex: cut into prisms, within 0.000 m"]
+    inside = np.array([(1.0, 0.1, 1.0), (2.5, 0.1, 2.2), (2.5, 0.1, 1.0)]) @ R.T
+    nearest = np.min([solid_of(part).distance(inside) for part in parts], axis=0)
+    np.testing.assert_allclose(nearest, (0.0, 0.0, 0.5), atol=1e-6)
 
 
 def test_pieces_by_their_kind(tmp_path):
