@@ -1,40 +1,34 @@
-"""Checks of the messages of a log: numbers, times, digests, hashes and the chain."""
+"""Checks of the messages of a log: numbers, times, hashes, the chain, and what settings make."""
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from wayproof.harness.decision import Difference, chain_hash
+from wayproof.harness.ending import BETWEEN_DECISIONS
 from wayproof.harness.input_messages import unit_quaternion
 from wayproof.harness.log.digest import CONTENT
 from wayproof.harness.log.reader import Log
 from wayproof.harness.log.streams import own_streams
-from wayproof.harness.replay.consistency.subject import HALF_STEP_S, Subject
+from wayproof.harness.perturbations import UNPERTURBED
+from wayproof.harness.recompute.moments import Segment
 from wayproof.harness.replay.content import Content
-from wayproof.harness.result import RECORDED_FIELDS, RESULT_FIELDS, is_recovered
+from wayproof.harness.result import RECORDED_FIELDS, RESULT_FIELDS, ends_in_error, is_recovered
 from wayproof.harness.schema import wayproof_pb2 as pb
 
-NUMBERED = ("poses", "latencies", "truths", "streams")
-"""Kinds of messages with one message per decision."""
-
-NUMBERED_OF_GOALS = ("poses", "goals", "latencies", "truths", "streams")
-"""Kinds of messages with one message per decision in a mission with several goals."""
-
-NUMBERED_OF_RECORDING = ("poses", "goals", "latencies", "motions", "streams")
-"""Kinds of messages with one message per decision of a recording, which has no truth."""
-
 INPUTS = ("poses", "goals", "latencies")
-"""Kinds of them that are inputs, which are not read for a row of a study."""
+"""Kinds of messages that are inputs, which are not read for a row of a study."""
 
 
 def check_digest(log: Log, content: Content) -> Iterator[Difference]:
     """Check that the file's digest is that in the result."""
-    recorded = log.result.get(CONTENT)
-    if content.digest and recorded != content.digest:
-        yield Difference("content digest", recorded or "none", content.digest)
+    if content.digest:
+        yield from differs("content digest", log.result.get(CONTENT) or "none", content.digest)
 
 
 def check_fields(log: Log) -> Iterator[Difference]:
@@ -53,40 +47,28 @@ def check_numbering(subject: Subject) -> Iterator[Difference]:
     content, last_ns = subject.content, -1
     for number, decision in enumerate(content.decisions):
         name, now_ns = f"/decision[{number}]", decision.timestamp.ToNanoseconds()
-        if decision.sequence != number:
-            yield Difference(f"{name}.sequence", str(decision.sequence), str(number))
-            return
+        yield from differs(f"{name}.sequence", decision.sequence, number)
         if now_ns <= last_ns:
             yield Difference(f"{name}.timestamp", f"{now_ns} ns", f"more than {last_ns} ns")
         last_ns = now_ns
-    stamps = [(one.sequence, one.timestamp.ToNanoseconds()) for one in content.decisions]
-    for kind in _numbered(subject.log):
+    stamps = [_stamp(one) for one in content.decisions]
+    recorded = subject.log.config.recording is not None
+    goals = ["goals"] if subject.log.has_goals else []
+    own = "motions" if recorded else "truths"  # of a recording there is no truth
+    for kind in ("poses", *goals, "latencies", own, "streams"):
         messages: Sequence[pb.Truth] = getattr(content, kind)
         if kind in INPUTS and not messages and not content.inputs:
             continue  # not read for a row of a study
-        yield from _stamps(kind, messages, stamps, subject.incomplete)
+        found = [_stamp(one) for one in messages]
+        may_lead = subject.incomplete and kind in (*INPUTS, "motions")  # at an error, by one
+        if not may_lead or len(found) != len(stamps) + 1:
+            yield from differs(f"number of {kind}", len(found), len(stamps))
+        for number, pair in enumerate(zip(found, stamps, strict=False)):
+            yield from differs(f"{kind}[{number}]", *pair)
 
 
-def _numbered(log: Log) -> tuple[str, ...]:
-    """Return the kinds of messages with one message per decision."""
-    if log.config.recording is not None:
-        return NUMBERED_OF_RECORDING
-    return NUMBERED_OF_GOALS if log.has_goals else NUMBERED
-
-
-def _stamps(
-    kind: str, messages: Sequence[pb.Truth], stamps: list[tuple[int, int]], may_lead: bool
-) -> Iterator[Difference]:
-    """Check numbers and times of one kind of messages; at an error inputs may lead by one."""
-    found = [(one.sequence, one.timestamp.ToNanoseconds()) for one in messages]
-    leads = may_lead and kind in (*INPUTS, "motions") and len(found) == len(stamps) + 1
-    if len(found) != len(stamps) and not leads:
-        yield Difference(f"number of {kind}", str(len(found)), str(len(stamps)))
-    for number, (one, expected) in enumerate(zip(found, stamps, strict=False)):
-        if one != expected:
-            place = f"{kind}[{number}]"
-            yield Difference(place, "{} at {} ns".format(*one), "{} at {} ns".format(*expected))
-            return
+def _stamp(message: pb.Truth | pb.Decision) -> str:
+    return f"{message.sequence} at {message.timestamp.ToNanoseconds()} ns"
 
 
 def check_period(subject: Subject) -> Iterator[Difference]:
@@ -97,7 +79,6 @@ def check_period(subject: Subject) -> Iterator[Difference]:
         if abs(now - before - period) > HALF_STEP_S:
             name = f"time between decisions {number - 1} and {number}"
             yield Difference(name, f"{now - before:.3f} s", f"{period:.3f} s")
-            return
 
 
 def check_chain(subject: Subject) -> Iterator[Difference]:
@@ -105,16 +86,13 @@ def check_chain(subject: Subject) -> Iterator[Difference]:
 
     A log of decisions keeps few global paths; the links of the others cannot be computed.
     """
-    thinned = subject.log.record == "decisions"
-    before = ""
+    thinned, before = subject.log.record == "decisions", ""
     for decision in subject.content.decisions:
         again = chain_hash(decision, before)
         before = decision.chain
-        if again != before and not (thinned and not decision.global_path):
-            yield Difference(f"/decision[{decision.sequence}].chain", before, again)
-            return
-    if subject.log.result["chain"] != before:
-        yield Difference("result.chain", subject.log.result["chain"], before)
+        if not thinned or decision.global_path:
+            yield from differs(f"/decision[{decision.sequence}].chain", before, again)
+    yield from differs("result.chain", subject.log.result["chain"], before)
 
 
 def check_inputs(subject: Subject) -> Iterator[Difference]:
@@ -122,22 +100,12 @@ def check_inputs(subject: Subject) -> Iterator[Difference]:
     content = subject.content
     for decision, had in zip(content.decisions, content.inputs, strict=False):
         name = f"/decision[{decision.sequence}].input_digest"
-        if decision.input_digest != had.digest:
-            yield Difference(name, decision.input_digest, had.digest)
-            return
+        yield from differs(name, decision.input_digest, had.digest)
     for decision, pose in zip(content.decisions, content.poses, strict=False):
-        pairs = {
-            "position": (list(decision.position), list(pose.position)),
-            "quaternion": (
-                list(decision.quaternion),
-                unit_quaternion(np.array(pose.quaternion)).tolist(),
-            ),
-            "position_sigma": (decision.position_sigma, pose.position_sigma),
-        }
-        for field, (one, other) in pairs.items():
-            if one != other:
-                yield Difference(f"/decision[{decision.sequence}].{field}", f"{one}", f"{other}")
-                return
+        name, turn = f"/decision[{decision.sequence}]", unit_quaternion(np.array(pose.quaternion))
+        yield from differs(f"{name}.position", list(decision.position), list(pose.position))
+        yield from differs(f"{name}.quaternion", list(decision.quaternion), turn.tolist())
+        yield from differs(f"{name}.position_sigma", decision.position_sigma, pose.position_sigma)
 
 
 def check_hashes(subject: Subject) -> Iterator[Difference]:
@@ -147,7 +115,134 @@ def check_hashes(subject: Subject) -> Iterator[Difference]:
         recorded = {one.name: one.hash for one in streams.streams}
         expected_names = {f"sensor/{name}" for name in subject.segment_of(streams.sequence).beams}
         for name in sorted({*expected_names, *own_streams(subject.log.config)}):
-            one, other = recorded.get(name, "none"), had.hashes[name]
-            if one != other:
-                yield Difference(f"/streams[{streams.sequence}].{name}", one, other)
-                return
+            place = f"/streams[{streams.sequence}].{name}"
+            yield from differs(place, recorded.get(name, "none"), had.hashes[name])
+
+
+def check_delays(subject: Subject) -> Iterator[Difference]:
+    """Check that a modelled delay follows from the config, and each decision repeats it."""
+    content = subject.content
+    for decision, latency in zip(content.decisions, content.latencies, strict=False):
+        number = decision.sequence
+        config = subject.segment_of(number).config.latency
+        yield from differs(f"/latency[{number}].mode", latency.mode, config.mode)
+        expected = latency.delay_s
+        if config.mode == "modelled":
+            expected = config.expected + subject.perturbed(number)[1]
+        yield from differs(f"/latency[{number}].delay_s", latency.delay_s, expected)
+        yield from differs(f"/decision[{number}].delay_s", decision.delay_s, expected)
+
+
+def check_perturbation(subject: Subject) -> Iterator[Difference]:
+    """Check perturbation records by the config; without a perturbation there is none."""
+    records = {one.sequence: one for one in subject.content.perturbations}
+    for decision in subject.content.decisions:
+        number = decision.sequence
+        place, record = f"/perturbation[{number}]", records.get(number)
+        perturbation = subject.segment_of(number).config.perturbation
+        kinds = [one.kind if one else "none" for one in (record, perturbation)]
+        yield from differs(place, *kinds)
+        if record is None or perturbation is None:
+            continue
+        active, delay_s = subject.perturbed(number)
+        amount = perturbation.amount if active else perturbation.nothing
+        yield from differs(f"{place}.severity", record.severity, math.ceil(perturbation.severity))
+        yield from differs(f"{place}.amount", record.amount, amount)
+        yield from differs(f"{place}.added_delay_s", record.added_delay_s, delay_s)
+
+
+def check_places(subject: Subject) -> Iterator[Difference]:
+    """Check that start and goals of the mission are those of the resolved config."""
+    for segment in subject.segments:
+        config, mission = segment.config, segment.mission
+        yield from differs("config.waypoints", len(config.waypoints), len(mission.waypoints))
+        pairs = [("start", config.start, mission.start), ("goal", config.goal, mission.goal)]
+        both = zip(config.waypoints, mission.waypoints, strict=False)
+        pairs += [("waypoints", *points) for points in both]
+        for name, placed, point in pairs:
+            if placed is not None:
+                yield from differs(f"config.{name}", tuple(placed), point[: len(placed)])
+
+
+def check_goals(subject: Subject) -> Iterator[Difference]:
+    """Check that the goal of each decision is the next one, by the goals reached before."""
+    content, reached = subject.content, 0
+    for decision, goal in zip(content.decisions, content.goals, strict=False):
+        number = decision.sequence
+        goals = subject.segment_of(number).mission.goals
+        index = min(reached, len(goals) - 1)
+        got, expected = (
+            f"goal {k}, {list(at)}"
+            for k, at in ((goal.index, goal.position), (index, goals[index]))
+        )
+        yield from differs(f"/goal[{number}]", got, expected)
+        reached += decision.action == "goal"
+
+
+SAME = 1e-9
+"""Relative difference up to which two figures, summed in different orders, are equal."""
+
+HALF_STEP_S = 0.005
+"""Tolerance of the period of decisions, s: half of the longest physics step."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A log and its messages, the subject of the checks.
+
+    Attributes:
+        log: Head of the log.
+        content: Messages of the log.
+        segments: Settings by segment; one if the log was never forked.
+    """
+
+    log: Log
+    content: Content
+    segments: tuple[Segment, ...]
+
+    def segment_of(self, number: int) -> Segment:
+        """Return the settings of a decision."""
+        return next(one for one in reversed(self.segments) if one.begin <= max(number, 0))
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether the result says that the episode ended in an error."""
+        return ends_in_error(self.log.result)
+
+    @property
+    def ends_at_decision(self) -> bool:
+        """Whether the outcome is one that a decision brings about, not the simulation."""
+        return self.log.result["outcome"] not in BETWEEN_DECISIONS
+
+    def perturbed(self, number: int) -> tuple[bool, float]:
+        """Return whether the perturbation acts on a decision, and the delay that it adds, s."""
+        segment = self.segment_of(number)
+        config, perturbation = segment.config, segment.config.perturbation or UNPERTURBED
+        if config.recording is not None:
+            time_ns = self.content.decisions[number].timestamp.ToNanoseconds()
+        else:
+            rate = next(iter(segment.beams.values())).rate  # as in `harness.sim.injector`
+            time_ns = round(number / rate * 1e9)
+        if not perturbation.is_active(time_ns):
+            return False, 0.0
+        return True, perturbation.delay_at(config.seed, time_ns)
+
+
+def differs(place: str, recorded: object, expected: object) -> Iterator[Difference]:
+    """Yield a difference unless two values are equal."""
+    if recorded != expected:
+        yield Difference(place, str(recorded), str(expected))
+
+
+def is_number(text: str | None, value: float) -> bool:
+    """Return whether a text is a number, but for the order in which it was summed."""
+    recorded = number_of(text)
+    return recorded is not None and math.isclose(recorded, value, rel_tol=SAME, abs_tol=SAME)
+
+
+def number_of(text: str | None) -> float | None:
+    """Return the number that a text holds; None if it holds none."""
+    try:
+        return float(text or "")
+    except ValueError:
+        return None

@@ -10,7 +10,7 @@ from tests.harness.replay.forgeries import CLAIMS, EDITS, Forgery, forge
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.cli.main import main
 from wayproof.harness.counterfactual.check import Verdict
-from wayproof.harness.counterfactual.record import record_check
+from wayproof.harness.counterfactual.verdict import record_check
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.copy import thin
 from wayproof.harness.log.reader import open_log
@@ -19,8 +19,7 @@ from wayproof.harness.recompute.rebuild import made_otherwise
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.replay.fork import fork
-from wayproof.harness.replay.replay import replay
-from wayproof.harness.replay.scope import scope_of
+from wayproof.harness.replay.replay import replay, scope_of
 from wayproof.harness.replay.signature import new_key, read_private_key, sign
 from wayproof.harness.replay.verify import verify
 
