@@ -114,7 +114,7 @@ class OpenEpisode:
                 self.log.attach(PREDICTOR_STDERR, bounded(text))
             result = self.episode.result
             if result.outcome not in ("success", "error") and result.decisions:
-                from wayproof.harness.attribution.attribution import with_cause  # slow to load
+                from wayproof.harness.attribution.procedure import with_cause  # slow to load
 
                 result = with_cause(result, self.scenario, self.log)
             result = finish(self.episode, self.log, result)

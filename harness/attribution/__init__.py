@@ -2,15 +2,13 @@
 
 from wayproof.harness.attribution.case import Case, Moment, read_case
 from wayproof.harness.attribution.finding import CAUSES, Finding
-from wayproof.harness.attribution.procedure import NearMiss, find_cause, near_misses
+from wayproof.harness.attribution.procedure import find_cause
 
 __all__ = [
     "CAUSES",
     "Case",
     "Finding",
     "Moment",
-    "NearMiss",
     "find_cause",
-    "near_misses",
     "read_case",
 ]

@@ -3,37 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
-from wayproof.harness.attribution.case import Case, Moment, with_whole_area
+from wayproof.harness.attribution.case import Case, Moment, moments_of, with_whole_area
 from wayproof.harness.attribution.contact import cause_of_contact, near_to_contact
 from wayproof.harness.attribution.contact_facts import contact_facts
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.attribution.standstill import cause_of_standstill, near_to_standstill
 from wayproof.harness.attribution.standstill_facts import standstill_facts
-from wayproof.harness.result import Contact
+from wayproof.harness.attribution.true_space import TrueSpace
+from wayproof.harness.goals import leg_towards
+from wayproof.harness.log.codec.messages import read_unfinished
+from wayproof.harness.log.writer import LogWriter
+from wayproof.harness.recompute.rebuild import segment_of
+from wayproof.harness.result import Contact, Result
+from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.stack.rolling_window import edge_of
 
 TOO_LARGE = "the operating area is too large to search all of it for a way"
-
-
-@dataclass(frozen=True)
-class NearMiss:
-    """Moment at which the robot was nearer to something than half its margin.
-
-    Attributes:
-        decision: Number of the decision.
-        time_s: Simulated time, s.
-        clearance_m: True clearance of the body, m.
-        finding: Its cause.
-    """
-
-    decision: int
-    time_s: float
-    clearance_m: float
-    finding: Finding
 
 
 def find_cause(case: Case) -> Finding | None:
@@ -72,26 +61,6 @@ def near_causes(case: Case) -> frozenset[str]:
     return frozenset() if whole is None else near_to_standstill(standstill_facts(whole))
 
 
-def near_misses(case: Case, most: int = 5) -> list[NearMiss]:
-    """Return near misses, the nearest moment of each, without that of a contact.
-
-    Args:
-        case: The episode.
-        most: Maximum number, the nearest ones.
-    """
-    runs: list[list[Moment]] = [[]]
-    for moment in case.moments:
-        if moment.truth.clearance_m < 0.5 * moment.decision.localization_margin_m:
-            runs[-1].append(moment)
-        elif runs[-1]:
-            runs.append([])
-    if runs[-1] and case.outcome == "collision":
-        runs.pop()
-    nearest = [min(run, key=lambda one: one.truth.clearance_m) for run in runs if run]
-    nearest = sorted(nearest, key=lambda one: one.truth.clearance_m)[:most]
-    return [_near_miss(case, one) for one in sorted(nearest, key=lambda one: one.time_ns)]
-
-
 def nearest_contact(case: Case, moment: Moment) -> Contact:
     """Return a contact with what was nearest to the robot at a moment."""
     case.space.place_movers(moment.truth)
@@ -101,7 +70,40 @@ def nearest_contact(case: Case, moment: Moment) -> Contact:
     return Contact(name, (x, y, z))
 
 
-def _near_miss(case: Case, moment: Moment) -> NearMiss:
-    time_s = moment.time_ns * 1e-9
-    finding = cause_of_contact(case, nearest_contact(case, moment), time_s)
-    return NearMiss(moment.decision.sequence, time_s, moment.truth.clearance_m, finding)
+def with_cause(result: Result, scenario: Scenario, log: LogWriter) -> Result:
+    """Return the result of a failure, which is no error, with its cause.
+
+    Args:
+        result: Result of the episode, with at least one decision.
+        scenario: Scenario of the episode.
+        log: Its full log, without a result yet.
+
+    Raises:
+        OSError: The log cannot be written or read.
+    """
+    log.flush()
+    moments = tuple(moments_of(read_unfinished(log.partial_path)))
+    if len(moments) != result.decisions:
+        raise OSError(
+            f"log '{log.partial_path}': {len(moments)} decisions can be read, "
+            f"expected the {result.decisions} that were written"
+        )
+    case = Case(
+        config=scenario.config,
+        mission=leg_towards(scenario.mission, moments[-1].goal),
+        segments=(segment_of(scenario),),
+        outcome=result.outcome,
+        reason=result.reason,
+        end_s=result.sim_time_s,
+        contact=Contact.from_text(result.contact),
+        moments=moments,
+        space=TrueSpace(scenario.scene.mjcf),
+    )
+    finding = find_cause(case)
+    assert finding is not None
+    return replace(
+        result,
+        cause=finding.cause,
+        cause_evidence=finding.evidence,
+        cause_decision=finding.decision,
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rich.console import Console
@@ -11,7 +11,8 @@ from rich.table import Table
 
 if TYPE_CHECKING:
     from wayproof.harness.explain import Card
-    from wayproof.harness.explain.blocking_cells import BlockingCell
+    from wayproof.harness.explain.card import BlockingCell
+    from wayproof.harness.schema import wayproof_pb2 as pb
 
 Row = tuple[str, str]
 """Name and text of a row."""
@@ -19,9 +20,10 @@ Row = tuple[str, str]
 
 def print_card(console: Console, card: Card) -> None:
     """Print the card of a decision as a table of two columns."""
-    label = "" if card.label == "none" else f" [{card.label}]"
+    one = card.decision
+    label = "" if one.label == "none" else f" [{one.label}]"
     table = Table(
-        title=f"decision {card.sequence} at {card.time_s:.1f} s: {card.action}{label}",
+        title=f"decision {one.sequence} at {card.time_s:.1f} s: {one.action}{label}",
         title_justify="left",
         show_header=False,
     )
@@ -33,36 +35,42 @@ def print_card(console: Console, card: Card) -> None:
 
 
 def _rows(card: Card) -> Iterator[Row]:
-    yield "why", card.reason
+    one, perturbation = card.decision, card.config.perturbation
+    yield "why", one.reason
     if card.stack:
         yield "stack", f"{card.stack}: {card.answer}"
-        yield "referee", card.verdict
+        yield "referee", _verdict(one.verdict)
     yield "map", _map(card)
     yield "evidence on the path", _evidence(card)
     yield "pose", _pose(card)
     yield "inflation", _inflation(card)
-    yield "stages", ", ".join(f"{name} {ms:.1f}" for name, ms in card.stages_ms.items()) + " ms"
+    yield "stages", _stages(one.stages)
     yield "delay", _delay(card)
     yield "path", _path(card)
-    if card.floor:
-        yield "floor", card.floor
     if card.unmeasured:
         yield "not measured", card.unmeasured
-        yield "committed rests on", _rests(card.committed_evidence)
-        yield "global path rests on", _rests(card.global_evidence)
-    if card.perturbation:
-        yield "perturbed", card.perturbation
+        yield "committed rests on", _rests(one.committed_evidence)
+        yield "global path rests on", _rests(one.global_evidence)
+    if perturbation is not None:
+        yield "perturbed", f"{perturbation.kind} {perturbation.amount:g} {perturbation.unit}"
     for cell in card.blocking:
         yield "blocked by", _blocking(cell)
 
 
+def _verdict(verdict: pb.Verdict) -> str:
+    """Return the referee's verdict in words."""
+    limited = "; beyond the body's limits, judged within them" if verdict.limited else ""
+    cut = "; the guard braked in its place" if verdict.cut else ""
+    return f"{verdict.verdict}, free for {verdict.free_m:.2f} m{limited}{cut}"
+
+
 def _map(card: Card) -> str:
-    held = "" if card.version_holds else " (the replayed map differs)"
+    one, held = card.decision, "" if card.version_holds else " (the replayed map differs)"
     if card.keyframe is not None:
         held += f", from the log's map after decision {card.keyframe}"
     return (
-        f"{card.representation}, {card.resolution_m:g} m cells, unknown: "
-        f"{card.unknown_policy}, version {card.version[:12]}{held}"
+        f"{one.representation}, {one.resolution_m:g} m cells, unknown: "
+        f"{one.unknown_policy}, version {one.map_version[:12]}{held}"
     )
 
 
@@ -75,16 +83,19 @@ def _evidence(card: Card) -> str:
 
 
 def _pose(card: Card) -> str:
-    place = ", ".join(f"{value:.2f}" for value in card.position)
+    place = ", ".join(f"{value:.2f}" for value in card.decision.position)
     error = f"{card.pose_error_m:.3f} m"
     error = f"off the recorded pose by {error}" if _recorded(card) else f"truly {error} off"
-    return f"({place}) m, sigma {card.position_sigma_m:.3f} m; {error}"
+    return f"({place}) m, sigma {card.decision.position_sigma:.3f} m; {error}"
 
 
 def _inflation(card: Card) -> str:
     from wayproof.harness.clearance import true_in_metres
+    from wayproof.harness.decision import widened_in_words
 
-    text = f"{card.inflation_radius_m:.2f} m, of it {card.margin_m:.2f} m margin{card.widened}"
+    one, widened = card.decision, widened_in_words(card.decision)
+    margin = f"{one.localization_margin_m:.2f} m margin{widened}"
+    text = f"{one.inflation_radius_m:.2f} m, of it {margin}"
     if _recorded(card):
         return text
     return f"{text}; true clearance {true_in_metres(card.true_clearance_m)}"
@@ -95,24 +106,33 @@ def _recorded(card: Card) -> bool:
     return math.isnan(card.true_clearance_m)
 
 
+def _stages(stages: pb.StageLatency) -> str:
+    names = ("sense", "map", "costmap", "plan", *(["predict"] if stages.predict_ms else []))
+    return ", ".join(f"{name} {getattr(stages, f'{name}_ms'):.1f}" for name in names) + " ms"
+
+
 def _delay(card: Card) -> str:
-    missed = ": MISSED" if card.deadline_missed else ""
+    one, missed = card.decision, ": MISSED" if card.decision.deadline_missed else ""
     return (
-        f"{card.delay_s * 1e3:.0f} ms, {card.expected_delay_s * 1e3:.0f} expected, deadline "
-        f"{card.deadline_s * 1e3:.0f}{missed}"
+        f"{one.delay_s * 1e3:.0f} ms, {card.config.latency.expected * 1e3:.0f} expected, deadline "
+        f"{one.deadline_s * 1e3:.0f}{missed}"
     )
 
 
 def _path(card: Card) -> str:
-    from wayproof.harness.clearance import in_metres
+    from wayproof.harness.clearance import in_metres, map_clearance_is_bound
 
-    least = in_metres(card.least_clearance_m, card.least_clearance_is_bound)
-    text = f"{_way(card)}, {card.committed_m:.2f} m committed, least clearance there {least}"
+    one, bound = (
+        card.decision,
+        map_clearance_is_bound(card.decision, card.config.costmap.cost_range),
+    )
+    least = in_metres(one.least_clearance_m, bound)
+    text = f"{_way(card)}, {one.committed_length_m:.2f} m committed, least clearance there {least}"
     if card.stack:  # it did its own search
         return text
-    if not card.planner:
+    if not one.planner:
         return f"{text}; path kept"
-    return f"{text}; {card.planner}, {card.iterations} iterations"
+    return f"{text}; {one.planner}, {one.planner_iterations} iterations"
 
 
 def _way(card: Card) -> str:
@@ -123,7 +143,8 @@ def _way(card: Card) -> str:
     if not card.path_leads_to:
         return f"none; {straight}"
     to_goal = card.path_leads_to == "the goal"
-    path = f"{card.path_length_m:.2f} m to {card.goal if to_goal else card.path_leads_to}"
+    end = card.goal if to_goal else card.path_leads_to
+    path = f"{card.decision.path_length_m:.2f} m to {end}"
     return path if to_goal else f"{path}; {straight}"
 
 
@@ -137,9 +158,10 @@ def _planned(card: Card) -> str:
     )
 
 
-def _rests(lengths: Mapping[str, float]) -> str:
+def _rests(evidence: pb.Evidence) -> str:
     """Describe the evidence that a path rests on."""
-    parts = [f"{metres:.2f} m {name}" for name, metres in lengths.items() if metres > 0.0]
+    lengths = {one.name: getattr(evidence, one.name) for one in evidence.DESCRIPTOR.fields}
+    parts = [f"{m:.2f} m {name.removesuffix('_m')}" for name, m in lengths.items() if m > 0.0]
     return ", ".join(parts) or "no path"
 
 

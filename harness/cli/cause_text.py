@@ -1,4 +1,4 @@
-"""Cause of a failure, near misses, and the check of a cause, in words."""
+"""Cause of a failure, and the check of a cause, in words."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from wayproof.harness.attribution import Finding, NearMiss
+    from wayproof.harness.attribution import Finding
     from wayproof.harness.counterfactual.verdict import Check, Verdict
 
 
@@ -23,16 +23,6 @@ def print_finding(console: Console, finding: Finding, outcome: str) -> None:
     x, y, z = finding.place
     chance = "last chance at" if outcome in TOUCHED and finding.decision >= 0 else "at"
     console.print(f"  {chance} decision {finding.decision}; at ({x:.2f}, {y:.2f}, {z:.2f})")
-
-
-def print_misses(console: Console, misses: Sequence[NearMiss]) -> None:
-    """Print each near miss with the cause of its small clearance."""
-    for miss in misses:
-        finding = miss.finding
-        console.print(
-            f"near miss at {miss.time_s:.1f} s (decision {miss.decision}): {miss.clearance_m:.3f} m"
-            f"; {finding.cause}: {finding.evidence}"
-        )
 
 
 def print_verdict(console: Console, verdict: Verdict) -> None:

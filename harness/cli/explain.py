@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import statistics
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from rich.console import Console
 
 from wayproof.harness.cli import shared
 from wayproof.harness.cli.card_table import print_card
-from wayproof.harness.cli.cause_text import print_finding, print_misses, print_verdict
+from wayproof.harness.cli.cause_text import print_finding, print_verdict
 from wayproof.harness.cli.metrics import print_metrics
 from wayproof.harness.cli.verb import (
     Document,
@@ -29,13 +29,12 @@ from wayproof.harness.cli.verb import (
 from wayproof.harness.errors import InputError
 
 if TYPE_CHECKING:
-    from wayproof.harness.attribution import Case, Finding, NearMiss
+    from wayproof.harness.attribution import Case, Finding
     from wayproof.harness.counterfactual.verdict import Verdict
     from wayproof.harness.explain import Card, Phase
     from wayproof.harness.log.reader import Log
     from wayproof.harness.stack.pipeline import Navigator
 
-SHOWN_MISSES = 5
 SHOWN_STDERR = 8
 
 
@@ -103,7 +102,7 @@ def _explain_decision(
     print_card(console, card)
     if options.png is not None:
         _draw(log, case, card, navigator, target=options.png, console=console)
-    return asdict(card)
+    return card.document()
 
 
 def _card(log: Log, number: int) -> tuple[Case, Card, Navigator]:
@@ -116,20 +115,18 @@ def _card(log: Log, number: int) -> tuple[Case, Card, Navigator]:
     case = case.as_of(number)
     keyframe = case.keyframe_at(number)
     navigator = case.navigator_at(number, keyframe)
-    card = make_card(case, number, navigator)
-    if keyframe is not None:
-        card = replace(card, keyframe=keyframe.sequence)
-    return case, card, navigator
+    begin = None if keyframe is None else keyframe.sequence
+    return case, make_card(case, number, navigator, begin), navigator
 
 
 def _explain_episode(log: Log, options: argparse.Namespace, console: Console) -> Document:
-    from wayproof.harness.counterfactual.record import read_check
+    from wayproof.harness.counterfactual.verdict import read_check
 
     if log.config.recording is not None and options.check:
         raise InputError("--check: simulates again, which a recording cannot")
     course = _course(log)
     _print_course(log, course, console)
-    case, finding, misses = _why(log)
+    case, finding = _why(log)
     verdict = _check(log, finding, options.stack) if options.check else read_check(log)
     if verdict is not None:
         finding = verdict.finding
@@ -137,7 +134,6 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
         print_finding(console, finding, log.result["outcome"])
     if verdict is not None:
         print_verdict(console, verdict)
-    print_misses(console, misses)
     if options.png is not None:
         _draw_episode(log, case, finding, target=options.png, console=console)
     document: Document = {
@@ -148,7 +144,6 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
         "stderr": log.stderr,
         "phases": [asdict(phase) for phase in course],
         "cause": None if finding is None else asdict(finding),
-        "near_misses": [asdict(miss) for miss in misses],
     }
     if verdict is not None:
         document["check"] = asdict(verdict)
@@ -207,18 +202,17 @@ def _last_lines(log: Log) -> list[str]:
     return [line for line in log.stderr.splitlines() if line.strip()][-SHOWN_STDERR:]
 
 
-def _why(log: Log) -> tuple[Case | None, Finding | None, list[NearMiss]]:
-    """Return the cause and the near misses; of a log without sweeps, the cause in its result."""
-    from wayproof.harness.attribution import find_cause, near_misses, read_case
+def _why(log: Log) -> tuple[Case | None, Finding | None]:
+    """Return case and cause; of a log without sweeps, the cause in its result alone."""
+    from wayproof.harness.attribution import find_cause, read_case
 
     failed = log.result["outcome"] == "error"
     if log.record == "decisions" or (failed and next(iter(log.decisions()), None) is None):
-        return None, _stored_cause(log), []
+        return None, _stored_cause(log)
     case = read_case(log)
     if log.config.recording is not None:
-        return case, None, []  # without truth there is neither failure nor cause
-    finding = _stored_cause(log) if failed else find_cause(case)
-    return case, finding, near_misses(case, SHOWN_MISSES)
+        return case, None  # without truth there is neither failure nor cause
+    return case, _stored_cause(log) if failed else find_cause(case)
 
 
 def _stored_cause(log: Log) -> Finding | None:

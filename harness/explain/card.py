@@ -6,19 +6,18 @@ The map of the decision is rebuilt from the inputs of the log.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution import Case, Moment
 from wayproof.harness.attribution.commanded import admitted_length
-from wayproof.harness.clearance import map_clearance_is_bound, true_clearance_is_bound
-from wayproof.harness.decision import path_of, widened_in_words
+from wayproof.harness.config import Config
+from wayproof.harness.decision import path_of
 from wayproof.harness.errors import InputError
-from wayproof.harness.explain.blocking_cells import BlockingCell, blocking_cells
-from wayproof.harness.explain.commanded import Commanded, command_in_words, commanded
-from wayproof.harness.explain.floor import floor_in_words
+from wayproof.harness.explain.commanded import command_in_words, commanded
 from wayproof.harness.goals import goal_name
 from wayproof.harness.log.paths import densely, length
 from wayproof.harness.prediction_config import NO_PREDICTOR
@@ -26,117 +25,102 @@ from wayproof.harness.prior_config import NO_PRIOR
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.labels import combined_version
 from wayproof.harness.stack.pipeline import Navigator
+from wayproof.maps.states import FREE, OCCUPIED, UNKNOWN
 
 Array = NDArray[np.float64]
 
 
+SHOWN_CELLS = 5
+"""Maximum number of blocking cells on a card, those nearest to the path."""
+
+
 @dataclass(frozen=True)
-class Card:
-    """One decision.
+class BlockingCell:
+    """Cell that blocks the path.
 
     Attributes:
-        sequence: Number of the decision.
+        state: `occupied`, `unknown`, or `floor not seen`: the column is free above its floor.
+        place: (x, y, z) of its centre, m; on the ground of its column.
+        distance_m: Distance from the robot, m.
+        age_s: Time since its last observation, s; None without one.
+        probability: Probability of occupancy; on the ground the greatest in its column.
+    """
+
+    state: str
+    place: tuple[float, float, float]
+    distance_m: float
+    age_s: float | None
+    probability: float
+
+
+@dataclass(frozen=True)
+class Card:
+    """One decision, and what its map, its inputs and the truth say of it.
+
+    Attributes:
+        decision: The decision, as logged.
+        config: Settings of the decision.
         time_s: Simulated time, s.
-        action: Action.
-        reason: Reason.
-        label: Label.
-        representation: Map representation.
-        version: Hash of the content of the map.
-        version_holds: Whether the rebuilt map has that version.
-        resolution_m: Resolution of the map, m.
-        unknown_policy: Treatment of unknown space by the planner.
-        inflation_radius_m: Body, margin and half the diagonal of a cell, m.
-        margin_m: Localization margin, m.
-        widened: Its excess along x and y, in words after a comma; empty without one.
-        position: Estimated position, m.
-        position_sigma_m: Its standard deviation, as the estimator states it, m.
+        version_holds: Whether the rebuilt map has the version that the decision names.
         pose_error_m: Distance between estimated and true position, m.
         true_clearance_m: True distance from the body to the nearest thing, m.
         oldest_evidence_s: Age of the oldest measurement along the committed path, s.
         median_evidence_s: Median age of the measurements along it, s.
         greatest_probability: Greatest probability of occupancy along it.
         mean_entropy_bits: Mean entropy along it, bits; 1 for an unknown cell.
-        stages_ms: Wall time by stage, ms.
-        delay_s: Delay of the decision, s.
-        expected_delay_s: Delay that the stack expected, s.
-        deadline_s: Deadline, s.
-        deadline_missed: Whether the decision was late and discarded.
-        planner: Planner of the search; empty if the path was kept.
-        iterations: Its iterations.
         goal: The goal that it leads to, in words.
         goal_distance_m: Straight distance from the estimated position to the goal, m; in the plane
             on the ground.
-        path_leads_to: `the goal`, `a viewpoint`, `admitted space`, or empty without a path.
-        path_length_m: Length of the path, m; 0 without one.
-        committed_m: Length of the committed path, m.
-        least_clearance_m: Least clearance along it in the map, m.
-        least_clearance_is_bound: Whether it may be larger, beyond the map's greatest distance.
-        true_clearance_is_bound: Whether the true clearance may be larger in the same way.
         blocking: Cells that end the committed path, nearest first.
-        floor: Floor that its sweeps were levelled by; empty where it was as expected.
-        perturbation: Kind and amount of the perturbation; empty without one.
+        unmeasured: Sources of a prior map and of predictions with their policies; empty without.
         stack: Name of the stack on trial; empty of the built-in one.
-        verdict: Verdict of the referee on its command; empty of the built-in stack.
         answer: The stack's description of its command: motion, reason and scalars, in one line.
         planned_m: Length of the stack's own planned path, m; 0 without one.
         planned_admitted_m: Length of it up to the first cell that the policy does not let the body
             enter in the referee's map, m.
-        unmeasured: Sources of a prior map and of predictions with their policies; empty without.
-        committed_evidence: Lengths of the committed path by what they rest on, m; empty without
-            such.
-        global_evidence: Lengths of the global path by what they rest on, m.
         keyframe: Number of the decision after whose map in the log this map was made again; None
             from the start.
     """
 
-    sequence: int
+    decision: pb.Decision
+    config: Config
     time_s: float
-    action: str
-    reason: str
-    label: str
-    representation: str
-    version: str
     version_holds: bool
-    resolution_m: float
-    unknown_policy: str
-    inflation_radius_m: float
-    margin_m: float
-    widened: str
-    position: tuple[float, ...]
-    position_sigma_m: float
     pose_error_m: float
     true_clearance_m: float
     oldest_evidence_s: float
     median_evidence_s: float
     greatest_probability: float
     mean_entropy_bits: float
-    stages_ms: dict[str, float]
-    delay_s: float
-    expected_delay_s: float
-    deadline_s: float
-    deadline_missed: bool
-    planner: str
-    iterations: int
     goal: str
     goal_distance_m: float
-    path_leads_to: str
-    path_length_m: float
-    committed_m: float
-    least_clearance_m: float
-    least_clearance_is_bound: bool
-    true_clearance_is_bound: bool
     blocking: tuple[BlockingCell, ...]
-    floor: str
-    perturbation: str
-    stack: str = ""
-    verdict: str = ""
-    answer: str = ""
-    planned_m: float = 0.0
-    planned_admitted_m: float = 0.0
-    unmeasured: str = ""
-    committed_evidence: dict[str, float] = field(default_factory=dict)
-    global_evidence: dict[str, float] = field(default_factory=dict)
+    unmeasured: str
+    stack: str
+    answer: str
+    planned_m: float
+    planned_admitted_m: float
     keyframe: int | None = None
+
+    @property
+    def path_leads_to(self) -> str:
+        """`the goal`, `a viewpoint`, `admitted space`, or empty without a path."""
+        if not len(self.decision.global_path):
+            return ""
+        if self.decision.predicate.kind in ("looking_elsewhere", "going_back"):
+            return "a viewpoint"
+        return "admitted space" if self.decision.action == "recover" else "the goal"
+
+    def document(self) -> dict[str, Any]:
+        """Return the figures and words of decision and card, by name, for JSON."""
+        stated = {
+            one.name: getattr(self.decision, one.name)
+            for one in self.decision.DESCRIPTOR.fields
+            if one.message_type is None and not isinstance(getattr(self.decision, one.name), bytes)
+        }
+        stated = {k: v if isinstance(v, str | float | int) else list(v) for k, v in stated.items()}
+        own = {one.name: getattr(self, one.name) for one in fields(self)[2:]}
+        return {**stated, **own, "blocking": [asdict(one) for one in self.blocking]}
 
 
 def moment_of(case: Case, number: int) -> Moment:
@@ -152,13 +136,16 @@ def moment_of(case: Case, number: int) -> Moment:
     return case.moments[number]
 
 
-def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Card:
+def make_card(
+    case: Case, number: int, navigator: Navigator | None = None, keyframe: int | None = None
+) -> Card:
     """Return the card of a decision.
 
     Args:
         case: The episode.
         number: Number of the decision.
         navigator: Stack with the map of the decision, if it exists already.
+        keyframe: Number of the decision of the keyframe that the map was made from, if it was.
 
     Raises:
         InputError: There is no such decision.
@@ -166,139 +153,49 @@ def make_card(case: Case, number: int, navigator: Navigator | None = None) -> Ca
     moment = moment_of(case, number)
     case = case.as_of(number)
     navigator = navigator or case.navigator_at(number)
-    decision = moment.decision
+    decision, axes = moment.decision, case.axes
     ages, probabilities = _evidence(navigator, moment)
-    stages = decision.stages
-    perturbation = case.config.perturbation
-    card = Card(
-        sequence=decision.sequence,
+    version = combined_version(navigator.map.version(), navigator.labels)
+    command = commanded(moment.answer, decision)
+    plan = np.zeros((0, 3)) if command is None else command.planned_path
+    planned = len(plan) >= 2
+    return Card(
+        decision=decision,
+        config=case.config,
         time_s=moment.time_ns * 1e-9,
-        action=decision.action,
-        reason=decision.reason,
-        label=decision.label,
-        representation=decision.representation,
-        version=decision.map_version,
-        version_holds=combined_version(navigator.map.version(), navigator.labels)
-        == decision.map_version,
-        resolution_m=decision.resolution_m,
-        unknown_policy=decision.unknown_policy,
-        inflation_radius_m=decision.inflation_radius_m,
-        margin_m=decision.localization_margin_m,
-        widened=widened_in_words(decision),
-        position=tuple(decision.position),
-        position_sigma_m=decision.position_sigma,
-        pose_error_m=float(np.linalg.norm(moment.error[: case.axes])),
+        version_holds=version == decision.map_version,
+        pose_error_m=float(np.linalg.norm(moment.error[:axes])),
         true_clearance_m=moment.truth.clearance_m,
         oldest_evidence_s=float(ages.max()),
         median_evidence_s=float(np.median(ages)),
         greatest_probability=float(probabilities.max()),
         mean_entropy_bits=float(_entropy(probabilities).mean()),
-        stages_ms={
-            "sense": stages.sense_ms,
-            "map": stages.map_ms,
-            "costmap": stages.costmap_ms,
-            "plan": stages.plan_ms,
-            **({"predict": stages.predict_ms} if stages.predict_ms else {}),
-        },
-        delay_s=decision.delay_s,
-        expected_delay_s=case.config.latency.expected,
-        deadline_s=decision.deadline_s,
-        deadline_missed=decision.deadline_missed,
-        planner=decision.planner,
-        iterations=decision.planner_iterations,
         goal=goal_name(case.segments[-1].mission, 0 if moment.goal is None else moment.goal.index),
-        goal_distance_m=math.dist(decision.position[: case.axes], case.mission.goal[: case.axes]),
-        path_leads_to=_leads_to(decision),
-        path_length_m=decision.path_length_m,
-        committed_m=decision.committed_length_m,
-        least_clearance_m=decision.least_clearance_m,
-        least_clearance_is_bound=map_clearance_is_bound(decision, case.config.costmap.cost_range),
-        true_clearance_is_bound=true_clearance_is_bound(moment.truth.clearance_m),
+        goal_distance_m=math.dist(decision.position[:axes], case.mission.goal[:axes]),
         blocking=blocking_cells(case, moment, navigator),
-        floor=floor_in_words(case, moment),
-        perturbation=""
-        if perturbation is None
-        else f"{perturbation.kind} {perturbation.amount:g} {perturbation.unit}",
+        unmeasured="; ".join(_unmeasured(case.config, moment)),
         stack="" if moment.answer is None else case.config.stack.name,
-        verdict=_verdict(decision),
+        answer="" if command is None else command_in_words(command.message),
+        planned_m=length(plan) if planned else 0.0,
+        planned_admitted_m=(
+            admitted_length(decision, case.mission, navigator.costmap, plan) if planned else 0.0
+        ),
+        keyframe=keyframe,
     )
-    return _with_stack(_with_prior(card, case, moment), case, number, navigator)
 
 
-def command_at(case: Case, number: int) -> Commanded | None:
-    """Return the command of a stack on trial in one decision; None of the built-in stack.
-
-    Raises:
-        InputError: The logged answer is no command.
-    """
-    moment, before = case.moments[number], case.moments[:number]
-    kept = [one.decision.trajectory for one in before if not one.decision.deadline_missed]
-    followed = kept[-1] if kept else None
-    return commanded(moment.answer, moment.decision, followed, case.config, case.mission)
-
-
-def _with_prior(card: Card, case: Case, moment: Moment) -> Card:
-    """Add what only a decision with a prior map or predictions has."""
-    config, decision = case.config, moment.decision
-    prior, prediction = config.prior, config.prediction
-    used = []
+def _unmeasured(config: Config, moment: Moment) -> list[str]:
+    """Return the sources of a prior map and of predictions, in words."""
+    prior, prediction, used = config.prior, config.prediction, []
     if prior.source != NO_PRIOR:
         used.append(f"prior map {prior.source}, {prior.policy}")
     if prediction.source != NO_PREDICTOR:
-        used.append(f"prediction {prediction.source}, {prediction.policy}{_answered(moment)}")
-    if not used:
-        return card
-    return replace(
-        card,
-        unmeasured="; ".join(used),
-        committed_evidence=_lengths(decision.committed_evidence),
-        global_evidence=_lengths(decision.global_evidence),
-    )
-
-
-def _answered(moment: Moment) -> str:
-    """Return how a predictor from outside calls itself, and whether its answer came late."""
-    if moment.prediction is None:
-        return ""
-    late = ", too late" if moment.prediction.late else ""
-    return f" ('{moment.prediction.predictor}'{late})"
-
-
-def _lengths(evidence: pb.Evidence) -> dict[str, float]:
-    names = [field.name for field in evidence.DESCRIPTOR.fields]
-    return {name.removesuffix("_m"): getattr(evidence, name) for name in names}
-
-
-def _with_stack(card: Card, case: Case, number: int, navigator: Navigator) -> Card:
-    """Add what only a decision of a stack on trial has."""
-    command = command_at(case, number)
-    if command is None:
-        return card
-    answer, plan = command_in_words(command.message), command.planned_path
-    if len(plan) < 2:
-        return replace(card, answer=answer)
-    decision = case.moments[number].decision
-    admitted = admitted_length(decision, case.mission, navigator.costmap, plan)
-    return replace(card, answer=answer, planned_m=length(plan), planned_admitted_m=admitted)
-
-
-def _verdict(decision: pb.Decision) -> str:
-    """Return the referee's verdict in words; empty of the built-in stack."""
-    verdict = decision.verdict
-    if not verdict.verdict:
-        return ""
-    limited = "; beyond the body's limits, judged within them" if verdict.limited else ""
-    cut = "; the guard braked in its place" if verdict.cut else ""
-    return f"{verdict.verdict}, free for {verdict.free_m:.2f} m{limited}{cut}"
-
-
-def _leads_to(decision: pb.Decision) -> str:
-    """Return where a path leads; empty without one."""
-    if not len(decision.global_path):
-        return ""
-    if decision.predicate.kind in ("looking_elsewhere", "going_back"):
-        return "a viewpoint"
-    return "admitted space" if decision.action == "recover" else "the goal"
+        answered = ""
+        if moment.prediction is not None:
+            late = ", too late" if moment.prediction.late else ""
+            answered = f" ('{moment.prediction.predictor}'{late})"
+        used.append(f"prediction {prediction.source}, {prediction.policy}{answered}")
+    return used
 
 
 def _evidence(navigator: Navigator, moment: Moment) -> tuple[Array, Array]:
@@ -313,3 +210,81 @@ def _entropy(probabilities: Array) -> Array:
     """Return the Shannon entropy of the occupancy of cells, bits."""
     p = np.clip(probabilities, 1e-9, 1.0 - 1e-9)
     return -(p * np.log2(p) + (1.0 - p) * np.log2(1.0 - p))
+
+
+def blocking_cells(case: Case, moment: Moment, navigator: Navigator) -> tuple[BlockingCell, ...]:
+    """Return the cells that first block the way to the goal by the unknown policy; maybe none.
+
+    The way is the global path, of a stack on trial its planned path; or without one the straight
+    line to the goal.
+    """
+    costmap, decision = navigator.costmap, moment.decision
+    # Of the disc or discs of the decision: an elongated body has two widths.
+    limit, radius = decision.collision_distance_sq, decision.inflation_radius_m
+    field, size = costmap.field(), costmap.resolution
+    way = densely(_way(case, moment), 0.5 * size)
+    cells = np.floor((way - costmap.origin) / size).astype(int)
+    inside = ((cells >= 0) & (cells < costmap.shape)).all(axis=1)
+    cells, way = cells[inside], way[inside]
+    closed = np.flatnonzero(field[tuple(cells.T)] <= limit) if len(cells) else cells[:, 0]
+    if not len(closed):
+        return ()
+    place = way[closed[0]]
+    states = costmap.state
+    wrong = states != FREE if costmap.config.unknown_policy == "forbid" else states == OCCUPIED
+    found = np.argwhere(wrong)
+    centres = np.round(costmap.origin + (found + 0.5) * size, 9)  # as a reason prints them
+    gaps = np.linalg.norm(centres - place, axis=1)
+    nearest = np.argsort(gaps, kind="stable")[:SHOWN_CELLS]
+    nearest = nearest[gaps[nearest] <= radius + size]
+    here = np.array(moment.pose.position)
+    return tuple(
+        _blocking(
+            case, moment, navigator, cell=tuple(found[k].tolist()), centre=centres[k], here=here
+        )
+        for k in nearest
+    )
+
+
+def _blocking(
+    case: Case,
+    moment: Moment,
+    navigator: Navigator,
+    cell: tuple[int, ...],
+    centre: Array,
+    here: Array,
+) -> BlockingCell:
+    """Describe one cell, whose centre is (3,) m, as seen from the body at `here` (3,), m."""
+    occupied = navigator.costmap.state[cell] == OCCUPIED
+    column, state = centre[None], "occupied" if occupied else "unknown"
+    if case.mission.planar:
+        size = navigator.map.resolution
+        heights = np.arange(0.5 * size, case.mission.height, size)
+        column = np.column_stack([np.tile(centre[:2], (len(heights), 1)), heights])
+        floor = np.array([[*centre[:2], 0.0]])
+        unseen = navigator.map.state_at(floor)[0] == UNKNOWN
+        if not occupied and unseen and (navigator.map.state_at(column[1:]) == FREE).all():
+            column, centre, state = floor, floor[0], "floor not seen"
+    observed = int(navigator.map.observed_ns_at(column).max())
+    if state == "floor not seen":
+        observed = -1  # the beams that passed above it looked at no floor
+    x, y, z = centre.tolist()
+    return BlockingCell(
+        state=state,
+        place=(x, y, z),
+        distance_m=float(np.linalg.norm((centre - here)[: case.axes])),
+        age_s=None if observed < 0 else (moment.time_ns - observed) * 1e-9,
+        probability=float(navigator.map.probability_at(column).max()),
+    )
+
+
+def _way(case: Case, moment: Moment) -> Array:
+    """Return the way (n, 3) to the goal that the cells block, m; see `blocking_cells`."""
+    global_path = path_of(moment.decision.global_path)
+    committed = path_of(moment.decision.trajectory.path)
+    if len(global_path) >= 2:
+        return global_path
+    goal = np.array(case.mission.goal)
+    if case.mission.planar:
+        goal[2] = committed[-1, 2]
+    return np.vstack([committed[-1], goal])

@@ -10,12 +10,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.explain.commanded import Commanded, commanded
-from wayproof.harness.explain.stack_costmap import Newest
+from wayproof.harness.explain.commanded import Commanded, Newest, commanded
 from wayproof.harness.inputs import Beams
 from wayproof.harness.log.reader import Log, Record
 from wayproof.harness.recompute.keyframes import map_before, start_at, startable
-from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.recompute.moments import SegmentedStack, segments_of
 from wayproof.harness.recompute.side_by_side import as_input_error
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.pipeline import Navigator
@@ -102,7 +101,6 @@ def moments(log: Log, shown: int = 0) -> Iterator[Moment]:
         InputError: The log is damaged, or its sweeps were left out.
     """
     stack = SegmentedStack(segments_of(log))
-    followed: pb.Trajectory | None = None
     keyframe = map_before(startable(log, log.keyframes()), shown) if shown else None
     for record, truth in log.records_with_truth():
         if keyframe is None or record.decision.sequence > keyframe.sequence:
@@ -110,8 +108,5 @@ def moments(log: Log, shown: int = 0) -> Iterator[Moment]:
         elif record.decision.sequence == keyframe.sequence:
             start_at(stack, keyframe)
         navigator, now = stack.go_to(record.decision.sequence), stack.segment
-        answer, decision = record.answer, record.decision
-        command = commanded(answer, decision, followed, now.config, now.mission)
+        command = commanded(record.answer, record.decision)
         yield Moment(record, truth, now.beams, navigator, command)
-        if not decision.deadline_missed:
-            followed = decision.trajectory

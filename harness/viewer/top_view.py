@@ -22,8 +22,8 @@ from wayproof.harness.attribution.case import true_space
 from wayproof.harness.attribution.true_space import TrueSpace
 from wayproof.harness.decision import path_of
 from wayproof.harness.errors import InputError
-from wayproof.harness.explain.card import Card, command_at
-from wayproof.harness.explain.stack_costmap import Newest, costmap_at
+from wayproof.harness.explain.card import Card
+from wayproof.harness.explain.commanded import Newest, commanded, costmap_at
 from wayproof.harness.log.reader import Log, Record, open_log
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.stack.pipeline import Navigator
@@ -231,10 +231,7 @@ def _draw_plans(axes: Axes, moment: Moment) -> None:
         return
     plan: dict[str, Any] = dict(color=ink(PLANNED), ls="--", zorder=1.9)
     _line(axes, command.planned_path, **plan, label="path planned by the stack")
-    if command.cut:
-        _line(axes, command.admitted, color=ink(BELIEVED), lw=1.2, label="command, admitted part")
-    fate = ", cut by the guard" if command.cut else ""
-    label = f"command, {command.verdict} part{fate}"
+    label = f"command, {command.verdict} part"
     _line(axes, command.refused, color=ink(REFUSED), lw=2.5, zorder=4, label=label)
 
 
@@ -309,13 +306,15 @@ def draw_card(log: Log, case: Case, card: Card, navigator: Navigator, out: Path)
     for one in case.moments:
         position = np.array(one.truth.position)
         view.track.append(Place(one.time_ns, position, np.array(one.pose.position)))
-    here, command = case.moments[card.sequence], command_at(case, card.sequence)
+    number = card.decision.sequence
+    here = case.moments[number]
+    command = commanded(here.answer, here.decision)
     record = Record(here.inputs, here.latency, here.decision, answer=here.answer)
-    moment = Moment(record, here.truth, case.beams_at(card.sequence), navigator, command)
+    moment = Moment(record, here.truth, case.beams_at(number), navigator, command)
     marks = [Mark(cell.place, "blocking cell", "x") for cell in card.blocking]
     if case.contact is not None:
         marks.append(Mark(case.contact.position, "contact", "*"))
-    _write(out, view.draw(moment, costmap_at(case, card.sequence), marks))
+    _write(out, view.draw(moment, costmap_at(case, number), marks))
 
 
 def _write(out: Path, picture: Image.Image) -> None:

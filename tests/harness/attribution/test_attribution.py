@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from tests.tools.faults.fault_scenarios import FAULTS
-from wayproof.harness.attribution import CAUSES, find_cause, near_misses, read_case
+from wayproof.harness.attribution import CAUSES, find_cause, read_case
 from wayproof.harness.attribution import contact as contacts
 from wayproof.harness.attribution import standstill as standstills
 from wayproof.harness.attribution.standstill import lacks_time
 from wayproof.harness.counterfactual.check import check
-from wayproof.harness.counterfactual.record import read_check, record_check
+from wayproof.harness.counterfactual.verdict import read_check, record_check
 from wayproof.harness.log.reader import open_log
 
 
@@ -62,13 +62,3 @@ def test_a_success_has_no_cause(recorded):
     assert (result.cause, result.contact, result.cause_decision) == ("", "", -1)
     case = read_case(open_log(Path(result.log)))
     assert find_cause(case) is None
-    assert near_misses(case) == []
-
-
-def test_near_misses_are_found_in_a_success(recorded):
-    case = read_case(open_log(Path(recorded("empty", "drone", 1).log)))
-    first = case.moments[10]
-    first.truth.clearance_m = 0.01
-    found = near_misses(case)
-    assert [(one.decision, one.clearance_m) for one in found] == [(10, 0.01)]
-    assert found[0].finding.cause in CAUSES

@@ -1,7 +1,6 @@
 """Cards, stories and pictures of recorded episodes."""
 
 import json
-import re
 import shutil
 from pathlib import Path
 
@@ -44,34 +43,12 @@ def test_a_story_joins_decisions_of_one_action():
     assert found[0].reason == "r8"
 
 
-@pytest.mark.parametrize("perturbation", [None, "calibration:3"])
-def test_a_card_says_by_which_floor_sweeps_were_levelled(tmp_path, capsys, perturbation):
-    log, perturbed = (
-        str(tmp_path / "floor.mcap"),
-        ["--perturb", perturbation] if perturbation else [],
-    )
-    arguments = ["cylinders", "--robot", "quadruped", "--seed", "1", "--log", log, *perturbed]
-    main(["run", *arguments, "--set", "episode.time_limit=1"])
-    card = make_card(read_case(open_log(Path(log))), 3)
-    assert main(["explain", log, "3"]) == 0
-    levelled = "levelled" in capsys.readouterr().out
-    assert levelled == bool(card.floor) == (perturbation is not None)
-    if levelled:
-        name, height, tilt = re.fullmatch(
-            r"(\w+) saw it (-?[0-9.]+) cm high below the sensor, tilted by ([0-9.]+) degrees, .*",
-            card.floor,
-        ).groups()
-        assert name == "lidar"
-        assert abs(float(height)) < 5.0
-        assert 0.2 < float(tilt) <= 1.1  # of 1 degree about some axis
-
-
 def test_a_card_names_the_cells_in_the_way(stopped):
     case = read_case(open_log(stopped))
     card = make_card(case, len(case.moments) - 1)
     assert card.version_holds
-    assert card.action == "abort"
-    assert card.label == "no_path"
+    assert card.decision.action == "abort"
+    assert card.decision.label == "no_path"
     assert 0.0 < card.mean_entropy_bits < 1.0
     assert card.oldest_evidence_s <= card.time_s
     assert {cell.state for cell in card.blocking} == {"occupied"}
@@ -91,8 +68,8 @@ def test_a_card_of_a_forked_log_has_the_settings_of_its_side(recorded, tmp_path)
     case = read_case(open_log(again))
     cards = [make_card(case, number) for number in (5, 6, 8, 9, 11)]
     assert all(card.version_holds for card in cards)
-    assert [card.resolution_m for card in cards] == [0.1, 0.08, 0.08, 0.08, 0.08]
-    delays = [card.expected_delay_s for card in cards]
+    assert [card.decision.resolution_m for card in cards] == [0.1, 0.08, 0.08, 0.08, 0.08]
+    delays = [card.config.latency.expected for card in cards]
     assert delays == pytest.approx([0.05, 0.08, 0.08, 0.08, 0.08])
     assert [case.as_of(n).mission.goal[:2] == (3.0, 3.0) for n in (8, 9)] == [False, True]
 

@@ -11,7 +11,7 @@ from PIL import Image
 from tests.harness.viewer.test_rerun_view import entities
 from wayproof.harness.attribution import read_case
 from wayproof.harness.cli.main import main
-from wayproof.harness.explain.stack_costmap import costmap_at
+from wayproof.harness.explain.commanded import costmap_at
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.viewer.layer import COLOURS, shades
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
