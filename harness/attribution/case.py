@@ -23,7 +23,7 @@ from wayproof.harness.log.paths import densely
 from wayproof.harness.log.reader import Log, as_truth
 from wayproof.harness.mission import Mission
 from wayproof.harness.recompute.keyframes import map_before, start_at
-from wayproof.harness.recompute.segments import Segment, SegmentedStack, segments_of
+from wayproof.harness.recompute.moments import Segment, SegmentedStack, segments_of
 from wayproof.harness.result import Contact
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -82,6 +82,11 @@ class Moment:
     def error(self) -> Array:  # (3,)
         """Estimated less true position, m."""
         return np.array(self.pose.position) - self.true_position
+
+    @property
+    def believed(self) -> Array:  # (3,)
+        """Estimated position, m."""
+        return self.true_position + self.error
 
     @property
     def turn(self) -> float:

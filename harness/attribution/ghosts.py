@@ -10,12 +10,8 @@ from wayproof.harness.attribution.case import Case, Moment
 from wayproof.harness.attribution.grids import (
     Array,
     Cells,
-    cell_of,
     clearances,
-    holes_in_floor,
-    joined,
-    joined_for,
-    offsets_of,
+    passage,
     true_occupancy,
 )
 from wayproof.harness.prior.cells import logged_cells
@@ -37,15 +33,14 @@ def ghosts(case: Case, navigator: Navigator) -> dict[str, Any]:
     case.space.place_movers(last.truth)
     truly = _near(case, navigator, true_occupancy(case, navigator), last)
     cells = occupied & ~truly & ~_near(case, navigator, _swept(case, navigator, number), last)
-    believed = cell_of(navigator, last.true_position + last.error)
+    way = passage(case, navigator, last.believed, corners=False)
     gaps = clearances(occupied & ~cells, costmap.resolution)
     return {
         "ghosts": int(cells.sum()),
         "of_prior": _of_prior(case, navigator, cells),
-        "holes": int((cells & holes_in_floor(case, navigator)).sum()),
-        "ghost": _nearest_cell(navigator, cells, believed),
-        "without_ghosts": _leaves_path(case, navigator, gaps, last),
-        "roomy_without_ghosts": _leaves_path(case, navigator, gaps, last, turning=True),
+        "ghost": _nearest_cell(navigator, cells, way.start),
+        "without_ghosts": way.leads(gaps > costmap.inflation_radius),
+        "roomy_without_ghosts": way.lets_turn(gaps > turning_radius(case, navigator)),
         "without_movers": without_movers(case, navigator, number),
     }
 
@@ -77,7 +72,8 @@ def without_movers(case: Case, navigator: Navigator, number: int) -> bool:
     case.space.place_movers(moment.truth, present=False)
     moving &= _to_nearest(true_occupancy(case, navigator), size) > size
     still = (navigator.costmap.state == OCCUPIED) & ~moving
-    return _leaves_path(case, navigator, clearances(still, size), moment)
+    way = passage(case, navigator, moment.believed, corners=False)
+    return way.leads(clearances(still, size) > navigator.costmap.inflation_radius)
 
 
 def _near(case: Case, navigator: Navigator, cells: Cells, moment: Moment) -> Cells:
@@ -85,29 +81,6 @@ def _near(case: Case, navigator: Navigator, cells: Cells, moment: Moment) -> Cel
     size = navigator.costmap.resolution
     near: Cells = _to_nearest(cells, size) <= GHOST_CELLS * size + np.linalg.norm(moment.error)
     return near
-
-
-def _leaves_path(
-    case: Case, navigator: Navigator, gaps: Array, moment: Moment, turning: bool = False
-) -> bool:
-    """Return whether obstacles leave a path from the estimated position to the goal.
-
-    Args:
-        case: The episode.
-        navigator: Navigator with the costmap of the decision.
-        gaps: Distance of each cell of the costmap to these obstacles, m.
-        moment: The decision.
-        turning: Whether only a path counts on which the body may turn as it likes.
-    """
-    costmap, (goal, reach) = navigator.costmap, goal_of(case, navigator)
-    believed = cell_of(navigator, moment.true_position + moment.error)
-    size = costmap.resolution
-    if turning:
-        return joined(gaps > turning_radius(case, navigator), believed, goal, reach, corners=False)
-    free = gaps > costmap.inflation_radius
-    return joined_for(
-        offsets_of(case), size, free, start=believed, goal=goal, reach=reach, corners=False
-    )
 
 
 def turning_radius(case: Case, navigator: Navigator) -> float:
@@ -146,9 +119,3 @@ def _nearest_cell(
     costmap = navigator.costmap
     x, y, z = (costmap.origin + (nearest + 0.5) * costmap.resolution).tolist()
     return x, y, z
-
-
-def goal_of(case: Case, navigator: Navigator) -> tuple[tuple[int, ...], int]:
-    """Return the cell of the goal, and the radius around it that counts as the goal, cells."""
-    reach = max(1, round(case.config.episode.goal_tolerance / navigator.costmap.resolution))
-    return cell_of(navigator, np.array(case.mission.goal)), reach

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 
 from wayproof.harness.attribution.case import Case
 from wayproof.harness.stack.pipeline import Navigator
-from wayproof.maps import FREE, states_in
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -41,72 +41,90 @@ def clearances(occupied: Cells, size: float) -> Array:
     return distances
 
 
-def joined(
-    free: Cells, start: tuple[int, ...], goal: tuple[int, ...], reach: int, corners: bool = True
-) -> bool:
-    """Return whether free cells connect the surroundings, `reach` cells wide, of two cells.
-
-    Args:
-        free: Cells that may hold the centre of the body.
-        start: Cell.
-        goal: Cell.
-        reach: Cells to each side.
-        corners: Whether cells that share an edge or a corner alone are connected. No planner goes
-            through those, as a line between them touches the cells beside it.
-    """
-    from scipy import ndimage
-
-    labels, _ = ndimage.label(free, np.ones((3,) * free.ndim) if corners else None)
-    near = [set(np.unique(labels[_neighbourhood(cell, reach)])) - {0} for cell in (start, goal)]
-    return bool(near[0] & near[1])
-
-
-def offsets_of(case: Case) -> tuple[float, ...]:
-    """Return the offsets of a long body's discs, m; empty of a round one, or in the air."""
-    return tuple(along for along, _ in case.mission.discs) if case.mission.planar else ()
-
-
 HEADINGS = 32
 """Number of headings at which a long body is looked at."""
 
 
-def joined_for(
-    offsets: Sequence[float], size: float, free: Cells, start: tuple[int, ...],
-    goal: tuple[int, ...], reach: int, corners: bool = True,
-) -> bool:  # fmt: skip
-    """Return whether a body of several discs, which may turn anywhere, gets from cell to cell.
+@dataclass(frozen=True)
+class Passage:
+    """Two cells, and the body that is to get from the surroundings of one to those of the other.
 
-    Args:
-        offsets: Offsets of the discs along the body, m; without two of them as `joined`.
-        size: Side of a cell, m.
-        free: (nx, ny, 1) cells that may hold the centre of a disc.
+    Attributes:
         start: Cell of the body's origin.
         goal: Cell of the goal.
-        reach: As of `joined`; any heading will do.
-        corners: As of `joined`.
+        reach: Width of the surroundings, cells to each side; any heading will do there.
+        size: Side of a cell, m.
+        offsets: Offsets of the discs along a body, m; fewer than two of a round one.
+        corners: Whether cells that share an edge or a corner alone are connected. No planner goes
+            through those, as a line between them touches the cells beside it.
     """
-    if not joined(free, start, goal, reach, corners):
-        return False
-    if len(offsets) < 2:
-        return True
-    from scipy import ndimage
 
-    turns = 2.0 * np.pi / HEADINGS * np.arange(HEADINGS)
-    layers = []
-    for turn in turns:
-        poses = np.ones(free.shape[:2], np.bool_)
-        for offset in offsets:
-            shift = np.rint(offset / size * np.array([np.cos(turn), np.sin(turn)])).astype(int)
-            poses &= _shifted(free[:, :, 0], *shift.tolist())
-        layers.append(poses)
-    labels, count = ndimage.label(np.stack([*layers, layers[0]]), np.ones((3, 3, 3)))
-    same = _merged(count, labels[0][layers[0]], labels[-1][layers[0]])  # the first heading again
-    around = (
-        (slice(None), *_neighbourhood(start, reach)[:2]),
-        (slice(None), *_neighbourhood(goal, reach)[:2]),
+    start: tuple[int, ...]
+    goal: tuple[int, ...]
+    reach: int
+    size: float = 1.0
+    offsets: Sequence[float] = ()
+    corners: bool = True
+
+    def lets_turn(self, free: Cells) -> bool:
+        """Return whether cells connect the ends that are free for a disc about the whole body."""
+        from scipy import ndimage
+
+        labels, _ = ndimage.label(free, np.ones((3,) * free.ndim) if self.corners else None)
+        near = [set(np.unique(labels[self._about(cell)])) - {0} for cell in (self.start, self.goal)]
+        return bool(near[0] & near[1])
+
+    def leads(self, free: Cells) -> bool:
+        """Return whether the body, which may turn anywhere, gets through cells (nx, ny, nz).
+
+        They are those that may hold the centre of a disc.
+        """
+        connected = self.lets_turn(free)
+        if not connected or len(self.offsets) < 2:
+            return connected
+        from scipy import ndimage
+
+        layers = []
+        for turn in 2.0 * np.pi / HEADINGS * np.arange(HEADINGS):
+            poses = np.ones(free.shape[:2], np.bool_)
+            for offset in self.offsets:
+                along = offset / self.size * np.array([np.cos(turn), np.sin(turn)])
+                poses &= _shifted(free[:, :, 0], *np.rint(along).astype(int).tolist())
+            layers.append(poses)
+        labels, count = ndimage.label(np.stack([*layers, layers[0]]), np.ones((3, 3, 3)))
+        same = _merged(count, labels[0][layers[0]], labels[-1][layers[0]])  # the first one again
+        ends = [(slice(None), *self._about(cell)[:2]) for cell in (self.start, self.goal)]
+        near = [set(np.unique(same[labels[where]])) - {0} for where in ends]
+        return bool(near[0] & near[1])
+
+    def widest(self, distances: Array) -> float:
+        """Return the radius of the widest body, or of its discs, that gets through, m; or 0.
+
+        Args:
+            distances: (nx, ny, nz) distance of each cell to the nearest that is not free, m.
+        """
+        low, high = 0.0, float(distances.max())
+        for _ in range(STEPS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.leads(distances > middle) else (low, middle)
+        return low
+
+    def _about(self, cell: tuple[int, ...]) -> tuple[slice, ...]:
+        return neighbourhood(cell, self.reach)
+
+
+def passage(case: Case, navigator: Navigator, start: Array, *, corners: bool) -> Passage:
+    """Return the passage from a place (3,), m, to the goal, through the cells of a costmap."""
+    size = navigator.costmap.resolution
+    mission = case.mission
+    return Passage(
+        start=cell_of(navigator, start),
+        goal=cell_of(navigator, np.array(mission.goal)),
+        reach=max(1, round(case.config.episode.goal_tolerance / size)),
+        size=size,
+        offsets=tuple(along for along, _ in mission.discs) if mission.planar else (),
+        corners=corners,
     )
-    near = [set(np.unique(same[labels[where]])) - {0} for where in around]
-    return bool(near[0] & near[1])
 
 
 def _shifted(free: NDArray[np.bool_], i: int, j: int) -> NDArray[np.bool_]:
@@ -127,24 +145,6 @@ def _merged(count: int, some: NDArray[np.int64], others: NDArray[np.int64]) -> N
     return np.asarray(numbers, np.int64)
 
 
-def widest(
-    distances: Array, start: tuple[int, ...], goal: tuple[int, ...], reach: int,
-    offsets: Sequence[float] = (), size: float = 1.0,
-) -> float:  # fmt: skip
-    """Return the radius of the widest body that gets from cell to cell, m; 0 if none does.
-
-    Of a body of several discs, at these offsets along it, m, the radius of the discs.
-    """
-    low, high = 0.0, float(distances.max())
-    for _ in range(STEPS):
-        middle = 0.5 * (low + high)
-        if joined_for(offsets, size, free=distances > middle, start=start, goal=goal, reach=reach):
-            low = middle
-        else:
-            high = middle
-    return low
-
-
 def distances_from(free: Cells, goal: tuple[int, ...], reach: int, size: float) -> Array:
     """Return the shortest path length from each cell to the surroundings of a cell, m, or inf.
 
@@ -153,7 +153,7 @@ def distances_from(free: Cells, goal: tuple[int, ...], reach: int, size: float) 
     """
     nodes = np.full(free.shape, -1, np.int32)
     nodes[free] = np.arange(int(free.sum()), dtype=np.int32)
-    ends = nodes[_neighbourhood(goal, reach)]
+    ends = nodes[neighbourhood(goal, reach)]
     ends = ends[ends >= 0]
     lengths = np.full(free.shape, np.inf)
     if len(ends):
@@ -263,22 +263,6 @@ def cell_of(navigator: Navigator, point: Array) -> tuple[int, ...]:
     return tuple(np.clip(cell, 0, np.array(costmap.shape) - 1).tolist())
 
 
-def holes_in_floor(case: Case, navigator: Navigator) -> Cells:
-    """Return columns that are forbidden because the map has a free cell below the floor z = 0.
-
-    None in the air, or where floors may slope.
-    """
-    costmap = navigator.costmap
-    if costmap.motion == "air" or case.config.costmap.max_slope > 0.0:
-        return np.zeros(costmap.shape, np.bool_)
-    size = costmap.resolution
-    nx, ny, _ = costmap.shape
-    low = np.array([*costmap.origin[:2], case.mission.low[2]])
-    high = np.array([*(costmap.origin[:2] + size * np.array([nx, ny])), -0.5 * size])
-    states = states_in(navigator.map, low, high)
-    return np.asarray((states == FREE).any(axis=2))[:, :, None]
-
-
 def _outside_altitudes(
     case: Case, origin: Array, shape: tuple[int, int, int], size: float
 ) -> Cells:
@@ -288,5 +272,6 @@ def _outside_altitudes(
     return np.broadcast_to(outside, shape)
 
 
-def _neighbourhood(cell: tuple[int, ...], reach: int) -> tuple[slice, ...]:
+def neighbourhood(cell: tuple[int, ...], reach: int) -> tuple[slice, ...]:
+    """Return the part of a grid within some cells to each side of one."""
     return tuple(slice(max(c - reach, 0), c + reach + 1) for c in cell)

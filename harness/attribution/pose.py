@@ -25,8 +25,6 @@ class PoseFacts:
         turn: Heading error there, rad.
         covered: Covered error there, m: a usual margin, see `usual_margin`, plus two stated
             standard deviations of the heading at the distance of the place.
-        first: Number of the first decision of the episode with an error that is not covered; -1 if
-            there is none.
         beyond: Greatest excess over the covered error in the range, m; at most 0 if it is covered.
         at_end: Position error at the end, m.
     """
@@ -35,7 +33,6 @@ class PoseFacts:
     height: float = 0.0
     turn: float = 0.0
     covered: float = 0.1
-    first: int = -1
     beyond: float = -0.1
     at_end: float = 0.0
 
@@ -59,16 +56,12 @@ def pose_facts(case: Case, numbers: Sequence[int], place: np.ndarray | None = No
     """Measure the error over some decisions, at a place (3,) if there is one."""
     beyond = [_excess_error(case, case.moments[k], place) for k in numbers]
     worst = case.moments[numbers[int(np.argmax(beyond))]]
-    first = next(
-        (k for k, one in enumerate(case.moments) if _excess_error(case, one, None) > 0.0), -1
-    )
     return PoseFacts(
         error=error_of(case, worst),
         height=_height_error(case, worst),
         turn=worst.turn,
         covered=usual_margin(case, worst)
         + MARGIN_SIGMAS * worst.pose.heading_sigma * _reach(case, worst, place),
-        first=first,
         beyond=max(beyond),
         at_end=error_of(case, case.moments[-1]),
     )

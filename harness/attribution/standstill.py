@@ -230,9 +230,8 @@ def ghost_obstacle(facts: StandstillFacts) -> str | None:
     if not ways.ghosts or not (ways.roomy_without_ghosts if narrow else ways.without_ghosts):
         return None
     x, y, z = ways.ghost
-    seen_through = f"{ways.holes} of them as beams went through their floor, " if ways.holes else ""
     of_prior = f"{ways.of_prior} of them held by the prior map alone, " if ways.of_prior else ""
-    cells = f"{ways.ghosts} cells mapped occupied are truly free, {of_prior}{seen_through}"
+    cells = f"{ways.ghosts} cells mapped occupied are truly free, {of_prior}"
     such = f"such as ({x:.2f}, {y:.2f}, {z:.2f}), "
     if narrow:
         return (

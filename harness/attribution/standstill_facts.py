@@ -13,8 +13,7 @@ from wayproof.harness.attribution.commanded import answer_s, commands_to, on_tri
 from wayproof.harness.attribution.contact_facts import LATE, UNDER_WAY
 from wayproof.harness.attribution.floor_edge import FloorEdge, floor_edge
 from wayproof.harness.attribution.pose import PoseFacts, pose_facts
-from wayproof.harness.attribution.ranges import RangeFacts, range_facts
-from wayproof.harness.attribution.sight import settings_of_sight
+from wayproof.harness.attribution.ranges import RangeFacts, range_facts, settings_of_sight
 from wayproof.harness.attribution.ways import NO_PATH, MapWays, TrueWays, map_ways, true_ways
 from wayproof.harness.decision import path_of
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS

@@ -104,10 +104,6 @@ class TrueSpace:
         _, name = self._nearest(self._robot, self._things if flies else self._obstacles)
         return self._touch.copy(), name
 
-    def moves(self, name: str) -> bool:
-        """Return whether a named obstacle is a mover."""
-        return bool(name) and any(self._moves[geom] for geom in self._named(name))
-
     def cast(self, origins: Array, directions: Array) -> Array:
         """Cast rays with MuJoCo; return distances (n,), m, -1 without a hit.
 

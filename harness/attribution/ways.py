@@ -7,33 +7,26 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from wayproof.harness.attribution.case import Case, Moment, update_as_decided
 from wayproof.harness.attribution.commanded import admitted_length, own_plan
-from wayproof.harness.attribution.ghosts import (
-    ghosts,
-    goal_of,
-    turning_radius,
-    without_movers,
-)
+from wayproof.harness.attribution.ghosts import ghosts, turning_radius, without_movers
 from wayproof.harness.attribution.grids import (
     CLIMBED,
     DETOUR,
     Array,
-    Cells,
     cell_of,
     clearances,
     distances_from,
-    joined,
-    joined_for,
-    offsets_of,
+    neighbourhood,
+    passage,
     true_occupancy,
-    widest,
 )
 from wayproof.harness.log.paths import length
-from wayproof.harness.recompute.segments import SegmentedStack
+from wayproof.harness.recompute.moments import SegmentedStack
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.mapping import MARGIN_SIGMAS
 from wayproof.harness.stack.pipeline import Navigator
@@ -93,8 +86,6 @@ class MapWays:
         certain: Fraction with a path through space that is not occupied if the pose were certain.
         ghosts: Number of cells mapped occupied at the end that are truly free, recent movers apart.
         of_prior: Number of these that only a prior map holds occupied.
-        holes: Number of these that are columns forbidden because the map has a free cell below
-            the floor.
         ghost: Centre of the ghost nearest to the robot, m.
         without_ghosts: Whether a path exists at the end without ghosts.
         roomy_without_ghosts: Whether one exists on which the body may turn as it likes.
@@ -114,7 +105,6 @@ class MapWays:
     certain: float
     ghosts: int
     of_prior: int
-    holes: int
     ghost: tuple[float, float, float]
     without_ghosts: bool
     roomy_without_ghosts: bool
@@ -127,86 +117,69 @@ class MapWays:
 
 def true_ways(case: Case, navigator: Navigator, since: int) -> TrueWays:
     """Search the true scene on the grid of a stack; progress counts from a decision on."""
-    costmap, last = navigator.costmap, case.moments[-1]
-    size, radius = costmap.resolution, certain_radius(navigator, last.decision)
-    goal, reach = goal_of(case, navigator)
-    start = cell_of(navigator, np.array(case.mission.start))
-    here = cell_of(navigator, last.true_position)
+    last = case.moments[-1]
+    size, radius = navigator.costmap.resolution, certain_radius(navigator, last.decision)
+    start = np.array(case.mission.start)
+    way = passage(case, navigator, start, corners=True)
+    here = passage(case, navigator, last.true_position, corners=True)
     case.space.place_movers(last.truth, present=False)
-    offsets = offsets_of(case)
 
-    def searched(steepest: float | None) -> tuple[Array, bool]:
-        """Return clearances, and whether a path leads over what is climbed."""
-        gaps = clearances(true_occupancy(case, navigator, steepest=steepest), size)
-        return gaps, joined_for(offsets, size, gaps > radius, start, goal=goal, reach=reach)
+    def gaps_over(steepest: float | None) -> Array:
+        """Return the distance of each cell to what is truly closed, m."""
+        return clearances(true_occupancy(case, navigator, steepest=steepest), size)
 
-    still, exists = searched(None)
-    over_ramps, steepest = False, None
+    still, over_ramps, steepest = gaps_over(None), False, None
+    exists = way.leads(still > radius)
     if not exists and case.mission.planar and case.space.has_ramps:
         allowed = case.config.costmap.max_slope
-        if allowed > 0.0 and searched(allowed)[1]:
-            steepest = allowed
-            still, exists = searched(steepest)
+        if allowed > 0.0 and way.leads((climbed := gaps_over(allowed)) > radius):
+            still, exists, steepest = climbed, True, allowed
         else:
-            over_ramps = searched(CLIMBED)[1]
+            over_ramps = way.leads(gaps_over(CLIMBED) > radius)
 
     @cache
     def lengths_to(end: tuple[int, ...]) -> Array:
-        return distances_from(still > radius, end, reach, size) / DETOUR[case.axes]
+        return distances_from(still > radius, end, way.reach, size) / DETOUR[case.axes]
 
     @cache
     def open_at_end() -> bool:
-        def joined_here(free: Cells) -> bool:
-            return joined_for(offsets, size, free=free, start=here, goal=goal, reach=reach)
-
-        if not last.truth.movers or not joined_here(still > radius):  # nothing that moves closed it
+        if not last.truth.movers or not here.leads(still > radius):  # nothing that moves closed it
             return True
         case.space.place_movers(last.truth)
-        gaps = clearances(true_occupancy(case, navigator, steepest=steepest), size)
-        return joined_here(gaps > radius)
+        return here.leads(gaps_over(steepest) > radius)
 
-    shortest, left, before = 0.0, math.inf, math.inf
-    speed = motion_limits(case.config, case.mission).speed
+    def length_from(place: Array, end: tuple[int, ...]) -> float:
+        about = neighbourhood(cell_of(navigator, place), way.reach)
+        return float(lengths_to(end)[about].min())
+
+    shortest, left, gained = 0.0, math.inf, 0.0
+    speed, mission = motion_limits(case.config, case.mission).speed, case.segments[-1].mission
     if exists and case.outcome == "timeout":  # time decides no other outcome
-        shortest = _least_time(case, navigator, lengths_to, reach, speed)
-        left = _nearby(lengths_to(goal), here, reach)
-        then = cell_of(navigator, case.moments[since].true_position)
-        before = _nearby(lengths_to(goal), then, reach)
+        places = [np.array(place) for place in (mission.start, *mission.goals)]
+        shortest = sum(
+            rest_to_rest(
+                length_from(begin, cell_of(navigator, end)), speed, mission.max_acceleration
+            )
+            for begin, end in pairwise(places)
+        )
+        left = length_from(last.true_position, way.goal)
+        before = length_from(case.moments[since].true_position, way.goal)
+        gained = before - left if math.isfinite(before) and math.isfinite(left) else 0.0
     return TrueWays(
         radius=radius,
         exists=exists,
         over_ramps=over_ramps,
-        at_start=float(still[start]),
+        at_start=float(still[way.start]),
         shortest_s=shortest,
         speed=speed,
         left_m=left,
-        gained_m=before - left if math.isfinite(before) and math.isfinite(left) else 0.0,
-        widest=cache(lambda: widest(still, start, goal, reach, offsets, size)),
+        gained_m=gained,
+        widest=cache(lambda: way.widest(still)),
         open_at_end=open_at_end,
     )
 
 
-def _least_time(
-    case: Case,
-    navigator: Navigator,
-    lengths_to: Callable[[tuple[int, ...]], Array],
-    reach: int,
-    speed: float,
-) -> float:
-    """Return the least time for the whole mission at a speed, m/s, by `rest_to_rest`, s.
-
-    `lengths_to` a cell gives the shortest way there from each cell, m.
-    """
-    mission = case.segments[-1].mission
-    cells = [cell_of(navigator, np.array(place)) for place in (mission.start, *mission.goals)]
-    return sum(
-        rest_to_rest(_nearby(lengths_to(end), begin, reach), speed, mission.max_acceleration)
-        for begin, end in pairwise(cells)
-    )
-
-
-@dataclass(frozen=True)
-class _Look:
+class _Look(NamedTuple):
     """Paths in the map of one decision."""
 
     known: bool
@@ -232,18 +205,18 @@ def map_ways(case: Case, since: int) -> MapWays:
             held_up.append(not looks[number].passable and without_movers(case, navigator, number))
     assert navigator is not None
     last = case.moments[-1]
-    plan = own_plan(last)
-    planned = clear = 0.0
+    planned, plan = 0.0, own_plan(last)
     if plan is not None and len(plan) >= 2:
         planned = length(plan)
         clear = admitted_length(last.decision, case.mission, navigator.costmap, plan)
+    looked = [looks[k] for k in some]
     return MapWays(
         own_plan_m=planned,
-        own_plan_clear_m=clear,
-        known=float(np.mean([looks[k].known for k in some])),
-        passable=float(np.mean([looks[k].passable for k in some])),
-        roomy=float(np.mean([looks[k].roomy for k in some])),
-        certain=float(np.mean([looks[k].certain for k in some])),
+        own_plan_clear_m=clear if planned else 0.0,
+        known=float(np.mean([one.known for one in looked])),
+        passable=float(np.mean([one.passable for one in looked])),
+        roomy=float(np.mean([one.roomy for one in looked])),
+        certain=float(np.mean([one.certain for one in looked])),
         in_vain=len(in_vain) / len(numbers),
         not_found=float(np.mean([looks[k].passable for k in some_in_vain] or [False])),
         held_up=float(np.mean(held_up or [False])),
@@ -254,21 +227,15 @@ def map_ways(case: Case, since: int) -> MapWays:
 
 def _search_for_paths(case: Case, navigator: Navigator, moment: Moment) -> _Look:
     costmap = navigator.costmap
-    goal, reach = goal_of(case, navigator)
-    believed = cell_of(navigator, moment.true_position + moment.error)
+    size, radius = costmap.resolution, costmap.inflation_radius
+    way = passage(case, navigator, moment.believed, corners=False)
     occupied, unknown = costmap.state == OCCUPIED, costmap.state == UNKNOWN
-    size, radius, offsets = costmap.resolution, costmap.inflation_radius, offsets_of(case)
     gaps = clearances(occupied, size)
-
-    def passes(free: Cells) -> bool:
-        return joined_for(offsets, size, free, believed, goal=goal, reach=reach, corners=False)
-
-    turning = gaps > turning_radius(case, navigator)
     return _Look(
-        known=passes(clearances(occupied | unknown, size) > radius),
-        passable=passes(gaps > radius),
-        roomy=joined(turning, believed, goal, reach, corners=False),
-        certain=passes(gaps > certain_radius(navigator, moment.decision)),
+        known=way.leads(clearances(occupied | unknown, size) > radius),
+        passable=way.leads(gaps > radius),
+        roomy=way.lets_turn(gaps > turning_radius(case, navigator)),
+        certain=way.leads(gaps > certain_radius(navigator, moment.decision)),
     )
 
 
@@ -301,12 +268,6 @@ def rest_to_rest(length: float, v: float, a: float) -> float:
     if length >= v * v / a:
         return length / v + v / a
     return 2.0 * math.sqrt(length / a)
-
-
-def _nearby(lengths: Array, cell: tuple[int, ...], reach: int) -> float:
-    """Return the least value in the surroundings of a cell."""
-    about = tuple(slice(max(c - reach, 0), c + reach + 1) for c in cell)
-    return float(lengths[about].min())
 
 
 def _evenly(numbers: Sequence[int]) -> list[int]:

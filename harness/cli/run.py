@@ -79,7 +79,7 @@ def _check(result: Result, options: argparse.Namespace, console: Console) -> Doc
     from wayproof.harness.attribution.procedure import find_cause
     from wayproof.harness.cli.cause_text import print_verdict as print_checked
     from wayproof.harness.counterfactual.check import check, refuse_success
-    from wayproof.harness.counterfactual.record import record_check
+    from wayproof.harness.counterfactual.verdict import record_check
     from wayproof.harness.log.reader import open_log
 
     log = open_log(Path(result.log), allow_plugins=True)

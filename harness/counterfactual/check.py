@@ -106,7 +106,8 @@ def check(
                 break
         if any(one.saves for one in checks) or simulated >= most_s:
             break
-    if doubtful := _contradicting(finding, checks, case.outcome):
+    doubtful = _for_others(finding, checks, case.outcome)
+    if doubtful and settle(finding, [*checks, *_again(doubtful)], case.outcome)[1] == "changed":
         near = near_causes(case)
         for one in doubtful:
             if _led_to(one.remedy, checks) not in near and simulated < most_s:
@@ -149,13 +150,11 @@ def settle(
     again = {one.remedy for one in checks if one.saves and one.again}
     if any(finding.cause in REMEDIES[name][1] for name in saving - {TRUE_MAP}):
         return finding, "confirmed"
-    upheld = [
-        (_led_to(name, checks), name)
-        for name in saving
-        if name not in (*ONLY_CONFIRMS, *ONLY_SHOWN, TRUE_MAP)
-        and _asked_before(_led_to(name, checks), finding.cause, recorded)
-        and (name in again or _led_to(name, checks) in near)
+    others = [
+        (_led_to(one.remedy, checks), one.remedy) for one in _for_others(finding, checks, recorded)
     ]
+    led = [(_led_to(name, checks), name) for name in others]
+    upheld = [(cause, name) for cause, name in led if name in again or cause in near]
     if upheld:
         return _changed(finding, *min(upheld, key=lambda one: CAUSES.index(one[0])))
     if TRUE_MAP in saving and finding.cause in REMEDIES[TRUE_MAP][1]:
@@ -189,24 +188,22 @@ def _changed(finding: Finding, cause: str, by: str) -> tuple[Finding, str]:
     return Finding(cause, evidence, finding.decision, finding.place), "changed"
 
 
-def _contradicting(finding: Finding, checks: Sequence[Check], recorded: str) -> list[Check]:
-    """Return the checks that saved the robot and stand for another cause, if nothing confirms."""
-    if any(one.saves and one.remedy == CONTROL for one in checks):
-        return []
-    if any(
-        one.saves and one.remedy != TRUE_MAP and finding.cause in REMEDIES[one.remedy][1]
-        for one in checks
-        if one.remedy != CONTROL
-    ):
-        return []
+def _for_others(finding: Finding, checks: Sequence[Check], recorded: str) -> list[Check]:
+    """Return the checks that saved the robot and stand for a cause asked for before another."""
     beside = (CONTROL, TRUE_MAP, *ONLY_CONFIRMS, *ONLY_SHOWN)
     return [
         one
         for one in checks
         if one.saves
+        and not one.again
         and one.remedy not in beside
         and _asked_before(_led_to(one.remedy, checks), finding.cause, recorded)
     ]
+
+
+def _again(checks: Sequence[Check]) -> list[Check]:
+    """Return checks as if each came out the same with another seed of the noise."""
+    return [replace(one, again=True) for one in checks]
 
 
 def why_inconclusive(finding: Finding, checks: Sequence[Check], recorded: str) -> str:

@@ -35,11 +35,24 @@ def check_by_guard(log: Log, case: Case, finding: Finding) -> Verdict:
     commands = commands_to(case, case.end_s)
     if note := _undecided(log, case, commands):
         return Verdict(finding, answer="inconclusive", checks=(), simulated_s=0.0, note=note)
-    first = commands[0]
-    control = _simulate(log, case, CONTROL, first, silent_from=len(case.moments))
-    checks = [control]
-    if control.outcome == case.outcome:
-        checks.append(_simulate(log, case, GUARD, first, silent_from=first + 1))
+    first, checks = commands[0], list[Check]()
+    log_then, case_then = log.as_of(first), case.as_of(first)
+    for name, make, silent_from in (
+        (CONTROL, nothing, len(case.moments)),
+        (GUARD, guard, first + 1),
+    ):
+        result = go_on(
+            log_then,
+            case_then,
+            change=make(log_then, case_then),
+            at=first,
+            limit_s=case.end_s + MORE_TIME,
+            session=RecordedAnswers(log, silent_from),
+        )
+        saves = result.outcome not in HARM
+        checks.append(Check(name, first, result.outcome, result.sim_time_s, saves))
+        if result.outcome != case.outcome:
+            break
     begin_s = case.moments[first].time_ns * 1e-9
     simulated = sum(one.end_s - begin_s for one in checks)
     answer, note = settle_by_guard(finding, checks)
@@ -76,21 +89,3 @@ def _undecided(log: Log, case: Case, commands: tuple[int, ...]) -> str:
     if not commands:
         return f"the referee admitted the commands that led to it, so the guard cuts none; {live}"
     return ""
-
-
-def _simulate(log: Log, case: Case, name: str, begin: int, silent_from: int) -> Check:
-    """Go on from a decision with the recorded answers, until the stack is silent."""
-    log_then, case_then = log.as_of(begin), case.as_of(begin)
-    make = guard if name == GUARD else nothing
-    answers = RecordedAnswers(log, silent_from)
-    limit_s = case.end_s + MORE_TIME
-    result = go_on(
-        log_then,
-        case_then,
-        change=make(log_then, case_then),
-        at=begin,
-        limit_s=limit_s,
-        session=answers,
-    )
-    saves = result.outcome not in HARM
-    return Check(name, begin, result.outcome, result.sim_time_s, saves)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from wayproof.harness.attribution.case import read_case
 from wayproof.harness.attribution.procedure import find_cause
 from wayproof.harness.counterfactual.check import check, checkable
-from wayproof.harness.counterfactual.record import record_check
+from wayproof.harness.counterfactual.verdict import record_check
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.connect import isolating
 from wayproof.harness.log.reader import open_log

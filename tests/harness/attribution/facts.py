@@ -5,7 +5,7 @@ from dataclasses import replace
 from wayproof.harness.attribution.pose import PoseFacts
 from wayproof.harness.attribution.ranges import RangeFacts
 
-LIED = PoseFacts(error=0.5, covered=0.1, beyond=0.4, first=12, at_end=0.5)
+LIED = PoseFacts(error=0.5, covered=0.1, beyond=0.4, at_end=0.5)
 BAD = RangeFacts(lost=0.3)
 
 

@@ -1,15 +1,11 @@
 """Widest ways through grids."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from wayproof.harness.attribution.grids import (
-    clearances,
-    distances_from,
-    joined,
-    joined_for,
-    widest,
-)
+from wayproof.harness.attribution.grids import Passage, clearances, distances_from
 
 
 def test_grids_know_the_widest_way():
@@ -18,9 +14,10 @@ def test_grids_know_the_widest_way():
     walls[10, 3:8] = False  # five cells: 0.3 m from the middle one's centre to the walls' cells
     gaps = clearances(walls, 0.1)
     assert gaps[10, 5] == pytest.approx(0.3)
-    assert joined(gaps > 0.29, (4, 5), (16, 5), 0)
-    assert not joined(gaps > 0.31, (4, 5), (16, 5), 0)
-    assert widest(gaps, (4, 5), (16, 5), 0) == pytest.approx(0.3, abs=0.01)
+    way = Passage((4, 5), (16, 5), 0)
+    assert way.leads(gaps > 0.29)
+    assert not way.leads(gaps > 0.31)
+    assert way.widest(gaps) == pytest.approx(0.3, abs=0.01)
 
 
 def bent(width):
@@ -37,11 +34,12 @@ def test_a_long_body_has_to_turn_where_a_disc_gets_round(width, passes):
     distances = clearances(~bent(width), 0.1)
     start, goal = (12, 5 + round(width / 0.2), 0), (54 - round(width / 0.2), 45, 0)
     offsets = (-0.9, -0.45, 0.0, 0.45, 0.9)
-    assert joined_for((), 0.1, distances > 0.3, start, goal, reach=2)
-    assert joined_for(offsets, 0.1, distances > 0.3, start, goal, reach=2) == passes
-    room = widest(distances, start, goal, 2, offsets, 0.1)
+    disc, long = Passage(start, goal, 2, 0.1), Passage(start, goal, 2, 0.1, offsets)
+    assert disc.leads(distances > 0.3)
+    assert long.leads(distances > 0.3) == passes
+    room = long.widest(distances)
     assert (room > 0.3) == passes
-    assert room <= widest(distances, start, goal, 2)
+    assert room <= disc.widest(distances)
 
 
 def test_a_straight_corridor_lets_a_long_body_through_either_way():
@@ -50,19 +48,20 @@ def test_a_straight_corridor_lets_a_long_body_through_either_way():
     distances = clearances(~free, 0.1)
     offsets = (-0.9, -0.45, 0.0, 0.45, 0.9)
     for start, goal in (((15, 6, 0), (44, 6, 0)), ((44, 6, 0), (15, 6, 0))):
-        assert joined_for(offsets, 0.1, distances > 0.3, start, goal, reach=1)
-    assert not joined_for(offsets, 0.1, distances > 0.45, (15, 6, 0), (44, 6, 0), reach=1)
+        way = Passage(start, goal, 1, 0.1, offsets)
+        assert way.leads(distances > 0.3)
+        assert not way.leads(distances > 0.45)
 
 
 def test_cells_that_share_a_corner_alone_are_connected_for_no_planner():
     free = np.zeros((12, 12, 1), np.bool_)
     free[1:6, 1:6] = free[6:11, 6:11] = True
-    ends = (3, 3, 0), (8, 8, 0)
-    assert joined(free, *ends, reach=0)
-    assert not joined(free, *ends, reach=0, corners=False)
-    assert not joined_for((), 0.1, free, *ends, reach=0, corners=False)
+    way = Passage((3, 3, 0), (8, 8, 0), 0)
+    sides = replace(way, corners=False)
+    assert way.leads(free)
+    assert not sides.leads(free)
     free[6, 5] = True
-    assert joined(free, *ends, reach=0, corners=False)
+    assert sides.leads(free)
 
 
 def test_ways_are_as_long_as_their_cells():

@@ -31,7 +31,7 @@ TRUTH = TrueWays(
 
 MAP = MapWays(
     known=0.0, passable=1.0, roomy=1.0, certain=1.0, in_vain=0.0, not_found=0.0, ghosts=0,
-    of_prior=0, holes=0, ghost=(0.0, 0.0, 0.0), without_ghosts=True,
+    of_prior=0, ghost=(0.0, 0.0, 0.0), without_ghosts=True,
     roomy_without_ghosts=True, without_movers=False, held_up=0.0, unknown=0.2,
 )  # fmt: skip
 

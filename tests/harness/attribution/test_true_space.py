@@ -27,7 +27,6 @@ def test_true_space_measures_the_scene():
     occupied = space.occupied(np.array([1.0, -1.0, 0.0]), (20, 20, 10), 0.1)
     assert occupied.sum() == 1000  # one cubic metre
     assert occupied[5:15, 5:15].all()
-    assert not space.moves("crate")
 
 
 def scene_with(geoms):

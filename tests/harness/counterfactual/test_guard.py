@@ -11,8 +11,7 @@ from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.cli.main import main
 from wayproof.harness.counterfactual.check import check
 from wayproof.harness.counterfactual.guard import settle_by_guard
-from wayproof.harness.counterfactual.record import read_check, record_check
-from wayproof.harness.counterfactual.verdict import Check
+from wayproof.harness.counterfactual.verdict import Check, read_check, record_check
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 

@@ -11,8 +11,8 @@ from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
+from wayproof.harness.recompute.moments import SegmentedStack, segments_of
 from wayproof.harness.recompute.rebuild import rebuild
-from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.recompute.side_by_side import changed_mission
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.replay import replay

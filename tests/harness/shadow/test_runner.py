@@ -9,7 +9,7 @@ from tests.harness.shadow.conftest import FR079, shadowed, written
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.metrics import OF_TRUTH, score
-from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.recompute.moments import SegmentedStack, segments_of
 from wayproof.harness.recordings.bags.writing import recording_messages, write_bag
 from wayproof.harness.recordings.formats import open_recording
 from wayproof.harness.recordings.options import RecordingOptions
