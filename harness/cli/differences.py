@@ -9,7 +9,7 @@ from rich.console import Console
 
 if TYPE_CHECKING:
     from wayproof.harness.decision import Difference
-    from wayproof.harness.replay.scope import Scope
+    from wayproof.harness.replay.replay import Scope
 
 SHOWN_DIFFERENCES = 8
 

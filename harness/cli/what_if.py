@@ -32,23 +32,17 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
 def _compare_answers(
     path: Path, options: argparse.Namespace, console: Console
 ) -> tuple[bool, Document]:
-    from wayproof.harness.replay.compare_answers import compare_answers
+    from wayproof.harness.replay.answers import compare_answers
 
-    comparison = compare_answers(path, options.stack)
-    if comparison.identical:
-        verdict = Text.assemble(("identical", "bold green"), f": {comparison.answers} answers")
-    else:
-        verdict = Text.assemble(
-            ("differs", "bold red"),
-            f": {comparison.differing} of {comparison.answers} answers, "
-            f"first {comparison.first_difference}",
-        )
-    verdict.append(
-        f" of stack '{comparison.stack}'; {comparison.wall_time_s:.1f} s; {comparison.log}"
-    )
-    console.print(verdict)
-    print_differences(console, comparison.differences)
-    return comparison.identical, asdict(comparison)
+    restarted = compare_answers(path, options.stack)
+    verdict, count = ("identical", "bold green"), f"{restarted.answers} answers"
+    if not restarted.identical:
+        verdict = ("differs", "bold red")
+        count = f"{restarted.differing} of {count}, first {restarted.first_difference}"
+    words = f": {count} of stack '{restarted.stack}'; {restarted.log}"
+    console.print(Text.assemble(verdict, words))
+    print_differences(console, restarted.differences)
+    return restarted.identical, restarted.document()
 
 
 def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple[bool, Document]:

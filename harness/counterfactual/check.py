@@ -150,9 +150,7 @@ def settle(
     again = {one.remedy for one in checks if one.saves and one.again}
     if any(finding.cause in REMEDIES[name][1] for name in saving - {TRUE_MAP}):
         return finding, "confirmed"
-    others = [
-        (_led_to(one.remedy, checks), one.remedy) for one in _for_others(finding, checks, recorded)
-    ]
+    others = [one.remedy for one in _for_others(finding, checks, recorded)]
     led = [(_led_to(name, checks), name) for name in others]
     upheld = [(cause, name) for cause, name in led if name in again or cause in near]
     if upheld:

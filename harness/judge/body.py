@@ -1,4 +1,4 @@
-"""Collision checks of a body against single cells."""
+"""Collision checks of a body against single cells, and the margin that its pose asks for."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.decision import path_of
 from wayproof.harness.inputs import Pose
 from wayproof.harness.judge.cells import SPACING, Cells, Mask, cells_around
-from wayproof.harness.judge.margin import believed_of
 from wayproof.harness.judge.slopes import sloping_columns
 from wayproof.harness.log.paths import SAME_PLACE, Array, arc_lengths, densely, length
 from wayproof.harness.mission import Mission
@@ -48,6 +47,8 @@ class Body:
         policy: Unknown policy that paths are checked against.
         widening: Cells along x and y by which what is blocked is widened; empty if by none.
         feet: (3,) on the ground below the body, m; only of one that climbs, see `climbs`.
+        windows: Cells that were read of each map of one decision, with the box that they hold all
+            cells of; None where maps may change.
     """
 
     config: Config
@@ -55,11 +56,12 @@ class Body:
     policy: UnknownPolicy
     widening: tuple[int, ...] = ()
     feet: tuple[float, ...] | None = None
+    windows: dict[int, tuple[Array, Array, Cells]] | None = None
 
     def placed(self, pose: Pose) -> Body:
-        """Return the body at a pose, among cells widened as the pose asks for."""
+        """Return the body of one decision at a pose, among cells widened as the pose asks for."""
         _, widening = believed_of(pose, self.config.map.resolution, flat=self.flat)
-        return replace(self.standing_at(pose), widening=widening)
+        return replace(self.standing_at(pose), widening=widening, windows={})
 
     def standing_at(self, pose: Pose) -> Body:
         """Return the body with its feet, if it climbs."""
@@ -144,15 +146,21 @@ class Body:
         return np.vstack((poses, np.column_stack((beyond, np.full(len(beyond), headings[-1])))))
 
     def cells(self, voxel_map: ColumnMap, track: Array, reach: float) -> Cells:
-        """Return the cells within a reach, m, of a track (n, 3), m."""
+        """Return the cells within a reach, m, of a track (n, 3), m, and maybe more."""
         config, mission = self.config, self.mission
+        axes = mission.axes
+        low, high = track[:, :axes].min(axis=0) - reach, track[:, :axes].max(axis=0) + reach
+        if self.windows is not None and id(voxel_map) in self.windows:
+            first, end, cells = self.windows[id(voxel_map)]
+            if (first <= low).all() and (high <= end).all():
+                return cells
         sloping = None
         if mission.planar and config.costmap.max_slope > 0.0:
             if self._sloping.get("map") is not voxel_map:
                 columns = sloping_columns(voxel_map, config, mission, self.feet)
                 self._sloping.update(map=voxel_map, columns=columns)
             sloping = self._sloping["columns"]
-        return cells_around(
+        cells = cells_around(
             voxel_map,
             path=track,
             reach=reach,
@@ -161,6 +169,9 @@ class Body:
             widening=self.widening,
             sloping=sloping,
         )
+        if self.windows is not None:
+            self.windows[id(voxel_map)] = low, high, cells
+        return cells
 
     @cached_property
     def _sloping(self) -> dict[str, Any]:
@@ -219,3 +230,37 @@ def track_of(poses: Array, offset: float) -> Array:
     track[:, 0] += offset * np.cos(poses[:, 3])
     track[:, 1] += offset * np.sin(poses[:, 3])
     return track
+
+
+SIGMAS = 2.0
+"""Standard deviations of the estimated position that the margin covers."""
+
+DIFFERS = 0.02
+"""Difference of the margins of two axes from which they differ, m."""
+
+MOST_CELLS, MOST_MORE = 100, 400
+"""Greatest margin for a stated covariance, and what may lack along one axis, cells."""
+
+
+def believed_of(pose: Pose, size: float, flat: bool) -> tuple[float, tuple[int, ...]]:
+    """Return the margin for the stated error of a pose, m, and the cells more along x and y.
+
+    Of an estimator that states a covariance and is less sure along x or y: the standard deviations
+    of the other axes, and what lacks along that one in whole cells.
+
+    Args:
+        pose: Pose that the decision was made on.
+        size: Edge of a cell, m.
+        flat: Whether the body moves in the plane.
+    """
+    if pose.covariance is None:
+        return SIGMAS * pose.position_sigma, ()
+    along = SIGMAS * np.sqrt(np.diagonal(pose.covariance))
+    worse = 0 if along[0] > along[1] else 1
+    others = [float(along[1 - worse])] if flat else [float(along[1 - worse]), float(along[2])]
+    more = float(along[worse]) - max(others)
+    if more <= DIFFERS:
+        return min(SIGMAS * pose.position_sigma, MOST_CELLS * size), ()
+    cells = [0, 0]
+    cells[worse] = min(math.ceil(more / size), MOST_MORE)
+    return min(max(others), MOST_CELLS * size), tuple(cells)

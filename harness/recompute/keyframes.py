@@ -7,15 +7,9 @@ from dataclasses import dataclass
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log
-from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.recompute.moments import SegmentedStack, segments_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.keyframe import restore_map, restore_state
-
-INTEGRATING = 0.3
-"""About, the time to integrate the inputs of a decision, in units of that to decide as well."""
-
-CHECKING = 0.12
-"""About, the time to check the content of a decision, in the same unit."""
 
 LEAST_DECISIONS = 40
 """Minimum number of decisions of a piece: a process takes as long to load its kernels."""
@@ -106,44 +100,23 @@ def _broken(keyframe: pb.Keyframe, error: ValueError) -> InputError:
 
 
 def pieces_of(keyframes: Sequence[pb.Keyframe], decisions: int, most: int) -> list[Piece]:
-    """Cut a log into pieces that take about the same time.
+    """Cut a log into pieces of about as many decisions.
 
     Args:
         keyframes: Keyframes that a stack can start at.
         decisions: About, the number of decisions in the log.
         most: Maximum number of pieces.
     """
-    low, high = 0.0, (1.0 + CHECKING) * max(decisions, 1)
-    best = [WHOLE]
-    for _ in range(20):
-        middle = 0.5 * (low + high)
-        cuts = _cuts(keyframes, decisions, middle)
-        if cuts is None or len(cuts) >= most:
-            low = middle
-            continue
-        high = middle
-        ends = [*(one.sequence + 1 for one in cuts), None]
-        best = [Piece(*each) for each in zip([None, *cuts], ends, strict=True)]
-    return best
-
-
-def _cuts(
-    keyframes: Sequence[pb.Keyframe], decisions: int, most: float
-) -> list[pb.Keyframe] | None:
-    """Return keyframes to cut at so that no piece takes longer than `most`; None if none do."""
     cuts: list[pb.Keyframe] = []
-    spent, begin = CHECKING * decisions, 0
-    while spent + decisions - begin > most:
+    for number in range(1, most):
+        least = cuts[-1].sequence + 1 if cuts else 0
         fitting = [
             one
             for one in keyframes
-            if begin + LEAST_DECISIONS <= one.sequence + 1 <= decisions - LEAST_DECISIONS
-            and spent + one.sequence + 1 - begin <= most
+            if least + LEAST_DECISIONS <= one.sequence + 1 <= decisions - LEAST_DECISIONS
         ]
-        if not fitting:
-            return None
-        cuts.append(fitting[-1])
-        begin = fitting[-1].sequence + 1
-        before = map_before(keyframes, fitting[-1].sequence)
-        spent = INTEGRATING * (begin - (0 if before is None else before.sequence + 1))
-    return cuts
+        if fitting:
+            even = number * decisions / most
+            cuts.append(min(fitting, key=lambda one: abs(one.sequence + 1 - even)))
+    ends = [*(one.sequence + 1 for one in cuts), None]
+    return [Piece(*each) for each in zip([None, *cuts], ends, strict=True)]

@@ -14,7 +14,7 @@ from wayproof.harness.decision import Difference
 from wayproof.harness.errors import InputError
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.log.reader import Log
-from wayproof.harness.recompute.segments import Segment
+from wayproof.harness.recompute.moments import Segment
 from wayproof.harness.recompute.side_by_side import changed_mission
 from wayproof.harness.scenario.mujoco_warnings import redirect_mujoco_warnings
 from wayproof.harness.scenario.robots import built_in, find_logged_robot

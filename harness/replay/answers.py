@@ -1,10 +1,14 @@
-"""Answers in place of a live stack's or predictor's: a log's, or those of a restarted stack."""
+"""Answers in place of a live stack's or predictor's: a log's, or those of a restarted stack.
+
+A restarted stack is queried on recorded inputs, and its answers are compared with those then.
+"""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.decision import Difference, message_differences
@@ -16,8 +20,9 @@ from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.trial import TrialNavigator
 from wayproof.harness.interface.types import Observation, Task
 from wayproof.harness.log.codec.messages import read_messages
-from wayproof.harness.log.reader import Log, Record
-from wayproof.harness.recompute.segments import segments_of
+from wayproof.harness.log.reader import Log, Record, open_log
+from wayproof.harness.recompute.moments import segments_of
+from wayproof.harness.recompute.side_by_side import recompute
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.prediction import Predicted
@@ -102,6 +107,17 @@ class RestartedStack:
     first_difference: int | None = None
     differences: list[Difference] = field(default_factory=list)
 
+    @property
+    def identical(self) -> bool:
+        """Whether every answer is the recorded one, bit by bit."""
+        return not self.differing
+
+    def document(self) -> dict[str, object]:
+        """Return the comparison by name, for JSON."""
+        shown = {k: v for k, v in vars(self).items() if k not in ("session", "differences")}
+        found = [asdict(one) for one in self.differences]
+        return {**shown, "identical": self.identical, "differences": found}
+
     def query(self, navigator: TrialNavigator, record: Record) -> None:
         """Query the stack on the inputs of a decision, with the recorded answers before it.
 
@@ -149,6 +165,27 @@ def restarted_stack(log: Log, stack: str) -> Iterator[RestartedStack]:
         yield RestartedStack(str(log.path), stack, session)
     finally:
         session.close()
+
+
+def compare_answers(path: Path, stack: str) -> RestartedStack:
+    """Query a stack on the inputs of each decision of a log, with the recorded answers before it.
+
+    Args:
+        path: The log of a stack on trial.
+        stack: As `--stack` takes it; it is run.
+
+    Raises:
+        InputError: The log's stack was not on trial, or the stack cannot be restarted.
+    """
+    log = open_log(path, allow_plugins=True)
+    if log.forks:
+        raise InputError(f"log '{path}': a forked log, expected one of a stack on trial")
+    with restarted_stack(log, stack) as restarted:
+        navigator = TrialNavigator(log.config, log.mission, log.beams, restarted.session)
+        for record in log.records():
+            restarted.query(navigator, record)
+            recompute(navigator, record)
+    return restarted
 
 
 def sensors_of(log: Log) -> dict[str, pb.SensorInfo]:

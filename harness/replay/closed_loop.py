@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import itertools
-import math
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from google.protobuf.message import Message
 
@@ -21,17 +21,14 @@ from wayproof.harness.log.machine import other_than_here
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.log.writer import is_regenerated
 from wayproof.harness.prediction_config import is_outside
-from wayproof.harness.recompute.moments import Moment, Observer
+from wayproof.harness.recompute.moments import Observer, segments_of
 from wayproof.harness.recompute.rebuild import is_made_from_seed, made_otherwise, rebuild
-from wayproof.harness.recompute.segments import segments_of
 from wayproof.harness.replay.answers import RecordedAnswers, RecordedPredictions
+from wayproof.harness.replay.consistency.messages import is_number, number_of
 from wayproof.harness.replay.fork import fork_with
 from wayproof.harness.result import ends_in_error, is_recovered
 from wayproof.harness.runner import run_episode
 from wayproof.harness.schema import wayproof_pb2 as pb
-
-SAME = 1e-9
-"""Relative difference up to which two figures of a result are equal."""
 
 INPUTS: tuple[type[Message], ...] = (
     *(pb.SensorInfo, pb.Sweep, pb.Pose, pb.Goal, pb.Prediction, pb.Latency, pb.StackCommand),
@@ -58,7 +55,7 @@ class MessageDifference:
     differences: tuple[Difference, ...]
 
 
-@dataclass(frozen=True)
+@dataclass
 class ClosedLoop:
     """Comparison of an episode simulated again with its recording.
 
@@ -86,23 +83,23 @@ class ClosedLoop:
     """
 
     log: str
-    identical: bool
-    scene_from_seed: bool | None
-    made_otherwise: tuple[Difference, ...]
-    decisions: int
-    simulated: int
-    first_input: MessageDifference | None
-    first_record: MessageDifference | None
-    first_difference: int | None
-    differences: tuple[Difference, ...]
-    result: tuple[Difference, ...]
-    elsewhere: tuple[Difference, ...]
-    chain: str
-    outcome: str
     recorded_outcome: str
     regenerated: bool
+    elsewhere: tuple[Difference, ...]
     written: str | None
-    wall_time_s: float
+    identical: bool = False
+    scene_from_seed: bool | None = None
+    made_otherwise: tuple[Difference, ...] = ()
+    decisions: int = 0
+    simulated: int = 0
+    first_input: MessageDifference | None = None
+    first_record: MessageDifference | None = None
+    first_difference: int | None = None
+    differences: tuple[Difference, ...] = ()
+    result: tuple[Difference, ...] = ()
+    chain: str = ""
+    outcome: str = ""
+    wall_time_s: float = 0.0
 
     @property
     def findings(self) -> list[Difference]:
@@ -145,33 +142,26 @@ def simulate_again(
     if written is not None and written.resolve() == path.resolve():
         raise InputError(f"--log {written}: the log itself, expected another name")
     began = time.perf_counter()
+    found = ClosedLoop(
+        log=str(path),
+        recorded_outcome=log.result["outcome"],
+        regenerated=log.record == "decisions",
+        elsewhere=tuple(other_than_here(log.run)),
+        written=None if written is None else str(written),
+    )
     with tempfile.TemporaryDirectory() as folder:
         target = written or Path(folder) / "again.mcap"
         _simulate(log, target, Path(folder), observe)
         again = open_log(target, allow_plugins=True)
-        compared = _compare(log, again)
-    made = made_otherwise(log)
-    result = tuple(_result_differences(log, again))
-    return ClosedLoop(
-        log=str(path),
-        identical=compared.alike and not result and not made,
-        scene_from_seed=not made if is_made_from_seed(log) else None,
-        made_otherwise=tuple(made),
-        decisions=compared.decisions,
-        simulated=int(again.result["decisions"]),
-        first_input=compared.first_input,
-        first_record=compared.first_record,
-        first_difference=compared.first_decision,
-        differences=tuple(compared.differences),
-        result=result,
-        elsewhere=tuple(other_than_here(log.run)),
-        chain=again.result["chain"],
-        outcome=again.result["outcome"],
-        recorded_outcome=log.result["outcome"],
-        regenerated=log.record == "decisions",
-        written=None if written is None else str(written),
-        wall_time_s=time.perf_counter() - began,
-    )
+        _compare(found, log, again)
+    found.made_otherwise = tuple(made_otherwise(log))
+    found.result = tuple(_result_differences(log, again))
+    found.identical = not found.findings
+    found.scene_from_seed = not found.made_otherwise if is_made_from_seed(log) else None
+    found.simulated = int(again.result["decisions"])
+    found.chain, found.outcome = again.result["chain"], again.result["outcome"]
+    found.wall_time_s = time.perf_counter() - began
+    return found
 
 
 def _simulate(log: Log, target: Path, folder: Path, observe: Observer | None) -> None:
@@ -179,7 +169,8 @@ def _simulate(log: Log, target: Path, folder: Path, observe: Observer | None) ->
 
     Each but the last stops at the decision at which the next begins: its own end is not in the log.
     """
-    delays = _delays(log)
+    # Delays are inputs, and measured ones do not recur.
+    delays = {latency.sequence: latency.delay_s for latency in log.only(pb.Latency)}
     forks = segments_of(log)[1:]
     ends = [*(run.begin for run in forks), None]
     steps = [folder / f"{number}.mcap" for number in range(len(forks))] + [target]
@@ -215,12 +206,7 @@ def _before(end: int | None, observe: Observer | None) -> Observer | None:
     """Return an observer of the decisions of a segment: the last one made is the next segment's."""
     if observe is None or end is None:
         return observe
-
-    def observe_own(moment: Moment) -> None:
-        if moment.decision.sequence < end:
-            observe(moment)
-
-    return observe_own
+    return lambda moment: observe(moment) if moment.decision.sequence < end else None
 
 
 def _answers(log: Log, end: int | None) -> RecordedAnswers | None:
@@ -231,122 +217,90 @@ def _answers(log: Log, end: int | None) -> RecordedAnswers | None:
     return None if log.config.stack.name == BUILTIN else RecordedAnswers(log, silent_from=end)
 
 
-def _delays(log: Log) -> dict[int, float]:
-    """Return the delay of each decision, s; delays are inputs, and measured ones do not recur."""
-    return {latency.sequence: latency.delay_s for latency in log.only(pb.Latency)}
+Step = dict[str, list[Message]]
+"""Messages of one number by topic."""
+
+DECISION = "/decision"
 
 
-@dataclass
-class _Comparison:
-    """Differences between two logs, up to the first decision that differs."""
-
-    decisions: int = 0
-    first_input: MessageDifference | None = None
-    first_record: MessageDifference | None = None
-    first_decision: int | None = None
-    differences: list[Difference] = field(default_factory=list)
-
-    @property
-    def alike(self) -> bool:
-        return (self.first_input, self.first_record, self.first_decision) == (None, None, None)
-
-
-@dataclass(frozen=True)
-class _Step:
-    """A decision, if there is one, and the other messages of its number by topic."""
-
-    number: int
-    decision: pb.Decision | None
-    others: Mapping[str, list[Message]]
-
-
-def _compare(log: Log, again: Log) -> _Comparison:
+def _compare(found: ClosedLoop, log: Log, again: Log) -> None:
     """Compare step by step, to the end of the log or to the first decision that differs."""
-    found = _Comparison()
     thinned = log.record == "decisions"
     pairs = itertools.zip_longest(_steps(log.path), _steps(again.path))
     for old, new in pairs:
         if old is None:
             break  # the log's end is missing, or its result differs
-        found.decisions += old.decision is not None
+        number, then = old
+        found.decisions += DECISION in then
         if new is None:
-            found.first_decision = found.first_decision or old.number
-            found.differences = [Difference("decision", "is there", "the episode has ended")]
+            found.first_difference = number
+            found.differences = (Difference("decision", "is there", "the episode has ended"),)
             break
-        _compare_others(found, old, new, thinned)
-        if old.decision is None or new.decision is None:
-            continue
-        if thinned and not old.decision.global_path:
-            new.decision.ClearField("global_path")  # left out of the log; the chain covers it
-        different = differences(old.decision, new.decision)
-        if different:
-            found.first_decision, found.differences = old.number, different
-            found.decisions += sum(1 for one, _ in pairs if one and one.decision is not None)
+        _compare_step(found, number, then, new[1], thinned)
+        if found.first_difference is not None:
+            found.decisions += sum(1 for one, _ in pairs if one and DECISION in one[1])
             break
-    return found
 
 
-def _compare_others(found: _Comparison, old: _Step, new: _Step, thinned: bool) -> None:
-    """Record the first input and the first other message that differ."""
-    topics = [one for one in {**old.others, **new.others}]
-    for topic in topics:
-        one, other = old.others.get(topic, []), new.others.get(topic, [])
+def _compare_step(found: ClosedLoop, number: int, old: Step, new: Step, thinned: bool) -> None:
+    """Record the first input, the first other message and the decision that differ."""
+    for topic in {**old, **new}:
+        one, other = old.get(topic, []), new.get(topic, [])
         if not one and thinned and is_regenerated(topic):
             continue
-        different = _messages_differ(one, other)
+        if topic == DECISION:
+            if thinned and one and other and not one[0].global_path:  # type: ignore[attr-defined]
+                other[0].ClearField("global_path")  # left out of the log; the chain covers it
+            if one and other and (different := _messages_differ(one, other, differences)):
+                found.first_difference, found.differences = number, tuple(different)
+            continue
+        different = _messages_differ(one, other, message_differences)
         if not different:
             continue
-        is_input = isinstance((one or other)[0], INPUTS)
-        place = MessageDifference(topic, old.number, _time_of(old, one or other), tuple(different))
-        if is_input and found.first_input is None:
-            found.first_input = place
-        elif not is_input and found.first_record is None:
-            found.first_record = place
+        message = (one or other)[0]
+        at = 0 if number == BEFORE_ALL else message.timestamp.ToNanoseconds()  # type: ignore[attr-defined]
+        place = MessageDifference(topic, number, at * 1e-9, tuple(different))
+        if isinstance(message, INPUTS):
+            found.first_input = found.first_input or place
+        else:
+            found.first_record = found.first_record or place
 
 
-def _messages_differ(old: list[Message], new: list[Message]) -> list[Difference]:
+def _messages_differ(
+    old: list[Message], new: list[Message], compare: Callable[[Any, Any], list[Difference]]
+) -> list[Difference]:
     if len(old) != len(new):
         return [Difference("messages", str(len(old)), str(len(new)))]
     for one, other in zip(old, new, strict=True):
         if type(one) is not type(other):
             return [Difference("kind", type(one).__name__, type(other).__name__)]
-        if found := message_differences(one, other):
+        if found := compare(one, other):
             return found
     return []
 
 
-def _time_of(step: _Step, messages: list[Message]) -> float:
-    if step.number == BEFORE_ALL:
-        return 0.0
-    time_ns: int = messages[0].timestamp.ToNanoseconds()  # type: ignore[attr-defined]
-    return time_ns * 1e-9
-
-
-def _steps(path: Path) -> Iterator[_Step]:
+def _steps(path: Path) -> Iterator[tuple[int, Step]]:
     """Yield the messages by decision in file order, after the beam tables."""
-    for number, messages in itertools.groupby(read_messages(path), _number_of):
-        decision = None
-        others: dict[str, list[Message]] = {}
+
+    def number_of(message: Message) -> int:
+        if isinstance(message, pb.SensorInfo):
+            return BEFORE_ALL
+        return int(message.sequence)  # type: ignore[attr-defined]
+
+    for number, messages in itertools.groupby(read_messages(path), number_of):
+        step: Step = {}
         for message in messages:
-            if isinstance(message, pb.Decision):
-                decision = message
-            else:
-                others.setdefault(topic_of(message), []).append(message)
-        yield _Step(number, decision, others)
-
-
-def _number_of(message: Message) -> int:
-    if isinstance(message, pb.SensorInfo):
-        return BEFORE_ALL
-    return int(message.sequence)  # type: ignore[attr-defined]
+            step.setdefault(topic_of(message), []).append(message)
+        yield number, step
 
 
 def _result_differences(log: Log, again: Log) -> Iterator[Difference]:
     """Yield the fields of the recorded result that differ."""
     if ends_in_error(log.result):
-        if not is_recovered(log.result) and _ends_alike(log, again):
+        same_end = again.result["decisions"] == log.result.get("decisions")
+        if not is_recovered(log.result) and same_end and again.result["outcome"] != "error":
             yield Difference("result.outcome", log.result["outcome"], again.result["outcome"])
-        return
+        return  # an episode that ended in an error does not end by itself at the same decision
     # The digest covers measured times, which no simulation reproduces.
     for name in sorted({*log.result, *again.result} - {"record", CONTENT}):
         then, now = log.result.get(name, "none"), again.result.get(name, "none")
@@ -354,18 +308,7 @@ def _result_differences(log: Log, again: Log) -> Iterator[Difference]:
             yield Difference(f"result.{name}", then, now)
 
 
-def _ends_alike(log: Log, again: Log) -> bool:
-    """Return whether an episode that ended in an error ends by itself at the same decision."""
-    return again.result["outcome"] != "error" and (
-        again.result["decisions"] == log.result.get("decisions")
-    )
-
-
 def _same(then: str, now: str) -> bool:
     """Return whether two texts are equal, or equal numbers to nine digits."""
-    if then == now:
-        return True
-    try:
-        return math.isclose(float(then), float(now), rel_tol=SAME, abs_tol=SAME)
-    except ValueError:
-        return False
+    value = number_of(then)
+    return then == now or (value is not None and is_number(now, value))

@@ -20,9 +20,8 @@ from wayproof.harness.log.codec.messages import read_messages, time_of, topic_of
 from wayproof.harness.log.head import read_head
 from wayproof.harness.log.reader import Log, before, fork_note, open_log
 from wayproof.harness.log.writer import PLUGINS, STDERR, LogWriter, hold_log
-from wayproof.harness.recompute.moments import Observer
+from wayproof.harness.recompute.moments import Observer, SegmentedStack, segments_of
 from wayproof.harness.recompute.rebuild import rebuild, segment_of
-from wayproof.harness.recompute.segments import SegmentedStack, segments_of
 from wayproof.harness.replay.answers import RestartedStack
 from wayproof.harness.replay.fork_refusals import (
     refuse_goals,

@@ -9,35 +9,64 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from wayproof.harness.config import BUILTIN, HASH_SEPARATOR
 from wayproof.harness.decision import Difference, differences
+from wayproof.harness.ending import BETWEEN_DECISIONS
 from wayproof.harness.errors import InputError
 from wayproof.harness.forked import ForkFailed, beside
 from wayproof.harness.log.machine import Program, other_program
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.recompute.keyframes import WHOLE, Piece, pieces_of, stack_at, startable
-from wayproof.harness.recompute.moments import Observer, moments
-from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.recompute.moments import Observer, SegmentedStack, moments, segments_of
 from wayproof.harness.replay.consistency import contradictions
-from wayproof.harness.replay.scope import Scope, scope_of
+from wayproof.harness.result import ends_in_error, is_recovered
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.keyframe import has_keyframes, keyframe_differences
 
 
 @dataclass(frozen=True)
-class Replay:
+class Recomputed:
+    """Decisions recomputed and compared.
+
+    Attributes:
+        decisions: Their number.
+        differing: Number of those that differ.
+        first_difference: Number of the first of these; None without any.
+        differences: Differences in it, value by value.
+        keyframe_differences: Differences of the keyframes, of each the first.
+        chain: Chain after the last decision.
+    """
+
+    decisions: int = 0
+    differing: int = 0
+    first_difference: int | None = None
+    differences: tuple[Difference, ...] = ()
+    keyframe_differences: tuple[Difference, ...] = ()
+    chain: str = ""
+
+    def then(self, later: Recomputed) -> Recomputed:
+        """Return this and the decisions after it as one."""
+        own = self.first_difference is not None
+        return Recomputed(
+            decisions=self.decisions + later.decisions,
+            differing=self.differing + later.differing,
+            first_difference=self.first_difference if own else later.first_difference,
+            differences=self.differences if own else later.differences,
+            keyframe_differences=(*self.keyframe_differences, *later.keyframe_differences),
+            chain=later.chain,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay(Recomputed):
     """Comparison of a replay with its recording.
 
     Attributes:
         log: The log's path.
         identical: Whether every decision and the chain are equal bit by bit, and all else that
             follows from the content of the log agrees with it.
-        decisions: Number of decisions in the log.
-        differing: Number of decisions that differ.
-        first_difference: Number of the first that differs; None if identical.
-        differences: Differences in it, value by value.
         contradictions: Other content that does not follow from the rest: result, times, cause,
-            hashes.
-        chain: Hash over the recomputed decisions.
+            hashes, keyframes.
         outcome: Recorded outcome.
         scope: Parts that were recomputed, that need a new simulation, and that are claims.
         program: Program that recorded the log, if it is not this one.
@@ -46,12 +75,7 @@ class Replay:
 
     log: str
     identical: bool
-    decisions: int
-    differing: int
-    first_difference: int | None
-    differences: tuple[Difference, ...]
     contradictions: tuple[Difference, ...]
-    chain: str
     outcome: str
     scope: Scope
     program: Program | None
@@ -88,52 +112,15 @@ def replay(
     cause = None if others or differing or not with_cause else cause_differences(log)
     others += cause or []
     return Replay(
+        **vars(recomputed),
         log=str(path),
         identical=not differing and recomputed.chain == log.result["chain"] and not others,
-        decisions=recomputed.decisions,
-        differing=differing,
-        first_difference=recomputed.first_difference,
-        differences=recomputed.differences,
         contradictions=tuple(others),
-        chain=recomputed.chain,
         outcome=log.result["outcome"],
         scope=scope_of(log, with_cause=cause is not None),
         program=other_program(log.run),
         wall_time_s=time.perf_counter() - began,
     )
-
-
-@dataclass(frozen=True)
-class Recomputed:
-    """Decisions recomputed and compared.
-
-    Attributes:
-        decisions: Their number.
-        differing: Number of those that differ.
-        first_difference: Number of the first of these; None without any.
-        differences: Differences in it, value by value.
-        keyframe_differences: Differences of the keyframes, of each the first.
-        chain: Chain after the last decision.
-    """
-
-    decisions: int = 0
-    differing: int = 0
-    first_difference: int | None = None
-    differences: tuple[Difference, ...] = ()
-    keyframe_differences: tuple[Difference, ...] = ()
-    chain: str = ""
-
-    def then(self, later: Recomputed) -> Recomputed:
-        """Return this and the decisions after it as one."""
-        own = self.first_difference is not None
-        return Recomputed(
-            decisions=self.decisions + later.decisions,
-            differing=self.differing + later.differing,
-            first_difference=self.first_difference if own else later.first_difference,
-            differences=self.differences if own else later.differences,
-            keyframe_differences=(*self.keyframe_differences, *later.keyframe_differences),
-            chain=later.chain,
-        )
 
 
 def _recomputed(log: Log, jobs: int) -> tuple[Recomputed, list[Difference]]:
@@ -253,3 +240,109 @@ def cause_differences(log: Log) -> list[Difference] | None:
         for name, one in zip(names, now, strict=True)
         if log.result.get(name) != one
     ]
+
+
+MADE_AGAIN = {
+    (False, False): ("scene, mission and config from the seed",),
+    (False, True): ("world from the seed",),
+    (True, False): ("model of the robot",),
+    (True, True): (),
+}
+"""Parts that a new simulation makes, by whether the world and the robot are files."""
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Parts of a log by how they can be checked.
+
+    Attributes:
+        recomputed: Parts that follow from the rest of the log.
+        simulation: Parts that only a new simulation can check.
+        claims: Parts that nobody can recompute; only a signature protects them.
+    """
+
+    recomputed: tuple[str, ...]
+    simulation: tuple[str, ...]
+    claims: tuple[str, ...]
+
+
+def scope_of(log: Log, with_cause: bool) -> Scope:
+    """Sort the parts of a log by how they can be checked.
+
+    Args:
+        log: The log.
+        with_cause: Whether the cause was recomputed.
+    """
+    if log.config.recording is not None:
+        return _scope_of_recording(log)
+    result = [
+        "number and times of decisions",
+        "least clearance",
+        "path length",
+        "deadline misses",
+        "commands admitted",
+    ]
+    physics = ["truth", "contact"] if log.result.get("contact") else ["truth"]
+    if not ends_in_error(log.result):
+        between = log.result["outcome"] in BETWEEN_DECISIONS
+        (physics if between else result).extend(["outcome", "reason", "goal distance"])
+    if log.result.get("cause"):
+        (result if with_cause else physics).append("cause")
+    inputs = ["poses", "streams world and control"]
+    files = HASH_SEPARATOR in log.config.world, HASH_SEPARATOR in log.config.robot
+    inputs.extend(MADE_AGAIN[files])
+    perturbed = any(run.config.perturbation for run in segments_of(log))
+    if perturbed:
+        result.append("perturbation's kind, amount and delay")
+        inputs.append("perturbation's effect")
+    if log.record == "decisions":
+        return Scope(
+            recomputed=("chain where global paths are kept", *result),
+            simulation=("decisions", "rest of the chain", *inputs, *physics),
+            claims=_claims(log),
+        )
+    keyframes = ("keyframes",) if has_keyframes(log.config) else ()
+    return Scope(
+        recomputed=(
+            "decisions",
+            *keyframes,
+            "chain",
+            "input digests",
+            "streams of inputs",
+            *result,
+        ),
+        simulation=("sweeps", "states", *inputs, *physics),
+        claims=_claims(log),
+    )
+
+
+def _scope_of_recording(log: Log) -> Scope:
+    """Sort the parts of a recording's log: its inputs are claims without a simulation."""
+    inputs = ("decisions", "chain", "input digests", "streams of inputs")
+    figures = ("number and times of decisions", "way driven", "deadline misses")
+    perturbed = ("perturbation's kind, amount and delay",) if log.config.perturbation else ()
+    recorded = ("sweeps", "poses", "goals", "recorded way", "faults of the recording")
+    return Scope((*inputs, *figures, *perturbed), (), (*recorded, *_claims(log)))
+
+
+def _claims(log: Log) -> tuple[str, ...]:
+    claims = ["stage latencies", "versions", "machine"]
+    runs = segments_of(log)
+    if any(run.config.latency.mode == "measured" for run in runs):
+        claims.append("measured delays")
+    for name, value in (("world", log.config.world), ("robot", log.config.robot)):
+        if HASH_SEPARATOR in value:
+            claims.append(f"{name} file {value}")
+    if is_recovered(log.result):
+        claims.append("that its end is missing")
+    elif ends_in_error(log.result):
+        claims.append("the error that ended it")
+    if log.config.stack.name != BUILTIN:
+        claims.append(f"answers of a stack named '{log.config.stack.name}'")
+    if log.asked and any(HASH_SEPARATOR in name for name in (log.config.world, log.config.robot)):
+        claims.append("settings as they were asked for")
+    if log.check:
+        claims.append("verdict of its counterfactual check")
+    if log.plugins:
+        claims.append("files of the user's classes")
+    return tuple(claims)

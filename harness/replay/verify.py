@@ -22,11 +22,10 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.machine import CODE, this_machine
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.replay.audit import Auditor
-from wayproof.harness.replay.closed_loop import ClosedLoop, simulate_again
+from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.consistency import contradictions
 from wayproof.harness.replay.content import read_content
-from wayproof.harness.replay.replay import cause_differences, recompute_piece
-from wayproof.harness.replay.scope import Scope, scope_of
+from wayproof.harness.replay.replay import Scope, cause_differences, recompute_piece, scope_of
 from wayproof.harness.replay.signature import fault_of_signature, fingerprint, signature_path
 from wayproof.harness.result import ends_in_error, is_recovered
 from wayproof.harness.user_code import plugins_of
@@ -36,7 +35,7 @@ Step = Literal["signature", "content", "replay", "simulation"]
 MISSING_SWEEPS = "left out of the log"
 
 
-@dataclass(frozen=True)
+@dataclass
 class Verification:
     """Result of the verification of one log.
 
@@ -61,19 +60,19 @@ class Verification:
     """
 
     log: str
-    verified: bool
     whole: bool
-    failed: Step | None
-    findings: tuple[Difference, ...]
-    steps: tuple[Step, ...]
-    scope: Scope
-    elsewhere: tuple[Difference, ...]
-    violations: int | None
-    decisions: int
     outcome: str
     chain: str
-    signed_by: str | None
-    wall_time_s: float
+    scope: Scope
+    verified: bool = False
+    failed: Step | None = None
+    findings: tuple[Difference, ...] = ()
+    steps: tuple[Step, ...] = ()
+    elsewhere: tuple[Difference, ...] = ()
+    violations: int | None = None
+    decisions: int = 0
+    signed_by: str | None = None
+    wall_time_s: float = 0.0
 
 
 def verify(
@@ -97,45 +96,40 @@ def verify(
     log = open_log(path, allow_plugins)
     if next(log.decisions(), None) is None:
         raise InputError(f"log '{path}': no decisions in it")
-    trial = _Trial(log, allow_plugins, simulate, key)
-    failed, findings = trial.run()
-    return Verification(
+    result = log.result
+    one = Verification(
         log=str(path),
-        verified=failed is None,
-        whole=not ends_in_error(log.result),
-        failed=failed,
-        findings=tuple(findings),
-        steps=tuple(trial.steps),
-        scope=trial.scope(),
-        elsewhere=trial.elsewhere,
-        violations=trial.violations,
-        decisions=trial.decisions,
-        outcome=log.result["outcome"],
-        chain=log.result["chain"],
-        signed_by=None if key is None or failed == "signature" else fingerprint(key),
-        wall_time_s=time.perf_counter() - began,
+        whole=not ends_in_error(result),
+        outcome=result["outcome"],
+        chain=result["chain"],
+        scope=scope_of(log, with_cause=False),
     )
+    one.failed, findings = _Trial(log, one, allow_plugins, simulate, key).run()
+    one.verified, one.findings = one.failed is None, tuple(findings)
+    if "simulation" in one.steps:
+        one.scope = Scope((*one.scope.recomputed, *one.scope.simulation), (), one.scope.claims)
+    if key is not None and one.failed != "signature":
+        one.signed_by = fingerprint(key)
+    one.wall_time_s = time.perf_counter() - began
+    return one
 
 
 class _Trial:
-    """Steps of the verification of one log, and their findings."""
+    """Steps of the verification of one log; what they find is written into its result."""
 
     def __init__(
         self,
         log: Log,
+        result: Verification,
         allow_plugins: bool,
         simulate: bool,
         key: Ed25519PublicKey | None,
     ) -> None:
         self._log = log
+        self._result = result
         self._plugins = allow_plugins
         self._simulate = simulate
         self._key = key
-        self.steps: list[Step] = []
-        self.elsewhere: tuple[Difference, ...] = ()
-        self.violations: int | None = None
-        self.decisions = 0  # until the content is read
-        self._with_cause = False
 
     def run(self) -> tuple[Step | None, list[Difference]]:
         """Run the steps until one finds a difference; return it and the differences."""
@@ -149,19 +143,12 @@ class _Trial:
         return None, []
 
     def _do(self, step: Step, do: Callable[[], list[Difference]]) -> list[Difference]:
-        if step not in self.steps:
-            self.steps.append(step)
+        if step not in self._result.steps:
+            self._result.steps += (step,)
         try:
             return do()
         except InputError as error:  # readable, but it cannot be recomputed
             return [Difference(step, "recorded", str(error))]
-
-    def scope(self) -> Scope:
-        """Return the scope of the verdict."""
-        known = scope_of(self._log, self._with_cause)
-        if "simulation" not in self.steps:
-            return known
-        return Scope((*known.recomputed, *known.simulation), (), known.claims)
 
     def _plan(self) -> Iterator[tuple[Step, Callable[[], list[Difference]]]]:
         if self._key is not None:
@@ -183,7 +170,7 @@ class _Trial:
 
     def _check_recomputed(self) -> list[Difference]:
         """Check that something was: a log without its sweeps is verified by a simulation alone."""
-        if "replay" in self.steps:
+        if "replay" in self._result.steps:
             return []
         return [
             Difference("sweeps", MISSING_SWEEPS, "in it: nothing else shows what it decided on")
@@ -197,7 +184,7 @@ class _Trial:
 
     def _check_content(self) -> list[Difference]:
         content = read_content(self._log)
-        self.decisions = len(content.decisions)
+        self._result.decisions = len(content.decisions)
         found = [*_code_and_version(self._log), *contradictions(self._log, content)]
         return [*found, *content.described]
 
@@ -214,10 +201,10 @@ class _Trial:
         found += again.keyframe_differences
         if not found and not self._simulate:  # a new simulation attributes the cause again, too
             cause = cause_differences(log)
-            self._with_cause = cause is not None
+            self._result.scope = scope_of(log, with_cause=cause is not None)
             found += cause or []
         if not found:
-            self.violations = len(auditor.violations)
+            self._result.violations = len(auditor.violations)
         return found
 
     def _simulate_again(self) -> list[Difference]:
@@ -226,18 +213,12 @@ class _Trial:
             return [Difference("sweeps", MISSING_SWEEPS, "only a simulation gives them again")]
         auditor = Auditor()
         again = simulate_again(self._log.path, self._plugins, observe=auditor)
-        self.elsewhere = again.elsewhere
+        self._result.elsewhere = again.elsewhere
         if not again.identical:
-            return _findings_of(again)
-        self.violations = len(auditor.violations)
+            assert again.findings, "a closed loop differs by nothing"
+            return again.findings
+        self._result.violations = len(auditor.violations)
         return []
-
-
-def _findings_of(again: ClosedLoop) -> list[Difference]:
-    """Return all differences; there is at least one."""
-    findings = again.findings
-    assert findings, "a closed loop differs by nothing"
-    return findings
 
 
 def _code_and_version(log: Log) -> list[Difference]:

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.decision import differences, path_of
 from wayproof.harness.errors import InputError
+from wayproof.harness.log.paths import Array, densely, place_at
 from wayproof.harness.log.reader import Log, open_log
 from wayproof.harness.prediction_config import is_outside
 from wayproof.harness.recompute.side_by_side import SideBySide
 from wayproof.harness.schema import wayproof_pb2 as pb
-
-Array = NDArray[np.float64]
 
 SAME_PLACE = 0.01
 """Distance at equal times up to which two trajectories count as the same, m."""
@@ -53,7 +51,7 @@ class Answer:
     verdict: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Verdicts:
     """Numbers of the referee's verdicts on the commands of a stack on trial.
 
@@ -71,16 +69,15 @@ class Verdicts:
     cut: int = 0
     first_cut: int | None = None
 
-    def with_one(self, decision: pb.Decision) -> Verdicts:
-        """Return the numbers with another decision; those without a verdict do not count."""
+    def count(self, decision: pb.Decision) -> None:
+        """Count another decision, if it has a verdict."""
         verdict = decision.verdict.verdict
         if not verdict:
-            return self
-        counted = replace(self, **{verdict: getattr(self, verdict) + 1})
-        if verdict == "admitted":
-            return counted
-        first = decision.sequence if self.first_cut is None else self.first_cut
-        return replace(counted, cut=self.cut + 1, first_cut=first)
+            return
+        setattr(self, verdict, getattr(self, verdict) + 1)
+        if verdict != "admitted":
+            self.cut += 1
+            self.first_cut = decision.sequence if self.first_cut is None else self.first_cut
 
 
 @dataclass(frozen=True)
@@ -164,7 +161,8 @@ def what_if(path: Path, settings: Sequence[str], allow_plugins: bool = False) ->
         change = compare(recorded, other, log.mission.planar)
         if change is not None:
             changes.append(change)
-        old, new = old.with_one(recorded), new.with_one(other)
+        old.count(recorded)
+        new.count(other)
         decisions += 1
     if decisions == 0:
         raise InputError(f"log '{path}': no decisions in it")
@@ -238,9 +236,9 @@ def compare(old: pb.Decision, new: pb.Decision, flat: bool) -> Change | None:
     first, second = path_of(old.global_path)[:, :axes], path_of(new.global_path)[:, :axes]
     route = None if min(len(first), len(second)) == 0 else _route_difference(first, second)
     same_route = len(first) == len(second) == 0 or (route is not None and route <= SAME_PLACE)
-    if _acts_like(old, new) and departure <= SAME_PLACE:
-        if same_route:
-            return None
+    acts, would = ((d.action, d.label, d.verdict.verdict, d.verdict.cut) for d in (old, new))
+    if acts == would and departure <= SAME_PLACE and same_route:
+        return None
     return Change(
         sequence=old.sequence,
         time_s=old.timestamp.ToNanoseconds() * 1e-9,
@@ -249,14 +247,6 @@ def compare(old: pb.Decision, new: pb.Decision, flat: bool) -> Change | None:
         departure_m=departure,
         route_difference_m=route,
     )
-
-
-def _acts_like(old: pb.Decision, new: pb.Decision) -> bool:
-    """Return whether action, label and the referee's verdict are the same."""
-    first, second = (
-        (one.action, one.label, one.verdict.verdict, one.verdict.cut) for one in (old, new)
-    )
-    return first == second
 
 
 def _answer(decision: pb.Decision) -> Answer:
@@ -269,33 +259,16 @@ def _greatest_distance(old: pb.Trajectory, new: pb.Trajectory, axes: int) -> flo
     begin = min(old.start.ToNanoseconds(), new.start.ToNanoseconds())
     ends = [one.start.ToNanoseconds() + one.duration_s * 1e9 for one in (old, new)]
     times = np.arange(begin, max(ends) + 1e8, 1e8)
-    places = [_places(one, times, axes) for one in (old, new)]
+    places = [
+        np.array([place_at(one, int(time)) for time in times])[:, :axes] for one in (old, new)
+    ]
     return float(np.linalg.norm(places[0] - places[1], axis=1).max())
-
-
-def _places(trajectory: pb.Trajectory, times: Array, axes: int) -> Array:
-    """Return the positions (n, axes), m, of a trajectory at simulated times (n,), ns."""
-    path = path_of(trajectory.path)[:, :axes]
-    samples = np.arange(len(trajectory.arc_length)) * trajectory.sample_period_s
-    elapsed = (times - trajectory.start.ToNanoseconds()) * 1e-9
-    arcs = np.interp(elapsed, samples, np.array(trajectory.arc_length))
-    return _points_at(path, arcs)
-
-
-def _points_at(path: Array, arcs: Array) -> Array:
-    lengths = np.concatenate([[0.0], np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum()])
-    return np.stack([np.interp(arcs, lengths, path[:, axis]) for axis in range(path.shape[1])], 1)
 
 
 def _route_difference(old: Array, new: Array) -> float:
     """Return the greatest distance of a point of either route from the other one, m."""
-    dense = [_resampled(route) for route in (old, new)]
-    gaps = np.linalg.norm(dense[0][:, None] - dense[1][None], axis=2)
+    first, second = densely(old, SPACING), densely(new, SPACING)
+    gaps = np.linalg.norm(first[:, None] - second[None], axis=2)
     between = max(gaps.min(axis=0).max(), gaps.min(axis=1).max())
     # Two samplings of one line are up to half a spacing apart.
     return max(0.0, float(between) - 0.5 * SPACING)
-
-
-def _resampled(route: Array) -> Array:
-    total = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
-    return _points_at(route, np.arange(0.0, total + SPACING, SPACING))

@@ -19,7 +19,7 @@ from wayproof.harness.interface.referee import is_free
 from wayproof.harness.judge.body import Body
 from wayproof.harness.log.paths import Array
 from wayproof.harness.log.reader import Log, Record, open_log
-from wayproof.harness.recompute.segments import SegmentedStack, segments_of
+from wayproof.harness.recompute.moments import SegmentedStack, segments_of
 from wayproof.harness.recompute.side_by_side import as_input_error
 from wayproof.harness.result import way_of
 from wayproof.harness.schema import wayproof_pb2 as pb

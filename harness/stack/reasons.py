@@ -1,7 +1,7 @@
 """Why a decision was made: one of a few kinds, with the obstruction or the plain fact behind it.
 
 The sentence that a log shows is made from these alone, so the two cannot contradict each other.
-`harness.replay.reasons` holds each against the map.
+`harness.replay.audit.reasons` holds each against the map.
 """
 
 from __future__ import annotations

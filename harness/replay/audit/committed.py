@@ -10,8 +10,7 @@ import numpy as np
 
 from wayproof.harness.config import BUILTIN, Config
 from wayproof.harness.decision import SAMPLE_PERIOD, path_of
-from wayproof.harness.judge.body import Body
-from wayproof.harness.judge.margin import MOST_MORE, believed_of
+from wayproof.harness.judge.body import MOST_MORE, Body, believed_of
 from wayproof.harness.log.paths import Array, length, refined
 from wayproof.harness.log.reader import Record
 from wayproof.harness.mission import Mission

@@ -21,18 +21,16 @@ from wayproof.harness.replay.audit.evidence import (
     filtered_length,
     prior_of,
 )
-from wayproof.harness.replay.audit.motion import (
-    check_deadline,
-    check_joint,
-    check_limits,
-    check_rest,
-)
-from wayproof.harness.replay.audit.past import Past
+from wayproof.harness.replay.audit.facts import Past
 from wayproof.harness.replay.audit.reasons import false_parts
-from wayproof.harness.replay.audit.record import (
+from wayproof.harness.replay.audit.rules import (
+    check_deadline,
     check_figures,
     check_inputs,
+    check_joint,
+    check_limits,
     check_margin,
+    check_rest,
     check_settings,
     check_version,
 )
@@ -171,7 +169,7 @@ class Auditor:
             self._config = config
             self._prior = None if self._measured_only else prior_of(config)
         if config.recording is not None:  # nothing follows the trajectories
-            here = navigator.mapper.planning_point(inputs.pose.position)
+            here = navigator.mapper.planning_point(inputs.pose.position).tolist()
             self._before = (hold(here, inputs.pose.heading, inputs.time_ns),)
         policy = self._policy or config.costmap.unknown_policy
         return Committed(
@@ -239,6 +237,6 @@ def judge(committed: Committed, *, as_measured: bool = False) -> tuple[str, list
     if as_measured:
         assert committed.returns is not None
         swept = replace(committed, map=committed.returns)
-    way = judge_way(swept)
     found = [violation for check in CHECKS for violation in check(committed)]
+    way = judge_way(swept)  # within the cells that the clearance was looked for in
     return way.kind, [*found, *way.violations]

@@ -15,8 +15,7 @@ from wayproof.harness.interface.observation_messages import (
 )
 from wayproof.harness.interface.observations import ObservationBuilder, task_of
 from wayproof.harness.interface.types import Command, Waypoints
-from wayproof.harness.replay.answers import sensors_of
-from wayproof.harness.replay.compare_answers import compare_answers
+from wayproof.harness.replay.answers import compare_answers, sensors_of
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.planners import hold

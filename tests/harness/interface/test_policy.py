@@ -17,7 +17,7 @@ from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.policy import PolicyStack
 from wayproof.harness.interface.policy_tensors import OBSERVATION
-from wayproof.harness.replay.compare_answers import compare_answers
+from wayproof.harness.replay.answers import compare_answers
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.study.file import read_study
 

@@ -21,9 +21,9 @@ from wayproof.harness.interface.observation_messages import task_from, task_mess
 from wayproof.harness.interface.observations import task_of
 from wayproof.harness.interface.types import Task
 from wayproof.harness.perturbations import perturbation_from
+from wayproof.harness.replay.answers import compare_answers
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.closed_loop import simulate_again
-from wayproof.harness.replay.compare_answers import compare_answers
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.scenario.scenario import sensor_info
 from wayproof.harness.schema import stack_pb2 as sb

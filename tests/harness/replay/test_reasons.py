@@ -10,8 +10,7 @@ import pytest
 from tests.harness.replay.episodes import committed_of
 from wayproof.harness.config import StackConfig
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.replay.audit.facts import FACTS
-from wayproof.harness.replay.audit.past import Past
+from wayproof.harness.replay.audit.facts import FACTS, Past
 from wayproof.harness.replay.audit.reasons import false_parts, figures_of
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.reasons import (

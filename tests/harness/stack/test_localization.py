@@ -18,7 +18,7 @@ from tests.harness.stack.make_input import (
 from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.decision import MOST_WIDENING
 from wayproof.harness.inputs import Pose
-from wayproof.harness.judge.margin import believed_of
+from wayproof.harness.judge.body import believed_of
 from wayproof.harness.metrics import score
 from wayproof.harness.perturbations import perturbation_from
 from wayproof.harness.replay.audit.run import audit

@@ -13,7 +13,7 @@ from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.command_messages import costmap_of, planned_path_of
 from wayproof.harness.interface.connect import connect
-from wayproof.harness.replay.compare_answers import compare_answers
+from wayproof.harness.replay.answers import compare_answers
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import stack_pb2 as sb
 
