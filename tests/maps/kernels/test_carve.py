@@ -66,6 +66,7 @@ def carve(run, sensor, ends, shape, guarded=-1, hit=True, box=None):
     return cells(free), cells(hits)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("run", ["compiled", "python"])
 @pytest.mark.parametrize("shape", [(16, 16, 1), (16, 32, 3)])
 def test_runs_of_ends_cross_what_each_of_their_beams_crosses(run, shape):
@@ -96,6 +97,7 @@ def expected_cells(sensor, ends, guarded, hit):
     return expected
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("run", ["compiled", "python"])
 def test_of_beams_from_and_to_anywhere_the_cells_in_a_box_are_marked(run):
     rng = np.random.default_rng(5)
@@ -150,6 +152,7 @@ def test_columns_are_those_of_the_straight_line():
         assert {(x, y) for x, y, _ in crossed} == exact_columns(sensor, end)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("run", ["compiled", "python"])
 def test_beams_that_are_cut_short_where_all_is_marked_cross_what_whole_ones_do(run, monkeypatch):
     rng = np.random.default_rng(11)
