@@ -12,7 +12,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from wayproof.harness.errors import InputError
-from wayproof.models.world_files.mjcf_bounds import Bounds
+from wayproof.models.world_files.mjcf_files import Bounds
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.xml_tree import Element
 
@@ -58,7 +58,7 @@ def safe_scene(text: str) -> str:
         raise InputError(f"scene: {error}") from None
     if root.tag != "mujoco":
         raise InputError(f"scene: <{root.tag[:40]}>, expected <mujoco>")
-    bounds = Bounds(Path("scene"))
+    bounds = Bounds()
     for count, (element, depth) in enumerate(_walk(root)):
         if count >= MAX_ELEMENTS:
             raise InputError(f"scene: more than {MAX_ELEMENTS} elements")

@@ -195,20 +195,16 @@ def _movers(model: mujoco.MjModel, texts: dict[str, str]) -> tuple[list[Mover], 
 
 
 def _left_out(model: mujoco.MjModel, solid: NDArray[np.bool_], moved: int) -> Iterator[str]:
-    silent = int((~solid).sum())
-    if silent:
-        yield f"{silent} geoms that nothing collides with: left out"
-    if model.njnt:
-        yield f"{model.njnt} joints: everything stands still here"
     for count, what in (
-        (model.nu, "actuators"),
-        (model.neq, "equalities"),
-        (model.nflex, "flexes"),
+        (int((~solid).sum()), "geoms that nothing collides with: left out"),
+        (model.njnt, "joints: everything stands still here"),
+        (model.nu, "actuators: left out"),
+        (model.neq, "equalities: left out"),
+        (model.nflex, "flexes: left out"),
+        (moved, "bodies that are moved from outside: they stand still here"),
     ):
         if count:
-            yield f"{count} {what}: left out"
-    if moved:
-        yield f"{moved} bodies that are moved from outside: they stand still here"
+            yield f"{count} {what}"
 
 
 def _changed(model: mujoco.MjModel) -> Iterator[str]:
@@ -244,13 +240,10 @@ def _plane(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plane:
 
 
 def _part(path: Path | str, model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Part:
-    position = vector(data.geom_xpos[geom])
-    R = data.geom_xmat[geom].reshape(3, 3)
-    if model.body_weldid[model.geom_bodyid[geom]] == 0 and model.geom_bodyid[geom] == 0:
+    turn = quaternion_of(data.geom_xmat[geom].reshape(3, 3))
+    if model.geom_bodyid[geom] == 0:
         turn = _turn(model.geom_quat[geom])  # the same bits as written
-    else:
-        turn = quaternion_of(R)
-    return _part_at(path, model, geom, position, turn)
+    return _part_at(path, model, geom, vector(data.geom_xpos[geom]), turn)
 
 
 def _turn(quaternion: NDArray[np.float64]) -> Quaternion:
@@ -321,15 +314,13 @@ def _texts(model: mujoco.MjModel) -> dict[str, str]:
 def _take_custom(model: mujoco.MjModel, texts: dict[str, str], found: Found) -> None:
     numbers = {}
     for n in range(model.nnumeric):
-        first = model.numeric_adr[n]
-        numbers[model.numeric(n).name] = model.numeric_data[first : first + model.numeric_size[n]]
+        one = model.numeric(n)
+        numbers[one.name.removeprefix(CUSTOM_PREFIX)] = one.data.tolist()
     for name in ("goal", "low", "high"):
-        if len(numbers.get(CUSTOM_PREFIX + name, ())) == 3:
-            setattr(found, name, vector(numbers[CUSTOM_PREFIX + name]))
-    start = numbers.get(f"{CUSTOM_PREFIX}start", np.empty(0))
-    if len(start) == 4:
-        found.start, found.start_heading = vector(start[:3]), float(start[3])
-    route = numbers.get(f"{CUSTOM_PREFIX}route_length", np.zeros(1))
-    found.route_length = float(route[0]) or None
+        if len(numbers.get(name, ())) == 3:
+            setattr(found, name, vector(numbers[name]))
+    if len(start := numbers.get("start", ())) == 4:
+        found.start, found.start_heading = vector(start[:3]), start[3]
+    found.route_length = numbers.get("route_length", [0.0])[0] or None
     found.format = texts.get(f"{CUSTOM_PREFIX}format", "")
     found.source = texts.get(f"{CUSTOM_PREFIX}source", "")
